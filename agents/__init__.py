@@ -1,0 +1,1 @@
+"""Communicates: messages, codec, protocol, transports, extruder processes, launcher."""

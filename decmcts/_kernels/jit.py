@@ -1,0 +1,20 @@
+"""One typed front for numba's decorator, so that strict type checking sees kernels.
+
+Kernels take bare numbers and arrays and trust them; their callers validate.
+`NUMBA_DISABLE_JIT=1` runs them as plain Python (one CI job does, for small cases).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile `function` on first use and keep the machine code on disk."""
+    compiled: F = cast(F, numba.njit(cache=True, nogil=True)(function))
+    return compiled

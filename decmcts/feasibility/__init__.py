@@ -1,0 +1,1 @@
+"""What is allowed: clearance, dependency graph, clustering, conflicts, safe travel."""

@@ -1,0 +1,76 @@
+"""The dependency graph as arrays, with the kind of every edge.
+
+It says which contour must be printed before which. Contours are numbered in
+source order and the source order is a linear extension, so every edge (a, b)
+has a < b. Built in `decmcts.feasibility.build`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class EdgeKind(IntEnum):
+    """Why one contour must come before another."""
+
+    GEOMETRY = 1  # printing b first would block the head at a
+    PROCESS = 2  # touching contours of different roles keep the slicer's order
+    STATE = 3  # first layer, temperature, unknown command: nothing moves across
+
+
+@dataclass(frozen=True, slots=True)
+class DependencyGraph:
+    """Edges (a, b), a before b, in CSR form from both sides.
+
+    A sparse subset with the same transitive closure as the full definition.
+    """
+
+    pred_offsets: NDArray[np.int64]  # (n + 1,)
+    preds: NDArray[np.int32]  # (m,) predecessors of b at pred_offsets[b]:pred_offsets[b + 1]
+    kinds: NDArray[np.uint8]  # (m,) EdgeKind, aligned with preds
+    succ_offsets: NDArray[np.int64]  # (n + 1,)
+    succs: NDArray[np.int32]  # (m,)
+
+    @property
+    def n(self) -> int:
+        """Number of contours."""
+        return len(self.pred_offsets) - 1
+
+    @property
+    def n_edges(self) -> int:
+        """Number of stored edges."""
+        return len(self.preds)
+
+    def pairs(self) -> NDArray[np.int32]:
+        """Return the edges as (m, 2) rows (a, b)."""
+        b = np.repeat(np.arange(self.n, dtype=np.int32), np.diff(self.pred_offsets))
+        return np.stack([self.preds, b], axis=1)
+
+    @staticmethod
+    def from_pairs(
+        n: int, pairs: NDArray[np.int32], kinds: NDArray[np.uint8] | None = None
+    ) -> DependencyGraph:
+        """Build from (m, 2) rows (a, b); raises ValueError unless 0 <= a < b < n."""
+        pairs = np.asarray(pairs, np.int32).reshape(-1, 2)
+        if len(pairs) and not (pairs[:, 0].min() >= 0 and pairs[:, 1].max() < n):
+            raise ValueError(f"edge outside 0..{n - 1}")
+        if len(pairs) and not (pairs[:, 0] < pairs[:, 1]).all():
+            raise ValueError("an edge (a, b) needs a < b: the source order is a linear extension")
+        kind = np.full(len(pairs), EdgeKind.GEOMETRY, np.uint8) if kinds is None else kinds
+        by_b = np.lexsort((pairs[:, 0], pairs[:, 1]))
+        by_a = np.lexsort((pairs[:, 1], pairs[:, 0]))
+        return DependencyGraph(
+            _offsets(pairs[:, 1], n),
+            np.ascontiguousarray(pairs[by_b, 0]),
+            np.ascontiguousarray(kind[by_b]),
+            _offsets(pairs[:, 0], n),
+            np.ascontiguousarray(pairs[by_a, 1]),
+        )
+
+
+def _offsets(ids: NDArray[np.int32], n: int) -> NDArray[np.int64]:
+    return np.concatenate([[0], np.cumsum(np.bincount(ids, minlength=n))]).astype(np.int64)

@@ -1,0 +1,1 @@
+"""Files in and out: G-code, meshes, plan files, machine files."""

@@ -1,0 +1,1 @@
+"""What a print is: contours, toolpaths, machines and plans, all frozen data."""

@@ -1,0 +1,109 @@
+"""The extrusions of a print as a struct of arrays.
+
+A contour is a maximal continuous extrusion (DESIGN of the field: Lensgraf &
+Mettu 2016; Yoo et al. 2020). Contours are numbered in the order of the source,
+and that order is never changed here: orders live in `decmcts.print.toolpath`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Role(IntEnum):
+    """What a contour is for, one vocabulary for all slicers."""
+
+    UNKNOWN = 0
+    EXTERNAL_PERIMETER = 1
+    PERIMETER = 2
+    OVERHANG_PERIMETER = 3
+    INFILL = 4
+    SOLID_INFILL = 5
+    TOP_SOLID_INFILL = 6
+    BRIDGE_INFILL = 7
+    GAP_FILL = 8
+    IRONING = 9
+    SKIRT_BRIM = 10
+    SUPPORT = 11
+    SUPPORT_INTERFACE = 12
+    WIPE_TOWER = 13
+    CUSTOM = 14
+
+
+@dataclass(frozen=True, slots=True)
+class Contours:
+    """All contours of one print, in source order.
+
+    A bead printed with the nozzle at (x, y, z) fills from z - height to z.
+    """
+
+    points: NDArray[np.float64]  # (n_points, 3) nozzle tip, mm
+    offsets: NDArray[np.int64]  # (n + 1,) contour i owns points[offsets[i]:offsets[i + 1]]
+    extrusion: NDArray[
+        np.float64
+    ]  # (n_points,) filament mm of the segment ending here; 0 at a start
+    feed: NDArray[np.float64]  # (n_points,) mm/s of the segment ending here; 0 at a start
+    width: NDArray[np.float64]  # (n,) bead width, mm
+    height: NDArray[np.float64]  # (n,) bead (layer) height, mm
+    role: NDArray[np.int8]  # (n,) Role
+    closed: NDArray[np.bool_]  # (n,) ends where it starts (within a bead width)
+    layer: NDArray[np.int32]  # (n,) layer index of the source, from 0
+    tool: NDArray[np.int16]  # (n,) tool number of the source
+    reversible: NDArray[np.bool_]  # (n,) may be printed backwards
+    epoch: NDArray[np.int32]  # (n,) non-decreasing; all of epoch k before any of epoch k + 1
+    line: NDArray[np.int32]  # (n,) source line of the first extruding move, from 1 (0: none)
+
+    def __post_init__(self) -> None:
+        n = len(self.offsets) - 1
+        for name in (
+            "width",
+            "height",
+            "role",
+            "closed",
+            "layer",
+            "tool",
+            "reversible",
+            "epoch",
+            "line",
+        ):
+            if getattr(self, name).shape != (n,):
+                raise ValueError(f"{name} has shape {getattr(self, name).shape}, expected ({n},)")
+        if self.points.shape != (int(self.offsets[-1]), 3):
+            raise ValueError(
+                f"points has shape {self.points.shape}, offsets end at {self.offsets[-1]}"
+            )
+        if n and int(np.diff(self.offsets).min()) < 2:
+            raise ValueError("a contour needs at least two points")
+        for name in self.__slots__:
+            getattr(self, name).setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """First point of each contour as sliced, (n, 3)."""
+        return self.points[self.offsets[:-1]]
+
+    @property
+    def end(self) -> NDArray[np.float64]:
+        """Last point of each contour as sliced, (n, 3)."""
+        return self.points[self.offsets[1:] - 1]
+
+    @property
+    def top(self) -> NDArray[np.float64]:
+        """Highest z of each contour, (n,)."""
+        return np.asarray(np.maximum.reduceat(self.points[:, 2], self.offsets[:-1]))
+
+    @property
+    def bottom(self) -> NDArray[np.float64]:
+        """Lowest nozzle z of each contour, (n,)."""
+        return np.asarray(np.minimum.reduceat(self.points[:, 2], self.offsets[:-1]))
+
+    def polyline(self, contour: int) -> NDArray[np.float64]:
+        """Points of one contour as sliced, (k, 3)."""
+        return self.points[self.offsets[contour] : self.offsets[contour + 1]]

@@ -1,0 +1,45 @@
+"""A print job: contours plus what the source says about the process.
+
+How the source text looked is kept in `decmcts.formats`; planners never see it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from decmcts.print.contours import Contours
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessSettings:
+    """Retraction, lift and travel as the source does them."""
+
+    travel_feed: float = 0.0  # mm/s; 0: take the machine's
+    retract_mm: float = 0.0  # filament, 0: the source never retracts
+    retract_feed: float = 40.0  # mm/s
+    unretract_feed: float = 40.0  # mm/s
+    retract_min_travel_mm: float = 2.0  # shorter travels are not retracted
+    hop_mm: float = 0.0  # lift of the source's retracted travels
+    firmware_retraction: bool = False  # G10/G11 instead of E moves
+    filament_diameter_mm: float = 1.75
+
+
+@dataclass(frozen=True, slots=True)
+class Barrier:
+    """A command that no contour may be moved across."""
+
+    text: str
+    line: int
+    reason: str  # e.g. "unknown command", "temperature change", "tool change"
+
+
+@dataclass(frozen=True, slots=True)
+class PrintJob:
+    """What planners get: the contours and the process around them."""
+
+    name: str
+    contours: Contours
+    settings: ProcessSettings = field(default_factory=ProcessSettings)
+    barriers: tuple[Barrier, ...] = ()
+    slicer: str = ""  # e.g. "PrusaSlicer 2.5.0"
+    notes: tuple[str, ...] = ()  # one line each, shown in the summary

@@ -1,0 +1,89 @@
+"""Joint plans: for each head a sequence of actions, plus cross-head order.
+
+A plan for one head is a joint plan of one head. Rules J1-J5 that make a joint
+plan safe are stated in ARCHITECTURE.md; `sim` checks them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Machine
+
+
+class ActionKind(IntEnum):
+    """What a head does in one action."""
+
+    PRINT = 0
+    TRAVEL = 1
+    PARK = 2
+    WAIT = 3
+
+
+NO_CONTOUR = -1
+
+
+@dataclass(frozen=True, slots=True)
+class HeadActions:
+    """The actions of one head in the order it executes them.
+
+    Each action's path is the whole polyline its nozzle follows; it starts where
+    the previous one ended, the first at the head's park position.
+    """
+
+    head: str
+    kind: NDArray[np.int8]  # (k,) ActionKind
+    contour: NDArray[np.int32]  # (k,) contour id or NO_CONTOUR
+    reversed: NDArray[np.bool_]  # (k,)
+    entry: NDArray[np.int32]  # (k,) entry vertex of a closed contour
+    path_offsets: NDArray[np.int64]  # (k + 1,)
+    path: NDArray[np.float64]  # (path_offsets[-1], 3)
+    begin_s: NDArray[np.float64]  # (k,) nominal, seconds
+    end_s: NDArray[np.float64]  # (k,)
+    after_offsets: NDArray[np.int64]  # (k + 1,) rows of after_head / after_action
+    after_head: NDArray[np.int32]  # (m,) index of another head in the plan
+    after_action: NDArray[np.int32]  # (m,) its action that must have ended before this one begins
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def action_path(self, action: int) -> NDArray[np.float64]:
+        """Polyline of one action, (k, 3)."""
+        return self.path[self.path_offsets[action] : self.path_offsets[action + 1]]
+
+    def after(self, action: int) -> list[tuple[int, int]]:
+        """Return (head index, action index) pairs that must end before `action` begins."""
+        rows = slice(int(self.after_offsets[action]), int(self.after_offsets[action + 1]))
+        return list(
+            zip(self.after_head[rows].tolist(), self.after_action[rows].tolist(), strict=True)
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class JointPlan:
+    """What every head does, in an order that is safe for every timing."""
+
+    heads: tuple[HeadActions, ...]
+
+    @property
+    def makespan_s(self) -> float:
+        """Nominal end of the last action."""
+        return max((float(h.end_s[-1]) for h in self.heads if len(h)), default=0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanDocument:
+    """A plan with all that is needed to check or draw it without the source."""
+
+    problem: str  # digest of contours, precedence and machine
+    machine: Machine
+    contours: Contours
+    precedence: NDArray[np.int32]  # (m, 2) pairs (a, b): a ends before b begins
+    plan: JointPlan
+    metrics: dict[str, Any]

@@ -1,0 +1,81 @@
+"""A toolpath: in which order the contours are printed, and from which end.
+
+The paper's metric, extrusionless travel, is defined here once for everyone but
+the judge (`sim` has its own).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+
+
+@dataclass(frozen=True, slots=True)
+class Toolpath:
+    """An order of (some of) the contours with the direction of each.
+
+    `entry` is the vertex (0-based within the contour) a closed contour is
+    entered at; 0 means as sliced. Only freedom `seam` uses other values.
+    """
+
+    order: NDArray[np.int32]  # (k,) contour ids in printing order
+    reversed: NDArray[np.bool_]  # (k,) aligned with order: printed backwards
+    entry: NDArray[np.int32]  # (k,) aligned with order: entry vertex
+
+    def __len__(self) -> int:
+        return len(self.order)
+
+    @staticmethod
+    def as_sliced(n: int) -> Toolpath:
+        """Return the source's own order of `n` contours."""
+        return Toolpath(np.arange(n, dtype=np.int32), np.zeros(n, np.bool_), np.zeros(n, np.int32))
+
+    @staticmethod
+    def of(order: NDArray[np.int32], reversed_: NDArray[np.bool_]) -> Toolpath:
+        """Return a toolpath entered at the sliced ends."""
+        return Toolpath(
+            np.ascontiguousarray(order, np.int32),
+            np.ascontiguousarray(reversed_, np.bool_),
+            np.zeros(len(order), np.int32),
+        )
+
+
+def visit_points(
+    contours: Contours, index: int, *, reversed_: bool = False, entry: int = 0
+) -> NDArray[np.float64]:
+    """Return the (k, 3) polyline of one contour in the chosen traversal."""
+    points = contours.polyline(index)
+    if entry and contours.closed[index]:
+        points = np.concatenate([points[entry:], points[1 : entry + 1]])
+    return points[::-1] if reversed_ else points
+
+
+def endpoints(
+    contours: Contours, toolpath: Toolpath
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return entry and exit points, each (k, 3), aligned with the order."""
+    first, last = contours.start[toolpath.order], contours.end[toolpath.order]
+    seam = toolpath.entry > 0
+    if seam.any():
+        first, last = first.copy(), last.copy()
+        at = contours.points[contours.offsets[toolpath.order[seam]] + toolpath.entry[seam]]
+        first[seam] = at
+        last[seam] = at
+    flip = toolpath.reversed[:, None]
+    return np.where(flip, last, first), np.where(flip, first, last)
+
+
+def extrusionless_travel(contours: Contours, toolpath: Toolpath) -> float:
+    """Return the paper's metric: the 3-D distances from each exit to the next entry, in mm.
+
+    References
+    ----------
+    Yoo et al. 2020, "Toward Optimal FDM Toolpath Planning with Monte Carlo
+    Tree Search", Eq. 2.
+    """
+    entries, exits = endpoints(contours, toolpath)
+    return float(np.linalg.norm(entries[1:] - exits[:-1], axis=1).sum())

@@ -1,0 +1,1 @@
+"""One head: planners over linear extensions of the dependency graph."""

@@ -1,0 +1,1 @@
+"""Several heads: joint plans, schedules and Dec-MCTS (no input or output here)."""

@@ -1,0 +1,1 @@
+"""Ready-to-run examples and the prints they use."""

@@ -1,0 +1,1 @@
+"""Judges: motion, collision, replay, verification, reports and experiments."""

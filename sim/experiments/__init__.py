@@ -1,0 +1,1 @@
+"""Simulated two-head printing experiments."""
