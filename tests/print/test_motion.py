@@ -1,0 +1,119 @@
+"""The time model against hand-computed moves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decmcts.print.contours import Contours
+from decmcts.print.job import ProcessSettings
+from decmcts.print.machine import MotionLimits
+from decmcts.print.motion import contour_times, path_time, retraction_time, travel_feed
+
+LIMITS = MotionLimits(
+    travel_feed=150.0,
+    z_feed=10.0,
+    max_feed=200.0,
+    acceleration=1000.0,
+    z_acceleration=100.0,
+    jerk=10.0,
+)
+
+
+def _time(points: list[tuple[float, float, float]], feed: float) -> float:
+    return path_time(np.array(points, dtype=float), feed, LIMITS)
+
+
+def test_long_move_cruises() -> None:
+    """A move long enough to cruise takes length/feed plus one ramp time."""
+    assert _time([(0, 0, 0), (100, 0, 0)], 100.0) == pytest.approx(1.0 + 0.1)
+
+
+def test_short_move_never_reaches_its_feed() -> None:
+    """A triangle profile takes 2·sqrt(length/acceleration)."""
+    assert _time([(0, 0, 0), (1, 0, 0)], 100.0) == pytest.approx(2 * np.sqrt(1 / 1000))
+
+
+def test_collinear_points_cost_nothing() -> None:
+    """Splitting a straight move must not change its time, or densified contours would look slow."""
+    whole = _time([(0, 0, 0), (30, 0, 0)], 80.0)
+    split = _time([(0, 0, 0), (0.1, 0, 0), (7, 0, 0), (7, 0, 0), (30, 0, 0)], 80.0)
+    assert split == pytest.approx(whole)
+
+
+def test_reversal_stops_to_the_jerk() -> None:
+    """Turning back leaves a corner speed of half the jerk on each side."""
+    there = _time([(0, 0, 0), (50, 0, 0), (0, 0, 0)], 50.0)
+    corner = LIMITS.jerk / 2.0
+    leg = 50 / 50 + (50.0**2 / (2 * 1000 * 50)) + (50 - corner) ** 2 / (2 * 1000 * 50)
+    assert there == pytest.approx(2 * leg)
+
+
+def test_lift_is_limited_by_the_z_axis() -> None:
+    """Z is slow: a lift obeys its feed and its acceleration."""
+    assert _time([(0, 0, 0), (0, 0, 20)], 150.0) == pytest.approx(20 / 10 + 10 / 100)
+
+
+def test_feed_is_capped_by_the_machine() -> None:
+    """A source that asks for more than the machine has gets what the machine has."""
+    fast = _time([(0, 0, 0), (500, 0, 0)], 1e4)
+    assert fast == pytest.approx(_time([(0, 0, 0), (500, 0, 0)], 200.0))
+
+
+@pytest.mark.parametrize("points", [[(1.0, 2.0, 3.0)], [(1.0, 2.0, 3.0), (1.0, 2.0, 3.0)]])
+def test_standing_still_takes_no_time(points: list[tuple[float, float, float]]) -> None:
+    """Zero length is common in real files and must not divide by zero."""
+    assert _time(points, 100.0) == 0.0
+
+
+def test_time_is_the_same_backwards() -> None:
+    """Planners flip contours without pricing them again."""
+    rng = np.random.default_rng(3)
+    path = rng.uniform(0, 20, (40, 3)) * [1, 1, 0.1]
+    there = path_time(path, 60.0, LIMITS)
+    assert path_time(path[::-1], 60.0, LIMITS) == pytest.approx(there)
+
+
+def test_never_faster_than_the_feed_allows() -> None:
+    """A lower bound on any path: its length over its feed."""
+    rng = np.random.default_rng(4)
+    path = rng.uniform(0, 5, (60, 3)) * [1, 1, 0]
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    assert path_time(path, 60.0, LIMITS) >= length / 60.0
+
+
+def test_contour_times_use_each_segments_feed() -> None:
+    """A slow first layer or bridge must cost its own feed."""
+    feed = np.array([0.0, 50.0, 0.0, 25.0])
+    points = np.array([[0, 0, 0.2], [100, 0, 0.2], [0, 5, 0.2], [100, 5, 0.2]], dtype=float)
+    n = 2
+    contours = Contours(
+        points=points,
+        offsets=np.array([0, 2, 4]),
+        extrusion=np.array([0.0, 1, 0, 1]),
+        feed=feed,
+        width=np.full(n, 0.45),
+        height=np.full(n, 0.2),
+        role=np.zeros(n, np.int8),
+        closed=np.zeros(n, np.bool_),
+        layer=np.zeros(n, np.int32),
+        tool=np.zeros(n, np.int16),
+        reversible=np.ones(n, np.bool_),
+        epoch=np.zeros(n, np.int32),
+        line=np.zeros(n, np.int32),
+    )
+    assert contour_times(contours, LIMITS) == pytest.approx([2.0 + 0.05, 4.0 + 0.025])
+
+
+def test_only_long_travels_pay_for_retraction() -> None:
+    """Short travels are not retracted by the source either."""
+    settings = ProcessSettings(retract_mm=2.0, retract_feed=40.0, unretract_feed=20.0)
+    assert retraction_time(settings, 1.0) == 0.0
+    assert retraction_time(settings, 3.0) == pytest.approx(0.05 + 0.1)
+    assert retraction_time(ProcessSettings(), 100.0) == 0.0
+
+
+def test_travel_feed_prefers_the_source() -> None:
+    """The source's own travel feed wins; without one the machine's counts."""
+    assert travel_feed(ProcessSettings(travel_feed=90.0), LIMITS) == 90.0
+    assert travel_feed(ProcessSettings(), LIMITS) == 150.0
