@@ -1,0 +1,89 @@
+"""`decmcts verify` and `decmcts machines`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app, guess_machine
+from decmcts.cli.console import err, out, print_json, steps
+from decmcts.errors import InputError
+from decmcts.formats.gcode import read_gcode, read_motions
+from decmcts.formats.machine_file import load_machine, preset_names
+from decmcts.formats.plan_json import read_plan
+from sim.pictures import draw_machine
+from sim.verify import Verdict, verify_motions, verify_plan
+
+
+@app.command()
+def verify(
+    result: Annotated[Path, typer.Argument(help="PLAN.json or OUT.gcode")],
+    source: Annotated[
+        Path | None, typer.Option("--source", help="The G-code it was made from")
+    ] = None,
+    machine: opt.MachineOption = None,
+    seed: opt.SeedOption = 0,
+    trials: Annotated[int, typer.Option(min=1, help="Random timing trials of a joint plan")] = 3,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any."""
+    if not result.exists():
+        raise InputError("no such file", path=result)
+    with steps(quiet=as_json) as (announce, _):
+        announce(f"verifying {result.name}")
+        verdict = judge(result, source, machine, seed=seed, trials=trials)
+    if as_json:
+        faults = [str(fault) for fault in verdict.faults]
+        print_json({"file": str(result), "ok": not faults, "faults": faults})
+    else:
+        for fault in verdict.faults:
+            out.print(str(fault), soft_wrap=True, markup=False)
+        state = f"{len(verdict.faults)} faults" if verdict.faults else "no fault"
+        err.print(f"{result}: {state}", soft_wrap=True)
+    if verdict.faults:
+        raise typer.Exit(1)
+
+
+def judge(
+    result: Path, source: Path | None, machine: str | None, *, seed: int, trials: int
+) -> Verdict:
+    """Verify a plan file, or a G-code file against its source."""
+    if result.name.endswith((".json", ".json.gz")):
+        document = read_plan(result)
+        job = read_gcode(source)[0] if source is not None else None
+        return verify_plan(document, source=job, trials=trials, seed=seed)
+    if source is None:
+        raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
+    chosen = load_machine(machine or guess_machine(source) or "paper")
+    return verify_motions(read_motions(result), read_motions(source), chosen)
+
+
+@app.command()
+def machines(
+    draw: Annotated[
+        Path | None, typer.Option("--draw", help="Folder for a PNG of every machine listed")
+    ] = None,
+    machine: opt.MachineOption = None,
+) -> None:
+    """List the machines; with --draw, draw their heads."""
+    from rich.table import Table
+
+    if draw is not None and not draw.is_dir():
+        raise InputError("no such folder", path=draw, advice="make it first")
+    table = Table()
+    for name in ("name", "heads", "bed", "slices", "clearance", "source"):
+        table.add_column(name)
+    for name in [machine] if machine else preset_names():
+        m = load_machine(name)
+        bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
+        slices = ", ".join(f"{s.height_mm:g}" for s in m.heads[0].slices)
+        row = (m.name, " ".join(h.name for h in m.heads), bed, f"at {slices} mm")
+        table.add_row(*row, f"{m.clearance_mm:g} mm", m.source)
+        if draw is not None:
+            draw_machine(m, draw / f"{m.name}.png")
+    out.print(table)
+    if draw is not None:
+        out.print(f"wrote a PNG a machine to {draw}", soft_wrap=True)

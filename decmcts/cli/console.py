@@ -1,0 +1,83 @@
+"""What a person sees on the terminal: steps, search progress, tables, faults.
+
+Everything goes to standard error except what was asked for (`--json`, tables),
+so that output can be piped.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+err = Console(stderr=True, highlight=False)
+out = Console(highlight=False)
+
+
+@contextmanager
+def steps(*, quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[Any], None]]]:
+    """Show the current step with a spinner; yields (announce, search progress) callbacks."""
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=err, transient=True, disable=quiet) as progress:
+        task = progress.add_task("starting", total=None)
+
+        def announce(step: str) -> None:
+            progress.update(task, description=step, total=None)
+            if not quiet and not err.is_terminal:
+                err.print(step)
+
+        def searched(state: Any) -> None:
+            progress.update(
+                task,
+                total=state.time_limit_s,
+                completed=min(state.elapsed_s, state.time_limit_s),
+                description=f"travel {state.cost_mm:,.0f} mm of {state.source_cost_mm:,.0f} mm",
+            )
+
+        yield announce, searched
+
+
+ROWS = (
+    ("contours", "contours", "", 0),
+    ("travel (paper's metric)", "travel_mm", "mm", 1),
+    ("emitted travel", "emitted_travel_mm", "mm", 1),
+    ("print time", "print_time_s", "s", 1),
+)
+
+
+def summary_of(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+    """Return the figures of a result against its source, for tables and `--json`."""
+    rows = {}
+    for _, key, _, _ in ROWS:
+        was, now = before[key], after[key]
+        gain = 100.0 * (was - now) / was if was else 0.0
+        rows[key] = {"before": was, "after": now, "less_percent": round(gain, 3)}
+    return rows
+
+
+def gain_table(before: dict[str, Any], after: dict[str, Any], title: str) -> Table:
+    """Return the table of what was gained."""
+    table = Table(title=title, title_justify="left")
+    for name, justify in (("", "left"), ("before", "right"), ("after", "right"), ("less", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]  # a literal of rich's
+    for label, key, unit, digits in ROWS:
+        was, now = before[key], after[key]
+        gain = f"{100.0 * (was - now) / was:.1f} %" if was and key != "contours" else ""
+        table.add_row(label, f"{was:,.{digits}f} {unit}", f"{now:,.{digits}f} {unit}", gain)
+    return table
+
+
+def print_json(summary: dict[str, Any]) -> None:
+    """Print a summary for programs on standard output."""
+    sys.stdout.write(json.dumps(summary, indent=2, default=float) + "\n")

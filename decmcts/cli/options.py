@@ -1,0 +1,65 @@
+"""The options shared by several commands, declared once."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Freedom(StrEnum):
+    """Which traversals of a contour a planner may choose."""
+
+    FIXED = "fixed"
+    REVERSIBLE = "reversible"
+
+
+class Planner(StrEnum):
+    """One-head planners."""
+
+    SLICER = "slicer"
+    LAYERWISE = "layerwise"
+    GREEDY = "greedy"
+    LOCAL = "local"
+    MCTS = "mcts"
+
+
+class ProcessOrder(StrEnum):
+    """Whether touching contours of different roles keep the slicer's order."""
+
+    KEEP = "keep"
+    FREE = "free"
+
+
+Input = Annotated[
+    Path, typer.Argument(help="G-code (.gcode, .gcode.gz) or mesh (.stl, .3mf, .obj)")
+]
+MachineOption = Annotated[
+    str | None,
+    typer.Option(
+        "--machine",
+        help="Preset, FILE.toml or geometries.json:NAME; default: the source's printer, else paper",
+    ),
+]
+PlannerOption = Annotated[Planner, typer.Option("--planner", help="How the order is found")]
+FreedomOption = Annotated[
+    Freedom, typer.Option("--freedom", help="fixed: as sliced; reversible: from either end")
+]
+ProcessOption = Annotated[
+    ProcessOrder,
+    typer.Option(
+        "--process-order", help="keep: perimeters before the infill they anchor; free: the paper's"
+    ),
+]
+TimeOption = Annotated[float, typer.Option("--time-limit", min=0.0, help="Search time, seconds")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Equal seeds give equal searches")]
+PlanOption = Annotated[Path | None, typer.Option("--plan", help="Write plan.json (or .json.gz)")]
+ReportOption = Annotated[Path | None, typer.Option("--report", help="Write an HTML report")]
+PictureOption = Annotated[Path | None, typer.Option("--picture", help="Write a PNG, before/after")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the summary as JSON")]
+LayerHeight = Annotated[float, typer.Option("--layer-height", help="Mesh: layer height, mm")]
+Nozzle = Annotated[float, typer.Option("--nozzle", help="Mesh: nozzle diameter, mm")]
+Density = Annotated[float, typer.Option("--density", help="Mesh: infill density, 0 to 1")]
+Perimeters = Annotated[int, typer.Option("--perimeters", help="Mesh: number of perimeters")]

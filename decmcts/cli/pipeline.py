@@ -1,0 +1,197 @@
+"""One print from file to checked plan: read, build the graph, order, schedule, verify.
+
+No output is written here and nothing is printed; `steps` are announced through
+the `Announce` callback so that the console can show them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from decmcts import __version__
+from decmcts.errors import InputError, VerificationError
+from decmcts.feasibility.build import build_graph
+from decmcts.feasibility.digest import problem_digest
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.gcode import GcodeDocument, read_gcode
+from decmcts.formats.machine_file import check_fits, load_machine
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.toolpath import Toolpath, extrusionless_travel
+from decmcts.search.planners import SearchResult, plan_order
+from decmcts.search.problem import OrderProblem
+from decmcts.team.metrics import plan_metrics
+from decmcts.team.schedule import schedule
+from sim.verify import Verdict, verify_plan
+
+Announce = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """An input, the machine it is for, and what must come before what."""
+
+    path: Path
+    job: PrintJob
+    document: GcodeDocument
+    machine: Machine
+    graph: DependencyGraph
+    seconds: dict[str, float]  # time of each step
+
+    @property
+    def problem(self) -> str:
+        """Digest that identifies contours, order constraints and machine."""
+        return problem_digest(self.job.contours, self.graph, self.machine)
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A plan that passed verification, with the source's own order beside it."""
+
+    loaded: Loaded
+    before: PlanDocument
+    after: PlanDocument
+    verdict: Verdict
+    history: Any  # (k, 3) seconds, iterations, cost
+    seconds: dict[str, float]
+
+
+def read_input(path: Path, options: SliceOptions) -> tuple[PrintJob, GcodeDocument]:
+    """Read G-code, or slice a mesh; raises InputError when neither works."""
+    if not path.exists():
+        raise InputError("no such file", path=path)
+    if path.suffix.lower() in MESH_SUFFIXES:
+        return slice_mesh(path, options)
+    return read_gcode(path)
+
+
+def load(
+    path: Path,
+    machine: str | Machine,
+    *,
+    process_order: str,
+    options: SliceOptions,
+    announce: Announce,
+) -> Loaded:
+    """Read `path`, check that it fits the machine and build its dependency graph."""
+    seconds: dict[str, float] = {}
+    started = time.perf_counter()
+    announce(f"reading {path.name}")
+    job, document = read_input(path, options)
+    seconds["read"] = time.perf_counter() - started
+    chosen = load_machine(machine) if isinstance(machine, str) else machine
+    check_fits(job.contours, chosen)
+    started = time.perf_counter()
+    announce(f"dependency graph of {len(job.contours)} contours for {chosen.name}")
+    graph = build_graph(
+        job.contours,
+        chosen.heads,
+        clearance_mm=chosen.clearance_mm,
+        process_order=process_order,  # type: ignore[arg-type]  # typer checked the choice
+    )
+    seconds["graph"] = time.perf_counter() - started
+    return Loaded(path, job, document, chosen, graph, seconds)
+
+
+def document_of(loaded: Loaded, plan: JointPlan, extra: dict[str, Any]) -> PlanDocument:
+    """Wrap a plan with all that is needed to check and draw it."""
+    metrics = {**plan_metrics(loaded.job, plan), **extra, "version": __version__}
+    return PlanDocument(
+        loaded.problem, loaded.machine, loaded.job.contours, loaded.graph.pairs(), plan, metrics
+    )
+
+
+def source_plan(loaded: Loaded) -> PlanDocument:
+    """Schedule the source's own order, the yardstick every result is compared with.
+
+    On a machine with several heads the first head that may does all the printing.
+    """
+    n = len(loaded.job.contours)
+    paths = [Toolpath.as_sliced(n)] + [Toolpath.as_sliced(0)] * (len(loaded.machine.heads) - 1)
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, paths)
+    return document_of(loaded, plan, {"planner": "slicer"})
+
+
+def search(
+    loaded: Loaded, *, planner: str, freedom: str, time_limit_s: float, seed: int, **hooks: Any
+) -> SearchResult:
+    """Find an order for one head; never worse than the source."""
+    problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
+    return plan_order(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
+
+
+def plan_single(
+    loaded: Loaded,
+    *,
+    planner: str,
+    freedom: str,
+    time_limit_s: float,
+    seed: int,
+    announce: Announce,
+    **hooks: Any,
+) -> Planned:
+    """Plan one head: search, schedule, verify."""
+    announce("the source's own order")
+    before = source_plan(loaded)
+    announce(f"searching ({planner}, {time_limit_s:g} s)")
+    started = time.perf_counter()
+    result = search(
+        loaded, planner=planner, freedom=freedom, time_limit_s=time_limit_s, seed=seed, **hooks
+    )
+    seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
+    announce("safe travels and times")
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
+    extra = {
+        "planner": planner,
+        "freedom": freedom,
+        "seed": seed,
+        "time_limit_s": time_limit_s,
+        "iterations": result.iterations,
+    }
+    after = document_of(loaded, plan, extra)
+    return check(loaded, before, after, result.history, seconds, announce)
+
+
+def check(
+    loaded: Loaded,
+    before: PlanDocument,
+    after: PlanDocument,
+    history: Any,
+    seconds: dict[str, float],
+    announce: Announce,
+) -> Planned:
+    """Verify a plan with the independent judge; raises VerificationError when it fails."""
+    announce("verifying")
+    started = time.perf_counter()
+    verdict = verify_plan(after, source=loaded.job)
+    seconds = {**seconds, "verify": time.perf_counter() - started}
+    if verdict.faults:
+        shown = "; ".join(str(fault) for fault in verdict.faults[:3])
+        raise VerificationError(
+            f"the plan failed verification with {len(verdict.faults)} faults "
+            f"and was not written: {shown}"
+        )
+    return Planned(loaded, before, after, verdict, history, seconds)
+
+
+def single_head_machine(machine: Machine, head: int) -> Machine:
+    """Return the machine with one head only, for the single-extruder mode."""
+    return replace(machine, heads=(machine.heads[head],), rail=None)
+
+
+def travel_of(loaded: Loaded, toolpath: Toolpath) -> float:
+    """Extrusionless travel in mm, the paper's metric."""
+    return extrusionless_travel(loaded.job.contours, toolpath)
+
+
+def orders_of(plan: JointPlan) -> list[np.ndarray[Any, np.dtype[np.int32]]]:
+    """Contour ids each head prints, in order."""
+    return [h.contour[h.contour >= 0] for h in plan.heads]

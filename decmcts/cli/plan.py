@@ -1,0 +1,121 @@
+"""`decmcts plan`: one head, from file to verified G-code, plan and pictures."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app, guess_machine, interrupt_stops
+from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
+from decmcts.cli.outputs import figures, refuse_unwritable, write_extras, write_single
+from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
+from decmcts.formats.machine_file import load_machine
+from decmcts.formats.mesh import SliceOptions
+
+
+@app.command()
+def plan(
+    source: opt.Input,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write G-code")] = None,
+    machine: opt.MachineOption = None,
+    planner: opt.PlannerOption = opt.Planner.LOCAL,
+    freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
+    process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
+    time_limit: opt.TimeOption = 30.0,
+    seed: opt.SeedOption = 0,
+    plan_file: opt.PlanOption = None,
+    report: opt.ReportOption = None,
+    picture: opt.PictureOption = None,
+    as_json: opt.JsonOption = False,
+    layer_height: opt.LayerHeight = 0.2,
+    nozzle: opt.Nozzle = 0.4,
+    density: opt.Density = 0.2,
+    perimeters: opt.Perimeters = 2,
+) -> None:
+    """Find a better order for one head and write it, verified."""
+    refuse_unwritable([output, plan_file, report, picture], source)
+    slicing = SliceOptions(
+        layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters
+    )
+    planned = run_single(
+        source,
+        machine,
+        planner=planner.value,
+        freedom=freedom.value,
+        process_order=process_order.value,
+        time_limit_s=time_limit,
+        seed=seed,
+        slicing=slicing,
+        quiet=as_json,
+    )
+    started = time.perf_counter()
+    if output is not None:
+        write_single(planned, output)
+    planned.seconds["write"] = time.perf_counter() - started
+    written = write_extras(planned, plan=plan_file, report=report, picture=picture)
+    show(planned, [*([output] if output else []), *written], as_json=as_json)
+
+
+def run_single(
+    source: Path,
+    machine: str | None,
+    *,
+    planner: str,
+    freedom: str,
+    process_order: str,
+    time_limit_s: float,
+    seed: int,
+    slicing: SliceOptions,
+    quiet: bool,
+) -> Planned:
+    """Load, plan and verify for one head (the first, where the machine has several)."""
+    name = machine or guess_machine(source) or "paper"
+    if machine is None and not quiet:
+        err.print(f"machine {name} (name yours with --machine; `decmcts machines` lists them)")
+    chosen = load_machine(name)
+    if len(chosen.heads) > 1:
+        chosen = single_head_machine(chosen, 0)
+    with interrupt_stops() as stop, steps(quiet=quiet) as (announce, searched):
+        loaded = load(
+            source, chosen, process_order=process_order, options=slicing, announce=announce
+        )
+        return plan_single(
+            loaded,
+            planner=planner,
+            freedom=freedom,
+            time_limit_s=time_limit_s,
+            seed=seed,
+            announce=announce,
+            progress=searched,
+            stop=stop,
+        )
+
+
+def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
+    """Print the summary, for a person or for a program."""
+    before, after = planned.before.metrics, planned.after.metrics
+    if as_json:
+        print_json(
+            {**figures(planned), "gain": summary_of(before, after), "written": map_str(written)}
+        )
+        return
+    for barrier in planned.loaded.job.barriers:
+        err.print(f"nothing moves across line {barrier.line}: {barrier.text} ({barrier.reason})")
+    for note in planned.loaded.job.notes:
+        err.print(note)
+    title = (
+        f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
+        f"planner {after['planner']}, seed {after['seed']}, verified"
+    )
+    out.print(gain_table(before, after, title))
+    for path in written:
+        out.print(f"wrote {path}", soft_wrap=True)
+
+
+def map_str(paths: list[Path]) -> list[str]:
+    """Return paths as text, for JSON."""
+    return [str(path) for path in paths]

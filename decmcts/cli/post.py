@@ -1,0 +1,54 @@
+"""`decmcts post`: a slicer's post-processing script, editing one file in place.
+
+Any error leaves the file untouched and the exit code non-zero, so that the
+slicer aborts its export (PrusaSlicer, OrcaSlicer).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app, guess_machine
+from decmcts.cli.outputs import write_single
+from decmcts.cli.plan import run_single, show
+from decmcts.errors import InputError
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
+
+
+@app.command()
+def post(
+    path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
+    machine: opt.MachineOption = None,
+    planner: opt.PlannerOption = opt.Planner.LOCAL,
+    freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
+    process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
+    time_limit: opt.TimeOption = 30.0,
+    seed: opt.SeedOption = 0,
+) -> None:
+    """Reorder a G-code file in place, as a slicer's post-processing script."""
+    if path.suffix.lower() in MESH_SUFFIXES:
+        raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
+    chosen = machine or guess_machine(path)
+    if chosen is None:
+        raise InputError(
+            "the file names no printer we know the head of",
+            path=path,
+            advice="add --machine NAME to the script's command (`decmcts machines` lists them)",
+        )
+    planned = run_single(
+        path,
+        chosen,
+        planner=planner.value,
+        freedom=freedom.value,
+        process_order=process_order.value,
+        time_limit_s=time_limit,
+        seed=seed,
+        slicing=SliceOptions(),
+        quiet=False,
+    )
+    write_single(planned, path)
+    show(planned, [path], as_json=False)

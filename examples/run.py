@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""Sets everything up and runs the two-head demo, or the tests, on a bare machine.
+
+    python3 examples/run.py demo     # leaves G-code, plan and pictures in ./out
+    python3 examples/run.py tests    # lint, types, import rules, tests
+
+Needs Python >= 3.11 with venv and a network for the first run; uses the standard
+library only, because nothing else is installed yet.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+ENVIRONMENT = ROOT / ".venv"
+BIN = ENVIRONMENT / ("Scripts" if os.name == "nt" else "bin")
+
+
+def run(*command: str | Path) -> None:
+    """Run a command in the project's folder and stop at the first failure."""
+    print("+", *command, flush=True)
+    code = subprocess.call([str(part) for part in command], cwd=ROOT)
+    if code:
+        sys.exit(code)
+
+
+def set_up(extras: str) -> None:
+    """Make the virtual environment and install the project and what it needs."""
+    if sys.version_info < (3, 11):
+        sys.exit(f"decmcts needs Python 3.11 or later, this is {sys.version.split()[0]}")
+    if not (BIN / "python").exists() and not (BIN / "python.exe").exists():
+        venv.create(ENVIRONMENT, with_pip=True)
+    run(BIN / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
+        "--editable", f".{extras}")  # fmt: skip
+
+
+def demo() -> None:
+    """Plan the example plate for two heads, each its own process."""
+    set_up("")
+    run(BIN / "python", "-m", "decmcts.cli", "demo", "--out", "out")
+
+
+def tests() -> None:
+    """Run everything CI runs."""
+    set_up("[dev]")
+    python = BIN / "python"
+    run(python, "-m", "ruff", "check", ".")
+    run(python, "-m", "ruff", "format", "--check", ".")
+    run(python, "-m", "mypy")
+    run(BIN / "lint-imports")
+    run(python, "-m", "pytest", "-m", "not slicers", "-n", "2")
+
+
+if __name__ == "__main__":
+    commands = {"demo": demo, "tests": tests}
+    if len(sys.argv) != 2 or sys.argv[1] not in commands:
+        sys.exit(f"usage: python3 examples/run.py {'|'.join(commands)}")
+    commands[sys.argv[1]]()
