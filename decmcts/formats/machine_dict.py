@@ -1,0 +1,278 @@
+"""Machines as nested mappings: the common ground of machine files and plan.json.
+
+Everything a file may get wrong about a machine is refused here, with the place
+named. Reading files lives in `machine_file`, slicing shapes elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.fields import Fields, fail, points
+from decmcts.formats.head_polygon import check_polygon, covers_nozzle
+from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Slice
+
+_AXES = ("x", "y")
+_UNREACHED = 1e6  # the types' "no limit"
+_MACHINE_KEYS = (
+    "name",
+    "source",
+    "bed",
+    "clearance_mm",
+    "head_clearance_mm",
+    "lift_mm",
+    "limits",
+    "rail",
+    "heads",
+)
+_HEAD_KEYS = ("name", "slices", "bodies", "park", "reach", "reach_min", "reach_max", "tools")
+
+
+def machine_to_dict(machine: Machine) -> dict[str, Any]:
+    """Return plain lists, numbers and texts that `machine_from_dict` reads back equal."""
+    written: dict[str, Any] = {
+        "name": machine.name,
+        "source": machine.source,
+        "bed": {"min": list(machine.bed_min), "max": list(machine.bed_max)},
+        "clearance_mm": machine.clearance_mm,
+        "head_clearance_mm": machine.head_clearance_mm,
+        "lift_mm": machine.lift_mm,
+        "limits": asdict(machine.limits),
+        "heads": [_head_to_dict(head) for head in machine.heads],
+    }
+    if machine.rail is not None:
+        rail = machine.rail
+        written["rail"] = {
+            "axis": _AXES[rail.axis],
+            "order": list(rail.order),
+            "separation_mm": rail.separation_mm,
+        }
+    return written
+
+
+def _head_to_dict(head: Head) -> dict[str, Any]:
+    return {
+        "name": head.name,
+        "slices": [
+            {"height": s.height_mm, "polygons": [p.tolist() for p in s.polygons]}
+            for s in head.slices
+        ],
+        "bodies": [
+            {"name": b.name, "min": list(b.minimum), "max": list(b.maximum)} for b in head.bodies
+        ],
+        "park": list(head.park),
+        "reach": {"min": list(head.reach_min), "max": list(head.reach_max)},
+        "tools": list(head.tools),
+    }
+
+
+def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None = None) -> Machine:
+    """Return the machine a mapping describes.
+
+    Parameters
+    ----------
+    values : Any
+        The mapping, keys as in docs/machine-format.md.
+    where : str
+        Its place in the file, put before each key in messages.
+    path : Path | str | None
+        The file, for messages.
+
+    Raises
+    ------
+    InputError
+        For anything missing, unknown, of the wrong type or impossible.
+    """
+    given = Fields.of(values, where, path)
+    given.only(*_MACHINE_KEYS)
+    bed = given.table("bed")
+    bed.only("min", "max")
+    defaults = Machine("", (0.0, 0.0), (0.0, 0.0), ())
+    machine = Machine(
+        name=given.text("name"),
+        source=given.text("source", ""),
+        bed_min=_pair(bed, "min"),
+        bed_max=_pair(bed, "max"),
+        clearance_mm=given.number("clearance_mm", defaults.clearance_mm, least=0.0),
+        head_clearance_mm=given.number("head_clearance_mm", defaults.head_clearance_mm, least=0.0),
+        lift_mm=given.number("lift_mm", defaults.lift_mm, least=0.0),
+        limits=_limits(given),
+        rail=_rail(given.table("rail")) if "rail" in given.values else None,
+        heads=tuple(_head(head) for head in given.tables("heads")),
+    )
+    _check_relations(machine, given)
+    return machine
+
+
+def _limits(given: Fields) -> MotionLimits:
+    if "limits" not in given.values:
+        return MotionLimits()
+    table = given.table("limits")
+    names = [f.name for f in fields(MotionLimits)]
+    table.only(*names)
+    usual = MotionLimits()
+    read = {name: table.number(name, getattr(usual, name), least=0.0) for name in names}
+    for name, value in read.items():
+        if value == 0.0 and name != "jerk":
+            table.fail(name, "0 would never arrive")
+    return MotionLimits(**read)
+
+
+def _rail(table: Fields) -> Rail:
+    table.only("axis", "order", "separation_mm")
+    axis = table.need("axis")
+    if axis not in _AXES:
+        table.fail("axis", f"expected 'x' or 'y', found {axis!r}")
+    order = table.items("order")
+    if len(set(map(str, order))) != len(order) or len(order) < 2:
+        table.fail("order", f"expected two or more different heads, found {order!r}")
+    return Rail(_AXES.index(axis), tuple(map(str, order)), table.number("separation_mm", least=0.0))
+
+
+def _head(table: Fields) -> Head:
+    table.only(*_HEAD_KEYS)
+    slices = sorted((_slice(s) for s in table.tables("slices")), key=lambda s: s.height_mm)
+    _check_slices(slices, table)
+    bodies = tuple(_body(b) for b in table.tables("bodies")) if "bodies" in table.values else ()
+    low, high = _reach(table)
+    tools = table.items("tools") if "tools" in table.values else []
+    if any(type(tool) is not int or tool < 0 for tool in tools):
+        table.fail("tools", f"expected tool numbers from 0, found {tools!r}")
+    return Head(
+        name=table.text("name"),
+        slices=tuple(slices),
+        bodies=bodies,
+        park=_triple(table, "park") if "park" in table.values else (0.0, 0.0, 0.0),
+        reach_min=low,
+        reach_max=high,
+        tools=tuple(tools),
+    )
+
+
+def _slice(table: Fields) -> Slice:
+    table.only("height", "height_mm", "polygons")
+    height = table.number("height_mm" if "height_mm" in table.values else "height", least=0.0)
+    polygons: list[NDArray[np.float64]] = []
+    for number, rows in enumerate(table.items("polygons"), 1):
+        place = f"{table.where} (height {height:g}), polygon {number}"
+        polygon = points(rows, (2,), place, table.path)
+        check_polygon(polygon, place, table.path)
+        polygon.setflags(write=False)
+        polygons.append(polygon)
+    if not polygons:
+        table.fail("polygons", "no polygon")
+    return Slice(height, tuple(polygons))
+
+
+def _check_slices(slices: list[Slice], table: Fields) -> None:
+    if not slices or slices[0].height_mm != 0.0:
+        table.fail(
+            "slices", "no slice at height 0", "add the nozzle's tip as a polygon at height 0"
+        )
+    if not any(covers_nozzle(p) for p in slices[0].polygons):
+        table.fail(
+            "slices",
+            "no polygon of the slice at height 0 contains the nozzle (0, 0)",
+            "coordinates are relative to the nozzle",
+        )
+    heights = [s.height_mm for s in slices]
+    for low, high in pairwise(heights):
+        if low == high:
+            table.fail("slices", f"two slices at height {low:g}", "put their polygons in one slice")
+
+
+def _body(table: Fields) -> Body:
+    table.only("name", "min", "max")
+    low, high = _triple(table, "min"), _triple(table, "max")
+    if not all(a < b for a, b in zip(low, high, strict=True)):
+        table.fail("min", f"{list(low)} is not below max {list(high)} on every axis")
+    return Body(table.text("name", "body"), low, high)
+
+
+def _reach(
+    table: Fields,
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    low = (-_UNREACHED,) * 3
+    high = (_UNREACHED,) * 3
+    if "reach" in table.values:
+        reach = table.table("reach")
+        reach.only("min", "max")
+        low, high = _triple(reach, "min"), _triple(reach, "max")
+    if "reach_min" in table.values:
+        low = _triple(table, "reach_min")
+    if "reach_max" in table.values:
+        high = _triple(table, "reach_max")
+    if not all(a <= b for a, b in zip(low, high, strict=True)):
+        table.fail("reach", f"min {list(low)} is above max {list(high)}")
+    return low, high
+
+
+def _pair(table: Fields, key: str) -> tuple[float, float]:
+    x, y = table.point(key, 2)
+    return x, y
+
+
+def _triple(table: Fields, key: str) -> tuple[float, float, float]:
+    x, y, z = table.point(key, 3)
+    return x, y, z
+
+
+def _check_relations(machine: Machine, given: Fields) -> None:
+    """Check what no single value shows: names, rail and parks."""
+    if not machine.heads:
+        given.fail("heads", "no head")
+    if not all(a < b for a, b in zip(machine.bed_min, machine.bed_max, strict=True)):
+        given.fail("bed", f"min {machine.bed_min} is not below max {machine.bed_max}")
+    names = [head.name for head in machine.heads]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            given.fail(f"heads[{i}].name", f"two heads are named {name!r}")
+    if machine.rail is not None:
+        _check_rail(machine, machine.rail, given)
+    _check_parks(machine, given)
+
+
+def _check_rail(machine: Machine, rail: Rail, given: Fields) -> None:
+    parks = {head.name: head.park[rail.axis] for head in machine.heads}
+    for name in rail.order:
+        if name not in parks:
+            given.fail("rail.order", f"no head is named {name!r}", f"heads: {', '.join(parks)}")
+    for before, after in pairwise(rail.order):
+        gap = parks[after] - parks[before]
+        if gap < rail.separation_mm:
+            given.fail(
+                "rail",
+                f"parked heads {before!r} and {after!r} are {gap:g} mm apart along"
+                f" {_AXES[rail.axis]}, separation_mm is {rail.separation_mm:g}",
+                "move the parks apart",
+            )
+
+
+def _check_parks(machine: Machine, given: Fields) -> None:
+    for i, one in enumerate(machine.heads):
+        for two in machine.heads[:i]:
+            gap = min(
+                (_gap(a, one.park, b, two.park) for a in one.bodies for b in two.bodies),
+                default=np.inf,
+            )
+            if gap < machine.head_clearance_mm:
+                fail(
+                    given.at(f"heads[{i}].park"),
+                    f"parked heads {two.name!r} and {one.name!r} have bodies {gap:g} mm apart,"
+                    f" head_clearance_mm is {machine.head_clearance_mm:g}",
+                    given.path,
+                    "move the parks apart",
+                )
+
+
+def _gap(a: Body, at: tuple[float, float, float], b: Body, bt: tuple[float, float, float]) -> float:
+    """Return the distance of two boxes that moved with their nozzles, in mm."""
+    low_a, high_a = np.add(a.minimum, at), np.add(a.maximum, at)
+    low_b, high_b = np.add(b.minimum, bt), np.add(b.maximum, bt)
+    return float(np.linalg.norm(np.maximum(0.0, np.maximum(low_a - high_b, low_b - high_a))))

@@ -1,0 +1,136 @@
+"""Machines by preset name, from TOML files and from PrusaSlicer's head geometries.
+
+What the keys mean and what is refused lives in `machine_dict`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import tomllib
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.machine_dict import machine_from_dict
+from decmcts.formats.prusa_geometries import machine_from_geometries
+from decmcts.print.contours import Contours, Role
+from decmcts.print.machine import Machine
+
+_GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
+_AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
+_BED_TOLERANCE_MM = 0.01  # rounding of slicers' coordinates
+
+
+def preset_names() -> list[str]:
+    """Return the names of the machines that come with the program, sorted."""
+    return sorted(entry.name[:-5] for entry in _presets().iterdir() if entry.name.endswith(".toml"))
+
+
+def load_machine(name_or_path: str) -> Machine:
+    """Return a machine.
+
+    Parameters
+    ----------
+    name_or_path : str
+        A preset (`preset_names`), ``FILE.toml``, or ``geometries.json:NAME``
+        where NAME is a printer model of PrusaSlicer's file, in any case.
+
+    Raises
+    ------
+    InputError
+        For an unknown name and for anything wrong in the file.
+
+    Examples
+    --------
+    >>> load_machine("paper").heads[0].slices[0].polygons[0].tolist()
+    [[-7.0, -7.0], [7.0, -7.0], [7.0, 7.0], [-7.0, 7.0]]
+    """
+    name = str(name_or_path)
+    if name.lower() in preset_names():
+        return _read_toml(_presets() / f"{name.lower()}.toml", Path(f"{name.lower()}.toml"))
+    geometries = _GEOMETRIES.match(name)
+    if geometries is not None:
+        return _from_geometries(Path(geometries["file"]), geometries["name"])
+    if name.lower().endswith(".toml"):
+        return _read_toml(Path(name), Path(name))
+    if name.lower().endswith(".json"):
+        raise InputError(
+            "which printer of this file?", path=name, advice=f"write {name}:MODEL, e.g. {name}:MK4S"
+        )
+    raise InputError(f"unknown machine {name!r}", advice=_known(name))
+
+
+def check_fits(contours: Contours, machine: Machine) -> None:
+    """Raise InputError when a bead lies outside the machine's bed or no head reaches it.
+
+    Contours of role CUSTOM are let through: start G-code draws its purge line
+    beside the bed on purpose.
+    """
+    printed = contours.role != Role.CUSTOM
+    if not printed.any():
+        return
+    half = contours.width / 2.0
+    at = contours.offsets[:-1]
+    low = np.minimum.reduceat(contours.points, at)[:, :2] - half[:, None]
+    high = np.maximum.reduceat(contours.points, at)[:, :2] + half[:, None]
+    low_xy, high_xy = low[printed].min(axis=0), high[printed].max(axis=0)
+    outside = (low_xy < np.array(machine.bed_min) - _BED_TOLERANCE_MM) | (
+        high_xy > np.array(machine.bed_max) + _BED_TOLERANCE_MM
+    )
+    if outside.any():
+        _refuse_size(low_xy.tolist(), high_xy.tolist(), machine)
+
+
+def _refuse_size(low: list[float], high: list[float], machine: Machine) -> None:
+    bed = np.subtract(machine.bed_max, machine.bed_min)
+    size = np.subtract(high, low)
+    larger = bool((size > bed + _BED_TOLERANCE_MM).any())
+    raise InputError(
+        f"the print spans x {low[0]:.1f}..{high[0]:.1f}, y {low[1]:.1f}..{high[1]:.1f} mm,"
+        f" the bed of {machine.name!r} is x {machine.bed_min[0]:g}..{machine.bed_max[0]:g},"
+        f" y {machine.bed_min[1]:g}..{machine.bed_max[1]:g} mm",
+        advice="choose a machine with a larger bed" if larger else "move the print onto the bed",
+    )
+
+
+def _presets() -> Traversable:
+    return files("decmcts") / "machines"
+
+
+def _known(name: str) -> str:
+    close = difflib.get_close_matches(name.lower(), preset_names(), n=1)
+    guess = f"did you mean {close[0]!r}? " if close else ""
+    return (
+        f"{guess}known: {', '.join(preset_names())};"
+        " or give FILE.toml or PrusaSlicer's geometries.json:MODEL"
+    )
+
+
+def _read_toml(source: Traversable | Path, path: Path) -> Machine:
+    try:
+        text = source.read_bytes().decode("utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
+    except UnicodeDecodeError as error:
+        raise InputError("is no UTF-8 text, so no machine file", path=path) from error
+    try:
+        values = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = _AT_LINE.search(str(error))
+        raise InputError(
+            _AT_LINE.sub("", str(error)),
+            path=path,
+            line=int(found[1]) if found else None,
+            advice="see docs/machine-format.md",
+        ) from error
+    return machine_from_dict(values, path=path)
+
+
+def _from_geometries(path: Path, name: str) -> Machine:
+    """Join shapes of PrusaSlicer's file with the bed of our preset of that name, if any."""
+    preset = load_machine(name.lower()) if name.lower() in preset_names() else None
+    return machine_from_geometries(path, name, like=preset)
