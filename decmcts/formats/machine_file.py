@@ -22,6 +22,16 @@ from decmcts.print.machine import Machine
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
 _AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
+_MODELS = (  # PrusaSlicer's printer_model, the longer names first
+    (r"COREONEL", "coreonel"),
+    (r"COREONE", "coreone"),
+    (r"MK4S", "mk4s"),
+    (r"MK4", "mk4"),
+    (r"MK3S?(MMU\w*)?$", "mk3s"),
+    (r"MINI", "mini"),
+    (r"XL", "xl"),
+    (r"HT90", "ht90"),
+)
 _BED_TOLERANCE_MM = 0.01  # rounding of slicers' coordinates
 
 
@@ -62,6 +72,11 @@ def load_machine(name_or_path: str) -> Machine:
             "which printer of this file?", path=name, advice=f"write {name}:MODEL, e.g. {name}:MK4S"
         )
     raise InputError(f"unknown machine {name!r}", advice=_known(name))
+
+
+def preset_for_printer(model: str) -> str | None:
+    """Return the preset for a slicer's `printer_model`, e.g. MK4S or MINIIS, or None."""
+    return next((name for pattern, name in _MODELS if re.match(pattern, model.upper())), None)
 
 
 def check_fits(contours: Contours, machine: Machine) -> None:

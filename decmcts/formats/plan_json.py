@@ -1,0 +1,204 @@
+"""plan.json: a joint plan with all that is needed to check or draw it.
+
+The schema is docs/plan-format.md. Numbers are written so that reading them
+back gives the same bits. Reading is strict: whatever is malformed is refused
+with its place in the file. Whether a plan is *safe* is judged in `sim`.
+"""
+
+from __future__ import annotations
+
+import gc
+import gzip
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, NoReturn, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.formats.fields import Fields
+from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
+from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts
+from decmcts.formats.plan_contours import contours_from_dicts, contours_to_dicts
+from decmcts.print.plan import JointPlan, PlanDocument
+
+FORMAT = "decmcts-plan"
+VERSION = 1
+_KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
+_GZIP_MAGIC = b"\x1f\x8b"
+_GZIP_LEVEL = 6
+
+
+def write_plan(document: PlanDocument, path: Path | str) -> None:
+    """Write a plan, gzipped when the name ends in ``.gz``; all of it or nothing.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written, or a number of the plan is not finite.
+    """
+    target = Path(path)
+    try:
+        with _replacing(target) as file:
+            if target.suffix == ".gz":
+                with gzip.GzipFile("", "wb", _GZIP_LEVEL, file, mtime=0) as packed:
+                    _write(document, cast(BinaryIO, packed))
+            else:
+                _write(document, file)
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", path=target) from error
+    except ValueError as error:
+        raise InputError(f"the plan cannot be written: {error}", path=target) from error
+
+
+@contextmanager
+def _replacing(target: Path) -> Iterator[BinaryIO]:
+    """Yield a file beside `target` that takes its place when all went well."""
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            yield file
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(name, 0o666 & ~umask)
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _write(document: PlanDocument, file: BinaryIO) -> None:
+    """Write one contour and one action a line, so that no full text stands in memory."""
+    head = {
+        "format": FORMAT,
+        "version": VERSION,
+        "problem": document.problem,
+        "machine": machine_to_dict(document.machine),
+    }
+    file.write(_dump(head)[:-1] + b',\n"contours":[')
+    _write_lines(file, contours_to_dicts(document.contours, document.machine))
+    file.write(b'],\n"precedence":' + _dump(document.precedence.tolist()) + b',\n"heads":[')
+    names = [head.head for head in document.plan.heads]
+    for number, actions in enumerate(document.plan.heads):
+        file.write(b"," if number else b"")
+        file.write(b'\n{"name":' + _dump(actions.head) + b',"actions":[')
+        _write_lines(file, actions_to_dicts(actions, names))
+        file.write(b"]}")
+    file.write(b'],\n"metrics":' + _dump(document.metrics) + b"}\n")
+
+
+def _write_lines(file: BinaryIO, rows: Iterator[dict[str, Any]]) -> None:
+    separator = b"\n"
+    for row in rows:
+        file.write(separator + _dump(row))
+        separator = b",\n"
+
+
+def _dump(value: Any) -> bytes:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False, default=_plain).encode()
+
+
+def _plain(value: Any) -> Any:
+    """Return numpy scalars and arrays of the metrics as plain values."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise ValueError(f"metrics hold a {type(value).__name__}, which JSON cannot")
+
+
+def read_plan(path: Path | str) -> PlanDocument:
+    """Read a plan, gzipped or not.
+
+    Raises
+    ------
+    InputError
+        Naming the place, e.g. ``heads[1].actions[17].after[0]: ...``, for
+        anything that is not of the format.
+    """
+    source = Path(path)
+    given = Fields.of(_parse(source), "", source)
+    if given.values.get("format") != FORMAT:
+        given.fail("format", f"is no {FORMAT!r}", "give a plan.json written by this program")
+    if given.values.get("version") != VERSION:
+        given.fail("version", f"{given.values.get('version')!r} is not {VERSION}")
+    given.only(*_KEYS)
+    machine = machine_from_dict(given.need("machine"), where="machine", path=source)
+    contours = contours_from_dicts(given.tables("contours"), machine)
+    return PlanDocument(
+        given.text("problem"),
+        machine,
+        contours,
+        _precedence(given, len(contours)),
+        _plan(given, contours_sizes=np.diff(contours.offsets)),
+        dict(given.table("metrics").values),
+    )
+
+
+def _parse(path: Path) -> Any:
+    def refuse(text: str) -> NoReturn:
+        raise InputError(f"the number {text} is not finite", path=path)
+
+    try:
+        content = path.read_bytes()
+        if content.startswith(_GZIP_MAGIC):
+            content = gzip.decompress(content)
+        with _uncollected():
+            return json.loads(content, parse_constant=refuse)
+    except (OSError, EOFError) as error:
+        raise InputError(f"cannot be read ({error})", path=path) from error
+    except UnicodeDecodeError as error:
+        raise InputError("is no UTF-8 text, so no plan", path=path) from error
+    except RecursionError as error:
+        raise InputError("is nested too deeply to be a plan", path=path) from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"is no JSON: {error.msg}", path=path, line=error.lineno) from error
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep the cycle collector from walking millions of new lists again and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
+    rows = given.items("precedence")
+    flat = [v for row in rows if type(row) is list and len(row) == 2 for v in row]
+    if len(flat) != 2 * len(rows) or not set(map(type, flat)) <= {int}:
+        bad = next(i for i, row in enumerate(rows) if not _is_pair(row))
+        given.fail(f"precedence[{bad}]", f"expected two contour ids, found {rows[bad]!r}")
+    wrong = next((i for i, v in enumerate(flat) if not 0 <= v < n), None)
+    if wrong is not None:
+        given.fail(f"precedence[{wrong // 2}]", f"no contour {flat[wrong]}, there are {n}")
+    pairs = np.array(flat, np.int32).reshape(-1, 2)
+    same = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
+    if len(same):
+        given.fail(f"precedence[{same[0]}]", f"contour {pairs[same[0], 0]} before itself")
+    return pairs
+
+
+def _is_pair(row: Any) -> bool:
+    return type(row) is list and len(row) == 2 and all(type(v) is int for v in row)
+
+
+def _plan(given: Fields, contours_sizes: NDArray[np.int64]) -> JointPlan:
+    tables = given.tables("heads")
+    names = [table.text("name") for table in tables]
+    known = [table.text("name") for table in given.table("machine").tables("heads")]
+    for table, name in zip(tables, names, strict=True):
+        table.only("name", "actions")
+        if name not in known or names.count(name) != 1:
+            table.fail("name", f"{name!r} is not one head of the machine ({', '.join(known)})")
+    counts = [len(table.items("actions")) for table in tables]
+    return JointPlan(
+        tuple(actions_from_dicts(table, names, counts, contours_sizes.tolist()) for table in tables)
+    )
