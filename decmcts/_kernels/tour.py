@@ -1,0 +1,85 @@
+"""Costs of complete sequences: travel, precedence, and the exact choice of directions.
+
+Port 2c is the start of contour c and port 2c + 1 its end. `flip[c]` is 1 when c
+is printed backwards: it is entered at port 2c + flip and left at 2c + 1 - flip.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.jit import kernel
+
+
+@kernel
+def distance(ports: NDArray[np.float64], a: int, b: int) -> float:
+    """Return the straight distance between two ports, mm."""
+    dx = ports[a, 0] - ports[b, 0]
+    dy = ports[a, 1] - ports[b, 1]
+    dz = ports[a, 2] - ports[b, 2]
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@kernel
+def tour_cost(
+    ports: NDArray[np.float64], order: NDArray[np.int32], flip: NDArray[np.uint8]
+) -> float:
+    """Return the extrusionless travel of a sequence, mm."""
+    total = 0.0
+    for k in range(1, len(order)):
+        a, b = order[k - 1], order[k]
+        total += distance(ports, 2 * a + 1 - flip[a], 2 * b + flip[b])
+    return total
+
+
+@kernel
+def respects(
+    order: NDArray[np.int32], succ_offsets: NDArray[np.int64], succs: NDArray[np.int32]
+) -> bool:
+    """Say whether `order` is a permutation that breaks no edge."""
+    n = len(succ_offsets) - 1
+    position = np.full(n, -1, np.int64)
+    for k in range(len(order)):
+        if order[k] < 0 or order[k] >= n or position[order[k]] >= 0:
+            return False
+        position[order[k]] = k
+    if len(order) != n:
+        return False
+    for a in range(n):
+        for e in range(succ_offsets[a], succ_offsets[a + 1]):
+            if position[succs[e]] < position[a]:
+                return False
+    return True
+
+
+@kernel
+def choose_directions(
+    ports: NDArray[np.float64], order: NDArray[np.int32], reversible: NDArray[np.bool_]
+) -> NDArray[np.uint8]:
+    """Return the flips, by contour, that are cheapest for a fixed order.
+
+    Dynamic programme over the two directions of each contour, O(n). On ties the
+    sliced direction wins.
+    """
+    n = len(order)
+    flip = np.zeros(n, np.uint8)
+    came = np.zeros((n, 2), np.uint8)
+    best = np.array([0.0, 0.0 if n and reversible[order[0]] else np.inf])
+    for k in range(1, n):
+        a, b = order[k - 1], order[k]
+        step = np.full(2, np.inf)
+        for f in range(2 if reversible[b] else 1):
+            for g in range(2 if reversible[a] else 1):
+                cost = best[g] + distance(ports, 2 * a + 1 - g, 2 * b + f)
+                if cost < step[f]:
+                    step[f] = cost
+                    came[k, f] = g
+        best = step
+    f = 1 if n and best[1] < best[0] else 0
+    for k in range(n - 1, -1, -1):
+        flip[order[k]] = f
+        f = came[k, f]
+    return flip

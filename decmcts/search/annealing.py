@@ -1,0 +1,77 @@
+"""Annealing of a whole sequence, paced by the budget of the search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.anneal import anneal
+from decmcts._kernels.moves import Tour
+from decmcts.search.incumbent import Incumbent
+
+_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_LARGEST_CHUNK = 1_000_000
+_CHUNKS = 400  # pieces of a run that is limited by iterations
+
+
+@dataclass(frozen=True, slots=True)
+class Cooling:
+    """Geometric cooling between two temperatures in mm."""
+
+    hot_mm: float
+    cold_mm: float
+
+    def at(self, share: float) -> float:
+        """Return the temperature after `share` (0..1) of the run."""
+        return float(self.hot_mm * (self.cold_mm / self.hot_mm) ** min(max(share, 0.0), 1.0))
+
+
+def tour_of(
+    incumbent: Incumbent, near: NDArray[np.int32], group: NDArray[np.int32] | None = None
+) -> Tour:
+    """Return a mutable copy of the incumbent; moves stay within equal `group`."""
+    problem, graph, n = incumbent.problem, incumbent.problem.graph, len(incumbent.problem)
+    position = np.empty(n, np.int32)
+    position[incumbent.order] = np.arange(n, dtype=np.int32)
+    return Tour(
+        incumbent.ports,
+        problem.reversible,
+        np.zeros(n, np.int32) if group is None else group,
+        graph.pred_offsets,
+        graph.preds,
+        graph.succ_offsets,
+        graph.succs,
+        near,
+        incumbent.order.copy(),
+        position,
+        incumbent.flip.copy(),
+        np.empty(n, np.int32),
+    )
+
+
+def anneal_until(
+    incumbent: Incumbent, tour: Tour, state: NDArray[np.uint64], cooling: Cooling, until: float
+) -> bool:
+    """Anneal the tour until the share `until` of the budget is spent; return whether to stop.
+
+    Mutates the tour and the generator state. The best sequence at the end of a
+    piece of work is offered to the incumbent.
+    """
+    began, chunk = incumbent.spent, 1000
+    if incumbent.budget.iterations is not None:
+        left = (until - began) * incumbent.budget.iterations
+        chunk = int(min(max(left / _CHUNKS, 1.0), _LARGEST_CHUNK))
+    while (spent := incumbent.spent) < until:
+        share = (spent - began) / (until - began)
+        before = incumbent.seconds
+        anneal(tour, state, cooling.at(share), chunk)
+        incumbent.iterations += chunk
+        incumbent.offer(tour.order, tour.flip)
+        if incumbent.tick():
+            return True
+        if incumbent.budget.iterations is None:
+            speed = chunk / max(incumbent.seconds - before, 1e-6)
+            chunk = int(min(max(_POLL_S * speed, 1000.0), 4.0 * chunk, _LARGEST_CHUNK))
+    return False

@@ -1,0 +1,101 @@
+"""The best sequence so far, how it came about, and whether to go on.
+
+Planners offer sequences here and ask here whether to stop; that makes every
+planner anytime and never worse than the source, whatever it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.tour import choose_directions, respects, tour_cost
+from decmcts.search.problem import OrderProblem
+from decmcts.search.stopping import Budget, Progress, StoppingCriterion
+
+
+class Incumbent:
+    """Best sequence of one search; starts as the source's own order.
+
+    Parameters
+    ----------
+    clock : Callable[[], float]
+        Seconds; only differences matter.
+    budget : Budget
+        What planners pace themselves by.
+    criterion : StoppingCriterion
+        Asked after every piece of work.
+    report : Callable[[Progress], None] | None
+        Told of progress after every piece of work.
+    """
+
+    def __init__(
+        self,
+        problem: OrderProblem,
+        *,
+        clock: Callable[[], float],
+        budget: Budget,
+        criterion: StoppingCriterion,
+        report: Callable[[Progress], None] | None = None,
+    ) -> None:
+        self.problem = problem
+        self.budget = budget
+        self.ports = problem.ports()
+        self.order: NDArray[np.int32] = np.arange(len(problem), dtype=np.int32)
+        self.flip: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
+        self.source_cost_mm = tour_cost(self.ports, self.order, self.flip)
+        self.cost_mm = self.source_cost_mm
+        self.iterations = 0
+        self._clock, self._criterion, self._report = clock, criterion, report
+        self._started, self._improved_at_s = clock(), 0.0
+        self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost_mm)]
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the search began."""
+        return self._clock() - self._started
+
+    @property
+    def spent(self) -> float:
+        """Share of the budget used, 1 or more at the end."""
+        return self.budget.spent(self.seconds, self.iterations)
+
+    @property
+    def history(self) -> NDArray[np.float64]:
+        """Seconds, iterations and best cost at each improvement, (k, 3)."""
+        return np.array(self._history, np.float64)
+
+    def offer(self, order: NDArray[np.int32], flip: NDArray[np.uint8]) -> bool:
+        """Take the sequence if it is better; `flip` is by contour. Returns whether it was.
+
+        Raises
+        ------
+        RuntimeError
+            If a better sequence breaks the dependency graph: a fault of the planner.
+        """
+        cost = tour_cost(self.ports, order, flip)
+        if cost >= self.cost_mm:
+            return False
+        graph = self.problem.graph
+        if not respects(order, graph.succ_offsets, graph.succs):
+            raise RuntimeError("a planner offered a sequence that is no linear extension")
+        if (flip.astype(np.bool_) & ~self.problem.reversible).any():
+            raise RuntimeError("a planner turned a contour that may not turn")
+        self.order, self.flip, self.cost_mm = order.copy(), flip.copy(), cost
+        self._improved_at_s = self.seconds
+        self._history.append((self._improved_at_s, self.iterations, cost))
+        return True
+
+    def offer_order(self, order: NDArray[np.int32]) -> bool:
+        """Offer an order with the directions that suit it best."""
+        return self.offer(order, choose_directions(self.ports, order, self.problem.reversible))
+
+    def tick(self, iterations: int = 0) -> bool:
+        """Count `iterations`, report, and return whether to stop."""
+        self.iterations += iterations
+        now = Progress(self.seconds, self.iterations, self.cost_mm, self._improved_at_s)
+        if self._report is not None:
+            self._report(now)
+        return self._criterion(now)

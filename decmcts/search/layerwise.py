@@ -1,0 +1,45 @@
+"""The planner `layerwise`: the best order within each layer, layers in the source's sequence.
+
+What a careful slicer could do without looking across layers. A layer here is a
+maximal run of equal layer numbers in the source, so that objects printed one
+after the other stay so, and the sequence of layers is always allowed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.random import seeded
+from decmcts.search.annealing import Cooling, anneal_until, tour_of
+from decmcts.search.greedy import nearest_feasible
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.neighbours import near_ports
+
+
+@dataclass(frozen=True, slots=True)
+class Layerwise:
+    """Nearest neighbour within each layer, then annealing that never leaves a layer."""
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Spend the whole budget."""
+        if len(incumbent.problem) < 2:
+            return
+        group = layer_runs(incumbent.problem.layer)
+        incumbent.offer(*nearest_feasible(incumbent, group.astype(np.float64), buffer=0.0))
+        if incumbent.tick(1):
+            return
+        tour = tour_of(incumbent, near_ports(incumbent.problem), group)
+        mean = incumbent.cost_mm / len(incumbent.problem)
+        if mean == 0.0:
+            return
+        anneal_until(incumbent, tour, seeded(seed), Cooling(0.5 * mean, 0.01 * mean), 1.0)
+        incumbent.offer_order(incumbent.order)
+
+
+def layer_runs(layer: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the number of each contour's maximal run of equal layers, from 0, (n,)."""
+    change = np.diff(layer) != 0
+    return np.concatenate([[0], np.cumsum(change)]).astype(np.int32)[: len(layer)]

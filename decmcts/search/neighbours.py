@@ -1,0 +1,39 @@
+"""Nearest-neighbour lists for local search: which contours may well follow which."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from decmcts._kernels.nearby import keep_possible
+from decmcts.search.problem import OrderProblem
+
+LAYER_STRETCH = 4.0  # distances across layers count this much more: most of those above must wait
+
+
+def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDArray[np.int32]:
+    """Return for each port up to `width` entry ports near it, (2n, width), -1 padded.
+
+    Port 2c is the start of contour c and 2c + 1 its end. The lists are drawn from
+    the `pool` nearest; contours that precedence keeps from following are left out.
+    """
+    n = len(problem)
+    if n == 0:
+        return np.full((0, width), -1, np.int32)
+    ports = problem.ports() * np.array([1.0, 1.0, LAYER_STRETCH])
+    usable = np.ones(2 * n, np.bool_)
+    usable[1::2] = problem.reversible
+    ids = np.flatnonzero(usable)
+    k = min(pool, len(ids))
+    _, index = cKDTree(ports[ids]).query(ports, k=np.arange(1, k + 1))
+    graph = problem.graph
+    return keep_possible(
+        ids[index],
+        width,
+        problem.reversible,
+        graph.pred_offsets,
+        graph.preds,
+        graph.succ_offsets,
+        graph.succs,
+    )

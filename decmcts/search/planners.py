@@ -1,0 +1,112 @@
+"""The planners by name, and the one function that runs them.
+
+This is the composition root of the search: it joins a planner, a problem and
+the stopping criteria. Each planner lives in a module of its own.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.greedy import Greedy
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.layerwise import Layerwise
+from decmcts.search.local import Local
+from decmcts.search.problem import OrderProblem
+from decmcts.search.slicer import Slicer
+from decmcts.search.stopping import AnyOf, Asked, Budget, IterationLimit, Progress, TimeLimit
+
+
+class Planner(Protocol):
+    """A way to find a good sequence."""
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Offer sequences to the incumbent until its `tick` says stop or there is no more to do."""
+        ...
+
+
+PLANNERS: Mapping[str, Planner] = MappingProxyType(
+    {
+        "slicer": Slicer(),
+        "layerwise": Layerwise(),
+        "greedy": Greedy(),
+        "local": Local(),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class SearchResult:
+    """What a search found; never worse than the source."""
+
+    toolpath: Toolpath
+    cost_mm: float  # extrusionless travel of the toolpath
+    source_cost_mm: float  # extrusionless travel of the source
+    iterations: int
+    history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
+    planner: str
+    seed: int
+
+
+def plan_order(
+    problem: OrderProblem,
+    *,
+    planner: str,
+    time_limit_s: float,
+    seed: int,
+    max_iterations: int | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    progress: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> SearchResult:
+    """Search for a sequence with little extrusionless travel.
+
+    Equal seeds and equal `max_iterations` give equal results, provided the time
+    limit is not what ends the search.
+
+    Parameters
+    ----------
+    planner : str
+        One of `PLANNERS`.
+    time_limit_s : float
+        Wall-clock limit, kept to within a fraction of a second plus the time of
+        one greedy pass.
+    max_iterations : int | None
+        Limit on the planner's own iterations (sequences, rollouts or moves tried).
+    stop : Callable[[], bool] | None
+        Polled several times a second; True ends the search with the best so far.
+
+    Raises
+    ------
+    ValueError
+        If the planner is unknown or a limit is negative.
+    """
+    if planner not in PLANNERS:
+        raise ValueError(f"planner {planner!r} is unknown, expected one of {', '.join(PLANNERS)}")
+    if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
+        raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
+    criteria = AnyOf(
+        (TimeLimit(time_limit_s),)
+        + ((IterationLimit(max_iterations),) if max_iterations is not None else ())
+        + ((Asked(stop),) if stop is not None else ())
+    )
+    budget = Budget(time_limit_s, max_iterations)
+    incumbent = Incumbent(problem, clock=clock, budget=budget, criterion=criteria, report=progress)
+    PLANNERS[planner].plan(incumbent, seed=seed)
+    return SearchResult(
+        Toolpath.of(incumbent.order, incumbent.flip[incumbent.order].astype(np.bool_)),
+        incumbent.cost_mm,
+        incumbent.source_cost_mm,
+        incumbent.iterations,
+        incumbent.history,
+        planner,
+        seed,
+    )
