@@ -1,0 +1,463 @@
+"""Who acts when: the event-driven replay of one sequence per head, on bare arrays.
+
+A *unit* is one thing a head does without a stop: travel from where it rests
+and print one contour, or retreat. Its box is the hull of its whole path,
+starting point included. A head begins a unit only while the box is clear of
+every other head's box: that of its running unit, or the point it rests at.
+So conflicting units never overlap in nominal time and `after` edges only have
+to fix the order in which they were begun (rule J3 of ARCHITECTURE.md).
+
+When nothing runs and nothing can begin, the head with most work left gets its
+way and those resting in its way retreat: on a rail outwards as far as needed,
+else to their park. Retreats move away from everyone, so this never deadlocks.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.conflict import conflicts
+from decmcts._kernels.jit import kernel
+from decmcts._kernels.motion import trapezoid_time
+
+NONE = -1
+UNIT_PRINT, UNIT_YIELD, UNIT_PARK = 0, 1, 2
+NOT_YET = np.inf
+OK, STUCK = 0, 1
+
+
+class Visits(NamedTuple):
+    """What the kernel knows of the contours as they will be visited."""
+
+    first: NDArray[np.float64]  # (n, 3) entry point, mm
+    last: NDArray[np.float64]  # (n, 3) exit point, mm
+    boxes: NDArray[np.float64]  # (n, 4)
+    seconds: NDArray[np.float64]  # (n,) printing time
+    pred_offsets: NDArray[np.int64]  # (n + 1,)
+    preds: NDArray[np.int32]
+
+
+class Floor(NamedTuple):
+    """The machine as the kernel sees it."""
+
+    gaps: NDArray[np.float64]  # (heads, heads, 4)
+    parks: NDArray[np.float64]  # (heads, 3)
+    travel: NDArray[
+        np.float64
+    ]  # (6,) feed, acceleration, z feed, z acceleration, retraction s, min mm
+
+
+class State(NamedTuple):
+    """Where every head is; all arrays are written as time goes on."""
+
+    position: NDArray[np.int64]  # (heads,) next entry of its sequence
+    rest: NDArray[np.float64]  # (heads, 3) where it stands or will stand
+    box: NDArray[np.float64]  # (heads, 4) room it takes now
+    until: NDArray[np.float64]  # (heads,) end of the running unit; NOT_YET: idle
+    left: NDArray[np.float64]  # (heads,) seconds of printing left
+    ended: NDArray[np.float64]  # (n,) end of each contour; NOT_YET: not ended
+
+
+class Units(NamedTuple):
+    """Units in the order they begin; rows from `used[0]` on are unused."""
+
+    head: NDArray[np.int32]  # (m,)
+    kind: NDArray[np.int8]  # (m,)
+    contour: NDArray[np.int32]  # (m,) NONE for retreats
+    target: NDArray[np.float64]  # (m, 3) where a retreat ends
+    box: NDArray[np.float64]  # (m, 4)
+    begin: NDArray[np.float64]  # (m,)
+    end: NDArray[np.float64]  # (m,)
+    used: NDArray[np.int64]  # (1,)
+
+
+@kernel
+def travel_seconds(
+    p: NDArray[np.float64], q: NDArray[np.float64], travel: NDArray[np.float64]
+) -> float:
+    """Estimate of a travel from p to q: level move, height difference, retraction."""
+    flat = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2)
+    rise = abs(q[2] - p[2])
+    seconds = 0.0
+    if flat > 0.0:
+        seconds += trapezoid_time(flat, 0.0, 0.0, travel[0], travel[1])
+    if rise > 0.0:
+        seconds += trapezoid_time(rise, 0.0, 0.0, travel[2], travel[3])
+    if flat >= travel[5]:
+        seconds += travel[4]
+    return seconds
+
+
+@kernel
+def unit_box(rest: NDArray[np.float64], box: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """Write to `out` the hull of a box and the point a head comes from."""
+    out[0], out[1] = min(box[0], rest[0]), max(box[1], rest[0])
+    out[2], out[3] = min(box[2], rest[1]), max(box[3], rest[1])
+
+
+@kernel
+def point_box(point: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """Write to `out` the box of one point."""
+    out[0] = out[1] = point[0]
+    out[2] = out[3] = point[1]
+
+
+@kernel
+def is_clear(r: int, box: NDArray[np.float64], state: State, floor: Floor) -> bool:
+    """Whether head r may take `box` now."""
+    for s in range(len(state.position)):
+        if s != r and conflicts(box, state.box[s], floor.gaps[r, s]):
+            return False
+    return True
+
+
+@kernel
+def is_ready(contour: int, now: float, visits: Visits, state: State) -> bool:
+    """Whether everything the contour rests on has been printed by `now`."""
+    for k in range(visits.pred_offsets[contour], visits.pred_offsets[contour + 1]):
+        if state.ended[visits.preds[k]] > now:
+            return False
+    return True
+
+
+@kernel
+def begin_unit(
+    r: int,
+    kind: int,
+    contour: int,
+    seconds: float,
+    now: float,
+    box: NDArray[np.float64],
+    target: NDArray[np.float64],
+    state: State,
+    units: Units,
+) -> None:
+    """Record a unit of head r that begins now and takes its room (mutates state and units)."""
+    row = units.used[0]
+    units.used[0] += 1
+    units.head[row], units.kind[row], units.contour[row] = r, kind, contour
+    units.box[row], units.target[row] = box, target
+    units.begin[row], units.end[row] = now, now + seconds
+    state.box[r], state.rest[r] = box, target
+    state.until[r] = now + seconds
+    if contour >= 0:
+        state.ended[contour] = now + seconds
+
+
+@kernel
+def try_print(
+    r: int, contour: int, now: float, visits: Visits, floor: Floor, state: State, units: Units
+) -> bool:
+    """Begin the contour on head r if it is ready and the way is clear."""
+    if not is_ready(contour, now, visits, state):
+        return False
+    box = np.empty(4)
+    unit_box(state.rest[r], visits.boxes[contour], box)
+    if not is_clear(r, box, state, floor):
+        return False
+    seconds = travel_seconds(state.rest[r], visits.first[contour], floor.travel)
+    seconds += visits.seconds[contour]
+    begin_unit(r, UNIT_PRINT, contour, seconds, now, box, visits.last[contour], state, units)
+    state.left[r] -= visits.seconds[contour]
+    return True
+
+
+@kernel
+def try_retreat(
+    r: int,
+    kind: int,
+    target: NDArray[np.float64],
+    now: float,
+    floor: Floor,
+    state: State,
+    units: Units,
+) -> bool:
+    """Begin a retreat of head r if the way is clear."""
+    box = np.empty(4)
+    point_box(target, box)
+    unit_box(state.rest[r], box, box)
+    if not is_clear(r, box, state, floor):
+        return False
+    seconds = travel_seconds(state.rest[r], target, floor.travel)
+    begin_unit(r, kind, NONE, seconds, now, box, target, state, units)
+    return True
+
+
+@kernel
+def end_next(state: State) -> float:
+    """Advance to the next end of a unit; heads that end then become idle. Returns the time."""
+    soon: float = state.until.min()
+    for r in range(len(state.until)):
+        if state.until[r] <= soon:
+            state.until[r] = NOT_YET
+            point_box(state.rest[r], state.box[r])
+    return soon
+
+
+@kernel
+def start_state(visits: Visits, floor: Floor, work: NDArray[np.float64]) -> State:
+    """All heads parked, nothing printed; `work` is each head's printing time."""
+    heads = len(floor.parks)
+    box = np.empty((heads, 4))
+    for r in range(heads):
+        point_box(floor.parks[r], box[r])
+    return State(
+        np.zeros(heads, np.int64),
+        floor.parks.copy(),
+        box,
+        np.full(heads, NOT_YET),
+        work.copy(),
+        np.full(len(visits.seconds), NOT_YET),
+    )
+
+
+@kernel
+def new_units(most: int) -> Units:
+    """Room for `most` units."""
+    return Units(
+        np.empty(most, np.int32),
+        np.empty(most, np.int8),
+        np.empty(most, np.int32),
+        np.empty((most, 3)),
+        np.empty((most, 4)),
+        np.empty(most),
+        np.empty(most),
+        np.zeros(1, np.int64),
+    )
+
+
+@kernel
+def by_work_left(state: State) -> NDArray[np.int64]:
+    """Heads, the one with most printing left first; ties by number."""
+    return np.argsort(-state.left, kind="mergesort")
+
+
+@kernel
+def yield_target(
+    s: int,
+    r: int,
+    wanted: NDArray[np.float64],
+    floor: Floor,
+    state: State,
+    out: NDArray[np.float64],
+) -> int:
+    """Write to `out` where head s goes to let head r have the box `wanted`; returns the kind.
+
+    On a rail: straight outwards, just far enough; elsewhere: to the park.
+    """
+    out[:] = state.rest[s]
+    gap = floor.gaps[s, r]
+    if np.isfinite(gap).sum() != 1:
+        out[:] = floor.parks[s]
+        return UNIT_PARK
+    for axis in range(2):
+        park = floor.parks[s, axis]
+        if np.isfinite(gap[2 * axis]):
+            out[axis] = min(out[axis], max(wanted[2 * axis] - gap[2 * axis], park))
+        if np.isfinite(gap[2 * axis + 1]):
+            out[axis] = max(out[axis], min(wanted[2 * axis + 1] + gap[2 * axis + 1], park))
+    return UNIT_YIELD
+
+
+@kernel
+def make_way(
+    r: int, wanted: NDArray[np.float64], now: float, floor: Floor, state: State, units: Units
+) -> bool:
+    """Send every idle head that rests in the way of `wanted` aside; whether one went."""
+    went = False
+    target = np.empty(3)
+    for s in range(len(state.position)):
+        if s == r or state.until[s] < NOT_YET:
+            continue
+        if conflicts(wanted, state.box[s], floor.gaps[r, s]):
+            kind = yield_target(s, r, wanted, floor, state, target)
+            went = try_retreat(s, kind, target, now, floor, state, units) or went
+    return went
+
+
+@kernel
+def at_park(r: int, floor: Floor, state: State) -> bool:
+    """Whether head r stands at its park."""
+    return bool(np.all(state.rest[r] == floor.parks[r]))
+
+
+@kernel
+def begin_ready(
+    order: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    now: float,
+    visits: Visits,
+    floor: Floor,
+    state: State,
+    units: Units,
+) -> None:
+    """Begin whatever the idle heads' sequences allow; heads that are through park."""
+    for r in by_work_left(state):
+        if state.until[r] < NOT_YET:
+            continue
+        at = offsets[r] + state.position[r]
+        if at < offsets[r + 1]:
+            if try_print(r, order[at], now, visits, floor, state, units):
+                state.position[r] += 1
+        elif not at_park(r, floor, state):
+            try_retreat(r, UNIT_PARK, floor.parks[r], now, floor, state, units)
+
+
+@kernel
+def break_jam(
+    order: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    now: float,
+    visits: Visits,
+    floor: Floor,
+    state: State,
+    units: Units,
+) -> bool:
+    """Let the first head that is ready have its way; False: no head can be helped."""
+    wanted = np.empty(4)
+    for r in by_work_left(state):
+        at = offsets[r] + state.position[r]
+        if at >= offsets[r + 1] or not is_ready(order[at], now, visits, state):
+            continue
+        unit_box(state.rest[r], visits.boxes[order[at]], wanted)
+        if make_way(r, wanted, now, floor, state, units):
+            return True
+    return False
+
+
+@kernel
+def replay(
+    order: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    visits: Visits,
+    floor: Floor,
+    most: int,
+) -> tuple[Units, int]:
+    """Time the sequences order[offsets[r]:offsets[r + 1]] of the heads.
+
+    Returns the units in the order they begin and OK, or STUCK when the
+    sequences contradict the precedence or a head can not get out of the way.
+    """
+    work = np.zeros(len(floor.parks))
+    for r in range(len(work)):
+        for at in range(offsets[r], offsets[r + 1]):
+            work[r] += visits.seconds[order[at]]
+    state = start_state(visits, floor, work)
+    units = new_units(most)
+    now = 0.0
+    while True:
+        begin_ready(order, offsets, now, visits, floor, state, units)
+        if state.until.min() == NOT_YET:
+            if is_through(offsets, floor, state):
+                return units, OK
+            if units.used[0] + len(work) > most:
+                return units, STUCK
+            if not break_jam(order, offsets, now, visits, floor, state, units):
+                return units, STUCK
+        now = end_next(state)
+
+
+@kernel
+def is_through(offsets: NDArray[np.int64], floor: Floor, state: State) -> bool:
+    """Whether every sequence is printed and every head is parked."""
+    for r in range(len(state.position)):
+        if offsets[r] + state.position[r] < offsets[r + 1] or not at_park(r, floor, state):
+            return False
+    return True
+
+
+@kernel
+def latest_conflict(
+    row: int, other: int, lowest: int, rows: NDArray[np.int64], units: Units, floor: Floor
+) -> int:
+    """Index (in `rows`, units of head `other`) of the last unit in conflict with `row`.
+
+    Only units after `lowest` that began before `row`; else `lowest`.
+    """
+    gap = floor.gaps[units.head[row], other]
+    for k in range(len(rows) - 1, lowest, -1):
+        if conflicts(units.box[row], units.box[rows[k]], gap):
+            return k
+    return lowest
+
+
+@kernel
+def after_edges(
+    units: Units, own: NDArray[np.int64], place: NDArray[np.int64], visits: Visits, floor: Floor
+) -> NDArray[np.int64]:
+    """For each unit and each head: the last unit of that head that must have ended, (m, heads).
+
+    NONE where a unit needs none beyond what its own head waited for before.
+    `own` (m,) is each unit's index within its head, `place` (n,) the unit that
+    prints each contour. Of a head's units only the latest is kept: earlier
+    ones are implied by that head's own sequence.
+    """
+    m, heads = len(own), len(floor.parks)
+    after = np.full((m, heads), NONE)
+    known = np.full((heads, heads), NONE)
+    rows = np.empty((heads, m), np.int64)
+    counts = np.zeros(heads, np.int64)
+    for row in range(m):
+        r = units.head[row]
+        for s in range(heads):
+            if s == r:
+                continue
+            need = latest_conflict(row, s, known[r, s], rows[s, : counts[s]], units, floor)
+            need = max(need, latest_pred(row, s, own, place, visits, units))
+            if need > known[r, s]:
+                after[row, s] = known[r, s] = need
+        rows[r, counts[r]] = row
+        counts[r] += 1
+    return after
+
+
+@kernel
+def latest_pred(
+    row: int,
+    other: int,
+    own: NDArray[np.int64],
+    place: NDArray[np.int64],
+    visits: Visits,
+    units: Units,
+) -> int:
+    """Index within head `other` of the last unit that prints a predecessor; NONE if none does."""
+    contour = units.contour[row]
+    last = NONE
+    if contour >= 0:
+        for k in range(visits.pred_offsets[contour], visits.pred_offsets[contour + 1]):
+            unit = place[visits.preds[k]]
+            if units.head[unit] == other:
+                last = max(last, own[unit])
+    return last
+
+
+@kernel
+def first_later(
+    units: Units,
+    own: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    after: NDArray[np.int64],
+    counts: NDArray[np.int64],
+) -> NDArray[np.int64]:
+    """For each unit and each head: the first unit of that head ordered after it, (m, heads).
+
+    That head's number of units where there is none. `rows[s, k]` is the row of
+    head s's k-th unit. The values never fall along a head's sequence.
+    """
+    m, heads = after.shape
+    later = np.empty((m, heads), np.int64)
+    for row in range(m):
+        later[row] = counts
+    for row in range(m - 1, -1, -1):
+        r = units.head[row]
+        for s in range(heads):
+            before = own[row] - 1 if s == r else after[row, s]
+            if before == NONE:
+                continue
+            up = rows[s, before]
+            later[up] = np.minimum(later[up], later[row])
+            later[up, r] = min(later[up, r], own[row])
+    return later

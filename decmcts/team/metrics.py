@@ -1,0 +1,55 @@
+"""What a joint plan costs: travel in the paper's metric, travel emitted, time.
+
+Figures only; how they are shown is the command line's business.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from decmcts.print.toolpath import Toolpath, extrusionless_travel
+
+
+def head_toolpath(actions: HeadActions) -> Toolpath:
+    """Return the contours one head prints, in its order."""
+    printing = actions.kind == ActionKind.PRINT
+    return Toolpath(actions.contour[printing], actions.reversed[printing], actions.entry[printing])
+
+
+def path_lengths(actions: HeadActions) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the length of each action's path in mm, (k,)."""
+    steps = np.linalg.norm(np.diff(actions.path, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    first, last = actions.path_offsets[:-1], actions.path_offsets[1:] - 1
+    return np.asarray(along[np.maximum(last, first)] - along[first])
+
+
+def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
+    """Return contours, both travels (mm), makespan and the heads' shares of a plan.
+
+    `print_time_s` is the estimated time of the whole print, the makespan.
+    """
+    printed, bare, emitted = [], 0.0, 0.0
+    busy = []
+    for actions in plan.heads:
+        toolpath = head_toolpath(actions)
+        lengths = path_lengths(actions)
+        printing = actions.kind == ActionKind.PRINT
+        printed.append(len(toolpath))
+        bare += extrusionless_travel(job.contours, toolpath)
+        emitted += float(lengths[~printing].sum())
+        busy.append(float((actions.end_s - actions.begin_s).sum()))
+    return {
+        "contours": sum(printed),
+        "contours_per_head": printed,
+        "extrusionless_travel_mm": bare,
+        "emitted_travel_mm": emitted,
+        "print_time_s": plan.makespan_s,
+        "makespan_s": plan.makespan_s,
+        "busy_s_per_head": busy,
+        "cross_head_waits": sum(len(actions.after_head) for actions in plan.heads),
+    }

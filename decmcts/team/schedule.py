@@ -1,0 +1,52 @@
+"""From one toolpath per head to an exact plan that is safe for every timing (J1-J5).
+
+`decmcts.team.order` decides who waits for whom; here every action gets its
+path, checked against whatever may be printed by then, and its nominal times.
+One head is a joint plan of one: same code. No search here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import JointPlan
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.actions import join_actions
+from decmcts.team.order import floor_of, order_units, require_complete, visits_of
+from decmcts.team.space import build_space
+from decmcts.team.travels import unit_travels
+
+
+def schedule(
+    job: PrintJob, machine: Machine, graph: DependencyGraph, toolpaths: Sequence[Toolpath]
+) -> JointPlan:
+    """Make the exact plan in which each head prints its toolpath in order.
+
+    Parameters
+    ----------
+    job, machine, graph
+        The print, the printer and the dependency graph for it.
+    toolpaths : Sequence[Toolpath]
+        One per head of the machine, in the machine's order; together every
+        contour once. A head may get none.
+
+    Returns
+    -------
+    JointPlan
+        Satisfies J1-J5 of ARCHITECTURE.md.
+
+    Raises
+    ------
+    InputError
+        A contour is missing, doubled, out of every head's reach or given to a
+        head that can not print it, or the sequences contradict the precedence.
+    """
+    space = build_space(job.contours, machine)
+    require_complete(job, machine, space, toolpaths)
+    visits = visits_of(job, machine, graph, space, toolpaths)
+    order = order_units(visits, floor_of(job, machine, space), toolpaths)
+    travels = unit_travels(job, machine, order, visits, space)
+    return join_actions(job, machine, order, visits, travels, toolpaths)
