@@ -1,0 +1,244 @@
+"""The loop of one agent: planner, protocol and transport put together.
+
+One thread does everything in a fixed order, so equal seeds and equal arrivals
+give equal plans. It owns no process, signal or pipe (`agents.extruder` does);
+clock, transport, planner and front end are arguments.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol as Interface
+
+from agents.codec import decode, encode, kind_of
+from agents.events import (
+    DistributionReady,
+    Effect,
+    Event,
+    Fenced,
+    Forget,
+    Leave,
+    Left,
+    LiveChanged,
+    Note,
+    PeerAppeared,
+    PeerGone,
+    PlanningEnded,
+    PlanResolved,
+    Propose,
+    Proposed,
+    Received,
+    Refused,
+    Release,
+    Resolve,
+    RosterComplete,
+    Send,
+    Take,
+    Tick,
+    Unfenced,
+)
+from agents.messages import Envelope, Message, MessageError
+from agents.planner import Planner
+from agents.protocol import Phase, Protocol
+from agents.transport import Packet, Presence, Traffic, Transport
+
+TICK_S = 0.1
+"""How often what may have been lost is said again."""
+
+SHARE_S = 0.05
+"""At most so often a distribution goes out: 20 a second."""
+
+PROGRESS_S = 0.5
+WAIT_S = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where an agent stands."""
+
+    phase: str
+    live: tuple[int, ...]
+    rounds: int
+    best_makespan_s: float
+    elapsed_s: float
+
+
+class FrontEnd(Interface):
+    """Who watches and commands one agent: a launcher, a terminal or a test."""
+
+    def commands(self) -> list[Event]:
+        """Return what was asked since the last call."""
+
+    def progress(self, progress: Progress, traffic: Traffic) -> None:
+        """Show where the agent stands."""
+
+    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+        """Show one event worth a line."""
+
+
+class Agent:
+    """One head's agent; `step` until `done`.
+
+    Parameters
+    ----------
+    head, epoch : int
+        Who we are and which incarnation.
+    planner, transport, front : Planner, Transport, FrontEnd
+        What it works with; the transport is open.
+    time_limit_s : float
+        Planning time, counted from when every head is there.
+    wait_s : float
+        After so long the clock starts although heads are missing.
+    fenced : tuple of int
+        Heads that take no part.
+    clock : callable
+        Seconds, monotonic.
+    """
+
+    def __init__(
+        self,
+        head: int,
+        epoch: int,
+        *,
+        planner: Planner,
+        transport: Transport,
+        front: FrontEnd,
+        time_limit_s: float,
+        clock: Callable[[], float],
+        wait_s: float = 60.0,
+        fenced: tuple[int, ...] = (),
+        traffic: Traffic | None = None,
+    ) -> None:
+        self.protocol = Protocol(head, planner.names, planner.problem, fenced=fenced)
+        self.traffic = Traffic() if traffic is None else traffic
+        self.released: Release | None = None
+        self.rounds = 0
+        self._head, self._epoch, self._seq = head, epoch, 0
+        self._planner, self._transport, self._front = planner, transport, front
+        self._clock, self._limit_s = clock, time_limit_s
+        self._began = clock()
+        self._deadline = self._began + wait_s + time_limit_s
+        self._shared = self._ticked = self._shown = self._began - 1.0
+        self._live: tuple[int, ...] = (head,)
+        self._perform(self.protocol.start())
+
+    @property
+    def done(self) -> bool:
+        """Whether we left the team."""
+        return self.protocol.phase is Phase.LEFT
+
+    def step(self) -> None:
+        """Take in what arrived, plan one round or wait a little, speak if it is time."""
+        planning = self.protocol.phase is Phase.PLANNING
+        for arrival in self._transport.receive(0.0 if planning else WAIT_S):
+            self._arrive(arrival)
+        for command in self._front.commands():
+            self._feed(command)
+        if self.protocol.phase is Phase.PLANNING:
+            self._plan()
+        self._keep_time()
+
+    def _plan(self) -> None:
+        self._planner.iterate(self._live)
+        self.rounds += 1
+        now = self._clock()
+        if len(self._live) > 1 and now - self._shared >= SHARE_S:
+            self._shared = now
+            self._feed(DistributionReady(self._planner.distribution()))
+        if now >= self._deadline:
+            self._feed(PlanningEnded())
+
+    def _keep_time(self) -> None:
+        now = self._clock()
+        if now - self._ticked >= TICK_S:
+            self._ticked = now
+            self._feed(Tick())
+        if now - self._shown >= PROGRESS_S:
+            self._shown = now
+            self.show()
+
+    def show(self) -> None:
+        """Report progress to the front end."""
+        best = self.released or self._planner.best(self._live)
+        progress = Progress(
+            self.protocol.phase.value,
+            self._live,
+            self.rounds,
+            best.makespan_s,
+            self._clock() - self._began,
+        )
+        self._front.progress(progress, self.traffic)
+
+    def _arrive(self, arrival: Packet | Presence) -> None:
+        if isinstance(arrival, Presence):
+            kind = PeerAppeared if arrival.alive else PeerGone
+            self._feed(kind(arrival.head, arrival.epoch))
+            return
+        try:
+            envelope = decode(arrival.payload)
+            if (envelope.stamp.head, kind_of(envelope.message)) != (arrival.head, arrival.kind):
+                raise MessageError("message of another head or kind than its key")
+        except MessageError as error:
+            # A peer's bad message is dropped, counted and logged, never fatal.
+            self.drop(f"head {arrival.head}: {error}")
+            return
+        self.traffic.count_received(arrival.kind, len(arrival.payload))
+        self._feed(Received(envelope))
+
+    def drop(self, reason: str) -> None:
+        """Count and, the first times, log a message that was dropped."""
+        self.traffic.dropped[reason] += 1
+        if self.traffic.dropped[reason] == 1 and len(self.traffic.dropped) <= 20:
+            self._front.tell(Note(f"message dropped: {reason}"))
+
+    def _feed(self, event: Event) -> None:
+        self._perform(self.protocol.handle(event))
+
+    def _perform(self, effects: list[Effect]) -> None:
+        # Effects may answer with events whose effects come after those at hand.
+        waiting = deque(effects)
+        while waiting:
+            answer = self._do(waiting.popleft())
+            if answer is not None:
+                waiting.extend(self.protocol.handle(answer))
+
+    def _do(self, effect: Effect) -> Event | None:
+        match effect:
+            case Send(message, reliable):
+                self._send(message, reliable=reliable)
+            case Take(head, distribution):
+                self._planner.take(head, distribution)
+            case Forget(head):
+                self._planner.forget(head)
+            case LiveChanged(live):
+                self._live = live
+            case RosterComplete():
+                self._deadline = self._clock() + self._limit_s
+            case Propose(live):
+                best = self._planner.best(live)
+                return Proposed(live, best.plans, best.makespan_s, best.digest)
+            case Resolve(live, plans, claimed):
+                found = self._planner.resolve(plans, live)
+                return PlanResolved(live, claimed, found.digest, found.makespan_s)
+            case Release():
+                self.released = effect
+                self._front.tell(effect)
+            case Note() | Refused() | Unfenced() | Left():
+                self._front.tell(effect)
+        return None
+
+    def _send(self, message: Message, *, reliable: bool) -> None:
+        self._seq += 1
+        try:
+            payload = encode(Envelope.of(self._head, self._epoch, self._seq, message))
+        except MessageError as error:
+            self.drop(f"own message: {error}")
+            return
+        kind = kind_of(message)
+        self.traffic.count_sent(kind, len(payload))
+        self._transport.send(kind, payload, reliable=reliable)
+
+
+__all__ = ["Agent", "Fenced", "FrontEnd", "Leave", "Progress"]

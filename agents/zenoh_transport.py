@@ -1,0 +1,223 @@
+"""The one place that touches zenoh, with every trap of it closed.
+
+Agents are peers on loopback with explicit endpoints in a full mesh, because
+peers do not relay. Nothing is discovered, nothing listens beyond 127.0.0.1.
+Received bytes go through ring channels polled by the agent's own thread, so no
+callback of ours ever runs inside zenoh and interpreter exit cannot hang on
+one; puts happen on a thread of their own, so a blocked put never holds up
+planning.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+from agents.codec import MAX_MESSAGE_BYTES
+from agents.keys import Keys
+from agents.messages import MessageError
+from agents.transport import Arrival, Packet, Presence
+
+LEASE_MS = 1000
+"""A peer silent for so long is gone; zenoh's default is 10 s."""
+
+RING = 1024
+"""Messages kept for a busy agent. A full default FIFO would block the whole
+session, other subscribers and `close` included; a ring drops the oldest, and
+the protocol says again what matters."""
+
+QUEUE = 1024
+POLL_S = 0.001
+FLUSH_S = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoints:
+    """Where one agent listens and whom it connects to, as zenoh locators."""
+
+    listen: str
+    connect: tuple[str, ...]
+
+    @staticmethod
+    def mesh(ports: Sequence[int], head: int) -> Endpoints:
+        """Return the loopback endpoints of one head of a full mesh."""
+        locators = [f"tcp/127.0.0.1:{port}" for port in ports]
+        others = tuple(at for h, at in enumerate(locators) if h != head)
+        return Endpoints(locators[head], others)
+
+
+def configuration(endpoints: Endpoints) -> zenoh.Config:
+    """Return the zenoh configuration of an agent; every insecure default is set."""
+    settings: dict[str, object] = {
+        "mode": "peer",
+        "listen/endpoints": [endpoints.listen],  # default: all interfaces
+        "connect/endpoints": list(endpoints.connect),
+        "connect/timeout_ms": 0,  # do not wait for peers that start later, ...
+        "connect/exit_on_failure": False,
+        "connect/retry": {  # ... keep trying in the background
+            "period_init_ms": 50,
+            "period_max_ms": 500,
+            "period_increase_factor": 2,
+        },
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/protocols": ["tcp"],
+        "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + 4096,  # default: 1 GiB
+        "transport/link/tx/lease": LEASE_MS,
+        "transport/shared_memory/enabled": False,  # loses promoted queries under load
+    }
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+class ZenohTransport:
+    """One head's zenoh session; use as a context manager.
+
+    Parameters
+    ----------
+    session : str
+        Name shared by the agents of one print.
+    head, epoch : int
+        Who we are; the liveliness token names both.
+    endpoints : Endpoints
+        Loopback locators.
+    on_drop : callable
+        Told the reason of every message that is dropped here.
+    """
+
+    def __init__(
+        self,
+        session: str,
+        head: int,
+        epoch: int,
+        endpoints: Endpoints,
+        *,
+        on_drop: Callable[[str], None] = lambda reason: None,
+    ) -> None:
+        self._keys = Keys(session)
+        self._head = head
+        self._epoch = epoch
+        self._endpoints = endpoints
+        self._on_drop = on_drop
+        self._queue: deque[tuple[str, bytes]] = deque()
+        self._latest: dict[str, bytes] = {}  # unreliable kinds: only the newest waits
+        self._ready = threading.Condition()
+        self._closing = False
+
+    def __enter__(self) -> Self:
+        """Open the session, subscribe, then announce this head."""
+        with ExitStack() as stack:
+            # Always `with`: a session left open by an exception hangs the exit.
+            self._session = stack.enter_context(zenoh.open(configuration(self._endpoints)))
+            self._messages = self._session.declare_subscriber(
+                self._keys.all_messages, zenoh.handlers.RingChannel(RING)
+            )
+            self._alive = self._session.liveliness().declare_subscriber(
+                self._keys.all_alive, zenoh.handlers.RingChannel(RING), history=True
+            )
+            token = self._keys.alive(self._head, self._epoch)
+            self._token = self._session.liveliness().declare_token(token)
+            self._sender = threading.Thread(target=self._send_all, name="zenoh-put", daemon=True)
+            self._sender.start()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Send what waits (briefly), then close."""
+        with self._ready:
+            self._closing = True
+            self._ready.notify()
+        self._sender.join(FLUSH_S)
+        self._stack.__exit__(kind, error, trace)
+
+    def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
+        """Queue bytes for all peers; a full queue drops the oldest."""
+        with self._ready:
+            if not reliable:
+                self._latest[kind] = payload
+            else:
+                if len(self._queue) >= QUEUE:
+                    self._queue.popleft()
+                    self._on_drop("outgoing queue full")
+                self._queue.append((kind, payload))
+            self._ready.notify()
+
+    def receive(self, timeout_s: float) -> list[Arrival]:
+        """Return what arrived, waiting at most `timeout_s` for the first."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            arrivals = self._presences() + self._packets()
+            left = deadline - time.monotonic()
+            if arrivals or left <= 0:
+                return arrivals
+            time.sleep(min(POLL_S, left))
+
+    def _presences(self) -> list[Arrival]:
+        found: list[Arrival] = []
+        while (sample := self._alive.try_recv()) is not None:
+            try:
+                head, epoch = self._keys.parse_alive(str(sample.key_expr))
+            except MessageError:
+                self._on_drop("bad key")
+                continue
+            if head != self._head:
+                found.append(Presence(head, epoch, sample.kind == zenoh.SampleKind.PUT))
+        return found
+
+    def _packets(self) -> list[Arrival]:
+        found: list[Arrival] = []
+        while (sample := self._messages.try_recv()) is not None:
+            try:
+                head, kind = self._keys.parse_message(str(sample.key_expr))
+            except MessageError:
+                self._on_drop("bad key")
+                continue
+            if head != self._head:
+                found.append(Packet(head, kind, sample.payload.to_bytes()))
+        return found
+
+    def _send_all(self) -> None:
+        while (batch := self._next_batch()) is not None:
+            for kind, payload, reliable in batch:
+                self._put(kind, payload, reliable=reliable)
+
+    def _next_batch(self) -> list[tuple[str, bytes, bool]] | None:
+        with self._ready:
+            self._ready.wait_for(lambda: self._queue or self._latest or self._closing)
+            batch = [(kind, payload, True) for kind, payload in self._queue]
+            batch += [(kind, payload, False) for kind, payload in self._latest.items()]
+            self._queue.clear()
+            self._latest.clear()
+            return batch or None
+
+    def _put(self, kind: str, payload: bytes, *, reliable: bool) -> None:
+        control = zenoh.CongestionControl
+        priority = zenoh.Priority
+        try:
+            # BLOCK waits up to 5 s for a hung peer, here and not in planning.
+            # Its own priority has its own queue, so bulk never delays commits.
+            self._session.put(
+                self._keys.message(self._head, kind),
+                payload,
+                congestion_control=control.BLOCK if reliable else control.DROP,
+                priority=priority.INTERACTIVE_HIGH if reliable else priority.DATA,
+                express=reliable,
+            )
+        except zenoh.ZError as error:
+            self._on_drop(f"put failed: {error}")
