@@ -1,0 +1,202 @@
+"""The dependency graph of a print for the heads that may print it.
+
+Turns contours and heads into kernel arrays, runs the walk and words what it
+finds for people. The geometry itself lives in `decmcts._kernels.clearance`, the
+order of the walk in `decmcts._kernels.closure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.clearance import Beads, PackedHead
+from decmcts._kernels.closure import (
+    NO_EDGE,
+    WORD,
+    Edges,
+    Rules,
+    Words,
+    bound_words,
+    close,
+    first_violation,
+    walk_columns,
+)
+from decmcts.errors import InputError
+from decmcts.feasibility.graph import DependencyGraph, EdgeKind
+from decmcts.feasibility.packed_head import pack_contours, pack_heads
+from decmcts.print.contours import Contours, Role
+from decmcts.print.machine import Head
+
+ROWS_BYTES = 512 * 2**20  # memory of one column block of ancestor bits
+
+
+def build_graph(
+    contours: Contours,
+    heads: Sequence[Head],
+    *,
+    clearance_mm: float,
+    process_order: Literal["keep", "free"] = "keep",
+) -> DependencyGraph:
+    """Return the exact dependency graph, transitively reduced.
+
+    Parameters
+    ----------
+    contours : Contours
+        The print, in source order.
+    heads : Sequence[Head]
+        The heads that may print it; an edge of any of them counts for all.
+    clearance_mm : float
+        Kept between head slices and printed beads, mm.
+    process_order : {"keep", "free"}
+        Whether touching contours of different roles on a layer keep their order.
+
+    Returns
+    -------
+    DependencyGraph
+        Its transitive closure is that of the definition in ARCHITECTURE.md. An
+        edge with several reasons carries the least negotiable kind: STATE, then
+        GEOMETRY, then PROCESS.
+
+    Raises
+    ------
+    InputError
+        If in the source an earlier contour already blocks a head at a later one.
+
+    References
+    ----------
+    Lensgraf & Mettu 2016; Yoo et al. 2020, Sec. II (dependency graph).
+    """
+    return _build(contours, heads, clearance_mm, process_order, ROWS_BYTES)
+
+
+def closure_of(graph: DependencyGraph) -> NDArray[np.uint64]:
+    """Return the ancestors of every contour as bits, (n, ceil(n / 64)).
+
+    Bit a % 64 of word [b, a // 64] says that a must be printed before b. Needs
+    n² / 8 bytes.
+    """
+    rows = np.zeros((graph.n, -(-graph.n // WORD)), np.uint64)
+    close(graph.pred_offsets, graph.preds, rows)
+    return rows
+
+
+def _build(
+    contours: Contours,
+    heads: Sequence[Head],
+    clearance_mm: float,
+    process_order: Literal["keep", "free"],
+    rows_bytes: int,
+) -> DependencyGraph:
+    """Build as `build_graph`, with the memory limit of a column block as an argument."""
+    n = len(contours)
+    if n == 0:
+        return DependencyGraph.from_pairs(0, np.empty((0, 2), np.int32))
+    head = pack_heads(heads)
+    beads = pack_contours(contours, clearance_mm)
+    words = Words(np.empty((-(-n // WORD), 6)), np.empty((-(-n // WORD), 2), np.int32))
+    bound_words(beads, contours.layer, words)
+    _refuse_violation(contours, beads, words, head)
+    rules = Rules(
+        contours.layer, contours.role, contours.epoch, contours.width, process_order == "keep"
+    )
+    return _graph_of(_walk(beads, rules, words, head, rows_bytes))
+
+
+def _walk(beads: Beads, rules: Rules, words: Words, head: PackedHead, rows_bytes: int) -> Edges:
+    n, n_words = len(beads.radius), len(words.boxes)
+    edges = Edges(
+        np.full(n, NO_EDGE, np.int64),
+        np.empty(4 * n, np.int64),
+        np.empty(4 * n, np.int32),
+        np.empty(4 * n, np.uint8),
+        np.zeros(1, np.int64),
+    )
+    columns = max(1, min(n_words, rows_bytes // (8 * n)))
+    for last in range(n_words, 0, -columns):
+        first = max(0, last - columns)
+        rows = np.empty((n - first * WORD, last - first), np.uint64)
+        edges = walk_columns(rows, first * WORD, beads, rules, words, head, edges)
+    return edges
+
+
+def _graph_of(edges: Edges) -> DependencyGraph:
+    count = int(edges.count[0])
+    target = np.empty(count, np.int32)
+    at = edges.latest.copy()
+    while (alive := np.flatnonzero(at != NO_EDGE)).size:
+        target[at[alive]] = alive
+        at[alive] = edges.older[at[alive]]
+    pairs = np.stack([edges.source[:count], target], axis=1)
+    return DependencyGraph.from_pairs(len(edges.latest), pairs, edges.kind[:count].copy())
+
+
+def _refuse_violation(contours: Contours, beads: Beads, words: Words, head: PackedHead) -> None:
+    a, b, k = first_violation(beads, words, head)
+    if a < 0:
+        return
+    raise InputError(
+        f"the source prints {_name(contours, a)} before {_name(contours, b)}, but then the head "
+        f"would hit the first while it prints the second: the part of the head from "
+        f"{head.heights[k]:g} mm above the tip upwards would pass through material up to "
+        f"z {contours.top[a]:.3f} mm with the tip at z {contours.bottom[b]:.3f} mm",
+        line=int(contours.line[b]) or None,
+        advice="choose another machine, or print with more room between objects",
+    )
+
+
+def _name(contours: Contours, i: int) -> str:
+    role = Role(int(contours.role[i])).name.lower().replace("_", " ")
+    where = f", line {contours.line[i]}" if contours.line[i] else ""
+    return f"contour {i} ({role}, layer {contours.layer[i]}, z {contours.bottom[i]:.3f} mm{where})"
+
+
+def explain(graph: DependencyGraph, contours: Contours, a: int, b: int) -> str:
+    """Say in one line whether and why contour a must be printed before contour b.
+
+    Names the stored edge, or the shortest chain of stored edges; raises
+    ValueError if a or b is no contour.
+    """
+    for contour in (a, b):
+        if not 0 <= contour < graph.n:
+            raise ValueError(f"contour {contour} is not in 0..{graph.n - 1}")
+    if a > b:
+        return explain(graph, contours, b, a)
+    chain = _shortest_chain(graph, a, b)
+    if not chain:
+        return f"{_name(contours, a)} and {_name(contours, b)} may be printed in either order"
+    text = f"{_name(contours, a)} comes before {_name(contours, b)}: "
+    if len(chain) == 1:
+        return text + _REASONS[chain[0][1]]
+    steps = [f"{contour} ({_REASONS[kind]})" for contour, kind in chain]
+    return text + f"through {len(chain)} steps: " + ", then ".join(steps)
+
+
+_REASONS = {
+    EdgeKind.GEOMETRY: "printed first, the later one would block the head at the earlier one",
+    EdgeKind.PROCESS: "they touch on one layer with different roles, the slicer's order is kept",
+    EdgeKind.STATE: "nothing moves across the change of machine state between them",
+}
+
+
+def _shortest_chain(graph: DependencyGraph, a: int, b: int) -> list[tuple[int, EdgeKind]]:
+    """Return the (contour, kind of the edge into it) that lead from a to b, or nothing."""
+    came_by: dict[int, tuple[int, EdgeKind]] = {}
+    front = [b]
+    while front and a not in came_by and a != b:
+        reached = []
+        for later in front:
+            for e in range(int(graph.pred_offsets[later]), int(graph.pred_offsets[later + 1])):
+                earlier = int(graph.preds[e])
+                if earlier >= a and earlier not in came_by:
+                    came_by[earlier] = (later, EdgeKind(int(graph.kinds[e])))
+                    reached.append(earlier)
+        front = reached
+    chain = []
+    while a in came_by:
+        a, kind = came_by[a]
+        chain.append((a, kind))
+    return chain

@@ -1,0 +1,104 @@
+"""Heads and contours packed for the kernels, and the checks the kernels rely on.
+
+The one place where `Head` becomes arrays; what the arrays mean stands at
+`decmcts._kernels.clearance`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.clearance import CHUNK, Beads, PackedHead, fill_boxes
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Head
+
+TOUCH_EPS = 1e-9  # mm, exactly touching counts as blocked in spite of rounding
+
+
+def pack_head(head: Head) -> PackedHead:
+    """Return the slices of one head as flat polygons, ascending in height."""
+    return pack_heads([head])
+
+
+def pack_heads(heads: Sequence[Head]) -> PackedHead:
+    """Return all slices of several heads at once: blocked means blocked for any of them.
+
+    Polygons that lie inside one that starts at the same height or lower are left
+    out; they can't block more.
+
+    Raises
+    ------
+    ValueError
+        If a polygon is not convex and counter-clockwise, or no head has a slice.
+    """
+    stack = [
+        (float(part.height_mm), _convex(polygon))
+        for head in heads
+        for part in head.slices
+        for polygon in part.polygons
+    ]
+    if not stack:
+        raise ValueError("no head has a slice")
+    stack.sort(key=lambda item: item[0])
+    kept: list[tuple[float, NDArray[np.float64]]] = []
+    for height, polygon in stack:
+        if not any(_contains(outer, polygon) for _, outer in kept):
+            kept.append((height, polygon))
+    return _pack(kept)
+
+
+def pack_contours(contours: Contours, clearance_mm: float) -> Beads:
+    """Return contours with their boxes; radius is clearance + half the bead width."""
+    offsets = np.ascontiguousarray(contours.offsets, np.int64)
+    points = np.ascontiguousarray(contours.points, np.float64)
+    chunks = -(-(np.diff(offsets) - 1) // CHUNK)
+    chunk_offsets = np.concatenate([[0], np.cumsum(chunks)]).astype(np.int64)
+    boxes = np.empty((len(contours), 6))
+    chunk_boxes = np.empty((int(chunk_offsets[-1]), 6))
+    fill_boxes(points, offsets, boxes, chunk_offsets, chunk_boxes)
+    radius = clearance_mm + contours.width / 2 + TOUCH_EPS
+    return Beads(points, offsets, radius, boxes, chunk_offsets, chunk_boxes)
+
+
+def _edges(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.roll(polygon, -1, axis=0) - polygon
+
+
+def _normals(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    edge = _edges(polygon)
+    outward = np.stack([edge[:, 1], -edge[:, 0]], axis=1)
+    return np.asarray(outward / np.linalg.norm(outward, axis=1, keepdims=True))
+
+
+def _convex(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    vertices = np.ascontiguousarray(polygon, np.float64).reshape(-1, 2)
+    vertices = vertices[np.linalg.norm(_edges(vertices), axis=1) > 0.0]
+    if len(vertices) < 3:
+        raise ValueError("a slice polygon needs three different corners")
+    values = vertices @ _normals(vertices).T  # (corner, edge)
+    if (values - np.diag(values)[None, :]).max() > 1e-6:
+        raise ValueError("a slice polygon must be convex and counter-clockwise")
+    return vertices
+
+
+def _contains(outer: NDArray[np.float64], polygon: NDArray[np.float64]) -> bool:
+    normals = _normals(outer)
+    levels = (normals * outer).sum(axis=1)
+    return bool(((polygon @ normals.T) <= levels[None, :]).all())
+
+
+def _pack(stack: list[tuple[float, NDArray[np.float64]]]) -> PackedHead:
+    vertices = np.concatenate([polygon for _, polygon in stack])
+    normals = np.concatenate([_normals(polygon) for _, polygon in stack])
+    sizes = [len(polygon) for _, polygon in stack]
+    return PackedHead(
+        np.array([height for height, _ in stack]),
+        np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        vertices,
+        normals,
+        (normals * vertices).sum(axis=1),
+        np.array([[*polygon.min(axis=0), *polygon.max(axis=0)] for _, polygon in stack]),
+    )
