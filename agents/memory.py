@@ -32,7 +32,7 @@ class Weather:
 class MemoryNetwork:
     """Connects `MemoryTransport`s; `advance` moves its clock."""
 
-    def __init__(self, rng: np.random.Generator, weather: Weather = Weather()) -> None:  # noqa: B008 - frozen
+    def __init__(self, rng: np.random.Generator, weather: Weather = Weather()) -> None:
         self.now = 0.0
         self.weather = weather
         self.transports: dict[int, MemoryTransport] = {}
