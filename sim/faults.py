@@ -1,0 +1,71 @@
+"""What the judge can find wrong, and the verdict it returns.
+
+Only words and numbers live here; the checks are in the other modules of `sim`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+
+class FaultKind(Enum):
+    """The rule that was broken."""
+
+    HEAD_MATERIAL = "head touches material"
+    HEAD_HEAD = "heads come too near"
+    RAIL = "rail order or separation"
+    PRECEDENCE = "precedence"
+    MISSING = "missing contour"
+    DOUBLED = "doubled contour"
+    WRONG_PATH = "wrong path"
+    NOT_PARKED = "not parked"
+    OUT_OF_REACH = "out of reach"
+    INELIGIBLE = "ineligible head"
+    DEADLOCK = "deadlock"
+    TIMES = "nominal times"
+    EXTRUSION = "extrusion"
+    FEED = "feed"
+    E_TOTAL = "extrusion total"
+    DIGEST = "digest"
+    MACHINE = "machine"
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One broken rule, in one clear line."""
+
+    kind: FaultKind
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.kind.value}: {self.text}"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """All faults found, and how much was checked to find them."""
+
+    faults: tuple[Fault, ...]
+    counts: dict[str, float] = field(default_factory=dict)  # what was checked, how often
+
+    @property
+    def ok(self) -> bool:
+        """Whether no rule was broken."""
+        return not self.faults
+
+    def kinds(self) -> set[FaultKind]:
+        """Return the kinds of the faults found."""
+        return {fault.kind for fault in self.faults}
+
+
+LIMIT = 25  # faults of one kind listed one by one; the rest are summed in one line
+
+
+def listed(kind: FaultKind, lines: list[str], *, total: int | None = None) -> list[Fault]:
+    """Return the first `LIMIT` lines as faults and one fault that counts the rest."""
+    total = len(lines) if total is None else total
+    faults = [Fault(kind, line) for line in lines[:LIMIT]]
+    if total > LIMIT:
+        faults.append(Fault(kind, f"and {total - LIMIT} more"))
+    return faults

@@ -1,0 +1,168 @@
+"""Head against printed material: a growing print and a head that moves through it.
+
+Both one-head G-code and joint plans come here as a list of moves, a list of
+beads, and for each bead the first move that may meet it. A head slice k fills
+its polygons from tip + height_k upwards; the carriage's bodies are boxes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.machine import Head
+from sim import raster
+from sim.collision import (
+    HEAD_TOP_MM,
+    Solid,
+    Vertices,
+    bead_vertices,
+    box_vertices,
+    prism_vertices,
+    swept_vertices,
+)
+
+MARGIN_MM = 0.01  # the middle phase looks this much further than FCL
+
+
+@dataclass(frozen=True, slots=True)
+class Beads:
+    """Printed segments in any order, each with the first move that may meet it."""
+
+    start: NDArray[np.float64]  # (n, 3)
+    end: NDArray[np.float64]  # (n, 3)
+    width: NDArray[np.float64]  # (n,)
+    height: NDArray[np.float64]  # (n,)
+    since: NDArray[np.int64]  # (n,) index of the first move at which it may be there
+    label: NDArray[np.int64]  # (n,) what the caller calls it, e.g. the contour
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A move in which the head meets a bead."""
+
+    move: int
+    bead: int
+    part: str  # name of the head part
+    depth_mm: float  # how far the bead's top is above the part's lower side
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A convex prism of the head, relative to the tip."""
+
+    name: str
+    polygon: NDArray[np.float64]  # (k, 2) counter-clockwise
+    low: float
+    high: float
+
+    def vertices(self) -> Vertices:
+        """Return its corners."""
+        return prism_vertices(self.polygon, self.low, self.high)
+
+
+def parts_of(head: Head) -> list[Part]:
+    """Return the convex parts of a head: every slice polygon and every body."""
+    parts = [
+        Part(
+            f"slice at {s.height_mm:g} mm",
+            np.asarray(polygon, np.float64),
+            s.height_mm,
+            HEAD_TOP_MM,
+        )
+        for s in head.slices
+        for polygon in s.polygons
+    ]
+    for body in head.bodies:
+        corners = box_vertices(np.array(body.minimum), np.array(body.maximum))[[0, 4, 6, 2], :2]
+        parts.append(Part(body.name, corners, body.minimum[2], body.maximum[2]))
+    return parts
+
+
+def find_contacts(
+    moves: NDArray[np.float64], beads: Beads, head: Head, *, tolerance_mm: float, limit: int
+) -> list[Contact]:
+    """Return moves in which a part of the head overlaps a bead by more than the tolerance.
+
+    At most one contact a move is returned, and at most `limit` in all.
+
+    Parameters
+    ----------
+    moves : (m, 6) start and end of each move in the order they are made
+    beads : Beads
+    head : Head
+    tolerance_mm : overlap that counts as touching, which is allowed
+    limit : stop after this many
+    """
+    if not len(beads.start) or not len(moves):
+        return []
+    order = np.argsort(beads.since, kind="stable")
+    parts = parts_of(head)
+    found = _candidates(moves, beads, order, parts, tolerance_mm)
+    contacts: dict[int, Contact] = {}
+    for move, at, part in found.tolist():
+        if len(contacts) >= limit:
+            break
+        if move not in contacts:
+            contact = _judge(moves[move], beads, int(order[at]), parts[part], tolerance_mm)
+            if contact is not None:
+                contacts[move] = Contact(move, *contact)
+    return list(contacts.values())
+
+
+def _candidates(
+    moves: NDArray[np.float64],
+    beads: Beads,
+    order: NDArray[np.int64],
+    parts: list[Part],
+    tolerance_mm: float,
+) -> NDArray[np.int64]:
+    """Return rows (move, position in `order`, part) that FCL has to look at."""
+    rows = _rectangles(beads, order)
+    upto = np.searchsorted(beads.since[order], np.arange(len(moves)), side="right")
+    offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
+    heights = np.array([p.low for p in parts]) + tolerance_mm
+    packed = (heights, offsets, np.concatenate([p.polygon for p in parts]))
+    reach = np.hypot(rows[:, 4], rows[:, 5])[:, None]
+    low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
+    shape = (np.ceil((high - low) / raster.CELL_MM) + 1).astype(np.int64)
+    entries = raster.count_entries(rows, low, shape)
+    moves, size = np.ascontiguousarray(moves, np.float64), 1 << 16
+    while True:
+        found = np.empty((size, 3), np.int64)
+        n = raster.scan(moves, upto, rows, packed, low, shape, entries, found)
+        if n <= size or size >= 1 << 22:  # that many are contacts, not near misses
+            return found[:n]
+        size = 1 << 22
+
+
+def _rectangles(beads: Beads, order: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the beads as the raster takes them, (n, 7), a margin larger than they are."""
+    start, end = beads.start[order], beads.end[order]
+    along = end[:, :2] - start[:, :2]
+    length = np.hypot(along[:, 0], along[:, 1])
+    unit = np.where(length[:, None] > 0, along / np.maximum(length, 1e-12)[:, None], [1.0, 0.0])
+    rows = np.empty((len(order), 7))
+    rows[:, :2] = (start[:, :2] + end[:, :2]) / 2
+    rows[:, 2:4] = unit
+    rows[:, 4] = length / 2 + MARGIN_MM
+    rows[:, 5] = beads.width[order] / 2 + MARGIN_MM
+    rows[:, 6] = np.maximum(start[:, 2], end[:, 2])
+    return rows
+
+
+def _judge(
+    move: NDArray[np.float64], beads: Beads, bead: int, part: Part, tolerance_mm: float
+) -> tuple[int, str, float] | None:
+    """Ask FCL whether a swept part of the head overlaps one bead."""
+    start, end = beads.start[bead], beads.end[bead]
+    if np.array_equal(start[:2], end[:2]):
+        return None  # nothing is laid down where the nozzle stands
+    shape = bead_vertices(start, end, beads.width[bead], beads.height[bead], tolerance_mm)
+    sweep = Solid(swept_vertices(part.vertices(), move[:3], move[3:]))
+    if not sweep.touches(Solid(shape)):
+        return None
+    depth = max(start[2], end[2]) - (min(move[2], move[5]) + part.low)
+    return bead, part.name, float(depth)

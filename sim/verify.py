@@ -1,0 +1,211 @@
+"""The judge: checks a plan or a G-code file with logic of its own.
+
+Composition only; each rule is checked in a module of its own. Nothing of the
+planner's algorithms is imported here, only its data types.
+"""
+
+from __future__ import annotations
+
+import time
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.bodies import concurrent, find_clashes, find_rail_breaks
+from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
+from sim.growth import beads_for, moves_of
+from sim.material import find_contacts
+from sim.order import PartialOrder, order_of
+from sim.paths import check_head, check_once, check_structure, describe
+
+PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
+
+
+def verify_plan(
+    document: PlanDocument, *, source: PrintJob | None = None, trials: int = 3, seed: int = 0
+) -> Verdict:
+    """Check a joint plan for every execution its partial order allows.
+
+    Parameters
+    ----------
+    document : PlanDocument
+        The plan with its machine and contours.
+    source : PrintJob | None
+        What it was made from; when given, every extrusion is compared.
+    trials : int
+        Random timing trials of the replay, besides the nominal and the adversarial ones.
+    seed : int
+        Seeds the random trials.
+
+    Returns
+    -------
+    Verdict
+        All faults found, at most a few dozen lines a kind, and what was checked.
+    """
+    started = time.perf_counter()
+    faults = check_structure(document)
+    if faults:
+        return Verdict(tuple(faults))
+    heads = document.machine.heads
+    lanes = lanes_of(document)
+    faults += check_once(document)
+    for actions, head in zip(lanes, heads, strict=True):
+        faults += check_head(document.contours, actions, head)
+    order = order_of(lanes)
+    counts: dict[str, float] = {"contours": len(document.contours)}
+    if isinstance(order, list):
+        lines = [f"{describe(lanes[h], a)} can never begin" for h, a in order]
+        faults += listed(FaultKind.DEADLOCK, lines)
+    else:
+        faults += check_precedence(document, lanes, order)
+        faults += check_material(document, lanes, order, counts)
+        faults += check_heads(document, lanes, order)
+        faults += check_rail(document, lanes, order)
+    counts["seconds"] = time.perf_counter() - started
+    return Verdict(tuple(faults), counts)
+
+
+def lanes_of(document: PlanDocument) -> tuple[HeadActions, ...]:
+    """Return one action list per head of the machine; a head without work rests at its park."""
+    given = {h.head: h for h in document.plan.heads}
+    names = [h.head for h in document.plan.heads]
+    machine_order = [h.name for h in document.machine.heads]
+    renumber = np.array([machine_order.index(name) for name in names] or [0], np.int32)
+    lanes = []
+    for name in machine_order:
+        lane = given.get(name)
+        lanes.append(_idle(name) if lane is None else _renumbered(lane, renumber))
+    return tuple(lanes)
+
+
+def _idle(name: str) -> HeadActions:
+    ints, none = np.zeros(1, np.int64), np.empty(0, np.int32)
+    empty = np.empty(0)
+    return HeadActions(
+        name, none.astype(np.int8), none, none.astype(bool), none, ints, np.empty((0, 3)),
+        empty, empty, ints, none, none,
+    )  # fmt: skip
+
+
+def _renumbered(lane: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
+    """Return a lane whose `after` counts heads as the machine does, not as the plan does."""
+    return HeadActions(
+        lane.head, lane.kind, lane.contour, lane.reversed, lane.entry, lane.path_offsets,
+        lane.path, lane.begin_s, lane.end_s, lane.after_offsets,
+        renumber[lane.after_head], lane.after_action,
+    )  # fmt: skip
+
+
+def check_precedence(
+    document: PlanDocument, lanes: tuple[HeadActions, ...], order: PartialOrder
+) -> list[Fault]:
+    """J2: for each pair (a, b) the action of a precedes the action of b, whatever the timing."""
+    n = len(document.contours)
+    head, action = np.full(n, -1), np.full(n, -1)
+    for h, lane in enumerate(lanes):
+        printing = np.nonzero(lane.kind == ActionKind.PRINT)[0]
+        head[lane.contour[printing]], action[lane.contour[printing]] = h, printing
+    pairs = document.precedence.reshape(-1, 2)
+    pairs = pairs[(head[pairs] >= 0).all(axis=1)]
+    a, b = pairs[:, 0], pairs[:, 1]
+    clock = np.empty(len(pairs), np.int64)
+    for h, clocks in enumerate(order.clocks):
+        rows = head[b] == h
+        clock[rows] = clocks[action[b[rows]], head[a[rows]]]
+    broken = pairs[clock <= action[a]]
+    lines = [f"contour {x} must end before contour {y} begins" for x, y in broken[:LIMIT].tolist()]
+    return listed(FaultKind.PRECEDENCE, lines, total=len(broken))
+
+
+def check_material(
+    document: PlanDocument,
+    lanes: tuple[HeadActions, ...],
+    order: PartialOrder,
+    counts: dict[str, float],
+) -> list[Fault]:
+    """J2 and J5 by geometry: no head touches anything not ordered later."""
+    lines: list[str] = []
+    for h, lane in enumerate(lanes):
+        if not len(lane):
+            continue
+        moves, owner = moves_of(lane)
+        beads = beads_for(document.contours, lanes, order, h)
+        counts["moves"] = counts.get("moves", 0) + len(moves)
+        for c in find_contacts(
+            moves,
+            beads,
+            document.machine.heads[h],
+            tolerance_mm=PLAN_TOLERANCE_MM,
+            limit=10 * LIMIT,
+        ):
+            action = int(owner[c.move])
+            lines.append(
+                f"{describe(lane, action)}: {c.part} meets contour {beads.label[c.bead]}, "
+                f"which is {c.depth_mm:.3f} mm too high, near {_place(moves[c.move])}"
+            )
+    return listed(FaultKind.HEAD_MATERIAL, lines)
+
+
+def _place(move: NDArray[np.float64]) -> str:
+    x, y, z = (move[:3] + move[3:]) / 2
+    return f"({x:.2f}, {y:.2f}, {z:.2f})"
+
+
+def check_heads(
+    document: PlanDocument, lanes: tuple[HeadActions, ...], order: PartialOrder
+) -> list[Fault]:
+    """J3: heads that may move or rest at the same time keep their distance."""
+    lines: list[str] = []
+    for r, s in permutations(range(len(lanes)), 2):
+        for stations, others in concurrent(document.machine.heads, lanes, order, r, s):
+            clashes = find_clashes(
+                stations,
+                document.machine.heads[r],
+                others,
+                document.machine.heads[s],
+                clearance_mm=document.machine.head_clearance_mm,
+                limit=2 * LIMIT,
+            )
+            lines += [
+                f"{_station(lanes[r], c.action, c.rest)} and "
+                f"{_station(lanes[s], c.other_action, others.rest)} may happen together "
+                f"and come within {c.gap_mm:.3f} mm ({c.part}, {c.other_part})"
+                for c in clashes
+            ]
+    return listed(FaultKind.HEAD_HEAD, lines)
+
+
+def check_rail(
+    document: PlanDocument, lanes: tuple[HeadActions, ...], order: PartialOrder
+) -> list[Fault]:
+    """Heads on one rail keep their order and their separation, whatever the timing."""
+    rail = document.machine.rail
+    if rail is None:
+        return []
+    names = [head.name for head in document.machine.heads]
+    place = {name: i for i, name in enumerate(rail.order)}
+    lines: list[str] = []
+    for r, s in permutations(range(len(lanes)), 2):
+        if names[r] not in place or names[s] not in place:
+            continue
+        steps = place[names[s]] - place[names[r]]
+        least = rail.separation_mm * abs(steps)
+        for stations, others in concurrent(document.machine.heads, lanes, order, r, s):
+            lines += [
+                f"{_station(lanes[r], a, stations.rest)} and {_station(lanes[s], b, others.rest)} "
+                f"may happen together and be {gap:.3f} mm apart along {'xy'[rail.axis]}, "
+                f"less than {least:g} mm"
+                for a, b, gap in find_rail_breaks(
+                    stations, others, axis=rail.axis, separation_mm=least, below=steps > 0
+                )
+            ]
+    return listed(FaultKind.RAIL, lines)
+
+
+def _station(lane: HeadActions, action: int, rest: bool) -> str:
+    if action < 0:
+        return f"head {lane.head} before its first action"
+    return ("the rest after " if rest else "") + describe(lane, action)

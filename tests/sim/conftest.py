@@ -1,0 +1,149 @@
+"""Small prints and plans made by hand, without any planner."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Body, Head, Machine, Rail, Slice
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, PlanDocument
+
+LAYER = 0.2
+
+
+def box(half: float) -> np.ndarray:
+    return np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
+
+
+def contours_of(polylines, *, width=0.4, height=LAYER, tool=None) -> Contours:
+    """Contours from (k, 3) polylines, one E a mm, 30 mm/s."""
+    n = len(polylines)
+    points = np.concatenate([np.asarray(p, float) for p in polylines])
+    offsets = np.cumsum([0, *(len(p) for p in polylines)]).astype(np.int64)
+    extrusion = np.concatenate([[0.0], np.linalg.norm(np.diff(points, axis=0), axis=1)])
+    feed = np.full(len(points), 30.0)
+    extrusion[offsets[:-1]] = feed[offsets[:-1]] = 0.0
+    closed = [bool(np.allclose(p[0], p[-1])) for p in polylines]
+    layer = [round(p[0][2] / height) - 1 for p in polylines]
+    return Contours(
+        points, offsets, extrusion, feed, np.full(n, width), np.full(n, height),
+        np.ones(n, np.int8), np.array(closed, bool), np.array(layer, np.int32),
+        np.array(tool if tool is not None else [0] * n, np.int16), np.ones(n, bool),
+        np.zeros(n, np.int32), np.zeros(n, np.int32),
+    )  # fmt: skip
+
+
+def square(x: float, y: float, z: float, side: float = 4.0) -> np.ndarray:
+    corners = [[x, y], [x + side, y], [x + side, y + side], [x, y + side], [x, y]]
+    return np.array([[*c, z] for c in corners])
+
+
+def head_actions(head: Head, visits, paths, index: int, *, clearance_z: float, after=None):
+    """A lane that lifts to `clearance_z`, goes, lowers and prints, then parks.
+
+    `after` maps a position in `visits` to (head, action) pairs of its travel.
+    """
+    rows, polylines, waits = [], [], []
+    at = np.array(head.park, float)
+    for k, (contour, backwards) in enumerate(visits):
+        path = paths[contour][::-1] if backwards else paths[contour]
+        rows.append((ActionKind.TRAVEL, NO_CONTOUR, False))
+        polylines.append(lift(at, path[0], clearance_z))
+        waits.append((after or {}).get(k, []))
+        rows.append((ActionKind.PRINT, contour, backwards))
+        polylines.append(np.asarray(path, float))
+        waits.append([])
+        at = path[-1]
+    rows.append((ActionKind.PARK, NO_CONTOUR, False))
+    polylines.append(lift(at, np.array(head.park, float), clearance_z))
+    waits.append((after or {}).get(len(visits), []))
+    return lane(head.name, rows, polylines, waits)
+
+
+def lift(start, goal, z) -> np.ndarray:
+    z = max(z, start[2], goal[2])
+    return np.array([start, [*start[:2], z], [*goal[:2], z], goal], float)
+
+
+def lane(name, rows, polylines, waits) -> HeadActions:
+    kind, contour, backwards = zip(*rows, strict=True)
+    flat = [pair for w in waits for pair in w]
+    pairs = np.array(flat, np.int32).reshape(-1, 2)
+    k = len(rows)
+    return HeadActions(
+        name, np.array(kind, np.int8), np.array(contour, np.int32), np.array(backwards, bool),
+        np.zeros(k, np.int32), np.cumsum([0, *(len(p) for p in polylines)]).astype(np.int64),
+        np.concatenate(polylines), np.arange(k, dtype=float), np.arange(1, k + 1, dtype=float),
+        np.cumsum([0, *(len(w) for w in waits)]).astype(np.int64),
+        pairs[:, 0].copy(), pairs[:, 1].copy(),
+    )  # fmt: skip
+
+
+def one_head_machine(half: float = 7.0) -> Machine:
+    head = Head("head", (Slice(0.0, (box(half),)),), park=(-20.0, -20.0, 20.0))
+    return Machine("paper", (0.0, 0.0), (200.0, 200.0), (head,))
+
+
+def two_head_machine(*, rail: bool = True) -> Machine:
+    slices = (Slice(0.0, (box(2.0),)), Slice(5.0, (box(10.0),)))
+    bodies = (Body("beam", (-10.0, -300.0, 30.0), (10.0, 300.0, 60.0)),)
+    left = Head("left", slices, bodies, park=(-40.0, 50.0, 20.0))
+    right = Head("right", slices, bodies, park=(240.0, 50.0, 20.0))
+    return Machine(
+        "two", (0.0, 0.0), (200.0, 200.0), (left, right), head_clearance_mm=1.0,
+        rail=Rail(0, ("left", "right"), 25.0) if rail else None,
+    )  # fmt: skip
+
+
+def tower_plan(layers: int = 5, towers=((20.0, 20.0), (60.0, 20.0)), half: float = 7.0):
+    """One head prints towers one after the other; far enough apart to be allowed."""
+    machine = one_head_machine(half)
+    paths = [square(x, y, LAYER * (k + 1)) for k in range(layers) for x, y in towers]
+    n = len(towers)
+    order = [k * n + t for t in range(n) for k in range(layers)]
+    z = LAYER * layers + 0.2
+    lane_ = head_actions(machine.heads[0], [(c, False) for c in order], paths, 0, clearance_z=z)
+    pairs = [(k * n + t, (k + 1) * n + t) for k in range(layers - 1) for t in range(n)]
+    return PlanDocument(
+        "", machine, contours_of(paths), np.array(pairs, np.int32).reshape(-1, 2),
+        JointPlan((lane_,)), {},
+    )  # fmt: skip
+
+
+def two_head_plan(layers: int = 4, *, rail: bool = True, meet: bool = True):
+    """Each head prints a tower of its own; then the right head one in the left one's half.
+
+    The last tower is printed only after the left head has parked.
+    """
+    machine = two_head_machine(rail=rail)
+    places = [(20.0, 50.0), (150.0, 50.0), (40.0, 80.0)]
+    paths = [square(x, y, LAYER * (k + 1)) for x, y in places for k in range(layers)]
+    z = LAYER * layers + 0.2
+    left = head_actions(
+        machine.heads[0], [(k, False) for k in range(layers)], paths, 0, clearance_z=z
+    )
+    work = list(range(layers, 3 * layers if meet else 2 * layers))
+    after = {layers: [(0, 2 * layers)]} if meet else {}
+    right = head_actions(
+        machine.heads[1], [(c, False) for c in work], paths, 1, clearance_z=z, after=after
+    )
+    count = 3 if meet else 2
+    paths = paths[: count * layers]
+    pairs = [(t * layers + k, t * layers + k + 1) for t in range(count) for k in range(layers - 1)]
+    return PlanDocument(
+        "", machine, contours_of(paths), np.array(pairs, np.int32).reshape(-1, 2),
+        JointPlan((left, right)), {},
+    )  # fmt: skip
+
+
+@pytest.fixture
+def make():
+    """The builders of this file, for tests that need another shape of print."""
+    return SimpleNamespace(
+        contours_of=contours_of, square=square, head_actions=head_actions, lane=lane, lift=lift,
+        one_head_machine=one_head_machine, two_head_machine=two_head_machine,
+        tower_plan=tower_plan, two_head_plan=two_head_plan,
+    )  # fmt: skip
