@@ -88,7 +88,7 @@ def box_reaches(
     r: float,
 ) -> bool:
     """Tell whether material box i may block polygon k of the head somewhere in nozzle box j."""
-    return (
+    return bool(
         material[i, 5] > nozzle[j, 4] + head.heights[k] + Z_EPS
         and material[i, 0] - nozzle[j, 2] <= head.boxes[k, 2] + r
         and material[i, 2] - nozzle[j, 0] >= head.boxes[k, 0] - r

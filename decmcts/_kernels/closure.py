@@ -57,7 +57,7 @@ class Edges(NamedTuple):
     older: NDArray[np.int64]  # (capacity,) next older edge into the same b
     source: NDArray[np.int32]  # (capacity,) a
     kind: NDArray[np.uint8]  # (capacity,)
-    count: NDArray[np.int64]  # (1,) edges in use
+    used: NDArray[np.int64]  # (1,) how many of the capacity
 
 
 @kernel
@@ -96,7 +96,7 @@ def boxes_near(
     one: NDArray[np.float64], i: int, other: NDArray[np.float64], j: int, gap: float
 ) -> bool:
     """Tell whether two boxes come within `gap` of each other along both axes."""
-    return (
+    return bool(
         one[i, 0] <= other[j, 2] + gap
         and other[j, 0] <= one[i, 2] + gap
         and one[i, 1] <= other[j, 3] + gap
@@ -166,7 +166,7 @@ def word_concerns(
 @kernel
 def add_edge(edges: Edges, a: int, b: int, kind: int) -> Edges:
     """Append the edge (a, b), in place while there is room, and return the list."""
-    at = edges.count[0]
+    at = edges.used[0]
     if at == len(edges.source):
         older = np.empty(2 * at, np.int64)
         source = np.empty(2 * at, np.int32)
@@ -174,12 +174,12 @@ def add_edge(edges: Edges, a: int, b: int, kind: int) -> Edges:
         older[:at] = edges.older
         source[:at] = edges.source
         kinds[:at] = edges.kind
-        edges = Edges(edges.latest, older, source, kinds, edges.count)
+        edges = Edges(edges.latest, older, source, kinds, edges.used)
     edges.older[at] = edges.latest[b]
     edges.source[at] = a
     edges.kind[at] = kind
     edges.latest[b] = at
-    edges.count[0] = at + 1
+    edges.used[0] = at + 1
     return edges
 
 

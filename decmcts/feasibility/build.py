@@ -124,7 +124,7 @@ def _walk(beads: Beads, rules: Rules, words: Words, head: PackedHead, rows_bytes
 
 
 def _graph_of(edges: Edges) -> DependencyGraph:
-    count = int(edges.count[0])
+    count = int(edges.used[0])
     target = np.empty(count, np.int32)
     at = edges.latest.copy()
     while (alive := np.flatnonzero(at != NO_EDGE)).size:

@@ -64,7 +64,7 @@ def pack_contours(contours: Contours, clearance_mm: float) -> Beads:
 
 
 def _edges(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.roll(polygon, -1, axis=0) - polygon
+    return np.asarray(np.roll(polygon, -1, axis=0) - polygon)
 
 
 def _normals(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -75,7 +75,7 @@ def _normals(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _convex(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
     vertices = np.ascontiguousarray(polygon, np.float64).reshape(-1, 2)
-    vertices = vertices[np.linalg.norm(_edges(vertices), axis=1) > 0.0]
+    vertices = np.ascontiguousarray(vertices[np.linalg.norm(_edges(vertices), axis=1) > 0.0])
     if len(vertices) < 3:
         raise ValueError("a slice polygon needs three different corners")
     values = vertices @ _normals(vertices).T  # (corner, edge)
