@@ -1,0 +1,52 @@
+"""The built-in slicer: STL, 3MF and OBJ without any other program.
+
+It makes honest plain prints (walls, rectilinear infill, solid top and bottom)
+so that planning works with no slicer installed; it is no rival to one: no
+supports, bridges, thin walls or brims. Meshes become G-code text, and the
+G-code reader makes the print job of that: one way in for every print.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import GcodeDocument, parse_gcode
+from decmcts.formats.mesh.gcode_text import gcode_lines
+from decmcts.formats.mesh.load import load_solid
+from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions
+from decmcts.formats.mesh.sections import cut_layers
+from decmcts.print.job import PrintJob
+
+__all__ = ["MESH_SUFFIXES", "SliceOptions", "slice_mesh", "slice_to_gcode"]
+
+
+def slice_mesh(
+    path: Path | str, options: SliceOptions | None = None
+) -> tuple[PrintJob, GcodeDocument]:
+    """Slice a mesh file and return what reading its G-code gives.
+
+    Raises
+    ------
+    InputError
+        For files that are no closed mesh or too small for the nozzle.
+    """
+    source = Path(path)
+    text = slice_to_gcode(source, options)
+    return parse_gcode(text.encode(), source.name)
+
+
+def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str:
+    """Return the G-code of a mesh file as text; raises InputError like `slice_mesh`."""
+    chosen = options or SliceOptions()
+    source = Path(path)
+    solid = load_solid(source, chosen.center)
+    layers = cut_layers(solid, chosen.first_layer_height, chosen.layer_height)
+    lines = list(gcode_lines(layers, chosen))
+    if not any(line.startswith(";TYPE:") and line != ";TYPE:Custom" for line in lines):
+        raise InputError(
+            f"nothing of the mesh is as wide as a bead of {chosen.bead_width:g} mm",
+            path=source,
+            advice="check its units, or take a finer nozzle",
+        )
+    return "\n".join(lines) + "\n"

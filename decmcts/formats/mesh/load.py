@@ -1,0 +1,94 @@
+"""Mesh files to one closed solid standing on the bed.
+
+Repair is trimesh's own (merge vertices, fill small holes, turn faces); what
+stays open is refused, because a solid with holes has no inside to fill.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from decmcts.errors import InputError
+
+_LARGEST_MM = 1e5
+
+
+def load_solid(path: Path, center: tuple[float, float] | None) -> trimesh.Trimesh:
+    """Return the mesh of a file in mm, its lowest point at z 0, `center` in its middle.
+
+    Several objects keep their places relative to each other.
+
+    Raises
+    ------
+    InputError
+        For an unreadable or empty file, non-finite or absurd coordinates, and
+        a mesh with holes.
+    """
+    mesh = _joined(_read(path), path)
+    if not np.isfinite(mesh.bounds).all() or np.abs(mesh.bounds).max() > _LARGEST_MM:
+        raise InputError(f"coordinates beyond {_LARGEST_MM:g} mm", path=path, advice="check units")
+    _repair(mesh)
+    _check_closed(mesh, path)
+    low, high = mesh.bounds
+    shift = np.array([0.0, 0.0, -low[2]])
+    if center is not None:
+        shift[:2] = np.array(center) - (low + high)[:2] / 2.0
+    mesh.apply_translation(shift)
+    return mesh
+
+
+def _read(path: Path) -> trimesh.Scene:
+    if path.suffix.lower() == ".stl" and path.exists() and path.stat().st_size == 0:
+        raise InputError("is empty", path=path)
+    try:
+        return trimesh.load_scene(path)
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
+    except Exception as error:  # trimesh's readers raise whatever their parsers raise
+        raise InputError(f"is no readable mesh ({_first_line(error)})", path=path) from error
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).splitlines()
+    return lines[0][:120] if lines else type(error).__name__
+
+
+def _joined(scene: trimesh.Scene, path: Path) -> trimesh.Trimesh:
+    """Return all objects of a scene, placed, in mm, as one mesh."""
+    placed = [
+        part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)
+    ]
+    if not placed:
+        raise InputError("holds no triangles", path=path, advice="export the model again")
+    mesh = trimesh.util.concatenate(placed)
+    units = scene.units or next((part.units for part in placed if part.units), None)
+    if units not in (None, "mm", "millimeter", "millimeters"):
+        mesh.apply_scale(trimesh.units.unit_conversion(units, "millimeters"))
+    return mesh
+
+
+def _repair(mesh: trimesh.Trimesh) -> None:
+    """Mutate: merge vertices, drop degenerate faces, fill small holes, turn faces outwards."""
+    mesh.merge_vertices()
+    mesh.update_faces(mesh.nondegenerate_faces() & mesh.unique_faces())
+    mesh.remove_unreferenced_vertices()
+    if not mesh.is_watertight:
+        trimesh.repair.fill_holes(mesh)
+    if not mesh.is_winding_consistent or mesh.volume < 0.0:
+        trimesh.repair.fix_normals(mesh, multibody=True)
+
+
+def _check_closed(mesh: trimesh.Trimesh, path: Path) -> None:
+    _, counts = np.unique(mesh.edges_sorted, axis=0, return_counts=True)
+    holes = int((counts % 2).sum())
+    if holes:
+        raise InputError(
+            f"the mesh is not closed: {holes} open edges",
+            path=path,
+            advice="repair it in a mesh editor or slicer first",
+        )
+    if not mesh.extents.min() > 0.0:
+        raise InputError("the mesh is flat", path=path)

@@ -1,0 +1,87 @@
+"""What the built-in slicer can be told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from decmcts.errors import InputError
+
+MESH_SUFFIXES = (".stl", ".3mf", ".obj")
+_WIDTH_PER_NOZZLE = 1.125  # what PrusaSlicer takes for a 0.4 mm nozzle: 0.45 mm
+
+
+@dataclass(frozen=True, slots=True)
+class SliceOptions:
+    """Options of the built-in slicer; lengths in mm, feeds in mm/s.
+
+    Raises
+    ------
+    InputError
+        For a value that cannot be printed.
+    """
+
+    layer_height: float = 0.2
+    first_layer_height: float = 0.2
+    nozzle: float = 0.4
+    width: float = 0.0  # bead width, 0: 1.125 nozzles
+    perimeters: int = 2
+    external_first: bool = False  # outer wall before the inner ones
+    density: float = 0.2  # of the sparse infill, 0..1
+    top_layers: int = 3
+    bottom_layers: int = 3
+    center: tuple[float, float] | None = (125.0, 105.0)  # of the whole mesh; None: as in the file
+    filament_diameter: float = 1.75
+    perimeter_feed: float = 60.0
+    external_feed: float = 40.0
+    infill_feed: float = 80.0
+    solid_feed: float = 60.0
+    first_layer_feed: float = 30.0
+    travel_feed: float = 150.0
+    retract_mm: float = 1.0
+    retract_feed: float = 40.0
+    retract_min_travel_mm: float = 2.0
+    temperature: float = 210.0  # °C, of the nozzle
+    bed_temperature: float = 60.0  # °C
+
+    def __post_init__(self) -> None:
+        self._within("nozzle", 0.1, 2.0)
+        self._within("layer_height", 0.02, 0.9 * self.nozzle)
+        self._within("first_layer_height", 0.02, self.nozzle)
+        if self.width != 0.0:
+            self._within("width", 0.6 * self.nozzle, 2.5 * self.nozzle)
+        self._within("density", 0.0, 1.0)
+        self._within("filament_diameter", 0.5, 5.0)
+        for name in ("perimeters", "top_layers", "bottom_layers"):
+            self._within(name, 0, 1000)
+        for name in ("perimeter_feed", "external_feed", "infill_feed", "solid_feed"):
+            self._within(name, 0.1, 2000.0)
+        for name in ("first_layer_feed", "travel_feed", "retract_feed"):
+            self._within(name, 0.1, 2000.0)
+        for name in ("retract_mm", "retract_min_travel_mm", "temperature", "bed_temperature"):
+            self._within(name, 0.0, 500.0)
+        if self.center is not None and not all(map(math.isfinite, self.center)):
+            raise InputError(f"center {self.center} is no place on a bed")
+
+    def _within(self, name: str, least: float, most: float) -> None:
+        value = getattr(self, name)
+        if not least <= value <= most:
+            raise InputError(f"{name} {value:g} is outside {least:g}..{most:g}")
+
+    @property
+    def bead_width(self) -> float:
+        """Bead width in mm."""
+        return self.width or _WIDTH_PER_NOZZLE * self.nozzle
+
+    def spacing(self, height: float) -> float:
+        """Return the distance of neighbouring beads of one layer, mm.
+
+        A bead is a rectangle with half-round sides; at this distance its area
+        is spacing times height, so beads side by side fill their volume.
+        """
+        return self.bead_width - height * (1.0 - math.pi / 4.0)
+
+    def filament_per_mm(self, height: float) -> float:
+        """Return filament mm per mm of bead."""
+        area = height * self.spacing(height)
+        return area / (math.pi * self.filament_diameter**2 / 4.0)

@@ -1,0 +1,94 @@
+"""Horizontal cross sections of a closed mesh, one region a layer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+import shapely
+import trimesh
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+_RESOLUTION_MM = 0.0125  # PrusaSlicer's: finer than any printer follows
+_SLIVER_MM = 0.02  # thinner parts of a section are numerical noise
+
+
+@dataclass(frozen=True, slots=True)
+class Layers:
+    """The layers of a solid; neighbours that are alike share one region object."""
+
+    z: NDArray[np.float64]  # (n,) top of each layer, the nozzle's height, mm
+    height: NDArray[np.float64]  # (n,) mm
+    regions: tuple[BaseGeometry, ...]  # (n,) polygonal, mm
+
+
+def cut_layers(mesh: trimesh.Trimesh, first_height: float, height: float) -> Layers:
+    """Cut a closed mesh that stands on z 0 at the middle of each layer.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        Closed, lowest point at z 0, mm.
+    first_height, height : float
+        Heights of the first and of the other layers, mm.
+    """
+    top = float(mesh.bounds[1][2])
+    others = max(0, int(np.ceil((top - first_height) / height - 0.5 - 1e-6)))
+    heights = np.array([first_height] + [height] * others)
+    z = np.cumsum(heights).round(6)
+    regions = [_clean(r) for r in _sections(mesh, z - heights / 2.0)]
+    return Layers(z, heights, tuple(_shared(regions)))
+
+
+def _sections(mesh: trimesh.Trimesh, at: NDArray[np.float64]) -> list[BaseGeometry]:
+    """Cut with manifold3d; where it finds no manifold (edges of four faces), with trimesh."""
+    solid = manifold3d.Manifold(
+        manifold3d.Mesh(
+            np.ascontiguousarray(mesh.vertices, np.float32),
+            np.ascontiguousarray(mesh.faces, np.uint32),
+        )
+    )
+    if solid.status() == manifold3d.Error.NoError and not solid.is_empty():
+        return [_of_cross_section(solid.slice(float(z))) for z in at]
+    return [_of_path(path) for path in mesh.section_multiplane([0, 0, 0], [0, 0, 1], at)]
+
+
+def _of_cross_section(section: manifold3d.CrossSection) -> BaseGeometry:
+    """Return the area of a manifold3d section; outer rings run counter-clockwise."""
+    parts = []
+    for island in section.decompose():
+        rings = [np.asarray(ring) for ring in island.to_polygons()]
+        outer = max(rings, key=_area)
+        parts.append(shapely.Polygon(outer, [ring for ring in rings if ring is not outer]))
+    return shapely.MultiPolygon(parts)
+
+
+def _area(ring: NDArray[np.float64]) -> float:
+    ahead = np.roll(ring, -1, axis=0)
+    return float((ring[:, 0] * ahead[:, 1] - ring[:, 1] * ahead[:, 0]).sum())
+
+
+def _of_path(path: trimesh.path.Path2D | None) -> BaseGeometry:
+    if path is None:
+        return shapely.MultiPolygon()
+    placed = [
+        shapely.affinity.translate(p, *path.metadata["to_3D"][:2, 3]) for p in path.polygons_full
+    ]
+    return shapely.union_all(placed)
+
+
+def _clean(region: BaseGeometry) -> BaseGeometry:
+    valid = region if region.is_valid else region.buffer(0)
+    opened = valid.buffer(-_SLIVER_MM, join_style="mitre").buffer(_SLIVER_MM, join_style="mitre")
+    return opened.simplify(_RESOLUTION_MM)
+
+
+def _shared(regions: list[BaseGeometry]) -> list[BaseGeometry]:
+    """Let equal neighbours be one object, so that prismatic parts are computed once."""
+    shared = regions[:1]
+    for region in regions[1:]:
+        same = region.equals_exact(shared[-1], 1e-4)
+        shared.append(shared[-1] if same else region)
+    return shared
