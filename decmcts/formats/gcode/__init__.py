@@ -1,0 +1,14 @@
+"""G-code in and out: dialects of a dozen slicers, one head or several.
+
+Planners see the `PrintJob`; the `GcodeDocument` keeps the text and the machine
+state that the writer puts back.
+"""
+
+from decmcts.formats.gcode.actions import direct_actions
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.reader import Motions, read_gcode, read_motions
+
+__all__ = [
+    "Block", "Cursor", "GcodeDocument", "Motions", "StateTable", "direct_actions", "read_gcode",
+    "read_motions",
+]  # fmt: skip

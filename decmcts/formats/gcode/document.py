@@ -1,0 +1,92 @@
+"""What the source looked like: the text planners never see, writers need.
+
+Only frozen data lives here; it is read in `reader` and written in `writer`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+UNSET = 0  # value id of a slot that was never set
+SILENT = ("tool", "temperature")  # slots that only blocks set: compared, never re-emitted
+
+
+@dataclass(frozen=True, slots=True)
+class StateTable:
+    """The sticky machine states that occur, interned.
+
+    Row r says for each slot which text set it; UNSET where nothing did.
+    """
+
+    slots: tuple[str, ...]
+    values: tuple[str, ...]  # values[UNSET] == ""
+    leave: tuple[str, ...]  # aligned with values: the text that ends an object or label
+    rows: NDArray[np.int32]  # (n_states, n_slots) value ids
+
+    def text(self, state: int, slot: str) -> str:
+        """Return what set `slot` in a state; empty when nothing did."""
+        if slot not in self.slots:
+            return ""
+        return self.values[int(self.rows[state, self.slots.index(slot)])]
+
+
+@dataclass(frozen=True, slots=True)
+class Cursor:
+    """Where the source's controller stood between two lines."""
+
+    position: tuple[float, float, float]
+    e: float  # as the source counts it (mm³ if volumetric)
+    feed: float  # mm/s
+    owed: float  # filament retracted and not yet pushed back, mm
+    firmware_retracted: bool
+    relative_e: bool
+    state: int
+    tool: int
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Lines that stay together, verbatim, at the beginning of an epoch."""
+
+    epoch: int
+    text: bytes
+    begin: Cursor
+    end: Cursor
+    moves: bool  # it moves the head, so both ends must be met exactly
+    line: int  # source line, from 1
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """How the source does what is regenerated, beyond `ProcessSettings`."""
+
+    wipe_mm: float = 0.0  # length of the wipe while retracting, 0: none
+    wipe_filament: float = 0.0  # mm retracted during it
+    wipe_feed: float = 0.0  # mm/s
+    restart_extra: float = 0.0  # mm pushed back more than was retracted
+    z_feed: float = 0.0  # mm/s of moves in Z alone; 0: as travel
+    resets_e: bool = False  # G92 E0 occurs in the print
+    progress: bool = False  # M73 occurs in the print
+
+
+@dataclass(frozen=True, slots=True)
+class GcodeDocument:
+    """The text around and between the contours of one file."""
+
+    path: str
+    preamble: bytes
+    postamble: bytes
+    newline: bytes
+    start: Cursor  # after the preamble
+    end: Cursor  # before the postamble
+    blocks: tuple[Block, ...]  # ascending epoch
+    states: StateTable
+    point_state: NDArray[np.int32]  # (n_points,) state of the segment ending there
+    relative_e: bool
+    e_area: float  # mm² when E is volumetric (M200), 0 when it is mm
+    decimals: tuple[int, int, int]  # xy, e, feed
+    habits: Habits

@@ -1,0 +1,135 @@
+"""How the source retracts, hops, wipes and travels, read from its gaps."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
+from decmcts.formats.gcode.document import Habits
+from decmcts.formats.gcode.grouping import Runs
+from decmcts.formats.gcode.lines import Lines
+from decmcts.formats.gcode.motion import Motion
+from decmcts.print.job import ProcessSettings
+
+PULLED = 0.01  # mm of filament that counts as a retraction
+_DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*([\d.]+)", re.I)
+
+
+def filament_diameter(text: bytes) -> float:
+    """Return the filament diameter a file names, 1.75 mm when it names none."""
+    match = _DIAMETER.search(text)
+    value = float(match.group(1).strip(b".") or 0) if match else 0.0
+    return value if 0.5 < value < 10.0 else 1.75
+
+
+def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
+    """Return the value with the most weight, 0 for none."""
+    if not len(values):
+        return 0.0
+    kinds, index = np.unique(np.round(values, 6), return_inverse=True)
+    return float(kinds[np.argmax(np.bincount(index, weights))])
+
+
+def infer_settings(
+    lines: Lines, motion: Motion, runs: Runs, filament_mm: float
+) -> tuple[ProcessSettings, Habits]:
+    """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
+    gap = np.zeros(len(motion.extrusion), np.bool_)
+    gap[runs.first[0] : runs.last[-1] + 1] = True
+    gap &= runs.contour < 0
+    delta = np.diff(motion.points, axis=0)
+    across = np.hypot(delta[:, 0], delta[:, 1])
+    still = across < 1e-9
+    pull, push = motion.extrusion < -1e-5, motion.extrusion > 1e-5
+    travel = gap & ~still & ~pull & ~push
+    upright = gap & still & ~pull & ~push & (np.abs(delta[:, 2]) > 1e-9)
+    owed, extra = _retractions(motion, runs)
+    firmware = _firmware(motion, runs)
+    pulled = firmware | (owed > PULLED)
+    length = np.linalg.norm(
+        motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
+    )
+    settings = ProcessSettings(
+        travel_feed=_usual(motion.feed[travel], across[travel]),
+        retract_mm=float(np.median(owed[owed > PULLED])) if (owed > PULLED).any() else 0.0,
+        retract_feed=_usual(motion.feed[gap & still & pull]) or 40.0,
+        unretract_feed=_usual(motion.feed[gap & still & push]) or 40.0,
+        retract_min_travel_mm=_threshold(length, pulled),
+        hop_mm=_hop(motion, runs, pulled),
+        firmware_retraction=bool(firmware.sum() * 2 > max(1, pulled.sum())),
+        filament_diameter_mm=filament_mm,
+    )
+    return settings, Habits(
+        *_wipe(motion, runs, gap & ~still & pull, across, pulled),
+        restart_extra=float(np.median(extra[pulled]))
+        if pulled.any() and not firmware.any()
+        else 0.0,
+        z_feed=_usual(motion.feed[upright]),
+        resets_e=_occurs(lines, motion, runs, 71, 920),
+        progress=_occurs(lines, motion, runs, 77, 730),
+    )
+
+
+def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:
+    span = slice(int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]]))
+    return bool(((lines.letter[span] == letter) & (lines.code[span] == code)).any())
+
+
+def _retractions(motion: Motion, runs: Runs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return per gap the filament pulled and the surplus pushed back, each (n - 1,)."""
+    pulled = np.concatenate([[0.0], np.cumsum(np.minimum(motion.extrusion, 0.0))])
+    total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])
+    begin, end = runs.last[:-1] + 1, runs.first[1:]
+    surplus = total[end] - total[begin]
+    return pulled[begin] - pulled[end], np.where(np.abs(surplus) < 1e-3, 0.0, surplus)
+
+
+def _firmware(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
+    """Tell which gaps contain a firmware retraction, (n - 1,)."""
+    on = np.concatenate([[0], np.cumsum(motion.modes[:, FIRMWARE_RETRACTED])])
+    begin, end = motion.line[runs.last[:-1]] + 1, motion.line[runs.first[1:]]
+    return np.asarray(on[end] > on[begin])
+
+
+def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
+    """Return the travel length that best parts retracted from plain travels."""
+    if not pulled.any():
+        return 2.0
+    order = np.argsort(length, kind="stable")
+    kept = np.concatenate([[0], np.cumsum(pulled[order])])  # retracted but shorter
+    wrong = kept + np.concatenate([np.cumsum(~pulled[order][::-1])[::-1], [0]])
+    cut = int(np.argmin(wrong))
+    return float(round(length[order[cut]], 3)) if cut < len(length) else float(length.max())
+
+
+def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:
+    """Return how far retracted travels rise above both their ends."""
+    begin, end = runs.last[:-1] + 1, runs.first[1:]  # points: where a gap starts and stops
+    pairs = np.stack([begin, end + 1], axis=1).ravel()
+    if not len(pairs) or not pulled.any():
+        return 0.0
+    z = np.append(motion.points[:, 2], -np.inf)
+    highest = np.maximum.reduceat(z, pairs)[::2]
+    rise = highest - np.maximum(z[begin], z[end])
+    return max(0.0, float(round(np.median(rise[pulled]), 4)))
+
+
+def _wipe(
+    motion: Motion, runs: Runs, wiping: NDArray[np.bool_], across: NDArray[np.float64],
+    pulled: NDArray[np.bool_],
+) -> tuple[float, float, float]:  # fmt: skip
+    """Return length, filament and feed of the usual wipe; zeros when most gaps have none."""
+    run = np.concatenate([[0.0], np.cumsum(np.where(wiping, across, 0.0))])
+    taken = np.concatenate([[0.0], np.cumsum(np.where(wiping, -motion.extrusion, 0.0))])
+    begin, end = runs.last[:-1] + 1, runs.first[1:]
+    length, filament = run[end] - run[begin], taken[end] - taken[begin]
+    has = length > 1e-3
+    if not has.any() or has.sum() * 2 < pulled.sum():
+        return 0.0, 0.0, 0.0
+    return (
+        float(np.median(length[has])), float(np.median(filament[has])),
+        _usual(motion.feed[wiping], across[wiping]),
+    )  # fmt: skip

@@ -1,0 +1,105 @@
+"""All moves of a file as arrays: what the controller would do, in order.
+
+Arcs are opened into chords whose distance from the arc is at most
+`CHORD_ERROR_MM`; E is shared by length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels import gcode_moves as kernels
+from decmcts._kernels import gcode_scan as scan
+from decmcts.formats.gcode.lines import Lines
+
+CHORD_ERROR_MM = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Moves and the controller's state after each line."""
+
+    points: NDArray[np.float64]  # (m + 1, 3)
+    extrusion: NDArray[np.float64]  # (m,) filament, mm
+    feed: NDArray[np.float64]  # (m,) mm/s
+    line: NDArray[np.int64]  # (m,) index of the source line, from 0
+    before: NDArray[np.int64]  # (n_lines + 1,) moves above each line
+    modes: NDArray[np.int16]  # (n_lines, N_MODES) after each line
+    extruder: NDArray[np.float64]  # (n_lines, 3) E value, retraction owed, E cross-section
+    placed: NDArray[np.bool_]  # (n_lines,) G92 or G28 set an axis here
+    decimals: tuple[int, int, int]  # xy, e and feed as the source writes them
+
+
+def interpret(lines: Lines) -> Motion:
+    """Return what the lines do.
+
+    Raises
+    ------
+    InputError
+        On inches, an arc without a centre, or a polar or rotated frame.
+    """
+    _refuse_frames(lines)
+    is_move = (lines.letter == 71) & np.isin(lines.code, (0, 10, 20, 30, 280, 920))
+    m, n = int(is_move.sum()), len(lines)
+    end, pushed, feed = np.zeros((m, 3)), np.zeros(m), np.zeros(m)
+    line, before = np.zeros(m, np.int64), np.zeros(n + 1, np.int64)
+    modes, extruder = np.zeros((n, kernels.N_MODES), np.int16), np.zeros((n, 3))
+    placed = np.zeros(n, np.bool_)
+    m = kernels.interpret(
+        lines.letter, lines.code, lines.values, modes, extruder, before, end, pushed, feed,
+        line, placed,
+    )  # fmt: skip
+    points = np.concatenate([np.zeros((1, 3)), end[:m]])
+    motion = Motion(
+        points, pushed[:m], feed[:m], line[:m], before, modes, extruder, placed, _decimals(lines)
+    )
+    _refuse_far(lines, motion)
+    curved = np.isin(lines.code[line[:m]], (20, 30))
+    return _open_arcs(lines, motion) if bool(curved.any()) else motion
+
+
+def _decimals(lines: Lines) -> tuple[int, int, int]:
+    xy = int(max(lines.decimals[: scan.E].max(), 3))
+    return min(xy, 6), int(np.clip(lines.decimals[scan.E], 5, 9)), min(int(lines.decimals[4]), 6)
+
+
+def _refuse_far(lines: Lines, motion: Motion) -> None:
+    far = np.flatnonzero((np.abs(motion.points[1:]) > 1e6).any(axis=1))
+    if len(far):
+        raise lines.refuse(int(motion.line[far[0]]), "relative moves that leave ±1e6 mm")
+
+
+def _refuse_frames(lines: Lines) -> None:
+    frames = {
+        200: "inches (G20)", 680: "a rotated frame (G68)", 160: "polar coordinates (G16)",
+        510: "a scaled frame (G51)", 180: "arcs in the XZ plane (G18)",
+        190: "arcs in the YZ plane (G19)", 50: "Bézier moves (G5)",
+    }  # fmt: skip
+    for code, what in frames.items():
+        at = np.flatnonzero((lines.letter == 71) & (lines.code == code))
+        if len(at):
+            raise lines.refuse(int(at[0]), f"{what} cannot be planned", "export in mm, absolute")
+
+
+def _open_arcs(lines: Lines, motion: Motion) -> Motion:
+    starts, ends = motion.points[:-1], motion.points[1:]
+    arcs = np.zeros((len(ends), 3))
+    count = kernels.plan_arcs(
+        starts, ends, motion.line, lines.code, lines.values, CHORD_ERROR_MM, arcs
+    )
+    if len(wrong := np.flatnonzero(count == 0)):
+        raise lines.refuse(int(motion.line[wrong[0]]), "an arc that no circle fits")
+    total = int(count.sum())
+    grid = 10.0 ** np.asarray(motion.decimals[:2], float)
+    points, extrusion = np.zeros((total, 3)), np.zeros(total)
+    source = np.zeros(total, np.int64)
+    kernels.open_arcs(starts, ends, motion.extrusion, arcs, count, grid, points, extrusion, source)
+    chords_before = np.concatenate([[0], np.cumsum(count)])
+    return Motion(
+        np.concatenate([np.zeros((1, 3)), points]), extrusion, motion.feed[source],
+        motion.line[source], chords_before[motion.before], motion.modes, motion.extruder,
+        motion.placed, motion.decimals,
+    )  # fmt: skip

@@ -1,0 +1,242 @@
+"""From a G-code file to a print job and the document that keeps its text.
+
+Composes the modules beside it; the meaning of lines is in `dialect`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode.beads import Beads, measure_beads
+from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
+from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
+from decmcts.formats.gcode.habits import filament_diameter, infer_settings
+from decmcts.formats.gcode.lines import Lines, split_lines
+from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
+from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.gcode.state import Track, track_state
+from decmcts.print.contours import Contours, Role
+from decmcts.print.job import PrintJob
+
+_SLICERS = re.compile(
+    rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
+    rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Motions:
+    """Every move of a file in order, for whoever judges it.
+
+    A move k goes from points[k] to points[k + 1]; homing and G92 appear as
+    moves without feed.
+    """
+
+    points: NDArray[np.float64]  # (m + 1, 3) mm
+    extrusion: NDArray[np.float64]  # (m,) filament pushed, mm
+    feed: NDArray[np.float64]  # (m,) mm/s
+    line: NDArray[np.int64]  # (m,) source line, from 1
+    contour: NDArray[np.int64]  # (m,) contour in the order of this file, -1: none
+    width: NDArray[np.float64]  # (m,) bead width, mm; 0 where contour is -1
+    height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
+
+
+@dataclass(frozen=True, slots=True)
+class _Parsed:
+    lines: Lines
+    motion: Motion
+    track: Track
+    runs: Runs
+    beads: Beads
+    filament_mm: float
+
+
+def _parse(path: Path | str) -> _Parsed:
+    text = load_text(path)
+    lines = split_lines(text, path)
+    motion = interpret(lines)
+    track = track_state(lines, motion)
+    runs = find_runs(lines, motion, track)
+    refuse_unsafe(lines, motion, runs)
+    diameter = filament_diameter(text)
+    beads = measure_beads(motion, runs, track, filament_mm=diameter)
+    return _Parsed(lines, motion, track, runs, beads, diameter)
+
+
+def read_gcode(path: Path | str) -> tuple[PrintJob, GcodeDocument]:
+    """Read a G-code file (plain or gzipped).
+
+    Arcs become chords at most 0.005 mm from the arc. Extrusions above the first
+    layer marker (purge lines) belong to the preamble.
+
+    Raises
+    ------
+    InputError
+        When the file is damaged, or holds something that cannot be put in
+        another order safely; the message names the line.
+    """
+    parsed = _parse(path)
+    lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
+    towers = _towers(parsed)
+    blocks = find_blocks(
+        lines, motion, parsed.track, runs, edges=_first_layer_edge(parsed), towers=towers
+    )
+    contours, point_state = _contours(parsed, blocks)
+    settings, habits = infer_settings(lines, motion, runs, parsed.filament_mm)
+    top = _preamble_end(parsed)
+    bottom = int(motion.line[runs.last[-1]]) + 1
+    start = cursor_at(motion, parsed.track, top)
+    first = int(motion.line[runs.first[0]])
+    document = GcodeDocument(
+        str(path), lines.span(0, top), lines.span(bottom, len(lines)),
+        b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
+        start, cursor_at(motion, parsed.track, bottom), blocks.blocks, parsed.track.table,
+        point_state, bool(motion.modes[first, 1]), float(motion.extruder[first, 2]),
+        motion.decimals, habits,
+    )  # fmt: skip
+    name = Path(path).name.removesuffix(".gz").rsplit(".", 1)[0]
+    job = PrintJob(
+        name, contours, settings, blocks.barriers, _slicer(lines.text), _notes(parsed, blocks)
+    )
+    return job, document
+
+
+def read_motions(path: Path | str) -> Motions:
+    """Read every move of a G-code file, the start and the end included.
+
+    Raises
+    ------
+    InputError
+        As `read_gcode`.
+    """
+    parsed = _parse(path)
+    motion, contour = parsed.motion, parsed.runs.contour
+    width, height = np.zeros(len(contour)), np.zeros(len(contour))
+    width[contour >= 0] = parsed.beads.move_width
+    height[contour >= 0] = parsed.beads.move_height
+    return Motions(
+        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height
+    )
+
+
+def _preamble_end(parsed: _Parsed) -> int:
+    """Return the first line of the print: below its marker and below any barrier there."""
+    first = int(parsed.motion.line[parsed.runs.first[0]])
+    early = [line for line in parsed.track.barriers if parsed.runs.body <= line < first]
+    return max([parsed.runs.body, *(line + 1 for line in early)])
+
+
+def _towers(parsed: _Parsed) -> NDArray[np.bool_]:
+    """Tell which contours belong to a tool change and keep their place in it."""
+    line = parsed.motion.line[parsed.runs.first]
+    sections = parsed.track.sections
+    index = np.searchsorted(sections[:, 0], line) - 1
+    inside = np.zeros(len(line), np.bool_)
+    if len(sections):
+        inside = (index >= 0) & (line < sections[np.maximum(index, 0), 1])
+    return np.asarray(inside | (parsed.beads.role == Role.WIPE_TOWER))
+
+
+def _first_layer_edge(parsed: _Parsed) -> NDArray[np.bool_]:
+    """Mark where the second layer begins, if cooling is another there."""
+    edge = np.zeros(len(parsed.runs), np.bool_)
+    later = np.flatnonzero(parsed.beads.layer > 0)
+    table = parsed.track.table
+    fans = [k for k, slot in enumerate(table.slots) if slot.startswith("fan")]
+    if not len(later) or (parsed.beads.layer[later[0] :] == 0).any() or not fans:
+        return edge
+    moves = np.flatnonzero(parsed.runs.contour >= 0)
+    cooling = table.rows[parsed.track.at(parsed.motion.line[moves])][:, fans]
+    below = parsed.runs.contour[moves] < later[0]
+    first = {tuple(row) for row in np.unique(cooling[below], axis=0).tolist()}
+    rest = {tuple(row) for row in np.unique(cooling[~below], axis=0).tolist()}
+    edge[later[0]] = first != rest
+    return edge
+
+
+def _contours(parsed: _Parsed, blocks: Blocks) -> tuple[Contours, NDArray[np.int32]]:
+    """Return the contours and the state of each of their points."""
+    motion, runs, beads = parsed.motion, parsed.runs, parsed.beads
+    moves = np.flatnonzero(runs.contour >= 0)
+    ids, n = runs.contour[moves], len(runs)
+    sizes = np.bincount(ids, minlength=n) + 1
+    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    slot = np.arange(len(moves)) + ids + 1  # one point more per contour
+    points = np.empty((offsets[-1], 3))
+    extrusion, feed = np.zeros(offsets[-1]), np.zeros(offsets[-1])
+    state = np.zeros(offsets[-1], np.int32)
+    points[offsets[:-1]] = motion.points[runs.first]
+    points[slot] = motion.points[moves + 1]
+    extrusion[slot], feed[slot] = motion.extrusion[moves], motion.feed[moves]
+    state[slot] = parsed.track.at(motion.line[moves])
+    state[offsets[:-1]] = state[offsets[:-1] + 1]
+    contours = Contours(
+        points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
+        height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
+        layer=beads.layer, tool=motion.modes[motion.line[runs.first], 2].astype(np.int16),
+        reversible=_reversible(points, extrusion, offsets, beads.role) & ~blocks.tied,
+        epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
+    )  # fmt: skip
+    state.setflags(write=False)
+    return contours, state
+
+
+def _closed(
+    points: NDArray[np.float64], offsets: NDArray[np.int64], width: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Ends within a bead width, and a way around several times as long."""
+    gap = np.linalg.norm(points[offsets[1:] - 1] - points[offsets[:-1]], axis=1)
+    step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
+    step[offsets[:-1]] = 0.0
+    length = np.add.reduceat(step, offsets[:-1])
+    return np.asarray((gap <= width) & (np.diff(offsets) >= 4) & (length > 4.0 * width))
+
+
+def _reversible(
+    points: NDArray[np.float64],
+    extrusion: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    role: NDArray[np.int8],
+) -> NDArray[np.bool_]:
+    """Tell which contours give the same bead backwards.
+
+    Not ironing (it pushes material ahead of itself), not slopes (vase, scarf
+    seams: one end lies on the other), not ramps of flow at both ends of a seam.
+    Beads of varying width keep the filament of each segment, so they may turn;
+    so may contours followed by a wipe, which is made again along the end they
+    then have.
+    """
+    begin = offsets[:-1]
+    z = points[:, 2]
+    flat = np.maximum.reduceat(z, begin) - np.minimum.reduceat(z, begin) < 1e-6
+    step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
+    step[begin] = 0.0
+    flow = np.divide(extrusion, step, out=np.zeros_like(step), where=step > 1e-6)
+    mean = np.add.reduceat(extrusion, begin) / np.maximum(np.add.reduceat(step, begin), 1e-9)
+    ramp = (flow[begin + 1] < 0.6 * mean) & (flow[offsets[1:] - 1] < 0.6 * mean)
+    ramp &= np.diff(offsets) > 3
+    return np.asarray(flat & ~ramp & (role != Role.IRONING))
+
+
+def _slicer(text: bytes) -> str:
+    match = _SLICERS.search(text[:20000]) or _SLICERS.search(text[-40000:])
+    if match is None:
+        return ""
+    words = [part.decode("ascii", "replace") for part in match.groups()]
+    return " ".join(words).replace("Cura_SteamEngine", "Cura").replace("(R)", "").strip()
+
+
+def _notes(parsed: _Parsed, blocks: Blocks) -> tuple[str, ...]:
+    notes = []
+    codes = parsed.lines.code[parsed.motion.line]
+    if curved := int(np.isin(codes, (20, 30)).sum()):
+        notes.append(f"{curved} arc chords, at most {CHORD_ERROR_MM} mm from the arc")
+    if len(blocks.blocks):
+        notes.append(f"{len(blocks.blocks)} places nothing is moved across")
+    return tuple(notes)

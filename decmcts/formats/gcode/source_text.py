@@ -1,0 +1,104 @@
+"""Bytes in and out: plain or gzipped G-code, and what is refused at the door.
+
+Nothing here looks at a command. Files are written to a temporary name in the
+same folder and put in place in one step, so a failure leaves the old file.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import os
+import tempfile
+import zlib
+from pathlib import Path
+from typing import BinaryIO, TextIO
+
+from decmcts.errors import InputError
+
+SUFFIXES = (".gcode", ".g", ".gco", ".gcode.gz", ".g.gz", ".gco.gz", ".nc", ".ngc")
+
+
+def load_text(path: Path | str) -> bytes:
+    """Return the bytes of a G-code file, unpacked.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read, is empty, binary G-code or no text at all.
+    """
+    raw = _read(Path(path))
+    if raw[:4] == b"GCDE":
+        raise InputError(
+            "this is binary G-code (.bgcode), which is not read",
+            path=path,
+            advice="export plain G-code (PrusaSlicer: Printer Settings > General > Supports "
+            "binary G-code off), or convert it with Prusa's bgcode tool",
+        )
+    if raw[:2] == b"\x1f\x8b":
+        try:
+            raw = gzip.decompress(raw)
+        except (OSError, EOFError, zlib.error) as error:
+            raise InputError(f"damaged gzip data ({error})", path=path) from error
+    if not raw.strip():
+        raise InputError("the file is empty", path=path, advice="export the G-code again")
+    if b"\0" in raw:
+        line = raw.count(b"\n", 0, raw.index(b"\0")) + 1
+        raise InputError(
+            "binary data (a zero byte), not G-code text",
+            path=path,
+            line=line,
+            advice="give the G-code as a slicer exports it",
+        )
+    return raw
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
+
+
+def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
+    """Write `text` to a path (atomically; gzipped if it ends in .gz) or to a stream.
+
+    Raises
+    ------
+    InputError
+        When the path cannot be written; what was there before is untouched.
+    """
+    if isinstance(out, io.TextIOBase):
+        out.write(text.decode("utf-8", "surrogateescape"))
+    elif isinstance(out, (str, os.PathLike)):
+        _replace(Path(out), text)
+    else:
+        out.write(text)  # type: ignore[arg-type]  # a binary stream
+
+
+def _replace(path: Path, text: bytes) -> None:
+    packed = gzip.compress(text, 6, mtime=0) if path.suffix == ".gz" else text
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror})", path=path) from error
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(packed)
+        os.chmod(temporary, _mode(path))
+        os.replace(temporary, path)
+    except OSError as error:
+        Path(temporary).unlink(missing_ok=True)
+        raise InputError(f"cannot be written ({error.strerror})", path=path) from error
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _mode(path: Path) -> int:
+    """Return the permissions the file has, or would get from an ordinary open."""
+    if path.exists():
+        return path.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

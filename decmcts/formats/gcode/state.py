@@ -1,0 +1,156 @@
+"""The sticky machine state along a file, interned, and the lines nothing crosses.
+
+Reads the meaning of lines from `dialect`; knows nothing of contours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.gcode_moves import RELATIVE_E, RELATIVE_XYZ
+from decmcts.formats.gcode.dialect import Event, Kind, classify
+from decmcts.formats.gcode.document import UNSET, StateTable
+from decmcts.formats.gcode.lines import Lines
+from decmcts.formats.gcode.motion import Motion
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """State changes and barriers by line."""
+
+    table: StateTable
+    lines: NDArray[np.int64]  # (k,) lines after which a state holds, ascending, first -1
+    states: NDArray[np.int32]  # (k,) the state that holds from there
+    layer_lines: NDArray[np.int64]  # lines that begin a layer
+    barriers: dict[int, str]  # line -> reason
+    sections: NDArray[np.int64]  # (s, 2) first and last line of a slicer's tool change
+
+    def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
+        """Return the state in force when a line begins."""
+        return np.asarray(self.states[np.searchsorted(self.lines, line, side="left") - 1])
+
+
+@dataclass(slots=True)
+class _Recorder:
+    """Collects while the lines go by; mutates only itself."""
+
+    slots: dict[str, int] = field(default_factory=dict)
+    values: dict[str, int] = field(default_factory=lambda: {"": UNSET})
+    leave: dict[int, str] = field(default_factory=dict)
+    merged: dict[str, dict[str, str]] = field(default_factory=dict)
+    current: list[int] = field(default_factory=list)
+    rows: dict[tuple[int, ...], int] = field(default_factory=lambda: {(): 0})
+    at: list[int] = field(default_factory=lambda: [-1])
+    ids: list[int] = field(default_factory=lambda: [0])
+
+    def put(self, slot: str, text: str, line: int) -> None:
+        """Set a slot from `line` on."""
+        where = self.slots.setdefault(slot, len(self.slots))
+        if where == len(self.current):
+            self.current.append(UNSET)
+        value = self.values.setdefault(text, len(self.values))
+        if self.current[where] == value:
+            return
+        self.current[where] = value
+        self.at.append(line)
+        self.ids.append(self.rows.setdefault(tuple(self.current), len(self.rows)))
+
+    def get(self, slot: str) -> str:
+        """Return the text in a slot."""
+        where = self.slots.get(slot)
+        return "" if where is None else list(self.values)[self.current[where]]
+
+    def merge(self, event: Event, line: int) -> None:
+        """Set the parameters of a command that holds them one by one."""
+        held = self.merged.setdefault(event.slot, {})
+        if event.text == "M204" and any(key == "S" for key, _ in event.params):
+            held.clear()  # M204 S sets printing and travel acceleration at once
+        held.update(event.params)
+        joint = "" if len(next(iter(held))) < 2 else "="
+        words = " ".join(f"{key}{joint}{value}" for key, value in held.items())
+        self.put(event.slot, f"{event.text} {words}".strip(), line)
+
+    def leave_slot(self, slot: str, text: str, line: int) -> None:
+        """End the object in a slot and keep the words that end it."""
+        where = self.slots.get(slot)
+        if where is not None and where < len(self.current) and self.current[where] != UNSET:
+            self.leave[self.current[where]] = text
+            self.put(slot, "", line)
+
+    def table(self) -> StateTable:
+        """Return the states as a frozen table."""
+        rows = np.zeros((len(self.rows), len(self.slots)), np.int32)
+        for key, row in self.rows.items():
+            rows[row, : len(key)] = key
+        leave = tuple(self.leave.get(k, "") for k in range(len(self.values)))
+        return StateTable(tuple(self.slots), tuple(self.values), leave, rows)
+
+
+def track_state(lines: Lines, motion: Motion) -> Track:
+    """Return the machine state and the barriers of a file."""
+    recorder, layers, barriers = _Recorder(), [], {}
+    sections: list[tuple[int, int]] = []
+    opened, last_layer = -1, ""
+    for line in _event_lines(lines).tolist():
+        event = classify(lines.raw(line))
+        kind = event.kind
+        if kind == Kind.STATE:
+            if event.params:
+                recorder.merge(event, line)
+            else:
+                recorder.put(event.slot, event.text, line)
+        elif kind == Kind.LAYER:
+            layers.append(line)
+            last_layer = event.text
+            recorder.put("layer", last_layer, line)
+        elif kind == Kind.LAYER_NOTE:
+            _note(recorder, event, line, last_layer)
+        elif kind == Kind.LEAVE:
+            recorder.leave_slot(event.slot, event.text, line)
+        elif kind == Kind.SECTION:
+            opened = line
+        elif kind == Kind.SECTION_END and opened >= 0:
+            sections.append((opened, line))
+            opened = -1
+        elif kind == Kind.BARRIER or (kind == Kind.MODE and _changes(motion, line)):
+            barriers[line] = event.text if kind == Kind.BARRIER else "coordinate mode"
+            if event.slot:
+                recorder.put(event.slot, _code(lines, line), line)
+    return Track(
+        recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
+        np.asarray(layers, np.int64), barriers,
+        np.asarray(sections, np.int64).reshape(-1, 2),
+    )  # fmt: skip
+
+
+def _code(lines: Lines, line: int) -> str:
+    text = lines.raw(line).decode("utf-8", "surrogateescape")
+    return " ".join(text.split(";", 1)[0].split())
+
+
+def _note(recorder: _Recorder, event: Event, line: int, last_layer: str) -> None:
+    """Append a line to the marker or object it belongs to."""
+    if event.slot == "layer":
+        if last_layer:
+            recorder.put("layer", f"{last_layer}\n{event.text}", line)
+        return
+    now = recorder.get("object")
+    if now and event.text not in now.split("\n"):
+        recorder.put("object", f"{now}\n{event.text}", line)
+
+
+def _event_lines(lines: Lines) -> NDArray[np.int64]:
+    moves = (lines.letter == 71) & (lines.code <= 30)
+    filled = lines.ends > lines.starts
+    return np.flatnonzero(~moves & filled).astype(np.int64)
+
+
+def _changes(motion: Motion, line: int) -> bool:
+    """Tell whether a G90, G91, M82 or M83 line changed a mode."""
+    if line == 0:
+        return False
+    before, after = motion.modes[line - 1], motion.modes[line]
+    return bool((before[[RELATIVE_XYZ, RELATIVE_E]] != after[[RELATIVE_XYZ, RELATIVE_E]]).any())
