@@ -18,30 +18,78 @@ from decmcts._kernels.moves import (
     Tour,
     apply_swap,
     apply_turn,
+    carry_change,
+    inner_change,
     swap_allowed,
     swap_change,
     turn_allowed,
     turn_change,
+    turned_entry,
 )
 from decmcts._kernels.random import below, length_up_to, uniform
 
 LONGEST_TURN = 50  # longer segments rarely turn: some edge lies inside
+SWAP, TURN, CARRY, NOTHING = 0, 1, 2, 3
 
 
 @kernel
-def try_swap(tour: Tour, i: int, j: int, k: int, slack: float) -> float:
-    """Mutate the tour if the swap costs at most `slack`; return the change, 0 if refused."""
-    change = swap_change(tour, i, j, k)
-    if change > slack or not swap_allowed(tour, i, j, k):
+def propose_follow(
+    order: NDArray[np.int32],
+    position: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    turns: NDArray[np.bool_],
+    near: NDArray[np.int32],
+    state: NDArray[np.uint64],
+) -> tuple[int, int, int, int]:
+    """Mutate `state`; return a move that lets a near contour follow a random one."""
+    n = len(order)
+    p = below(state, n)
+    c = order[p]
+    port = near[2 * c + 1 - flip[c], below(state, near.shape[1])]
+    d = port >> 1
+    at = position[d]
+    if port < 0 or at == p + 1:
+        return NOTHING, 0, 0, 0
+    wants_turn = flip[d] != port & 1
+    if wants_turn or below(state, 4) == 0:
+        if port != turned_entry(flip, turns, d):
+            return NOTHING, 0, 0, 0
+        if p < at <= p + LONGEST_TURN and below(state, 2) == 0:
+            return TURN, p + 1, at + 1, 0
+        room = at - p if at > p else at + 1
+        first = at + 1 - length_up_to(state, min(room, LONGEST_TURN))
+        return TURN if first == p + 1 else CARRY, first, at + 1, p
+    if at > p:
+        return SWAP, p + 1, at, at + length_up_to(state, n - at)
+    return SWAP, at, at + length_up_to(state, p - at), p + 1
+
+
+@kernel
+def propose_any(n: int, state: NDArray[np.uint64]) -> tuple[int, int, int, int]:
+    """Mutate `state`; return a turn or an exchange of adjacent segments anywhere."""
+    i = below(state, n)
+    if below(state, 4) == 0:
+        return TURN, i, i + length_up_to(state, min(n - i, LONGEST_TURN)), 0
+    if i == 0:
+        return NOTHING, 0, 0, 0
+    left = length_up_to(state, i)
+    return SWAP, i - left, i, i + length_up_to(state, n - i)
+
+
+@kernel
+def commit_swap(tour: Tour, i: int, j: int, k: int, change: float) -> float:
+    """Mutate the tour if the swap is allowed; return the change, 0 if refused."""
+    if not swap_allowed(tour, i, j, k):
         return 0.0
     apply_swap(tour, i, j, k)
     return change
 
 
 @kernel
-def try_turn(tour: Tour, i: int, k: int, slack: float) -> float:
-    """Mutate the tour if turning costs at most `slack`; return the change, 0 if refused."""
-    change = turn_change(tour, i, k)
+def commit_turn(tour: Tour, i: int, k: int, change: float, slack: float) -> float:
+    """Mutate the tour if turning is allowed and within slack; return the change."""
+    ports, order, flip, after, turns = tour.ports, tour.order, tour.flip, tour.after, tour.turns
+    change += inner_change(ports, order, flip, after, turns, i, k)
     if change > slack or not turn_allowed(tour, i, k):
         return 0.0
     apply_turn(tour, i, k)
@@ -49,35 +97,23 @@ def try_turn(tour: Tour, i: int, k: int, slack: float) -> float:
 
 
 @kernel
-def try_follow(tour: Tour, p: int, port: int, state: NDArray[np.uint64], slack: float) -> float:
-    """Mutate the tour: let the contour of `port` follow position p; return the change."""
-    d = port >> 1
-    at = tour.position[d]
-    if at == p:
+def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float) -> float:
+    """Mutate the tour if carrying is allowed and within slack; return the change."""
+    ports, order, flip, after, turns = tour.ports, tour.order, tour.flip, tour.after, tour.turns
+    change += inner_change(ports, order, flip, after, turns, i, k)
+    if change > slack or not turn_allowed(tour, i, k):
         return 0.0
-    n = len(tour.order)
-    turned = tour.flip[d] != port & 1
-    near_turn = p < at <= p + LONGEST_TURN
-    if near_turn and (turned or (at > p + 1 and below(state, 4) == 0)):
-        return try_turn(tour, p + 1, at + 1, slack)
-    if turned or at == p + 1:
-        return 0.0
-    if at > p:
-        return try_swap(tour, p + 1, at, at + length_up_to(state, n - at), slack)
-    return try_swap(tour, at, at + length_up_to(state, p - at), p + 1, slack)
-
-
-@kernel
-def try_random(tour: Tour, state: NDArray[np.uint64], slack: float) -> float:
-    """Mutate the tour: turn a short segment or exchange two adjacent ones; return the change."""
-    n = len(tour.order)
-    i = below(state, n)
-    if below(state, 4) == 0:
-        return try_turn(tour, i, i + length_up_to(state, min(n - i, LONGEST_TURN)), slack)
-    if i == 0:
-        return 0.0
-    left = length_up_to(state, i)
-    return try_swap(tour, i - left, i, i + length_up_to(state, n - i), slack)
+    if p < i:
+        if not swap_allowed(tour, p + 1, i, k):
+            return 0.0
+        apply_swap(tour, p + 1, i, k)
+        apply_turn(tour, p + 1, p + 1 + k - i)
+    else:
+        if not swap_allowed(tour, i, k, p + 1):
+            return 0.0
+        apply_swap(tour, i, k, p + 1)
+        apply_turn(tour, p + 1 - (k - i), p + 1)
+    return change
 
 
 @kernel
@@ -88,19 +124,25 @@ def anneal(
 
     `temperature` is in mm.
     """
-    n, width = tour.near.shape[0] // 2, tour.near.shape[1]
+    ports, order, position, flip = tour.ports, tour.order, tour.position, tour.flip
+    after, turns, near, n = tour.after, tour.turns, tour.near, len(tour.order)
     total, taken = 0.0, 0
     for _ in range(proposals):
         slack = -temperature * math.log(uniform(state))
-        change = 0.0
-        if width == 0 or below(state, 8) == 0:
-            change = try_random(tour, state, slack)
+        if below(state, 8) == 0:
+            kind, i, j, k = propose_any(n, state)
         else:
-            p = below(state, n)
-            c = tour.order[p]
-            port = tour.near[2 * c + 1 - tour.flip[c], below(state, width)]
-            if port >= 0:
-                change = try_follow(tour, p, port, state, slack)
+            kind, i, j, k = propose_follow(order, position, flip, turns, near, state)
+        change = 0.0
+        if kind == SWAP:
+            change = swap_change(ports, order, flip, after, i, j, k)
+            change = commit_swap(tour, i, j, k, change) if change <= slack else 0.0
+        elif kind == TURN:
+            change = turn_change(ports, order, flip, after, turns, i, j)
+            change = commit_turn(tour, i, j, change, slack) if change <= slack else 0.0
+        elif kind == CARRY:
+            change = carry_change(ports, order, flip, after, turns, i, j, k)
+            change = commit_carry(tour, i, j, k, change, slack) if change <= slack else 0.0
         if change != 0.0:
             total += change
             taken += 1

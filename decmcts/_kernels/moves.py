@@ -10,6 +10,9 @@ edge leads from the left segment into the right one: were a before b only by way
 of others, each of those lies between them in the old sequence, hence in one of
 the two segments, and some stored edge crosses. Only the shorter segment is
 scanned (Gambardella & Dorigo 2000, SOP-3-exchange).
+
+Functions that price a proposal take the few arrays they need: passing a whole
+`Tour` costs more than the arithmetic. The rare accepted moves take the `Tour`.
 """
 
 from __future__ import annotations
@@ -37,64 +40,77 @@ class Tour(NamedTuple):
     order: NDArray[np.int32]  # (n,) contours in printing order
     position: NDArray[np.int32]  # (n,) inverse of order
     flip: NDArray[np.uint8]  # (n,) by contour
+    after: NDArray[np.float64]  # (n,) by contour: travel to the next one, 0 for the last
     scratch: NDArray[np.int32]  # (n,)
 
 
 @kernel
-def entry(tour: Tour, p: int) -> int:
-    """Return the entry port of the contour at position p."""
-    c = tour.order[p]
-    return int(2 * c + tour.flip[c])
+def entry(flip: NDArray[np.uint8], c: int) -> int:
+    """Return the port contour c is entered at."""
+    return int(2 * c + flip[c])
 
 
 @kernel
-def leave(tour: Tour, p: int) -> int:
-    """Return the exit port of the contour at position p."""
-    c = tour.order[p]
-    return int(2 * c + 1 - tour.flip[c])
+def leave(flip: NDArray[np.uint8], c: int) -> int:
+    """Return the port contour c is left at."""
+    return int(2 * c + 1 - flip[c])
 
 
 @kernel
-def turned_entry(tour: Tour, p: int) -> int:
-    """Return the entry port of the contour at position p once its segment is turned."""
-    c = tour.order[p]
-    f = tour.flip[c]
-    return int(2 * c + (1 - f if tour.turns[c] else f))
+def turned_entry(flip: NDArray[np.uint8], turns: NDArray[np.bool_], c: int) -> int:
+    """Return the port contour c is entered at once its segment is turned."""
+    return int(2 * c + (1 - flip[c] if turns[c] else flip[c]))
 
 
 @kernel
-def hop(tour: Tour, a: int, b: int) -> float:
-    """Return the travel from the exit at position a to the entry at b, 0 outside the sequence."""
-    if a < 0 or b >= len(tour.order):
-        return 0.0
-    return distance(tour.ports, leave(tour, a), entry(tour, b))
+def refresh(tour: Tour, i: int, k: int) -> None:
+    """Mutate the tour: recompute the travels after positions [i, k)."""
+    order, flip, n = tour.order, tour.flip, len(tour.order)
+    for p in range(max(i, 0), min(k, n)):
+        travel = 0.0
+        if p + 1 < n:
+            travel = distance(tour.ports, leave(flip, order[p]), entry(flip, order[p + 1]))
+        tour.after[order[p]] = travel
 
 
 @kernel
-def swap_change(tour: Tour, i: int, j: int, k: int) -> float:
+def swap_change(
+    ports: NDArray[np.float64],
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    i: int,
+    j: int,
+    k: int,
+) -> float:
     """Return the cost change of exchanging [i, j) and [j, k), mm. O(1)."""
-    before = hop(tour, i - 1, i) + hop(tour, j - 1, j) + hop(tour, k - 1, k)
-    return hop(tour, i - 1, j) + hop(tour, k - 1, i) + hop(tour, j - 1, k) - before
+    first, middle, last = order[i], order[j - 1], order[k - 1]
+    change = distance(ports, leave(flip, last), entry(flip, first)) - after[middle] - after[last]
+    if i > 0:
+        before = order[i - 1]
+        change += distance(ports, leave(flip, before), entry(flip, order[j])) - after[before]
+    if k < len(order):
+        change += distance(ports, leave(flip, middle), entry(flip, order[k]))
+    return change
 
 
 @kernel
 def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
     """Say whether no edge leads from [i, j) into [j, k). O(shorter segment's edges)."""
-    if tour.group[tour.order[i]] != tour.group[tour.order[k - 1]]:
+    order, position = tour.order, tour.position
+    if tour.group[order[i]] != tour.group[order[k - 1]]:
         return False
     if j - i <= k - j:
         for p in range(j - 1, i - 1, -1):
-            c = tour.order[p]
+            c = order[p]
             for e in range(tour.succ_offsets[c], tour.succ_offsets[c + 1]):
-                at = tour.position[tour.succs[e]]
-                if j <= at < k:
+                if j <= position[tour.succs[e]] < k:
                     return False
         return True
     for p in range(j, k):
-        c = tour.order[p]
+        c = order[p]
         for e in range(tour.pred_offsets[c], tour.pred_offsets[c + 1]):
-            at = tour.position[tour.preds[e]]
-            if i <= at < j:
+            if i <= position[tour.preds[e]] < j:
                 return False
     return True
 
@@ -102,7 +118,7 @@ def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
 @kernel
 def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
     """Mutate the tour: exchange [i, j) and [j, k). O(k - i)."""
-    order, scratch = tour.order, tour.scratch
+    order, scratch, position = tour.order, tour.scratch, tour.position
     left, right = j - i, k - j
     if left <= right:
         scratch[:left] = order[i:j]
@@ -115,41 +131,66 @@ def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
             order[p] = order[p - right]
         order[i : i + right] = scratch[:right]
     for p in range(i, k):
-        tour.position[order[p]] = p
+        position[order[p]] = p
+    refresh(tour, i - 1, i)
+    refresh(tour, i + right - 1, i + right)
+    refresh(tour, k - 1, k)
 
 
 @kernel
-def inner_change(tour: Tour, i: int, k: int) -> float:
+def inner_change(
+    ports: NDArray[np.float64],
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    turns: NDArray[np.bool_],
+    i: int,
+    k: int,
+) -> float:
     """Return what turning [i, k) changes inside it, mm: 0 where all contours turn."""
     change = 0.0
     for p in range(i, k - 1):
-        if tour.turns[tour.order[p]] and tour.turns[tour.order[p + 1]]:
+        a, b = order[p], order[p + 1]
+        if turns[a] and turns[b]:
             continue
-        there = turned_entry(tour, p + 1) ^ 1
-        change += distance(tour.ports, there, turned_entry(tour, p)) - hop(tour, p, p + 1)
+        there = turned_entry(flip, turns, b) ^ 1
+        change += distance(ports, there, turned_entry(flip, turns, a)) - after[a]
     return change
 
 
 @kernel
-def turn_change(tour: Tour, i: int, k: int) -> float:
-    """Return the cost change of turning [i, k), mm. O(k - i)."""
-    change = inner_change(tour, i, k) - hop(tour, i - 1, i) - hop(tour, k - 1, k)
+def turn_change(
+    ports: NDArray[np.float64],
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    turns: NDArray[np.bool_],
+    i: int,
+    k: int,
+) -> float:
+    """Return the cost change of turning [i, k) without what changes inside, mm. O(1)."""
+    first, last = order[i], order[k - 1]
+    change = -after[last]
     if i > 0:
-        change += distance(tour.ports, leave(tour, i - 1), turned_entry(tour, k - 1))
-    if k < len(tour.order):
-        change += distance(tour.ports, turned_entry(tour, i) ^ 1, entry(tour, k))
+        before = order[i - 1]
+        into = turned_entry(flip, turns, last)
+        change += distance(ports, leave(flip, before), into) - after[before]
+    if k < len(order):
+        out = turned_entry(flip, turns, first) ^ 1
+        change += distance(ports, out, entry(flip, order[k]))
     return change
 
 
 @kernel
 def turn_allowed(tour: Tour, i: int, k: int) -> bool:
     """Say whether no edge lies inside [i, k). O(edges of the segment)."""
-    if tour.group[tour.order[i]] != tour.group[tour.order[k - 1]]:
+    order, position = tour.order, tour.position
+    if tour.group[order[i]] != tour.group[order[k - 1]]:
         return False
     for p in range(i, k - 1):
-        c = tour.order[p]
+        c = order[p]
         for e in range(tour.succ_offsets[c], tour.succ_offsets[c + 1]):
-            if tour.position[tour.succs[e]] < k:
+            if position[tour.succs[e]] < k:
                 return False
     return True
 
@@ -157,7 +198,7 @@ def turn_allowed(tour: Tour, i: int, k: int) -> bool:
 @kernel
 def apply_turn(tour: Tour, i: int, k: int) -> None:
     """Mutate the tour: reverse [i, k) and turn its contours that may turn. O(k - i)."""
-    order = tour.order
+    order, flip = tour.order, tour.flip
     a, b = i, k - 1
     while a < b:
         order[a], order[b] = order[b], order[a]
@@ -167,4 +208,34 @@ def apply_turn(tour: Tour, i: int, k: int) -> None:
         c = order[p]
         tour.position[c] = p
         if tour.turns[c]:
-            tour.flip[c] = 1 - tour.flip[c]
+            flip[c] = 1 - flip[c]
+    refresh(tour, i - 1, k)
+
+
+@kernel
+def carry_change(
+    ports: NDArray[np.float64],
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    turns: NDArray[np.bool_],
+    i: int,
+    k: int,
+    p: int,
+) -> float:
+    """Return the cost change of moving [i, k) turned to follow position p, outside it, mm. O(1).
+
+    As with `turn_change`, what changes inside the segment is not counted.
+    """
+    first, last, anchor = order[i], order[k - 1], order[p]
+    change = distance(ports, leave(flip, anchor), turned_entry(flip, turns, last))
+    change -= after[anchor] + after[last]
+    if p + 1 < len(order):
+        out = turned_entry(flip, turns, first) ^ 1
+        change += distance(ports, out, entry(flip, order[p + 1]))
+    if i > 0:
+        before = order[i - 1]
+        change -= after[before]
+        if k < len(order):
+            change += distance(ports, leave(flip, before), entry(flip, order[k]))
+    return change

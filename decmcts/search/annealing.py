@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.anneal import anneal
-from decmcts._kernels.moves import Tour
+from decmcts._kernels.moves import Tour, refresh
 from decmcts.search.incumbent import Incumbent
 
 _POLL_S = 0.1  # how often a search looks at the clock and the stop wish
@@ -35,7 +35,7 @@ def tour_of(
     problem, graph, n = incumbent.problem, incumbent.problem.graph, len(incumbent.problem)
     position = np.empty(n, np.int32)
     position[incumbent.order] = np.arange(n, dtype=np.int32)
-    return Tour(
+    tour = Tour(
         incumbent.ports,
         problem.reversible,
         np.zeros(n, np.int32) if group is None else group,
@@ -47,8 +47,11 @@ def tour_of(
         incumbent.order.copy(),
         position,
         incumbent.flip.copy(),
+        np.zeros(n),
         np.empty(n, np.int32),
     )
+    refresh(tour, 0, n)
+    return tour
 
 
 def anneal_until(

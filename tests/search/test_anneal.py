@@ -1,0 +1,83 @@
+"""The moves of local search: cheap changes and cheap feasibility must be the true ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from decmcts._kernels.anneal import anneal
+from decmcts._kernels.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
+from decmcts._kernels.random import seeded
+from decmcts._kernels.tour import respects, tour_cost
+from decmcts.search.annealing import tour_of
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.neighbours import near_ports
+from decmcts.search.problem import OrderProblem
+from decmcts.search.stopping import Budget, IterationLimit
+from tests.search.problems import random_problem
+
+
+def fresh_tour(problem: OrderProblem, group: np.ndarray | None = None) -> Tour:
+    incumbent = Incumbent(
+        problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1)
+    )
+    return tour_of(incumbent, near_ports(problem), group)
+
+
+@pytest.mark.parametrize("temperature", [0.01, 1.0, 100.0])
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 30), density=st.sampled_from([0, 0.1, 0.4]))
+def test_summed_changes_equal_the_recomputed_cost(
+    temperature: float, seed: int, n: int, density: float
+) -> None:
+    """Annealing that believes wrong changes walks away from good sequences."""
+    problem = random_problem(seed, n, density=density)
+    tour = fresh_tour(problem)
+    before = tour_cost(tour.ports, tour.order, tour.flip)
+    total, _ = anneal(tour, seeded(seed), temperature, 500)
+    after = tour_cost(tour.ports, tour.order, tour.flip)
+    assert after == pytest.approx(before + total, abs=1e-6)
+    assert tour.after.sum() == pytest.approx(after, abs=1e-6)
+    assert respects(tour.order, tour.succ_offsets, tour.succs)
+    assert (tour.position[tour.order] == np.arange(n)).all()
+    assert not tour.flip[~problem.reversible].any()
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_swaps_and_turns_are_allowed_exactly_when_the_result_respects_the_graph(seed: int) -> None:
+    """Too strict wastes moves, too lax crashes heads."""
+    rng = np.random.default_rng(seed)
+    problem = random_problem(seed, 12, density=0.15)
+    graph = problem.graph
+    i, j, k = sorted(rng.choice(13, 3, replace=False).tolist())
+    swapped = fresh_tour(problem)
+    allowed = swap_allowed(swapped, i, j, k)
+    apply_swap(swapped, i, j, k)
+    assert allowed == respects(swapped.order, graph.succ_offsets, graph.succs)
+    turned = fresh_tour(problem)
+    allowed = turn_allowed(turned, i, k)
+    apply_turn(turned, i, k)
+    assert allowed == respects(turned.order, graph.succ_offsets, graph.succs)
+
+
+def test_groups_are_never_mixed() -> None:
+    """The planner `layerwise` must print layer after layer."""
+    problem = random_problem(3, 30, density=0.0)
+    group = (np.arange(30) // 5).astype(np.int32)
+    tour = fresh_tour(problem, group)
+    _, taken = anneal(tour, seeded(1), 50.0, 5000)
+    assert taken > 100
+    assert (np.diff(group[tour.order]) >= 0).all()
+
+
+def test_equal_seeds_walk_the_same_way() -> None:
+    """Results must be repeatable."""
+    problem = random_problem(5, 25, density=0.1)
+    first, second = fresh_tour(problem), fresh_tour(problem)
+    anneal(first, seeded(7), 1.0, 3000)
+    anneal(second, seeded(7), 1.0, 3000)
+    assert (first.order == second.order).all()
+    assert (first.flip == second.flip).all()
