@@ -12,13 +12,13 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-import numpy as np
-
 from decmcts.errors import InputError
 from decmcts.formats.machine_dict import machine_from_dict
+from decmcts.formats.machine_fit import check_fits
 from decmcts.formats.prusa_geometries import machine_from_geometries
-from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Machine
+
+__all__ = ["check_fits", "load_machine", "preset_for_printer", "preset_names"]
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
 _AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
@@ -32,7 +32,6 @@ _MODELS = (  # PrusaSlicer's printer_model, the longer names first
     (r"XL", "xl"),
     (r"HT90", "ht90"),
 )
-_BED_TOLERANCE_MM = 0.01  # rounding of slicers' coordinates
 
 
 def preset_names() -> list[str]:
@@ -77,39 +76,6 @@ def load_machine(name_or_path: str) -> Machine:
 def preset_for_printer(model: str) -> str | None:
     """Return the preset for a slicer's `printer_model`, e.g. MK4S or MINIIS, or None."""
     return next((name for pattern, name in _MODELS if re.match(pattern, model.upper())), None)
-
-
-def check_fits(contours: Contours, machine: Machine) -> None:
-    """Raise InputError when a bead lies outside the machine's bed or no head reaches it.
-
-    Contours of role CUSTOM are let through: start G-code draws its purge line
-    beside the bed on purpose.
-    """
-    printed = contours.role != Role.CUSTOM
-    if not printed.any():
-        return
-    half = contours.width / 2.0
-    at = contours.offsets[:-1]
-    low = np.minimum.reduceat(contours.points, at)[:, :2] - half[:, None]
-    high = np.maximum.reduceat(contours.points, at)[:, :2] + half[:, None]
-    low_xy, high_xy = low[printed].min(axis=0), high[printed].max(axis=0)
-    outside = (low_xy < np.array(machine.bed_min) - _BED_TOLERANCE_MM) | (
-        high_xy > np.array(machine.bed_max) + _BED_TOLERANCE_MM
-    )
-    if outside.any():
-        _refuse_size(low_xy.tolist(), high_xy.tolist(), machine)
-
-
-def _refuse_size(low: list[float], high: list[float], machine: Machine) -> None:
-    bed = np.subtract(machine.bed_max, machine.bed_min)
-    size = np.subtract(high, low)
-    larger = bool((size > bed + _BED_TOLERANCE_MM).any())
-    raise InputError(
-        f"the print spans x {low[0]:.1f}..{high[0]:.1f}, y {low[1]:.1f}..{high[1]:.1f} mm,"
-        f" the bed of {machine.name!r} is x {machine.bed_min[0]:g}..{machine.bed_max[0]:g},"
-        f" y {machine.bed_min[1]:g}..{machine.bed_max[1]:g} mm",
-        advice="choose a machine with a larger bed" if larger else "move the print onto the bed",
-    )
 
 
 def _presets() -> Traversable:
