@@ -17,7 +17,6 @@ from agents.events import (
     DistributionReady,
     Effect,
     Event,
-    Fenced,
     Forget,
     Leave,
     Left,
@@ -63,6 +62,7 @@ class Progress:
     rounds: int
     best_makespan_s: float
     elapsed_s: float
+    agreeing_s: float | None  # since planning ended
 
 
 class FrontEnd(Interface):
@@ -122,6 +122,7 @@ class Agent:
         self._deadline = self._began + wait_s + time_limit_s
         self._shared = self._ticked = self._shown = self._began - 1.0
         self._live: tuple[int, ...] = (head,)
+        self._agreeing_since: float | None = None
         self._perform(self.protocol.start())
 
     @property
@@ -139,6 +140,10 @@ class Agent:
         if self.protocol.phase is Phase.PLANNING:
             self._plan()
         self._keep_time()
+
+    def leave(self, reason: str) -> None:
+        """Say goodbye; `done` from now on."""
+        self._feed(Leave(reason))
 
     def _plan(self) -> None:
         self._planner.iterate(self._live)
@@ -161,13 +166,15 @@ class Agent:
 
     def show(self) -> None:
         """Report progress to the front end."""
+        now = self._clock()
         best = self.released or self._planner.best(self._live)
         progress = Progress(
             self.protocol.phase.value,
             self._live,
             self.rounds,
             best.makespan_s,
-            self._clock() - self._began,
+            now - self._began,
+            None if self._agreeing_since is None else now - self._agreeing_since,
         )
         self._front.progress(progress, self.traffic)
 
@@ -217,6 +224,8 @@ class Agent:
             case RosterComplete():
                 self._deadline = self._clock() + self._limit_s
             case Propose(live):
+                if self._agreeing_since is None:
+                    self._agreeing_since = self._clock()
                 best = self._planner.best(live)
                 return Proposed(live, best.plans, best.makespan_s, best.digest)
             case Resolve(live, plans, claimed):
@@ -224,6 +233,7 @@ class Agent:
                 return PlanResolved(live, claimed, found.digest, found.makespan_s)
             case Release():
                 self.released = effect
+                self.show()
                 self._front.tell(effect)
             case Note() | Refused() | Unfenced() | Left():
                 self._front.tell(effect)
@@ -239,6 +249,3 @@ class Agent:
         kind = kind_of(message)
         self.traffic.count_sent(kind, len(payload))
         self._transport.send(kind, payload, reliable=reliable)
-
-
-__all__ = ["Agent", "Fenced", "FrontEnd", "Leave", "Progress"]

@@ -43,6 +43,10 @@ class Traffic:
     received_bytes: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)  # by reason
 
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Return all counts as plain dictionaries."""
+        return {name: dict(getattr(self, name)) for name in self.__slots__}
+
     def count_sent(self, kind: str, size: int) -> None:
         """Add one message that went out."""
         self.sent[kind] += 1

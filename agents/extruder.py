@@ -1,0 +1,171 @@
+"""The process of one head: `python -m agents.extruder --pack DIR --head N ...`.
+
+Loads the problem, opens the network, steps the agent until it is told to go or
+everyone has settled. Signals: SIGINT agrees on the best so far, SIGTERM leaves.
+A failure is one line on stderr and exit code 1 (2: bad input); `--debug` shows
+the trace.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents.agent import Agent
+from agents.events import Leave, PlanningEnded, Release
+from agents.pipes import PipeFront, TerminalFront, line_of
+from agents.planner import Planner
+from agents.transport import NoNetwork, Transport
+from decmcts.errors import InputError
+
+LINGER_S = 10.0
+"""An agent without a launcher answers stragglers so long after its release."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How one agent runs; see `python -m agents.extruder --help`."""
+
+    head: int
+    session: str = "local"
+    ports: tuple[int, ...] = ()  # one a head; empty: alone, no network
+    epoch: int = 0
+    fenced: tuple[int, ...] = ()
+    time_limit_s: float = 30.0
+    seed: int = 0
+    controlled: bool = False  # commands and events go over stdin and stdout
+    output: Path | None = None
+
+
+MakePlanner = Callable[[argparse.Namespace], Planner]
+
+
+def run(planner: Planner, options: Options) -> Release | None:
+    """Run one head's agent to its end and return the plan it released."""
+    front = PipeFront() if options.controlled else TerminalFront()
+    signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
+    signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
+    fenced = options.fenced if options.ports else _all_but(options.head, len(planner.names))
+    with _transport(options) as transport:
+        agent = Agent(
+            options.head,
+            options.epoch,
+            planner=planner,
+            transport=transport,
+            front=front,
+            time_limit_s=options.time_limit_s,
+            clock=time.monotonic,
+            fenced=fenced,
+        )
+        front.ready(planner.problem)
+        _step_to_the_end(agent, linger_s=None if options.controlled else LINGER_S)
+    if options.output is not None and agent.released is not None:
+        options.output.write_text(json.dumps(line_of(agent.released)))
+    return agent.released
+
+
+def _step_to_the_end(agent: Agent, *, linger_s: float | None) -> None:
+    ends = float("inf")
+    while not agent.done:
+        agent.step()
+        if linger_s is not None and agent.released is not None:
+            ends = min(ends, time.monotonic() + linger_s)
+            if agent.protocol.settled or time.monotonic() >= ends:
+                agent.leave("done")
+
+
+def _all_but(head: int, n: int) -> tuple[int, ...]:
+    return tuple(h for h in range(n) if h != head)
+
+
+def _transport(options: Options) -> Transport:
+    if not options.ports:
+        return NoNetwork()
+    # Imported here: the single-extruder mode needs no zenoh.
+    from agents.zenoh_transport import Endpoints, ZenohTransport
+
+    endpoints = Endpoints.mesh(options.ports, options.head)
+    return ZenohTransport(options.session, options.head, options.epoch, endpoints)
+
+
+def arguments() -> argparse.ArgumentParser:
+    """Return the parser of an agent's command line."""
+    parser = argparse.ArgumentParser(prog="agents.extruder", description="One head's agent.")
+    parser.add_argument("--pack", type=Path, help="folder with the problem")
+    parser.add_argument("--expect", default="", help="digest the problem must have")
+    parser.add_argument("--head", type=int, required=True, help="index of this head")
+    parser.add_argument("--session", default="local", help="name shared by the agents")
+    parser.add_argument("--ports", default="", help="loopback port of every head; none: alone")
+    parser.add_argument("--epoch", type=int, default=0, help="incarnation; default: now")
+    parser.add_argument("--fenced", default="", help="heads that are off")
+    parser.add_argument("--time-limit", type=float, default=30.0, help="seconds of planning")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--controlled", action="store_true", help="obey a launcher on stdin")
+    parser.add_argument("--output", type=Path, help="write the released plan here, as JSON")
+    parser.add_argument("--debug", action="store_true", help="show traces")
+    return parser
+
+
+def options_of(given: argparse.Namespace) -> Options:
+    """Return the options a command line asks for."""
+    return Options(
+        head=given.head,
+        session=given.session,
+        ports=_numbers(given.ports),
+        epoch=given.epoch or time.time_ns() // 1_000_000,
+        fenced=_numbers(given.fenced),
+        time_limit_s=given.time_limit,
+        seed=given.seed,
+        controlled=given.controlled,
+        output=given.output,
+    )
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split(",") if part)
+
+
+def _team_planner(given: argparse.Namespace) -> Planner:
+    from agents.pack import read_pack
+    from agents.team_planner import TeamPlanner
+
+    if given.pack is None:
+        raise InputError("no problem given", advice="name its folder with --pack")
+    return TeamPlanner.of_pack(read_pack(given.pack), given.head, seed=given.seed)
+
+
+def _require_problem(digest: str, expected: str) -> None:
+    if expected and digest != expected:
+        raise InputError(
+            f"the problem has digest {digest[:12]}, the launcher's has {expected[:12]}",
+            advice="both sides need the same version of decmcts",
+        )
+
+
+def main(argv: Sequence[str] | None = None, *, make_planner: MakePlanner = _team_planner) -> int:
+    """Run one agent; return its exit code."""
+    given = arguments().parse_args(argv)
+    try:
+        planner = make_planner(given)
+        _require_problem(planner.problem, given.expect)
+        run(planner, options_of(given))
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except Exception as error:
+        # The launcher shows this line; a trace helps nobody there.
+        if given.debug:
+            raise
+        print(f"error: {type(error).__name__}: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,94 @@
+"""Starts one process per head, watches them and collects the plan they agree on.
+
+`launch` is what `decmcts launch` calls. `python -m agents.launch` is that same
+command: reading, verifying and writing are the command line's business, which
+stands above this room, so it is run by name and not imported.
+"""
+
+from __future__ import annotations
+
+import runpy
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from decmcts.team.problem import build_team_problem  # type: ignore[import-untyped]
+from decmcts.team.resolve import resolve  # type: ignore[import-untyped]
+
+from agents.pack import Pack, write_pack
+from agents.spawn import Agreement, OnStart, run_agents
+from agents.supervisor import LaunchError, OnProgress
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.toolpath import Toolpath
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaunchResult:
+    """An agreement turned into what each head prints."""
+
+    agreement: Agreement
+    toolpaths: tuple[Toolpath, ...]  # one a head, in the machine's order; empty for lost heads
+    problem: str  # digest of the team's problem
+
+
+def launch(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    *,
+    time_limit_s: float,
+    seed: int,
+    on_progress: OnProgress | None = None,
+    on_start: OnStart | None = None,
+) -> LaunchResult:
+    """Plan a print by one process per head of the machine.
+
+    Parameters
+    ----------
+    job, machine, graph : PrintJob, Machine, DependencyGraph
+        The print; written to a temporary folder for the agents.
+    time_limit_s : float
+        Seconds of planning, counted from when every agent is ready.
+    seed : int
+        Of the agents' searches; each head derives its own.
+    on_progress, on_start : callable, optional
+        See `run_agents`.
+
+    Raises
+    ------
+    LaunchError
+        If the agents come to no plan, or to one that resolves differently here.
+    InputError
+        If no head can print some contour.
+    """
+    problem = build_team_problem(job, machine, graph)
+    names = [head.name for head in machine.heads]
+    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
+        write_pack(Pack(job, machine, graph), Path(folder))
+        agreement = run_agents(
+            names,
+            ["--pack", folder, "--expect", problem.digest],
+            time_limit_s=time_limit_s,
+            seed=seed,
+            on_progress=on_progress,
+            on_start=on_start,
+        )
+    resolved = resolve(problem, agreement.plans, agreement.live)
+    if resolved.digest != agreement.digest:
+        raise LaunchError(
+            f"the agreed plan {agreement.digest[:12]} resolves to {resolved.digest[:12]} here"
+        )
+    return LaunchResult(agreement, tuple(resolved.toolpaths), problem.digest)
+
+
+def main() -> None:
+    """Run `decmcts launch` with the arguments of this program."""
+    sys.argv[0:1] = ["decmcts", "launch"]
+    runpy.run_module("decmcts.cli", run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,86 @@
+"""A problem on disk, for the agent processes of one launch.
+
+`problem.npz` holds the arrays of contours and graph, `problem.json` the rest.
+Exact: floats keep every bit, so each agent computes the digest again and finds
+the same. Plain arrays and JSON only: reading a pack runs nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
+from decmcts.print.contours import Contours
+from decmcts.print.job import Barrier, PrintJob, ProcessSettings
+from decmcts.print.machine import Machine
+
+_ARRAYS = "problem.npz"
+_REST = "problem.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Pack:
+    """One print on one machine, with its dependency graph and planner options."""
+
+    job: PrintJob
+    machine: Machine
+    graph: DependencyGraph
+    options: Mapping[str, Any] = field(default_factory=dict)  # JSON values for the planner
+
+
+def write_pack(pack: Pack, folder: Path) -> None:
+    """Write a pack into an existing folder."""
+    arrays = {
+        f"{room}.{f.name}": getattr(owner, f.name)
+        for room, owner in (("contours", pack.job.contours), ("graph", pack.graph))
+        for f in fields(owner)
+    }
+    np.savez(folder / _ARRAYS, allow_pickle=False, **arrays)
+    rest = {
+        "name": pack.job.name,
+        "slicer": pack.job.slicer,
+        "notes": list(pack.job.notes),
+        "settings": asdict(pack.job.settings),
+        "barriers": [asdict(barrier) for barrier in pack.job.barriers],
+        "machine": machine_to_dict(pack.machine),
+        "options": dict(pack.options),
+    }
+    (folder / _REST).write_text(json.dumps(rest))
+
+
+def read_pack(folder: Path) -> Pack:
+    """Read what `write_pack` wrote.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no pack or a broken one.
+    """
+    try:
+        with np.load(folder / _ARRAYS, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        rest = json.loads((folder / _REST).read_text())
+        job = PrintJob(
+            rest["name"],
+            Contours(**_room(arrays, "contours")),
+            ProcessSettings(**rest["settings"]),
+            tuple(Barrier(**barrier) for barrier in rest["barriers"]),
+            rest["slicer"],
+            tuple(rest["notes"]),
+        )
+        graph = DependencyGraph(**_room(arrays, "graph"))
+        return Pack(job, machine_from_dict(rest["machine"]), graph, rest["options"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"no problem pack: {error}", path=folder) from error
+
+
+def _room(arrays: dict[str, Any], room: str) -> dict[str, Any]:
+    return {k.partition(".")[2]: v for k, v in arrays.items() if k.startswith(room + ".")}

@@ -1,0 +1,114 @@
+"""One agent as a child process: spawned, listened to, commanded, ended by its id.
+
+Children are spawned (a fork of an open zenoh session hangs) in a session of
+their own, so Ctrl-C reaches the launcher alone and it decides what they do.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import subprocess
+import tempfile
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, BinaryIO
+
+_STOP_S = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Said:
+    """A line an agent wrote, or None when its output ended."""
+
+    head: int
+    line: dict[str, Any] | None
+
+
+class AgentProcess:
+    """A running agent of this launcher.
+
+    Parameters
+    ----------
+    head : int
+        Its head.
+    command : sequence of str
+        What to run.
+    heard : queue.Queue
+        Where the lines it writes are put, as `Said`.
+    """
+
+    def __init__(self, head: int, command: Sequence[str], heard: queue.Queue[Said]) -> None:
+        self.head = head
+        self._errors: BinaryIO = tempfile.TemporaryFile()  # noqa: SIM115 - closed in `reap`
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            start_new_session=True,
+        )
+        # Daemon: a reader stuck on a pipe must not keep a crashed launcher alive.
+        self._reader = threading.Thread(target=self._read, args=(heard,), daemon=True)
+        self._reader.start()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._process.poll() is None
+
+    def tell(self, command: dict[str, Any]) -> None:
+        """Write one command line; a dead agent hears nothing."""
+        pipe = self._process.stdin
+        if pipe is None or pipe.closed:
+            return
+        with suppress(BrokenPipeError):  # it ended; its end is read from its output
+            pipe.write(json.dumps(command).encode() + b"\n")
+            pipe.flush()
+
+    def kill(self) -> None:
+        """End it for sure and wait for it: after this the head is fenced."""
+        if self.running:
+            self._process.kill()
+        self._process.wait()
+
+    def reap(self) -> str:
+        """Wait shortly, kill if needed, free the pipes; return its last words."""
+        if self._process.stdin is not None:
+            with suppress(BrokenPipeError):
+                self._process.stdin.close()
+        try:
+            self._process.wait(_STOP_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+        self._reader.join(_STOP_S)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+        words = self.last_words()
+        self._errors.close()
+        return words
+
+    def last_words(self) -> str:
+        """Return the last line it wrote to stderr."""
+        self._errors.seek(0)
+        lines = self._errors.read()[-4096:].decode(errors="replace").strip().splitlines()
+        return lines[-1] if lines else ""
+
+    def _read(self, heard: queue.Queue[Said]) -> None:
+        pipe = self._process.stdout
+        assert pipe is not None
+        for raw in pipe:
+            try:
+                line = json.loads(raw)
+            except ValueError:
+                continue  # not ours: a library printed
+            if isinstance(line, dict):
+                heard.put(Said(self.head, line))
+        heard.put(Said(self.head, None))

@@ -1,0 +1,116 @@
+"""Starts one agent process per head, has them supervised and returns their agreement.
+
+Knows nothing of prints: which program an agent is and what it plans are
+arguments. `agents.launch` uses it for real prints.
+"""
+
+from __future__ import annotations
+
+import queue
+import secrets
+import socket
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.processes import AgentProcess, Said
+from agents.supervisor import AgentStatus, OnProgress, Supervisor
+
+OnStart = Callable[[Mapping[int, int]], None]
+"""Told the process id of every head."""
+
+EXTRUDER = (sys.executable, "-m", "agents.extruder")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Agreement:
+    """The plan the agents released, and how they came to it."""
+
+    plans: Mapping[int, NDArray[np.int32]]  # head -> its macro-actions in order
+    makespan_s: float
+    digest: str
+    live: tuple[int, ...]  # heads the plan uses
+    agents: tuple[AgentStatus, ...]  # of every head, lost ones included
+
+
+def free_ports(n: int) -> tuple[int, ...]:
+    """Return `n` different loopback ports that are free now."""
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(n)]
+        for each in sockets:
+            each.bind(("127.0.0.1", 0))
+        return tuple(int(each.getsockname()[1]) for each in sockets)
+
+
+def run_agents(
+    names: Sequence[str],
+    arguments: Sequence[str],
+    *,
+    time_limit_s: float,
+    seed: int,
+    command: Sequence[str] = EXTRUDER,
+    on_progress: OnProgress | None = None,
+    on_start: OnStart | None = None,
+) -> Agreement:
+    """Run one agent process per head and return what they agreed on.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the heads.
+    arguments : sequence of str
+        Passed to every agent, e.g. `--pack DIR`.
+    command : sequence of str
+        The agent's program.
+    on_progress : callable, optional
+        Told the status of all agents whenever something was heard.
+    on_start : callable, optional
+        Told the process id of every head.
+
+    Raises
+    ------
+    LaunchError
+        If there is no plan.
+    """
+    heard: queue.Queue[Said] = queue.Queue()
+    shared = [*arguments, *_shared_arguments(len(names), time_limit_s, seed)]
+    agents: dict[int, AgentProcess] = {}
+    try:
+        for head in range(len(names)):
+            agents[head] = AgentProcess(head, [*command, *shared, "--head", str(head)], heard)
+        if on_start is not None:
+            on_start({head: agent.pid for head, agent in agents.items()})
+        supervisor = Supervisor(
+            agents, tuple(names), heard, time_limit_s=time_limit_s, on_progress=on_progress
+        )
+        released = supervisor.run()
+    finally:
+        _end(agents)
+    return _agreement(released, tuple(supervisor.status))
+
+
+def _shared_arguments(n: int, time_limit_s: float, seed: int) -> list[str]:
+    given = ["--controlled", "--time-limit", repr(time_limit_s), "--seed", str(seed)]
+    if n > 1:  # one head is the single-extruder mode: no network
+        ports = ",".join(str(port) for port in free_ports(n))
+        given += ["--ports", ports, "--session", secrets.token_hex(8)]
+    return given
+
+
+def _end(agents: Mapping[int, AgentProcess]) -> None:
+    for agent in agents.values():
+        agent.tell({"command": "exit"})
+    for agent in agents.values():
+        agent.reap()
+
+
+def _agreement(released: dict[str, Any], status: tuple[AgentStatus, ...]) -> Agreement:
+    plans = {int(h): np.array(plan, np.int32) for h, plan in released["plans"].items()}
+    return Agreement(
+        plans, released["makespan_s"], released["digest"], tuple(released["live"]), status
+    )

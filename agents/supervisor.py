@@ -1,0 +1,178 @@
+"""Watches the agents of one launch until they released one plan.
+
+Decides who is fenced: an agent whose process ended, or one the others could
+not reach, after its process was killed and waited for. A plan counts only when
+every agent that is not fenced released the same digest. No planning here.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from agents.processes import AgentProcess, Said
+
+START_LIMIT_S = 180.0
+"""To load the problem and compile; a head that takes longer is fenced."""
+
+AGREE_LIMIT_S = 30.0
+"""From the end of planning to the release."""
+
+_POLL_S = 0.1
+
+
+class LaunchError(Exception):
+    """The agents came to no plan; one line says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentStatus:
+    """What the launcher last heard of one agent."""
+
+    head: int
+    name: str
+    phase: str = "starting"
+    live: tuple[int, ...] = ()
+    rounds: int = 0
+    best_makespan_s: float = float("inf")
+    elapsed_s: float = 0.0
+    sent: Mapping[str, int] = field(default_factory=dict)  # messages by kind
+    sent_bytes: Mapping[str, int] = field(default_factory=dict)
+    received: Mapping[str, int] = field(default_factory=dict)
+    received_bytes: Mapping[str, int] = field(default_factory=dict)
+    dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
+    history: tuple[tuple[float, float], ...] = ()  # (elapsed s, best makespan s), improvements
+    note: str = ""
+    agreeing_s: float | None = None  # from the end of planning, to the release in the end
+
+
+OnProgress = Callable[[tuple[AgentStatus, ...]], None]
+
+
+class Supervisor:
+    """State of one launch; `run` until a plan is released."""
+
+    def __init__(
+        self,
+        agents: Mapping[int, AgentProcess],
+        names: tuple[str, ...],
+        heard: queue.Queue[Said],
+        *,
+        time_limit_s: float,
+        on_progress: OnProgress | None,
+    ) -> None:
+        self.fenced: set[int] = set()
+        self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
+        self._agents, self._names, self._heard = agents, names, heard
+        self._released: dict[int, dict[str, Any]] = {}
+        self._ready: set[int] = set()
+        self._limit_s, self._on_progress = time_limit_s, on_progress
+        self._started = self._all_ready = time.monotonic()
+
+    def run(self) -> dict[str, Any]:
+        """Return the `released` line all unfenced agents agree on.
+
+        Raises
+        ------
+        LaunchError
+            If no agent is left, or an agent holds another problem.
+        """
+        stopping = False
+        while True:
+            try:
+                if (released := self._result()) is not None:
+                    return released
+                self._listen()
+                self._enforce_limits()
+            except KeyboardInterrupt:
+                if stopping:
+                    raise LaunchError("interrupted twice: no plan") from None
+                stopping = True
+                self.stop()
+
+    def stop(self) -> None:
+        """Ask every agent to end planning and agree on the best so far."""
+        self._tell_all({"command": "stop"})
+
+    def _tell_all(self, command: dict[str, Any]) -> None:
+        for head in self._unfenced():
+            self._agents[head].tell(command)
+
+    def _unfenced(self) -> list[int]:
+        return [head for head in self._agents if head not in self.fenced]
+
+    def _result(self) -> dict[str, Any] | None:
+        heads = self._unfenced()
+        if not heads:
+            words = [self._agents[h].last_words() for h in self._agents]
+            raise LaunchError(f"every agent ended: {'; '.join(dict.fromkeys(filter(None, words)))}")
+        lines = [self._released.get(head) for head in heads]
+        first = lines[0]
+        if first is None or any(x is None or x["digest"] != first["digest"] for x in lines):
+            return None
+        return first
+
+    def _listen(self) -> None:
+        try:
+            said = self._heard.get(timeout=_POLL_S)
+        except queue.Empty:
+            return
+        if said.line is None:
+            self.fence(said.head, "its process ended")
+        elif said.head not in self.fenced:
+            self._hear(said.head, said.line)
+        if self._on_progress is not None:
+            self._on_progress(tuple(self.status))
+
+    def _hear(self, head: int, line: dict[str, Any]) -> None:
+        match line:
+            case {"event": "ready"}:
+                self._ready.add(head)
+                self._all_ready = time.monotonic()
+                self._update(head, phase="waiting")
+            case {"event": "progress"}:
+                self._progress(head, line)
+            case {"event": "note", "text": text}:
+                self._update(head, note=text)
+            case {"event": "refused", "reason": reason}:
+                raise LaunchError(f"{self._names[head]} refused a peer: {reason}")
+            case {"event": "unfenced", "heads": heads}:
+                for other in heads:
+                    self.fence(other, f"{self._names[head]} does not hear it")
+            case {"event": "released"}:
+                self._released[head] = line
+                self._update(head, phase="released")
+
+    def _progress(self, head: int, line: dict[str, Any]) -> None:
+        best, history = line["best_makespan_s"], self.status[head].history
+        if not history or best != history[-1][1]:
+            history = (*history, (line["elapsed_s"], best))
+        named = ("phase", "rounds", "best_makespan_s", "elapsed_s", "agreeing_s")
+        told = {name: line[name] for name in named} | line["traffic"]
+        self._update(head, live=tuple(line["live"]), history=history, **told)
+
+    def _update(self, head: int, **changes: Any) -> None:
+        self.status[head] = replace(self.status[head], **changes)
+
+    def fence(self, head: int, why: str) -> None:
+        """Make sure a head does nothing any more, then tell the others."""
+        if head in self.fenced or head not in self._agents:
+            return
+        self._agents[head].kill()
+        self.fenced.add(head)
+        self._released.pop(head, None)
+        self._update(head, phase="lost", note=self._agents[head].last_words() or why)
+        self._tell_all({"command": "fence", "head": head})
+
+    def _enforce_limits(self) -> None:
+        now = time.monotonic()
+        if now - self._started > START_LIMIT_S:
+            for head in set(self._unfenced()) - self._ready:
+                self.fence(head, f"not ready after {START_LIMIT_S:g} s")
+        if now - self._all_ready > self._limit_s + AGREE_LIMIT_S and self._ready:
+            for head in set(self._unfenced()) - self._released.keys():
+                self.fence(head, f"no agreement {AGREE_LIMIT_S:g} s after planning")
+            self._all_ready = now

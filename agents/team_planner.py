@@ -1,0 +1,56 @@
+"""`decmcts.team` behind the agents' `Planner` face."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from decmcts.team.dec_mcts import DecMcts, PlanDistribution  # type: ignore[import-untyped]
+from decmcts.team.problem import TeamProblem, build_team_problem  # type: ignore[import-untyped]
+from decmcts.team.resolve import resolve  # type: ignore[import-untyped]
+
+from agents.messages import Distribution, Plans
+from agents.pack import Pack
+from agents.planner import JointProposal
+
+
+class TeamPlanner:
+    """One head's Dec-MCTS search and the shared `resolve`."""
+
+    def __init__(self, problem: TeamProblem, head: int, *, seed: int) -> None:
+        self.problem = problem.digest
+        self.names = tuple(problem.head_names)
+        self._team = problem
+        self._search = DecMcts(problem, head, seed=seed)
+
+    @staticmethod
+    def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:
+        """Build the problem of a pack and a planner for one head of it."""
+        problem = build_team_problem(pack.job, pack.machine, pack.graph)
+        return TeamPlanner(problem, head, seed=seed)
+
+    def iterate(self, live: Sequence[int]) -> None:
+        """Do one round of planning for the live heads."""
+        self._search.iterate(live)
+
+    def distribution(self) -> Distribution:
+        """Return what peers need to know of our intentions."""
+        own = self._search.distribution
+        return Distribution(own.sequences, own.probabilities)
+
+    def take(self, head: int, distribution: Distribution) -> None:
+        """Use a peer's latest distribution."""
+        told = PlanDistribution(distribution.sequences, distribution.probabilities)
+        self._search.take(head, told)
+
+    def forget(self, head: int) -> None:
+        """Drop what is known of a peer."""
+        self._search.forget(head)
+
+    def best(self, live: Sequence[int]) -> JointProposal:
+        """Return the best joint plan known for the live heads."""
+        return self.resolve(self._search.best(live).plans, live)
+
+    def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
+        """Return what plans resolve to; the same, bit for bit, on every agent."""
+        found = resolve(self._team, plans, live)
+        return JointProposal(plans, found.makespan_s, found.digest)

@@ -1,0 +1,85 @@
+"""A small real planning problem for the agents' tests: jobs of known length shared by heads.
+
+Each head orders the jobs it wants; `resolve` gives a doubled job to the head that wants it
+earlier and an orphan to the least loaded head. Makespan: the largest load.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from agents.messages import Distribution, Plans
+from agents.planner import JointProposal
+
+
+def load_balance(
+    lengths: np.ndarray, plans: Plans, live: Sequence[int]
+) -> tuple[dict[int, list[int]], float]:
+    """Return who does what and the makespan, each job exactly once."""
+    wants = {h: np.asarray(plans.get(h, ()), np.int64).tolist() for h in sorted(live)}
+    done: dict[int, list[int]] = {h: [] for h in wants}
+    taken: set[int] = set()
+    for rank in range(max((len(w) for w in wants.values()), default=0)):
+        for head, wanted in wants.items():
+            job = wanted[rank] if rank < len(wanted) else -1
+            if 0 <= job < len(lengths) and job not in taken:
+                taken.add(job)
+                done[head].append(job)
+    for job in range(len(lengths)):
+        if job not in taken:
+            least = min(done, key=lambda h: (float(lengths[done[h]].sum()), h))
+            done[least].append(job)
+    return done, max(float(lengths[jobs].sum()) for jobs in done.values())
+
+
+class ToyPlanner:
+    """Random search for one head's share, given what the others seem to do."""
+
+    def __init__(self, head: int, *, names: Sequence[str], jobs: int = 40, seed: int = 0) -> None:
+        self.head = head
+        self.names = tuple(names)
+        self.lengths = np.random.default_rng(jobs).uniform(1.0, 9.0, jobs)
+        digest = hashlib.sha256(self.lengths.tobytes() + repr(self.names).encode())
+        self.problem = digest.hexdigest()
+        self._rng = np.random.default_rng([seed, head])
+        self._others: dict[int, Distribution] = {}
+        self._best: dict[tuple[int, ...], JointProposal] = {}
+        self._own: list[np.ndarray] = []
+
+    def iterate(self, live: Sequence[int]) -> None:
+        share = max(1, len(self.lengths) // len(live))
+        order = self._rng.permutation(len(self.lengths)).astype(np.int32)
+        mine = order[: share + int(self._rng.integers(-1, 2))]
+        plans = {self.head: mine}
+        for head, told in sorted(self._others.items()):
+            pick = self._rng.choice(len(told.sequences), p=told.probabilities)
+            plans[head] = told.sequences[pick]
+        found = self.resolve(plans, live)
+        if found.makespan_s < self.best(live).makespan_s:
+            self._best[tuple(live)] = found
+        self._own = [mine, *self._own][:10]
+
+    def distribution(self) -> Distribution:
+        q = np.full(len(self._own), 1.0 / len(self._own))
+        return Distribution(tuple(self._own), q)
+
+    def take(self, head: int, distribution: Distribution) -> None:
+        self._others[head] = distribution
+
+    def forget(self, head: int) -> None:
+        self._others.pop(head, None)
+
+    def best(self, live: Sequence[int]) -> JointProposal:
+        key = tuple(live)
+        if key not in self._best:
+            self._best[key] = self.resolve({}, live)
+        return self._best[key]
+
+    def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
+        done, makespan = load_balance(self.lengths, plans, live)
+        rows = {h: np.array(jobs, np.int32) for h, jobs in done.items()}
+        blob = b"".join(np.int32([h, len(r)]).tobytes() + r.tobytes() for h, r in rows.items())
+        return JointProposal(rows, makespan, hashlib.sha256(blob).hexdigest()[:32])

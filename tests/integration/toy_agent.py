@@ -1,0 +1,26 @@
+"""An agent process over the toy problem: real zenoh, real pipes, no print needed."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from agents.extruder import main
+from tests.agents.toy import ToyPlanner
+
+if __name__ == "__main__":
+    names = os.environ["TOY_HEADS"].split(",")
+    odd = os.environ.get("TOY_ODD_HEAD", "")  # this head holds another problem
+    sys.exit(
+        main(
+            make_planner=lambda given: ToyPlanner(
+                given.head,
+                names=names,
+                jobs=41 if str(given.head) == odd else 40,
+                seed=given.seed,
+            )
+        )
+    )
