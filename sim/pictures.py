@@ -97,10 +97,14 @@ def _draw_view(
     for index, lane in enumerate(lanes):
         segments = thinned(lane_segments(lane, printing=True))[:, :, [i, j]]
         colour = head_colour(index, len(lanes))
-        axis.add_collection(LineCollection(segments, colors=colour, linewidths=0.4, alpha=0.6))
+        axis.add_collection(
+            LineCollection(list(segments), colors=colour, linewidths=0.4, alpha=0.6)
+        )
     for lane in lanes:
         segments = thinned(lane_segments(lane, printing=False))[:, :, [i, j]]
-        axis.add_collection(LineCollection(segments, colors=TRAVEL, linewidths=0.5, alpha=0.55))
+        axis.add_collection(
+            LineCollection(list(segments), colors=TRAVEL, linewidths=0.5, alpha=0.55)
+        )
     axis.set_xlim(extent[:, i])
     axis.set_ylim(extent[:, j])
     axis.set_aspect("equal", adjustable="box")

@@ -7,21 +7,33 @@ planner's algorithms is imported here, only its data types.
 from __future__ import annotations
 
 import time
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.growth import beads_for, moves_of
+from sim.inventory import compare, contour_segments, match_segments
 from sim.material import find_contacts
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
+from sim.printed_file import Motions, beads_of, moves_array, segments_of
+from sim.replay import (
+    Meeting,
+    arrivals_of,
+    meetings,
+    rail_breaks,
+    run_trial,
+    timing_factors,
+)
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
+FILE_TOLERANCE_MM = 2e-3  # the same in a file: three decimals
 
 
 def verify_plan(
@@ -54,6 +66,9 @@ def verify_plan(
     faults += check_once(document)
     for actions, head in zip(lanes, heads, strict=True):
         faults += check_head(document.contours, actions, head)
+    if source is not None and source.contours is not document.contours:
+        ours, theirs = contour_segments(document.contours), contour_segments(source.contours)
+        faults += compare(ours, theirs, match_segments(ours, theirs))
     order = order_of(lanes)
     counts: dict[str, float] = {"contours": len(document.contours)}
     if isinstance(order, list):
@@ -64,7 +79,44 @@ def verify_plan(
         faults += check_material(document, lanes, order, counts)
         faults += check_heads(document, lanes, order)
         faults += check_rail(document, lanes, order)
+        faults += check_replays(document, lanes, order, counts, trials=trials, seed=seed)
     counts["seconds"] = time.perf_counter() - started
+    return Verdict(tuple(faults), counts)
+
+
+def verify_motions(motions: Motions, source: Motions, machine: Machine) -> Verdict:
+    """Check a one-head G-code file against the file it was made from.
+
+    Every extrusion of the source once, with its E and feed, nothing else; and
+    the head, moved through the file, touches nothing printed before.
+
+    Parameters
+    ----------
+    motions, source : Motions
+        Every move of the two files in their order.
+    machine : Machine
+        Its first head is moved.
+    """
+    started = time.perf_counter()
+    ours, theirs = segments_of(motions), segments_of(source)
+    match = match_segments(ours, theirs)
+    faults = compare(ours, theirs, match)
+    lines = []
+    if len(ours.ends):
+        moves, beads = moves_array(motions), beads_of(motions, match)
+        lines = [
+            f"line {motions.line[c.move]}: {c.part} meets the bead of line {beads.label[c.bead]}, "
+            f"which is {c.depth_mm:.3f} mm too high, near {_place(moves[c.move])}"
+            for c in find_contacts(
+                moves, beads, machine.heads[0], tolerance_mm=FILE_TOLERANCE_MM, limit=10 * LIMIT
+            )
+        ]
+    faults += listed(FaultKind.HEAD_MATERIAL, lines)
+    counts = {
+        "moves": float(len(motions.line)),
+        "segments": float(len(ours.ends)),
+        "seconds": time.perf_counter() - started,
+    }
     return Verdict(tuple(faults), counts)
 
 
@@ -203,6 +255,42 @@ def check_rail(
                 )
             ]
     return listed(FaultKind.RAIL, lines)
+
+
+def check_replays(
+    document: PlanDocument,
+    lanes: tuple[HeadActions, ...],
+    order: PartialOrder,
+    counts: dict[str, float],
+    *,
+    trials: int,
+    seed: int,
+) -> list[Fault]:
+    """Move the heads through nominal, random and adversarial timings and count contacts."""
+    arrivals = [arrivals_of(document, lane) for lane in lanes]
+    contacts: list[Meeting] = []
+    breaks: list[Meeting] = []
+    for name, factors in timing_factors(lanes, trials, seed):
+        _, courses = run_trial(document.machine, lanes, order, arrivals, factors)
+        ends = max((float(c.time[-1]) for c in courses), default=0.0)
+        counts.setdefault("makespan_s", ends)
+        for pair in combinations(range(len(lanes)), 2):
+            contacts += meetings(document.machine, courses, pair, name, LIMIT)
+        breaks += rail_breaks(document.machine, courses, name)
+        counts["replays"] = counts.get("replays", 0) + 1
+    counts["contacts"] = len(contacts)
+    return [
+        *listed(FaultKind.HEAD_HEAD, [_met(lanes, m) for m in contacts]),
+        *listed(FaultKind.RAIL, [_met(lanes, m) for m in breaks]),
+    ]
+
+
+def _met(lanes: tuple[HeadActions, ...], m: Meeting) -> str:
+    (r, s), (a, b) = m.heads, m.actions
+    return (
+        f"replay {m.trial!r} at {m.time_s:.2f} s: {_station(lanes[r], a, False)} and "
+        f"{_station(lanes[s], b, False)}: {m.gap_mm:.3f} mm apart"
+    )
 
 
 def _station(lane: HeadActions, action: int, rest: bool) -> str:

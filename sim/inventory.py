@@ -1,0 +1,175 @@
+"""Exactly once: the extrusions of a result against those of its source.
+
+Both are sets of straight segments that may be run either way. They are matched
+as multisets: first by their coordinates on a grid of a micrometre, then what
+rounding put into neighbouring cells by distance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from decmcts.print.contours import Contours
+from sim.faults import LIMIT, Fault, FaultKind, listed
+
+GRID_MM = 1e-3
+NEAR_MM = 3e-3  # both ends together, rounding to three decimals on both sides
+E_TOLERANCE_MM = 1e-4
+FEED_TOLERANCE_MM_S = 0.02  # files give whole mm/min
+NO_MATCH = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """Extruding segments with what the reader should be told about each."""
+
+    ends: NDArray[np.float64]  # (n, 6) start and end
+    extrusion: NDArray[np.float64]  # (n,) filament mm
+    feed: NDArray[np.float64]  # (n,) mm/s
+    place: NDArray[np.int64]  # (n,) line or contour
+    word: str  # "line" or "contour"
+
+    def text(self, i: int) -> str:
+        """Return the words for one segment."""
+        x0, y0, z0, x1, y1, z1 = self.ends[i]
+        return (
+            f"{self.word} {self.place[i]}: ({x0:.3f}, {y0:.3f}, {z0:.3f}) to "
+            f"({x1:.3f}, {y1:.3f}, {z1:.3f})"
+        )
+
+
+def contour_segments(contours: Contours) -> Segments:
+    """Return all segments of all contours."""
+    n = len(contours)
+    owner = np.repeat(np.arange(n), np.diff(contours.offsets))
+    rows = np.nonzero(owner[1:] == owner[:-1])[0] if n else np.empty(0, np.int64)
+    points = contours.points
+    return _laid_down(
+        np.hstack([points[rows], points[rows + 1]]),
+        contours.extrusion[rows + 1],
+        contours.feed[rows + 1],
+        owner[rows],
+        "contour",
+    )
+
+
+def move_segments(
+    points: NDArray[np.float64],
+    extrusion: NDArray[np.float64],
+    feed: NDArray[np.float64],
+    line: NDArray[np.int64],
+) -> Segments:
+    """Return the moves of a file that lay down material."""
+    rows = np.nonzero(extrusion > 0)[0]
+    ends = np.hstack([points[rows], points[rows + 1]])
+    return _laid_down(ends, extrusion[rows], feed[rows], line[rows].astype(np.int64), "line")
+
+
+def _laid_down(
+    ends: NDArray[np.float64],
+    extrusion: NDArray[np.float64],
+    feed: NDArray[np.float64],
+    place: NDArray[np.int64],
+    word: str,
+) -> Segments:
+    """Drop what has no length: it primes or retracts, it lays nothing down."""
+    moved = (ends[:, :3] != ends[:, 3:]).any(axis=1)
+    return Segments(ends[moved], extrusion[moved], feed[moved], place[moved], word)
+
+
+def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
+    """Return for each of our segments the source's segment it is, or NO_MATCH, (n,).
+
+    No source segment is matched twice. Complexity O(n log n).
+    """
+    mine, theirs = _keys(ours), _keys(source)
+    by_mine = np.lexsort((ours.feed, ours.extrusion, mine))
+    by_theirs = np.lexsort((source.feed, source.extrusion, theirs))
+    mine, theirs = mine[by_mine], theirs[by_theirs]
+    rank = np.arange(len(mine)) - np.searchsorted(mine, mine, side="left")
+    at = np.searchsorted(theirs, mine, side="left") + rank
+    hit = at < np.searchsorted(theirs, mine, side="right")
+    match = np.full(len(mine), NO_MATCH, np.int64)
+    match[by_mine[hit]] = by_theirs[at[hit]]
+    _match_near(ours, source, match)
+    return match
+
+
+def _keys(segments: Segments) -> NDArray[np.uint64]:
+    """Return one number a segment that is equal for equal ends, whichever comes first."""
+    grid = np.rint(segments.ends / GRID_MM).astype(np.int64)
+    first, last = _mixed(grid[:, :3]), _mixed(grid[:, 3:])
+    low, high = np.minimum(first, last), np.maximum(first, last)
+    return low * np.uint64(0x9E3779B97F4A7C15) + high
+
+
+def _mixed(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
+    """Hash integer rows (n, 3); the multipliers are large odd constants (splitmix64)."""
+    x = np.zeros(len(rows), np.uint64)
+    for column in rows.astype(np.uint64).T:
+        x = (x ^ column) * np.uint64(0xBF58476D1CE4E5B9)
+        x ^= x >> np.uint64(27)
+        x *= np.uint64(0x94D049BB133111EB)
+        x ^= x >> np.uint64(31)
+    return x
+
+
+def _match_near(ours: Segments, source: Segments, match: NDArray[np.int64]) -> None:
+    """Match what is left by distance; mutates match."""
+    left = np.nonzero(match == NO_MATCH)[0]
+    free = np.setdiff1d(np.arange(len(source.ends)), match)
+    if not len(left) or not len(free):
+        return
+    both = np.vstack([source.ends[free], np.roll(source.ends[free], 3, axis=1)])
+    tree = cKDTree(both)
+    taken: set[int] = set()
+    for i, near in zip(left.tolist(), tree.query_ball_point(ours.ends[left], NEAR_MM), strict=True):
+        candidates = [int(free[k % len(free)]) for k in near]
+        candidates = [c for c in candidates if c not in taken]
+        if candidates:
+            due = ours.extrusion[i]
+            best = min(candidates, key=lambda c: abs(float(source.extrusion[c] - due)))
+            taken.add(best)
+            match[i] = best
+
+
+def compare(ours: Segments, source: Segments, match: NDArray[np.int64]) -> list[Fault]:
+    """Return what is missing, doubled, foreign or altered."""
+    gone = np.setdiff1d(np.arange(len(source.ends)), match)
+    extra = np.nonzero(match == NO_MATCH)[0]
+    known = np.isin(_keys(ours)[extra], _keys(source))
+    doubled, foreign = extra[known], extra[~known]
+    pairs = np.nonzero(match != NO_MATCH)[0]
+    faults = [
+        *_each(FaultKind.MISSING, source, gone, "is not in the result"),
+        *_each(FaultKind.DOUBLED, ours, doubled, "comes more often than in the source"),
+        *_each(FaultKind.EXTRUSION, ours, foreign, "is not in the source"),
+    ]
+    for kind, a, b, tolerance, unit in (
+        (FaultKind.EXTRUSION, ours.extrusion, source.extrusion, E_TOLERANCE_MM, "mm of filament"),
+        (FaultKind.FEED, ours.feed, source.feed, FEED_TOLERANCE_MM_S, "mm/s"),
+    ):
+        off = pairs[np.abs(a[pairs] - b[match[pairs]]) > tolerance]
+        lines = [
+            f"{ours.text(i)} has {a[i]:.5f} {unit}, the source {b[match[i]]:.5f}"
+            for i in off[:LIMIT].tolist()
+        ]
+        faults += listed(kind, lines, total=len(off))
+    return faults + _compare_total(ours, source)
+
+
+def _each(kind: FaultKind, segments: Segments, rows: NDArray[np.int64], text: str) -> list[Fault]:
+    lines = [f"{segments.text(i)} {text}" for i in rows[:LIMIT].tolist()]
+    return listed(kind, lines, total=len(rows))
+
+
+def _compare_total(ours: Segments, source: Segments) -> list[Fault]:
+    """Compare the filament used; each segment may be rounded in the fifth decimal."""
+    a, b = float(ours.extrusion.sum()), float(source.extrusion.sum())
+    if abs(a - b) <= 0.01 + 1e-6 * len(source.extrusion):
+        return []
+    return [Fault(FaultKind.E_TOTAL, f"{a:.5f} mm of filament, the source has {b:.5f} mm")]

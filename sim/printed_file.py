@@ -1,0 +1,90 @@
+"""A one-head G-code file as the judge sees it: moves, and beads that grow with them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.inventory import Segments, move_segments
+from sim.material import Beads
+
+
+class Motions(Protocol):
+    """Every move of a file in its order; see `decmcts.formats.gcode.read_motions`."""
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """Positions, (m + 1, 3)."""
+
+    @property
+    def extrusion(self) -> NDArray[np.float64]:
+        """Filament of each move in mm, (m,)."""
+
+    @property
+    def feed(self) -> NDArray[np.float64]:
+        """Speed of each move in mm/s, (m,)."""
+
+    @property
+    def line(self) -> NDArray[np.int32]:
+        """Source line of each move, (m,)."""
+
+    @property
+    def contour(self) -> NDArray[np.int32]:
+        """Contour each move is part of, negative when none, (m,)."""
+
+    @property
+    def width(self) -> NDArray[np.float64]:
+        """Bead width of each move in mm, (m,)."""
+
+    @property
+    def height(self) -> NDArray[np.float64]:
+        """Bead height of each move in mm, (m,)."""
+
+
+def laying_moves(motions: Motions) -> NDArray[np.int64]:
+    """Return the moves that lay down material."""
+    moved = (motions.points[1:] != motions.points[:-1]).any(axis=1)
+    return np.nonzero((motions.extrusion > 0) & moved)[0]
+
+
+def segments_of(motions: Motions) -> Segments:
+    """Return the moves that lay down material, as the inventory compares them."""
+    return move_segments(
+        motions.points, motions.extrusion, motions.feed, np.asarray(motions.line, np.int64)
+    )
+
+
+def moves_array(motions: Motions) -> NDArray[np.float64]:
+    """Return every move, (m, 6)."""
+    return np.hstack([motions.points[:-1], motions.points[1:]])
+
+
+def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:
+    """Return the beads of a file with the first move that may meet each.
+
+    A contour run as the source runs it may slope over itself, as its slicer
+    meant it; in another traversal each segment is material for the next ones.
+
+    Parameters
+    ----------
+    motions : Motions
+    match : (n,) for each laying move the place of its segment in the source
+    """
+    rows = laying_moves(motions)
+    contour = np.asarray(motions.contour, np.int64)[rows]
+    begins = np.concatenate([[True], (contour[1:] != contour[:-1]) | (contour[1:] < 0)])
+    run = np.cumsum(begins) - 1
+    last = np.concatenate([np.nonzero(begins)[0][1:] - 1, [len(rows) - 1]])
+    forward = np.concatenate([[True], (np.diff(match) == 1) | begins[1:]])
+    as_sliced = np.logical_and.reduceat(forward, np.nonzero(begins)[0])[run]
+    since = np.where(as_sliced, rows[last[run]], rows) + 1
+    return Beads(
+        motions.points[rows],
+        motions.points[rows + 1],
+        np.asarray(motions.width, np.float64)[rows],
+        np.asarray(motions.height, np.float64)[rows],
+        since,
+        np.asarray(motions.line, np.int64)[rows],
+    )
