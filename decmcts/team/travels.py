@@ -2,7 +2,7 @@
 
 A travel of head r must clear whatever *may* be printed by then in any timing
 the partial order allows: all contours of every head not ordered after it (J5).
-That set only grows along a head, so one record a head is enough.
+That set only grows along a head, so one height field a head is enough.
 """
 
 from __future__ import annotations
@@ -10,7 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.schedule import UNIT_PRINT, Visits
+from decmcts._kernels.routes import Beads, Rows, travel_levels
+from decmcts._kernels.schedule import UNIT_PRINT, UNIT_YIELD, Visits
+from decmcts.feasibility.packed_head import pack_contours, pack_head
+from decmcts.feasibility.travel import new_height_field
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.order import UnitOrder
@@ -20,41 +23,57 @@ from decmcts.team.space import Space
 def unit_travels(
     job: PrintJob, machine: Machine, order: UnitOrder, visits: Visits, space: Space
 ) -> list[NDArray[np.float64]]:
-    """Return the path from where the head rests to where each unit works, (m) of (k, 3).
+    """Return the path from where the head rests to where each unit works, m of (k, 3).
 
-    A path of fewer than two points means that there is nothing to travel.
+    A path of one point means that there is nothing to travel.
     """
-    tops = job.contours.top if len(job.contours) else np.empty(0)
-    heads = len(space.parks)
-    rest = space.parks.copy()
-    level = np.full(heads, -np.inf)
-    seen = np.zeros((heads, heads), np.int64)
-    paths: list[NDArray[np.float64]] = []
-    for row in range(len(order.head)):
-        r = int(order.head[row])
-        for s in range(heads):
-            upto = int(order.own[row] if s == r else order.later[row, s])
-            for k in range(int(seen[r, s]), upto):
-                contour = order.contour[order.rows[s, k]]
-                if contour >= 0:
-                    level[r] = max(level[r], tops[contour])
-            seen[r, s] = max(seen[r, s], upto)
-        prints = order.kind[row] == UNIT_PRINT
-        goal = visits.first[order.contour[row]] if prints else order.target[row]
-        above = level[r] + machine.lift_mm
-        paths.append(_up_over_down(rest[r], goal, above))
-        rest[r] = visits.last[order.contour[row]] if prints else paths[-1][-1]
-    return paths
+    starts, goals = _ends(order, visits, space)
+    level = np.empty(len(order.head))
+    packed = pack_contours(job.contours, machine.clearance_mm)
+    beads = Beads(packed.points, packed.offsets, packed.radius)
+    units = Rows(order.contour, order.rows, order.counts, order.later)
+    stays_up = order.kind == UNIT_YIELD
+    for r, head in enumerate(machine.heads):
+        field = new_height_field(job.contours, clearance_mm=machine.clearance_mm)
+        travel_levels(
+            r,
+            units,
+            starts,
+            goals,
+            stays_up,
+            beads,
+            field,
+            pack_head(head),
+            machine.lift_mm,
+            level,
+        )
+    goals[stays_up, 2] = level[stays_up]
+    return _paths(starts, goals, level)
 
 
-def _up_over_down(
-    start: NDArray[np.float64], goal: NDArray[np.float64], above: float
-) -> NDArray[np.float64]:
-    """Return the polyline that rises to at least `above`, crosses and comes down."""
-    if np.array_equal(start, goal):
-        return start[None, :]
-    level = max(float(start[2]), float(goal[2]), above)
-    corners = [start, [start[0], start[1], level], [goal[0], goal[1], level], goal]
-    path = np.array(corners, np.float64)
-    keep = np.concatenate([[True], (np.diff(path, axis=0) != 0.0).any(axis=1)])
-    return np.asarray(path[keep])
+def _ends(
+    order: UnitOrder, visits: Visits, space: Space
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where each unit's head comes from and where its travel goes, each (m, 3)."""
+    prints = (order.kind == UNIT_PRINT)[:, None]
+    goals = np.where(prints, visits.first[order.contour], order.target)
+    rests = np.where(prints, visits.last[order.contour], order.target)
+    starts = np.empty_like(goals)
+    for r in range(len(order.counts)):
+        mine = order.rows[r, : order.counts[r]]
+        starts[mine[1:]] = rests[mine[:-1]]
+        starts[mine[:1]] = space.parks[r]
+    return starts, goals
+
+
+def _paths(
+    starts: NDArray[np.float64], goals: NDArray[np.float64], level: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Return start, above start, above goal, goal, without corners that do not move."""
+    across = (starts[:, :2] != goals[:, :2]).any(axis=1)
+    over = np.stack([starts, starts, goals, goals], axis=1)
+    over[:, 1, 2] = np.where(across, level, starts[:, 2])
+    over[:, 2, 2] = np.where(across, level, goals[:, 2])
+    keep = np.ones((len(over), 4), np.bool_)
+    keep[:, 1:] = (np.diff(over, axis=1) != 0.0).any(axis=2)
+    return [corners[mask] for corners, mask in zip(over, keep, strict=True)]
