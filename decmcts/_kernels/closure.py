@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.clearance import (
     CHUNK,
+    Z_EPS,
     Beads,
     PackedHead,
     blocking_polygon,
@@ -31,6 +32,7 @@ WORD = 64
 GEOMETRY, PROCESS, STATE = 1, 2, 3  # decmcts.feasibility.graph.EdgeKind
 TOUCH_MM = 0.05  # beads nearer than this touch
 NO_EDGE = -1
+ALL = np.uint64(2**64 - 1)
 
 
 class Rules(NamedTuple):
@@ -58,6 +60,13 @@ class Edges(NamedTuple):
     source: NDArray[np.int32]  # (capacity,) a
     kind: NDArray[np.uint8]  # (capacity,)
     used: NDArray[np.int64]  # (1,) how many of the capacity
+
+
+class Scratch(NamedTuple):
+    """Memory of the walk that each contour overwrites."""
+
+    quad: NDArray[np.float64]  # (4, 2)
+    reach: NDArray[np.float64]  # (m, 5) of `fill_reach`
 
 
 @kernel
@@ -149,18 +158,40 @@ def required(
 
 
 @kernel
-def word_concerns(
-    beads: Beads, rules: Rules, words: Words, head: PackedHead, w: int, b: int
-) -> bool:
-    """Tell whether any contour of run w may have to precede b."""
-    if rules.epoch[w * WORD] < rules.epoch[b]:
-        return True
-    if rules.keep and words.layers[w, 0] <= rules.layer[b] <= words.layers[w, 1]:
-        return True
+def fill_reach(beads: Beads, head: PackedHead, b: int, reach: NDArray[np.float64]) -> None:
+    """Write where, by boxes, bead b may block each polygon: xmin, ymin, xmax, ymax, zmax."""
+    r = beads.radius[b]
     for k in range(len(head.heights)):
-        if box_reaches(beads.boxes, b, words.boxes, w, head, k, beads.radius[b]):
+        for axis in range(2):
+            reach[k, axis] = beads.boxes[b, axis] - head.boxes[k, axis + 2] - r
+            reach[k, axis + 2] = beads.boxes[b, axis + 2] - head.boxes[k, axis] + r
+        reach[k, 4] = beads.boxes[b, 5] - head.heights[k] - Z_EPS
+
+
+@kernel
+def in_reach(boxes: NDArray[np.float64], i: int, reach: NDArray[np.float64]) -> bool:
+    """Tell whether box i lies within any row of `reach`; takes bare arrays to stay fast."""
+    for k in range(len(reach)):
+        if boxes[i, 4] >= reach[k, 4]:
+            return False
+        if (
+            boxes[i, 0] <= reach[k, 2]
+            and boxes[i, 2] >= reach[k, 0]
+            and boxes[i, 1] <= reach[k, 3]
+            and boxes[i, 3] >= reach[k, 1]
+        ):
             return True
     return False
+
+
+@kernel
+def word_concerns(rules: Rules, words: Words, reach: NDArray[np.float64], w: int, b: int) -> bool:
+    """Tell whether any contour of run w may have to precede b."""
+    return bool(
+        rules.epoch[w * WORD] < rules.epoch[b]
+        or (rules.keep and words.layers[w, 0] <= rules.layer[b] <= words.layers[w, 1])
+        or in_reach(words.boxes, w, reach)
+    )
 
 
 @kernel
@@ -200,23 +231,33 @@ def walk_contour(
     words: Words,
     head: PackedHead,
     edges: Edges,
-    quad: NDArray[np.float64],
+    scratch: Scratch,
 ) -> Edges:
-    """Find the edges into b from the column block that starts at `first`; fills row b."""
-    row = rows[b - first]
+    """Find the edges into b from the column block that starts at `first`; fills row b.
+
+    The tests by boxes stand here, not in `required`: they decide almost all of the
+    pairs and a call that hands over all the arrays costs more than they do.
+    """
+    row, boxes, reach = rows[b - first], beads.boxes, scratch.reach
+    epoch, layer, role, keep = rules.epoch, rules.layer, rules.role, rules.keep
+    fill_reach(beads, head, b, reach)
     last = min(b, first + rows.shape[1] * WORD)
     for w in range((last - 1 - first) // WORD, -1, -1):
-        free = ~row[w]
-        if free == 0 or not word_concerns(beads, rules, words, head, first // WORD + w, b):
+        if row[w] == ALL or not word_concerns(rules, words, reach, first // WORD + w, b):
             continue
         base = first + w * WORD
         for i in range(min(WORD, last - base) - 1, -1, -1):
-            if (row[w] >> np.uint64(i)) & np.uint64(1):
+            a = base + i
+            if (row[w] >> np.uint64(i)) & np.uint64(1) or not (
+                in_reach(boxes, a, reach)
+                or epoch[a] < epoch[b]
+                or (keep and layer[a] == layer[b] and role[a] != role[b])
+            ):
                 continue
-            kind = required(beads, rules, head, base + i, b, quad)
+            kind = required(beads, rules, head, a, b, scratch.quad)
             if kind:
-                edges = add_edge(edges, base + i, b, kind)
-                inherit(row[: w + 1], rows[base + i - first, : w + 1])
+                edges = add_edge(edges, a, b, kind)
+                inherit(row[: w + 1], rows[a - first, : w + 1])
                 row[w] |= np.uint64(1) << np.uint64(i)
     return edges
 
@@ -235,7 +276,7 @@ def walk_columns(
 
     Row b - first holds b's ancestors in first..first + 64 * columns.
     """
-    quad = np.empty((4, 2))
+    scratch = Scratch(np.empty((4, 2)), np.empty((len(head.heights), 5)))
     for b in range(first, len(beads.radius)):
         row = rows[b - first]
         row[:] = np.uint64(0)
@@ -244,7 +285,7 @@ def walk_columns(
             inherit(row, rows[edges.source[link] - first])
             link = edges.older[link]
         if b > first:
-            edges = walk_contour(rows, first, b, beads, rules, words, head, edges, quad)
+            edges = walk_contour(rows, first, b, beads, rules, words, head, edges, scratch)
     return edges
 
 
