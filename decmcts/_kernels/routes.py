@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.clearance import PackedHead
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.schedule import UNIT_PRINT, UNIT_YIELD
 from decmcts._kernels.travel import HeightField, deposit, travel_height_above
 
 
@@ -27,6 +28,7 @@ class Beads(NamedTuple):
 class Rows(NamedTuple):
     """Units of the joint plan, see decmcts.team.order.UnitOrder."""
 
+    kind: NDArray[np.int8]  # (m,)
     contour: NDArray[np.int32]  # (m,)
     rows: NDArray[np.int64]  # (heads, most)
     counts: NDArray[np.int64]  # (heads,)
@@ -50,7 +52,6 @@ def travel_levels(
     units: Rows,
     starts: NDArray[np.float64],
     goals: NDArray[np.float64],
-    stays_up: NDArray[np.bool_],
     beads: Beads,
     field: HeightField,
     head: PackedHead,
@@ -59,23 +60,39 @@ def travel_levels(
 ) -> None:
     """Write to `level` (m,) the z at which each travel of head r crosses.
 
-    `starts` and `goals` (m, 3) are where units come from and work; after a
-    retreat (`stays_up`) the head rests at the level it crossed at, so the start
-    of its next unit is raised in place. The field is filled in place.
+    `starts` and `goals` (m, 3) are where units begin and end. After a yield the
+    head rests at the level it crossed at: that goal and the next start are
+    changed in place. The field is filled in place.
     """
     seen = np.zeros(len(units.counts), np.int64)
     for i in range(units.counts[r]):
         row = units.rows[r, i]
+        if units.kind[row] == UNIT_PRINT:
+            continue
         for s in range(len(seen)):
             last = i if s == r else units.later[row, s]
             deposit_until(s, seen[s], last, units, beads, field)
             seen[s] = max(seen[s], last)
-        p, q = starts[row], goals[row]
-        z = p[2] if stays_up[row] else max(p[2], q[2])
-        level[row] = z
-        if p[0] != q[0] or p[1] != q[1]:
-            safe = travel_height_above(field, head, p[0], p[1], q[0], q[1], z)
-            if safe > z:
-                level[row] = safe + lift_mm
-        if stays_up[row] and i + 1 < units.counts[r]:
+        stays_up = units.kind[row] == UNIT_YIELD
+        level[row] = crossing(starts[row], goals[row], stays_up, field, head, lift_mm)
+        if stays_up:
+            goals[row, 2] = level[row]
             starts[units.rows[r, i + 1], 2] = level[row]
+
+
+@kernel
+def crossing(
+    p: NDArray[np.float64],
+    q: NDArray[np.float64],
+    stays_up: bool,
+    field: HeightField,
+    head: PackedHead,
+    lift_mm: float,
+) -> float:
+    """Height of a travel from p to q; `stays_up`: it need not come down to q."""
+    z = p[2] if stays_up else max(p[2], q[2])
+    if p[0] != q[0] or p[1] != q[1]:
+        safe = travel_height_above(field, head, p[0], p[1], q[0], q[1], z)
+        if safe > z:
+            return safe + lift_mm
+    return z

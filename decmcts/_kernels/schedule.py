@@ -1,11 +1,12 @@
 """Who acts when: the event-driven replay of one sequence per head, on bare arrays.
 
-A *unit* is one thing a head does without a stop: travel from where it rests
-and print one contour, or retreat. Its box is the hull of its whole path,
-starting point included. A head begins a unit only while the box is clear of
-every other head's box: that of its running unit, or the point it rests at.
-So conflicting units never overlap in nominal time and `after` edges only have
-to fix the order in which they were begun (rule J3 of ARCHITECTURE.md).
+A *unit* is one action: a travel, the print of one contour, or a retreat. Its
+box is the bounding box of its whole path, starting point included. A head sets
+off to a contour only while the boxes of travel and print are both clear of the
+room every other head holds: the boxes of what it is about, or the point it
+rests at. The room of the travel is given back on arrival. So conflicting units
+never overlap in nominal time and `after` edges only have to fix the order in
+which they were begun (rule J3 of ARCHITECTURE.md).
 
 When nothing runs and nothing can begin, the head with most work left gets its
 way and those resting in its way retreat: on a rail outwards as far as needed,
@@ -24,7 +25,7 @@ from decmcts._kernels.jit import kernel
 from decmcts._kernels.motion import trapezoid_time
 
 NONE = -1
-UNIT_PRINT, UNIT_YIELD, UNIT_PARK = 0, 1, 2
+UNIT_PRINT, UNIT_TRAVEL, UNIT_YIELD, UNIT_PARK = 0, 1, 2, 3
 NOT_YET = np.inf
 OK, STUCK = 0, 1
 
@@ -55,19 +56,21 @@ class State(NamedTuple):
 
     position: NDArray[np.int64]  # (heads,) next entry of its sequence
     rest: NDArray[np.float64]  # (heads, 3) where it stands or will stand
-    box: NDArray[np.float64]  # (heads, 4) room it takes now
-    until: NDArray[np.float64]  # (heads,) end of the running unit; NOT_YET: idle
+    box: NDArray[np.float64]  # (heads, 4) room it holds now
+    works: NDArray[np.float64]  # (heads, 4) room it holds from `arrive` on
+    arrive: NDArray[np.float64]  # (heads,) end of the running travel; NOT_YET: none
+    until: NDArray[np.float64]  # (heads,) when it will be idle; NOT_YET: it is
     left: NDArray[np.float64]  # (heads,) seconds of printing left
     ended: NDArray[np.float64]  # (n,) end of each contour; NOT_YET: not ended
 
 
 class Units(NamedTuple):
-    """Units in the order they begin; rows from `used[0]` on are unused."""
+    """Units in the order they were decided; rows from `used[0]` on are unused."""
 
     head: NDArray[np.int32]  # (m,)
     kind: NDArray[np.int8]  # (m,)
-    contour: NDArray[np.int32]  # (m,) NONE for retreats
-    target: NDArray[np.float64]  # (m, 3) where a retreat ends
+    contour: NDArray[np.int32]  # (m,) NONE unless printed
+    target: NDArray[np.float64]  # (m, 3) where it ends
     box: NDArray[np.float64]  # (m, 4)
     begin: NDArray[np.float64]  # (m,)
     end: NDArray[np.float64]  # (m,)
@@ -124,45 +127,61 @@ def is_ready(contour: int, now: float, visits: Visits, state: State) -> bool:
 
 
 @kernel
-def begin_unit(
+def record(
     r: int,
     kind: int,
     contour: int,
-    seconds: float,
-    now: float,
+    begin: float,
+    end: float,
     box: NDArray[np.float64],
     target: NDArray[np.float64],
-    state: State,
     units: Units,
 ) -> None:
-    """Record a unit of head r that begins now and takes its room (mutates state and units)."""
+    """Append a unit (mutates units)."""
     row = units.used[0]
     units.used[0] += 1
     units.head[row], units.kind[row], units.contour[row] = r, kind, contour
     units.box[row], units.target[row] = box, target
-    units.begin[row], units.end[row] = now, now + seconds
-    state.box[r], state.rest[r] = box, target
-    state.until[r] = now + seconds
-    if contour >= 0:
-        state.ended[contour] = now + seconds
+    units.begin[row], units.end[row] = begin, end
 
 
 @kernel
-def try_print(
-    r: int, contour: int, now: float, visits: Visits, floor: Floor, state: State, units: Units
-) -> bool:
-    """Begin the contour on head r if it is ready and the way is clear."""
+def begin_print(
+    r: int,
+    contour: int,
+    now: float,
+    first: NDArray[np.float64],
+    last: NDArray[np.float64],
+    visits: Visits,
+    floor: Floor,
+    state: State,
+    units: Units,
+) -> None:
+    """Send head r to print a contour from `first` to `last` (mutates state and units)."""
+    box = np.empty(4)
+    travel = travel_seconds(state.rest[r], first, floor.travel)
+    if np.any(state.rest[r] != first):
+        point_box(first, box)
+        unit_box(state.rest[r], box, box)
+        record(r, UNIT_TRAVEL, NONE, now, now + travel, box, first, units)
+        state.arrive[r] = now + travel
+    unit_box(state.rest[r], visits.boxes[contour], state.box[r])
+    state.works[r] = visits.boxes[contour]
+    end = now + travel + visits.seconds[contour]
+    record(r, UNIT_PRINT, contour, now + travel, end, visits.boxes[contour], last, units)
+    state.rest[r] = last
+    state.until[r] = state.ended[contour] = end
+    state.left[r] -= visits.seconds[contour]
+
+
+@kernel
+def can_print(r: int, contour: int, now: float, visits: Visits, floor: Floor, state: State) -> bool:
+    """Whether head r may set off to a contour: it is ready and the way is clear."""
     if not is_ready(contour, now, visits, state):
         return False
     box = np.empty(4)
     unit_box(state.rest[r], visits.boxes[contour], box)
-    if not is_clear(r, box, state, floor):
-        return False
-    seconds = travel_seconds(state.rest[r], visits.first[contour], floor.travel)
-    seconds += visits.seconds[contour]
-    begin_unit(r, UNIT_PRINT, contour, seconds, now, box, visits.last[contour], state, units)
-    state.left[r] -= visits.seconds[contour]
-    return True
+    return is_clear(r, box, state, floor)
 
 
 @kernel
@@ -181,16 +200,20 @@ def try_retreat(
     unit_box(state.rest[r], box, box)
     if not is_clear(r, box, state, floor):
         return False
-    seconds = travel_seconds(state.rest[r], target, floor.travel)
-    begin_unit(r, kind, NONE, seconds, now, box, target, state, units)
+    end = now + travel_seconds(state.rest[r], target, floor.travel)
+    record(r, kind, NONE, now, end, box, target, units)
+    state.box[r], state.rest[r], state.until[r] = box, target, end
     return True
 
 
 @kernel
 def end_next(state: State) -> float:
-    """Advance to the next end of a unit; heads that end then become idle. Returns the time."""
-    soon: float = state.until.min()
+    """Advance to the next arrival or end of a unit. Returns the time."""
+    soon: float = min(state.until.min(), state.arrive.min())
     for r in range(len(state.until)):
+        if state.arrive[r] <= soon:
+            state.arrive[r] = NOT_YET
+            state.box[r] = state.works[r]
         if state.until[r] <= soon:
             state.until[r] = NOT_YET
             point_box(state.rest[r], state.box[r])
@@ -208,6 +231,8 @@ def start_state(visits: Visits, floor: Floor, work: NDArray[np.float64]) -> Stat
         np.zeros(heads, np.int64),
         floor.parks.copy(),
         box,
+        box.copy(),
+        np.full(heads, NOT_YET),
         np.full(heads, NOT_YET),
         work.copy(),
         np.full(len(visits.seconds), NOT_YET),
@@ -300,7 +325,9 @@ def begin_ready(
             continue
         at = offsets[r] + state.position[r]
         if at < offsets[r + 1]:
-            if try_print(r, order[at], now, visits, floor, state, units):
+            c = order[at]
+            if can_print(r, c, now, visits, floor, state):
+                begin_print(r, c, now, visits.first[c], visits.last[c], visits, floor, state, units)
                 state.position[r] += 1
         elif not at_park(r, floor, state):
             try_retreat(r, UNIT_PARK, floor.parks[r], now, floor, state, units)
@@ -461,3 +488,24 @@ def first_later(
             later[up] = np.minimum(later[up], later[row])
             later[up, r] = min(later[up, r], own[row])
     return later
+
+
+@kernel
+def earliest(
+    head: NDArray[np.int32],
+    own: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    after: NDArray[np.int64],
+    seconds: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """When each unit begins if all begin as early as the partial order allows, (m,)."""
+    begin = np.zeros(len(seconds))
+    for row in range(len(seconds)):
+        if own[row] > 0:
+            before = rows[head[row], own[row] - 1]
+            begin[row] = begin[before] + seconds[before]
+        for s in range(after.shape[1]):
+            if after[row, s] != NONE:
+                before = rows[s, after[row, s]]
+                begin[row] = max(begin[row], begin[before] + seconds[before])
+    return begin

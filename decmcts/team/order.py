@@ -27,9 +27,9 @@ class UnitOrder:
     """Units of all heads in the order they begin, with their waits."""
 
     head: NDArray[np.int32]  # (m,)
-    kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_YIELD, UNIT_PARK
-    contour: NDArray[np.int32]  # (m,) -1 for retreats
-    target: NDArray[np.float64]  # (m, 3) where a retreat ends
+    kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_YIELD, UNIT_PARK
+    contour: NDArray[np.int32]  # (m,) -1 unless printed
+    target: NDArray[np.float64]  # (m, 3) where it ends
     box: NDArray[np.float64]  # (m, 4)
     begin_s: NDArray[np.float64]  # (m,) estimate
     end_s: NDArray[np.float64]  # (m,) estimate
@@ -105,14 +105,15 @@ def order_units(visits: Visits, floor: Floor, toolpaths: Sequence[Toolpath]) -> 
     order = np.concatenate([toolpath.order for toolpath in toolpaths]).astype(np.int32)
     offsets = np.cumsum([0, *(len(toolpath) for toolpath in toolpaths)]).astype(np.int64)
     heads = len(toolpaths)
-    units, verdict = replay(order, offsets, visits, floor, (len(order) + 2) * heads * 2)
+    units, verdict = replay(order, offsets, visits, floor, (len(order) + 2) * heads * 3)
     if verdict == STUCK:
         raise InputError(
             "the heads' sequences contradict each other: no head can begin its next contour",
             advice="every contour must come after those it rests on, on whichever head they are",
         )
     m = int(units.used[0])
-    units = units._replace(**{name: getattr(units, name)[:m] for name in units._fields[:-1]})
+    sooner = np.argsort(units.begin[:m], kind="stable")
+    units = units._replace(**{name: getattr(units, name)[sooner] for name in units._fields[:-1]})
     own, rows, counts = _index(units.head, heads)
     place = np.empty(len(visits.seconds), np.int64)
     printing = np.flatnonzero(units.contour >= 0)

@@ -48,5 +48,5 @@ def schedule(
     require_complete(job, machine, space, toolpaths)
     visits = visits_of(job, machine, graph, space, toolpaths)
     order = order_units(visits, floor_of(job, machine, space), toolpaths)
-    travels = unit_travels(job, machine, order, visits, space)
+    travels = unit_travels(job, machine, order, space)
     return join_actions(job, machine, order, visits, travels, toolpaths)

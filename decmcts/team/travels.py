@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.routes import Beads, Rows, travel_levels
-from decmcts._kernels.schedule import UNIT_PRINT, UNIT_YIELD, Visits
 from decmcts.feasibility.packed_head import pack_contours, pack_head
 from decmcts.feasibility.travel import new_height_field
 from decmcts.print.job import PrintJob
@@ -21,49 +20,32 @@ from decmcts.team.space import Space
 
 
 def unit_travels(
-    job: PrintJob, machine: Machine, order: UnitOrder, visits: Visits, space: Space
+    job: PrintJob, machine: Machine, order: UnitOrder, space: Space
 ) -> list[NDArray[np.float64]]:
-    """Return the path from where the head rests to where each unit works, m of (k, 3).
+    """Return the path of each unit as if all were travels, m of (k, 3).
 
-    A path of one point means that there is nothing to travel.
+    What a printing unit gets here means nothing; its path is the contour's.
     """
-    starts, goals = _ends(order, visits, space)
+    starts, goals = _starts(order, space), order.target.copy()
     level = np.empty(len(order.head))
     packed = pack_contours(job.contours, machine.clearance_mm)
     beads = Beads(packed.points, packed.offsets, packed.radius)
-    units = Rows(order.contour, order.rows, order.counts, order.later)
-    stays_up = order.kind == UNIT_YIELD
+    units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
     for r, head in enumerate(machine.heads):
         field = new_height_field(job.contours, clearance_mm=machine.clearance_mm)
-        travel_levels(
-            r,
-            units,
-            starts,
-            goals,
-            stays_up,
-            beads,
-            field,
-            pack_head(head),
-            machine.lift_mm,
-            level,
-        )
-    goals[stays_up, 2] = level[stays_up]
+        shape = pack_head(head)
+        travel_levels(r, units, starts, goals, beads, field, shape, machine.lift_mm, level)
     return _paths(starts, goals, level)
 
 
-def _ends(
-    order: UnitOrder, visits: Visits, space: Space
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where each unit's head comes from and where its travel goes, each (m, 3)."""
-    prints = (order.kind == UNIT_PRINT)[:, None]
-    goals = np.where(prints, visits.first[order.contour], order.target)
-    rests = np.where(prints, visits.last[order.contour], order.target)
-    starts = np.empty_like(goals)
+def _starts(order: UnitOrder, space: Space) -> NDArray[np.float64]:
+    """Return where the head stands before each unit, (m, 3)."""
+    starts = np.empty_like(order.target)
     for r in range(len(order.counts)):
         mine = order.rows[r, : order.counts[r]]
-        starts[mine[1:]] = rests[mine[:-1]]
+        starts[mine[1:]] = order.target[mine[:-1]]
         starts[mine[:1]] = space.parks[r]
-    return starts, goals
+    return starts
 
 
 def _paths(
