@@ -102,9 +102,8 @@ def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, st
             change = f"{100 * (now / was - 1):+.1f} %" if was else ""
             rows.append((text, f"{was:,.{digits}f}", f"{now:,.{digits}f}", change))
     rows.append(("contours", str(len(before.contours)), str(len(after.contours)), ""))
-    for key in ("planner", "freedom", "seed"):
-        if key in after.metrics:
-            rows.append((key, str(before.metrics.get(key, "")), str(after.metrics[key]), ""))
+    chosen = [key for key in ("planner", "freedom", "seed") if key in after.metrics]
+    rows += [(k, str(before.metrics.get(k, "")), str(after.metrics[k]), "") for k in chosen]
     return rows
 
 

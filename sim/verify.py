@@ -33,11 +33,17 @@ from sim.replay import (
 )
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
+TIME_TOLERANCE_S = 1e-3
 FILE_TOLERANCE_MM = 2e-3  # the same in a file: three decimals
 
 
 def verify_plan(
-    document: PlanDocument, *, source: PrintJob | None = None, trials: int = 3, seed: int = 0
+    document: PlanDocument,
+    *,
+    source: PrintJob | None = None,
+    digest: str | None = None,
+    trials: int = 3,
+    seed: int = 0,
 ) -> Verdict:
     """Check a joint plan for every execution its partial order allows.
 
@@ -47,6 +53,8 @@ def verify_plan(
         The plan with its machine and contours.
     source : PrintJob | None
         What it was made from; when given, every extrusion is compared.
+    digest : str | None
+        Digest of the problem the plan should be for; compared when given.
     trials : int
         Random timing trials of the replay, besides the nominal and the adversarial ones.
     seed : int
@@ -62,6 +70,9 @@ def verify_plan(
     if faults:
         return Verdict(tuple(faults))
     heads = document.machine.heads
+    if digest is not None and digest != document.problem:
+        text = f"the plan is for problem {document.problem!r}, expected {digest!r}"
+        faults.append(Fault(FaultKind.DIGEST, text))
     lanes = lanes_of(document)
     faults += check_once(document)
     for actions, head in zip(lanes, heads, strict=True):
@@ -76,6 +87,7 @@ def verify_plan(
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
         faults += check_precedence(document, lanes, order)
+        faults += check_times(lanes)
         faults += check_material(document, lanes, order, counts)
         faults += check_heads(document, lanes, order)
         faults += check_rail(document, lanes, order)
@@ -170,6 +182,25 @@ def check_precedence(
     broken = pairs[clock <= action[a]]
     lines = [f"contour {x} must end before contour {y} begins" for x, y in broken[:LIMIT].tolist()]
     return listed(FaultKind.PRECEDENCE, lines, total=len(broken))
+
+
+def check_times(lanes: tuple[HeadActions, ...]) -> list[Fault]:
+    """Check that the nominal times keep the order the plan itself states."""
+    lines: list[str] = []
+    for lane in lanes:
+        begin, end = lane.begin_s, lane.end_s
+        own = np.concatenate([[True], begin[1:] >= end[:-1] - TIME_TOLERANCE_S])[: len(lane)]
+        kept = (end >= begin) & own
+        owner = np.repeat(np.arange(len(lane)), np.diff(lane.after_offsets))
+        for other, waited in enumerate(lanes):
+            rows = lane.after_head == other
+            ended = waited.end_s[lane.after_action[rows]]
+            kept[owner[rows][begin[owner[rows]] < ended - TIME_TOLERANCE_S]] = False
+        lines += [
+            f"{describe(lane, a)} begins before what it waits for has ended"
+            for a in np.nonzero(~kept)[0].tolist()
+        ]
+    return listed(FaultKind.TIMES, lines)
 
 
 def check_material(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -73,10 +74,13 @@ def lane(name, rows, polylines, waits) -> HeadActions:
     flat = [pair for w in waits for pair in w]
     pairs = np.array(flat, np.int32).reshape(-1, 2)
     k = len(rows)
+    begin = np.zeros(k)
+    for a in range(k):  # one second each; others are taken to need as long
+        begin[a] = max([begin[a - 1] + 1 if a else 0, *(i + 1 for _, i in waits[a])])
     return HeadActions(
         name, np.array(kind, np.int8), np.array(contour, np.int32), np.array(backwards, bool),
         np.zeros(k, np.int32), np.cumsum([0, *(len(p) for p in polylines)]).astype(np.int64),
-        np.concatenate(polylines), np.arange(k, dtype=float), np.arange(1, k + 1, dtype=float),
+        np.concatenate(polylines), begin, begin + 1.0,
         np.cumsum([0, *(len(w) for w in waits)]).astype(np.int64),
         pairs[:, 0].copy(), pairs[:, 1].copy(),
     )  # fmt: skip
@@ -139,11 +143,53 @@ def two_head_plan(layers: int = 4, *, rail: bool = True, meet: bool = True):
     )  # fmt: skip
 
 
+def to_rows(lane_: HeadActions) -> list[dict]:
+    """The actions of a lane as mutable rows, for tests that spoil one."""
+    return [
+        {
+            "kind": ActionKind(int(lane_.kind[a])),
+            "contour": int(lane_.contour[a]),
+            "reversed": bool(lane_.reversed[a]),
+            "entry": int(lane_.entry[a]),
+            "path": lane_.action_path(a).copy(),
+            "after": lane_.after(a),
+            "begin_s": float(lane_.begin_s[a]),
+            "end_s": float(lane_.end_s[a]),
+        }
+        for a in range(len(lane_))
+    ]
+
+
+def from_rows(name: str, rows: list[dict]) -> HeadActions:
+    made = lane(
+        name,
+        [(r["kind"], r["contour"], r["reversed"]) for r in rows],
+        [r["path"] for r in rows],
+        [r["after"] for r in rows],
+    )
+    return replace(
+        made,
+        entry=np.array([r["entry"] for r in rows], np.int32),
+        begin_s=np.array([r["begin_s"] for r in rows]),
+        end_s=np.array([r["end_s"] for r in rows]),
+    )
+
+
+def edited(document: PlanDocument, head: int, change) -> PlanDocument:
+    """The plan with the rows of one head changed by `change(rows)`, which may return new rows."""
+    rows = to_rows(document.plan.heads[head])
+    rows = change(rows) or rows
+    lanes = list(document.plan.heads)
+    lanes[head] = from_rows(lanes[head].head, rows)
+    return replace(document, plan=JointPlan(tuple(lanes)))
+
+
 @pytest.fixture
 def make():
     """The builders of this file, for tests that need another shape of print."""
     return SimpleNamespace(
         contours_of=contours_of, square=square, head_actions=head_actions, lane=lane, lift=lift,
         one_head_machine=one_head_machine, two_head_machine=two_head_machine,
-        tower_plan=tower_plan, two_head_plan=two_head_plan,
+        tower_plan=tower_plan, two_head_plan=two_head_plan, edited=edited, to_rows=to_rows,
+        from_rows=from_rows,
     )  # fmt: skip
