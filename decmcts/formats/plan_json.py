@@ -12,6 +12,7 @@ import gzip
 import json
 import os
 import tempfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -148,7 +149,7 @@ def _parse(path: Path) -> Any:
             content = gzip.decompress(content)
         with _uncollected():
             return json.loads(content, parse_constant=refuse)
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"cannot be read ({error})", path=path) from error
     except UnicodeDecodeError as error:
         raise InputError("is no UTF-8 text, so no plan", path=path) from error

@@ -63,10 +63,11 @@ def _joined(scene: trimesh.Scene, path: Path) -> trimesh.Trimesh:
     ]
     if not placed:
         raise InputError("holds no triangles", path=path, advice="export the model again")
-    mesh = trimesh.util.concatenate(placed)
+    mesh = placed[0] if len(placed) == 1 else trimesh.util.concatenate(placed)
+    assert isinstance(mesh, trimesh.Trimesh)
     units = scene.units or next((part.units for part in placed if part.units), None)
     if units not in (None, "mm", "millimeter", "millimeters"):
-        mesh.apply_scale(trimesh.units.unit_conversion(units, "millimeters"))
+        mesh.vertices = mesh.vertices * trimesh.units.unit_conversion(units, "millimeters")
     return mesh
 
 
@@ -78,7 +79,7 @@ def _repair(mesh: trimesh.Trimesh) -> None:
     if not mesh.is_watertight:
         trimesh.repair.fill_holes(mesh)
     if not mesh.is_winding_consistent or mesh.volume < 0.0:
-        trimesh.repair.fix_normals(mesh, multibody=True)
+        trimesh.repair.fix_normals(mesh, multibody=True)  # type: ignore[no-untyped-call]  # trimesh's
 
 
 def _check_closed(mesh: trimesh.Trimesh, path: Path) -> None:
