@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_scan import D, E, F, I, J, R, S
+from decmcts._kernels.gcode_scan import OFFSET_I, OFFSET_J, D, E, F, R, S
 from decmcts._kernels.jit import kernel
 
 # Columns of `modes`, the state after each line.
@@ -96,6 +96,7 @@ def interpret(
     feed: NDArray[np.float64],
     line: NDArray[np.int64],
     placed: NDArray[np.bool_],
+    relative_e: bool,
 ) -> int:
     """Fill the move arrays and the state after each line, all in place; return the moves.
 
@@ -104,6 +105,7 @@ def interpret(
     """
     position = np.zeros(4)
     state = np.zeros(N_MODES, np.int16)
+    state[RELATIVE_E] = relative_e
     debt = np.zeros(MAX_TOOLS)
     rate, area, m = 0.0, 0.0, 0
     for n in range(len(letter)):
@@ -141,8 +143,8 @@ def arc_center(
 ) -> Any:
     """Return the centre of an arc in I/J or R form; NaN when there is none."""
     if math.isnan(values[R]):
-        i = 0.0 if math.isnan(values[I]) else values[I]
-        j = 0.0 if math.isnan(values[J]) else values[J]
+        i = 0.0 if math.isnan(values[OFFSET_I]) else values[OFFSET_I]
+        j = 0.0 if math.isnan(values[OFFSET_J]) else values[OFFSET_J]
         return x0 + i, y0 + j
     dx, dy = x1 - x0, y1 - y0
     chord = math.hypot(dx, dy)
@@ -179,7 +181,7 @@ def chord_count(radius: float, sweep: float, tolerance: float) -> int:
     if radius <= tolerance:
         return 1
     step = 2.0 * math.acos(1.0 - tolerance / radius)
-    return max(1, int(math.ceil(abs(sweep) / step)))
+    return max(1, math.ceil(abs(sweep) / step))
 
 
 @kernel

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 
-X, Y, Z, E, F, I, J, R, D, S = range(10)  # columns of `values`
+X, Y, Z, E, F, OFFSET_I, OFFSET_J, R, D, S = range(10)  # columns of `values`
 N_PARAMETERS = 10
 OTHER = 63  # '?': a line that is no G, M or T command (a macro)
 

@@ -29,6 +29,7 @@ class Kind(IntEnum):
     MODE = 6  # G90, G91, M82, M83: a barrier if it changes anything
     SECTION = 7  # a tool change of the slicer begins
     SECTION_END = 8
+    SPLIT = 9  # our own mark: the next bead is another contour though it begins here
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,7 @@ class Event:
     params: Params = ()  # of a command whose parameters hold one by one
 
 
+SPLIT_MARK = "; next contour"
 _NOTHING = Event(Kind.NOTHING)
 _LAYER = re.compile(
     r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*:?\s*-?\d+\s*(,|$)|-+ LAYER |BEGIN_LAYER"
@@ -85,6 +87,8 @@ def classify(raw: bytes) -> Event:
 
 
 def _comment(text: str) -> Event:
+    if text == SPLIT_MARK:
+        return Event(Kind.SPLIT)
     body = text.lstrip("; (").rstrip(") ")
     upper = body.upper()
     key = upper.split(":", 1)[0].strip() if ":" in upper else ""

@@ -44,7 +44,9 @@ def find_runs(lines: Lines, motion: Motion, track: Track) -> Runs:
     """
     body = _first_line(lines, motion, track)
     first = int(motion.before[body])
-    walls = np.fromiter(track.barriers, np.int64, len(track.barriers))
+    walls = np.sort(
+        np.concatenate([np.fromiter(track.barriers, np.int64, len(track.barriers)), track.splits])
+    )
     contour = group_moves(
         motion.points, motion.extrusion, np.searchsorted(walls, motion.line), first,
         len(motion.extrusion),

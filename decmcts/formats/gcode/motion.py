@@ -50,7 +50,7 @@ def interpret(lines: Lines) -> Motion:
     placed = np.zeros(n, np.bool_)
     m = kernels.interpret(
         lines.letter, lines.code, lines.values, modes, extruder, before, end, pushed, feed,
-        line, placed,
+        line, placed, _counts_relative(lines),
     )  # fmt: skip
     points = np.concatenate([np.zeros((1, 3)), end[:m]])
     motion = Motion(
@@ -61,9 +61,23 @@ def interpret(lines: Lines) -> Motion:
     return _open_arcs(lines, motion) if bool(curved.any()) else motion
 
 
+def _counts_relative(lines: Lines) -> bool:
+    """Guess how E counts where no M82 or M83 says: absolute E does not fall while moving."""
+    if ((lines.letter == 77) & np.isin(lines.code, (820, 830))).any():
+        return False
+    drawn = (lines.letter == 71) & (lines.code <= 30) & ~np.isnan(lines.values[:, scan.E])
+    drawn &= ~np.isnan(lines.values[:, : scan.E]).all(axis=1)
+    e = lines.values[drawn, scan.E]
+    return bool(len(e) > 1 and (np.diff(e) < 0).mean() > 0.25)
+
+
 def _decimals(lines: Lines) -> tuple[int, int, int]:
     xy = int(max(lines.decimals[: scan.E].max(), 3))
-    return min(xy, 6), int(np.clip(lines.decimals[scan.E], 5, 9)), min(int(lines.decimals[4]), 6)
+    e = int(np.clip(lines.decimals[scan.E], 5, 8))
+    curved = (lines.letter == 71) & np.isin(lines.code, (20, 30))
+    if curved.any():
+        e = min(e + 2, 8)  # a short chord's share of E must not become nothing
+    return min(xy, 6), e, min(int(lines.decimals[scan.F]), 6)
 
 
 def _refuse_far(lines: Lines, motion: Motion) -> None:

@@ -190,7 +190,7 @@ def _contours(parsed: _Parsed, blocks: Blocks) -> tuple[Contours, NDArray[np.int
 def _closed(
     points: NDArray[np.float64], offsets: NDArray[np.int64], width: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
-    """Ends within a bead width, and a way around several times as long."""
+    """Tell which contours end within a bead width of their start after a longer way."""
     gap = np.linalg.norm(points[offsets[1:] - 1] - points[offsets[:-1]], axis=1)
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
     step[offsets[:-1]] = 0.0

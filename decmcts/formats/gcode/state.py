@@ -26,6 +26,7 @@ class Track:
     states: NDArray[np.int32]  # (k,) the state that holds from there
     layer_lines: NDArray[np.int64]  # lines that begin a layer
     barriers: dict[int, str]  # line -> reason
+    splits: NDArray[np.int64]  # lines that part contours and nothing else
     sections: NDArray[np.int64]  # (s, 2) first and last line of a slicer's tool change
 
     def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
@@ -93,6 +94,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
     """Return the machine state and the barriers of a file."""
     recorder, layers, barriers = _Recorder(), [], {}
     sections: list[tuple[int, int]] = []
+    splits: list[int] = []
     opened, last_layer = -1, ""
     for line in _event_lines(lines).tolist():
         event = classify(lines.raw(line))
@@ -110,6 +112,8 @@ def track_state(lines: Lines, motion: Motion) -> Track:
             _note(recorder, event, line, last_layer)
         elif kind == Kind.LEAVE:
             recorder.leave_slot(event.slot, event.text, line)
+        elif kind == Kind.SPLIT:
+            splits.append(line)
         elif kind == Kind.SECTION:
             opened = line
         elif kind == Kind.SECTION_END and opened >= 0:
@@ -121,7 +125,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
                 recorder.put(event.slot, _code(lines, line), line)
     return Track(
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
-        np.asarray(layers, np.int64), barriers,
+        np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),
         np.asarray(sections, np.int64).reshape(-1, 2),
     )  # fmt: skip
 

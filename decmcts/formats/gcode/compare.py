@@ -1,0 +1,110 @@
+"""Do two files extrude the same? Segment by segment, whatever the order.
+
+Used by tests and by anyone who wants to see for himself that a reordered file
+prints the same beads under the same machine state.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode.document import GcodeDocument, StateTable
+from decmcts.print.job import PrintJob
+
+XYZ_MM = 1e-3
+E_MM = 1.05e-5
+FEED_MM_S = 1e-3
+# Comments and progress: they describe, they command nothing.
+_DESCRIBES = ("layer", "type", "width", "height", "mesh", "message", "print stats")
+
+
+def same_extrusions(
+    job_a: PrintJob, doc_a: GcodeDocument, job_b: PrintJob, doc_b: GcodeDocument
+) -> list[str]:
+    """Return one line per difference between two prints; empty when there is none.
+
+    Compared is the multiset of segments, ends in either order: coordinates to
+    0.001 mm, filament to 0.00001 mm, feed, tool, and the machine state in force.
+    """
+    a, b = _segments(job_a), _segments(job_b)
+    if len(a) != len(b):
+        return [f"{len(a)} segments against {len(b)}"]
+    state_a, state_b = _common_states(doc_a, doc_b)
+    kept_a, kept_b = _kept(job_a, state_a, doc_a), _kept(job_b, state_b, doc_b)
+    order_a, order_b = _order(a, kept_a), _order(b, kept_b)
+    a, b, kept_a, kept_b = a[order_a], b[order_b], kept_a[order_a], kept_b[order_b]
+    faults = []
+    checks = (
+        ("coordinates", np.abs(a[:, :6] - b[:, :6]).max(axis=1, initial=0.0) > XYZ_MM),
+        ("filament", np.abs(a[:, 6] - b[:, 6]) > E_MM),
+        ("feed", np.abs(a[:, 7] - b[:, 7]) > FEED_MM_S),
+        ("tool", a[:, 8] != b[:, 8]),
+        ("machine state", kept_a != kept_b),
+    )
+    for name, wrong in checks:
+        if wrong.any():
+            k = int(np.flatnonzero(wrong)[0])
+            faults.append(
+                f"{name} of {int(wrong.sum())} segments differ, first {a[k].round(5).tolist()}"
+                f" against {b[k].round(5).tolist()}"
+            )
+    return faults
+
+
+def _rows(job: PrintJob) -> NDArray[np.int64]:
+    """Return the points that end a segment."""
+    return np.setdiff1d(np.arange(len(job.contours.points)), job.contours.offsets[:-1])
+
+
+def _segments(job: PrintJob) -> NDArray[np.float64]:
+    """Return (k, 9): both ends (the lower first), filament, feed, tool."""
+    c, rows = job.contours, _rows(job)
+    ends = np.stack([c.points[rows - 1], c.points[rows]], axis=1)
+    grid = np.round(ends / XYZ_MM).astype(np.int64)
+    swap = np.zeros(len(rows), np.bool_)
+    decided = np.zeros(len(rows), np.bool_)
+    for axis in range(3):
+        swap |= ~decided & (grid[:, 0, axis] > grid[:, 1, axis])
+        decided |= grid[:, 0, axis] != grid[:, 1, axis]
+    ends[swap] = ends[swap][:, ::-1]
+    tool = np.repeat(c.tool, np.diff(c.offsets))[rows]
+    rest = np.stack([c.extrusion[rows], c.feed[rows], tool], axis=1)
+    return np.concatenate([ends.reshape(-1, 6), rest], axis=1)
+
+
+def _order(segments: NDArray[np.float64], kept: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Sort by place, feed, tool and state, then filament, so that equals meet equals."""
+    place = np.round(segments[:, :6] / XYZ_MM).astype(np.int64)
+    feed = np.round(segments[:, 7] / FEED_MM_S).astype(np.int64)
+    keys = [segments[:, 6], kept, segments[:, 8], feed, *place.T[::-1]]
+    return np.lexsort(keys)
+
+
+def _kept(job: PrintJob, state: NDArray[np.int64], doc: GcodeDocument) -> NDArray[np.int64]:
+    return np.asarray(state[doc.point_state[_rows(job)]])
+
+
+def _common_states(
+    doc_a: GcodeDocument, doc_b: GcodeDocument
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return numbers for the states of both, equal where all commands are equal."""
+    seen: dict[frozenset[tuple[str, str]], int] = {}
+    return _numbered(doc_a.states, seen), _numbered(doc_b.states, seen)
+
+
+def _numbered(table: StateTable, seen: dict[frozenset[tuple[str, str]], int]) -> NDArray[np.int64]:
+    columns = [k for k, slot in enumerate(table.slots) if slot not in _DESCRIBES]
+    kinds, index = np.unique(table.rows[:, columns], axis=0, return_inverse=True)
+    names = [table.slots[k] for k in columns]
+    numbers = np.array(
+        [
+            seen.setdefault(
+                frozenset((n, table.values[v]) for n, v in zip(names, row, strict=True) if v),
+                len(seen),
+            )
+            for row in kinds.tolist()
+        ],
+        np.int64,
+    )
+    return numbers[index.ravel()]

@@ -1,0 +1,225 @@
+"""G-code of one head in a planned order: same extrusions, travels made anew.
+
+The preamble, the postamble and every block are the source's bytes; between
+them lines are written by an `Emitter` that keeps the machine state in step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.dialect import SPLIT_MARK
+from decmcts.formats.gcode.document import Block, GcodeDocument
+from decmcts.formats.gcode.emitter import NEAR_MM, Emitter
+from decmcts.formats.gcode.source_text import save_text
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions
+from decmcts.print.toolpath import visit_points
+
+
+def write_gcode(
+    document: GcodeDocument,
+    job: PrintJob,
+    actions: HeadActions,
+    out: Path | str | BinaryIO | TextIO,
+    *,
+    header_lines: Sequence[str] = (),
+) -> None:
+    """Write the plan of one head as G-code in the source's dialect.
+
+    The path of the first travel is followed from its second point on (the
+    first is the head's park position, where the preamble does not leave it);
+    after the last contour the head goes over the print to where the source's
+    postamble begins.
+
+    Parameters
+    ----------
+    out : path or stream
+        A path is written atomically, gzipped if it ends in ``.gz``.
+    header_lines : sequence of str
+        Put at the top as comments.
+
+    Raises
+    ------
+    InputError
+        When a contour is missing or doubled, or `out` cannot be written.
+    """
+    _check_once(job, actions, document)
+    save_text(gcode_bytes(document, job, actions, header_lines=header_lines), out)
+
+
+def gcode_bytes(
+    document: GcodeDocument,
+    job: PrintJob,
+    actions: HeadActions,
+    *,
+    header_lines: Sequence[str] = (),
+) -> bytes:
+    """Return what `write_gcode` writes."""
+    emitter = Emitter(document, job.settings)
+    emitter.verbatim(with_header(document.preamble, header_lines, document.newline))
+    blocks = iter(document.blocks)
+    block = next(blocks, None)
+    path: list[NDArray[np.float64]] = []
+    progress = _Progress(document, actions)
+    for k in range(len(actions)):
+        if actions.kind[k] == ActionKind.TRAVEL:
+            path.append(actions.action_path(k))
+        if actions.kind[k] != ActionKind.PRINT:
+            continue
+        contour = int(actions.contour[k])
+        while block is not None and block.epoch <= job.contours.epoch[contour]:
+            emit_block(emitter, block)
+            path = [] if block.moves else path
+            block = next(blocks, None)
+        progress.tell(emitter, k)
+        print_contour(
+            emitter, job, contour, path, turned=bool(actions.reversed[k]),
+            entry=int(actions.entry[k]),
+        )  # fmt: skip
+        path = []
+    for rest in ([block] if block is not None else []) + list(blocks):
+        emit_block(emitter, rest)
+    _finish(emitter)
+    return emitter.text()
+
+
+def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) -> None:
+    printed = actions.contour[actions.kind == ActionKind.PRINT]
+    count = np.bincount(printed, minlength=len(job.contours))
+    if (wrong := np.flatnonzero(count != 1)).size:
+        c = int(wrong[0])
+        raise InputError(
+            f"the plan prints contour {c} {count[c]} times instead of once", path=document.path
+        )
+
+
+def with_header(preamble: bytes, header: Sequence[str], newline: bytes) -> bytes:
+    """Return the preamble with comment lines below the line that names the slicer."""
+    if not header:
+        return preamble
+    text = b"".join(
+        b"; " + part.encode("utf-8", "surrogateescape") + newline
+        for line in header
+        for part in line.splitlines()
+    )
+    first = preamble.split(b"\n", 1)[0]
+    named = first.lstrip().startswith(b";") and (b"enerated" in first or b"FLAVOR" in first)
+    cut = preamble.find(b"\n") + 1 if named else 0
+    return preamble[:cut] + text + preamble[cut:]
+
+
+def emit_block(emitter: Emitter, block: Block) -> None:
+    """Write a verbatim block with the controller brought to where the source had it."""
+    begin = block.begin
+    if block.moves:
+        emitter.bridge(begin.position)
+    elif begin.position[2] > emitter.at[2] + NEAR_MM:
+        x, y, _ = emitter.at
+        emitter.travel(np.array([(x, y, begin.position[2])]))
+    emitter.owe(begin.owed, firmware=begin.firmware_retracted)
+    emitter.set_state(begin.state)
+    emitter.set_e(begin.e)
+    if block.moves:
+        emitter.set_feed(begin.feed)
+    stood = emitter.at
+    emitter.verbatim(block.text)
+    emitter.take(block.end)
+    emitter.tail = emitter.tail[:0]
+    if not block.moves:
+        emitter.at = stood
+
+
+def print_contour(
+    emitter: Emitter,
+    job: PrintJob,
+    contour: int,
+    path: list[NDArray[np.float64]],
+    *,
+    turned: bool,
+    entry: int,
+) -> None:
+    """Travel to a contour and print it in the chosen traversal."""
+    rows = slice(int(job.contours.offsets[contour]), int(job.contours.offsets[contour + 1]))
+    points = visit_points(job.contours, contour, reversed_=turned, entry=entry)
+    order = _segments(rows.stop - rows.start, turned, entry if job.contours.closed[contour] else 0)
+    state = emitter.document.point_state[rows][order].tolist()
+    begin: tuple[float, float, float] = tuple(points[0].tolist())
+    emitter.set_state(state[0], before_travel=True)
+    written = len(emitter.lines)
+    _go(emitter, path, begin)
+    emitter.owe(0.0)
+    if len(emitter.lines) == written:
+        emitter.say(SPLIT_MARK)
+    filament = job.contours.extrusion[rows][order].tolist()
+    feed = job.contours.feed[rows][order].tolist()
+    held = -1
+    for to, e, f, s in zip(points[1:].tolist(), filament, feed, state, strict=True):
+        if s != held:
+            emitter.set_state(s)
+            held = s
+        emitter.move(tuple(to), f, e)
+    emitter.tail = points[::-1]
+    emitter.top = max(emitter.top, float(points[:, 2].max()))
+
+
+def _segments(n_points: int, turned: bool, entry: int) -> NDArray[np.int64]:
+    """Return the rows of a contour's segments in the order they are printed."""
+    order = np.arange(1, n_points)
+    if entry:
+        order = np.concatenate([order[entry:], order[:entry]])
+    return order[::-1] if turned else order
+
+
+def _go(
+    emitter: Emitter, path: list[NDArray[np.float64]], begin: tuple[float, float, float]
+) -> None:
+    """Follow the planned path if it starts here, else go over the print."""
+    if path:
+        way = np.concatenate(path)
+        if emitter.top == 0.0:  # nothing is printed yet: the first point is the park position
+            way = way[1:] if len(way) > 1 else way
+            x, y, z = emitter.at
+            emitter.travel(np.concatenate([[(x, y, max(z, float(way[:, 2].max())))], way]))
+        elif np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
+            emitter.travel(way[1:])
+    if np.linalg.norm(np.array(begin) - np.array(emitter.at)) >= NEAR_MM:
+        emitter.bridge(begin)
+    if begin != emitter.at:
+        emitter.move(begin, emitter.travel_feed)
+
+
+def _finish(emitter: Emitter) -> None:
+    """Bring the controller to where the source ended, then write the postamble."""
+    end = emitter.document.end
+    emitter.bridge(end.position)
+    emitter.owe(end.owed, firmware=end.firmware_retracted)
+    emitter.set_state(end.state)
+    emitter.set_e(end.e)
+    emitter.set_feed(end.feed)
+    emitter.verbatim(emitter.document.postamble)
+
+
+class _Progress:
+    """Writes M73 anew from the plan's own times, where the source had any."""
+
+    def __init__(self, document: GcodeDocument, actions: HeadActions) -> None:
+        self._begin = actions.begin_s
+        self._total = float(actions.end_s.max(initial=0.0)) if document.habits.progress else 0.0
+        self._shown = -1
+
+    def tell(self, emitter: Emitter, action: int) -> None:
+        """Write the progress at the beginning of an action if it changed."""
+        if self._total <= 0.0:
+            return
+        percent = int(100.0 * self._begin[action] / self._total)
+        if percent != self._shown:
+            left = (self._total - float(self._begin[action])) / 60.0
+            emitter.say(f"M73 P{percent} R{left:.0f}")
+            self._shown = percent
