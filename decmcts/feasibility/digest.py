@@ -25,9 +25,9 @@ _ONLY_TEXT = {"Contours": {"line"}, "Machine": {"name", "source"}}
 def problem_digest(contours: Contours, graph: DependencyGraph, machine: Machine) -> str:
     """Return the blake2b digest of a problem as 64 hexadecimal digits.
 
-    Every number is rounded to a multiple of 1e-6 and hashed as a little-endian
-    64-bit integer, every array after its shape, every field after its name; the
-    precedence is hashed as its sorted stored edges.
+    Every number, whether kept as integer or float, is rounded to a multiple of 1e-6
+    and hashed as that multiple, a little-endian 64-bit integer; every array after
+    its shape, every field after its name; the precedence as its sorted stored edges.
     """
     state = blake2b(digest_size=DIGEST_BYTES, person=b"decmcts-problem1")
     pairs = graph.pairs()
@@ -47,7 +47,7 @@ def _absorb(state: blake2b, value: Any) -> None:
                 state.update(_text(field))
                 _absorb(state, getattr(value, field))
     elif isinstance(value, tuple):
-        state.update(b"t" + _integers(np.array([len(value)])))
+        state.update(b"t" + _integers(len(value)))
         for item in value:
             _absorb(state, item)
     elif isinstance(value, str):
@@ -55,16 +55,15 @@ def _absorb(state: blake2b, value: Any) -> None:
     elif value is None:
         state.update(b"n")
     else:
-        array = np.asarray(value)
-        state.update(b"a" + _integers(np.array([array.ndim, *array.shape])) + _integers(array))
+        array = np.asarray(value, np.float64)
+        steps = np.rint(array / ROUND_TO)
+        state.update(b"a" + _integers(array.ndim, *array.shape) + steps.astype("<i8").tobytes())
 
 
 def _text(value: str) -> bytes:
     encoded = value.encode()
-    return b"s" + _integers(np.array([len(encoded)])) + encoded
+    return b"s" + _integers(len(encoded)) + encoded
 
 
-def _integers(array: np.ndarray[Any, Any]) -> bytes:
-    if array.dtype.kind == "f":
-        array = np.rint(array / ROUND_TO)
-    return np.ascontiguousarray(array, "<i8").tobytes()
+def _integers(*values: int) -> bytes:
+    return np.array(values, "<i8").tobytes()

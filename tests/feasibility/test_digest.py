@@ -1,0 +1,68 @@
+"""The fingerprint of a problem."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decmcts.feasibility.build import build_graph
+from decmcts.feasibility.digest import problem_digest
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Machine, Rail
+
+
+@pytest.fixture
+def problem(oracle: Any) -> tuple[Contours, DependencyGraph, Machine]:
+    contours = oracle.make_contours(
+        [[(0, 0, 0.2), (1, 0.1, 0.2)], [(0, 0, 0.4), (1, 0, 0.4)]], line=[3, 9]
+    )
+    machine = Machine("m", (0.0, 0.0), (200.0, 200.0), (oracle.heads["lopsided"],))
+    return contours, build_graph(contours, machine.heads, clearance_mm=0.0), machine
+
+
+def changed(contours: Contours, **fields: Any) -> Contours:
+    kept = {name: getattr(contours, name) for name in Contours.__slots__}
+    return Contours(**{**kept, **fields})
+
+
+def test_digest_is_the_same_everywhere(problem: tuple[Any, Any, Any]) -> None:
+    """Agents on different machines compare digests: the value itself is a contract."""
+    assert problem_digest(*problem) == (
+        "cc54bb46cd4d6a055a9c5979c387c2976b1d6f88d201883d573e3ad185a39187"
+    )
+
+
+def test_rounding_noise_and_text_do_not_count(problem: tuple[Any, Any, Any]) -> None:
+    """A coordinate read as 0.1 or 0.30000000000000004 - 0.2 is the same coordinate."""
+    contours, graph, machine = problem
+    same = changed(contours, points=contours.points + 1e-9, line=contours.line + 5)
+    other_name = replace(machine, name="x", source="y")
+    assert problem_digest(same, graph, other_name) == problem_digest(*problem)
+
+
+def test_everything_that_matters_counts(problem: tuple[Any, Any, Any]) -> None:
+    """Two agents with different problems must notice before they talk."""
+    contours, graph, machine = problem
+    n = len(contours)
+    variants = [
+        (changed(contours, points=contours.points + 1e-3), graph, machine),
+        (changed(contours, width=contours.width + 1e-3), graph, machine),
+        (changed(contours, reversible=~contours.reversible), graph, machine),
+        (contours, DependencyGraph.from_pairs(n, np.empty((0, 2), np.int32)), machine),
+        (contours, graph, replace(machine, clearance_mm=0.1)),
+        (contours, graph, replace(machine, rail=Rail(0, ("test",), 70.0))),
+        (contours, graph, replace(machine, heads=machine.heads * 2)),
+    ]
+    digests = {problem_digest(*problem)} | {problem_digest(*v) for v in variants}
+    assert len(digests) == len(variants) + 1
+
+
+def test_whole_numbers_and_tuples_of_a_file_do_not_count(problem: tuple[Any, Any, Any]) -> None:
+    """A machine read from TOML has 200 where a preset has 200.0."""
+    contours, graph, machine = problem
+    whole = replace(machine, bed_max=(200, 200))
+    assert problem_digest(contours, graph, whole) == problem_digest(*problem)
