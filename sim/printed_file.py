@@ -61,8 +61,16 @@ def moves_array(motions: Motions) -> NDArray[np.float64]:
     return np.hstack([motions.points[:-1], motions.points[1:]])
 
 
+def moving(motions: Motions) -> NDArray[np.int64]:
+    """Return the moves the head makes: homing and G92 have no feed and no known path."""
+    return np.nonzero(np.asarray(motions.feed) > 0)[0]
+
+
 def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:
     """Return the beads of a file with the first move that may meet each.
+
+    Only contours count: what a start code purges has no stated size, and its
+    order is the source's.
 
     A contour run as the source runs it may slope over itself, as its slicer
     meant it; in another traversal each segment is material for the next ones.
@@ -74,7 +82,10 @@ def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:
     """
     rows = laying_moves(motions)
     contour = np.asarray(motions.contour, np.int64)[rows]
-    begins = np.concatenate([[True], (contour[1:] != contour[:-1]) | (contour[1:] < 0)])
+    rows, match, contour = (values[contour >= 0] for values in (rows, match, contour))
+    if not len(rows):
+        raise ValueError("no contour in the file")
+    begins = np.concatenate([[True], contour[1:] != contour[:-1]])
     run = np.cumsum(begins) - 1
     last = np.concatenate([np.nonzero(begins)[0][1:] - 1, [len(rows) - 1]])
     forward = np.concatenate([[True], (np.diff(match) == 1) | begins[1:]])

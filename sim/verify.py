@@ -7,6 +7,7 @@ planner's algorithms is imported here, only its data types.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -22,7 +23,7 @@ from sim.inventory import compare, contour_segments, match_segments
 from sim.material import find_contacts
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
-from sim.printed_file import Motions, beads_of, moves_array, segments_of
+from sim.printed_file import Motions, beads_of, moves_array, moving, segments_of
 from sim.replay import (
     Meeting,
     arrivals_of,
@@ -113,23 +114,34 @@ def verify_motions(motions: Motions, source: Motions, machine: Machine) -> Verdi
     ours, theirs = segments_of(motions), segments_of(source)
     match = match_segments(ours, theirs)
     faults = compare(ours, theirs, match)
-    lines = []
-    if len(ours.ends):
-        moves, beads = moves_array(motions), beads_of(motions, match)
-        lines = [
-            f"line {motions.line[c.move]}: {c.part} meets the bead of line {beads.label[c.bead]}, "
-            f"which is {c.depth_mm:.3f} mm too high, near {_place(moves[c.move])}"
-            for c in find_contacts(
-                moves, beads, machine.heads[0], tolerance_mm=FILE_TOLERANCE_MM, limit=10 * LIMIT
-            )
-        ]
-    faults += listed(FaultKind.HEAD_MATERIAL, lines)
+    faults += _check_file_material(motions, match, machine)
     counts = {
         "moves": float(len(motions.line)),
         "segments": float(len(ours.ends)),
         "seconds": time.perf_counter() - started,
     }
     return Verdict(tuple(faults), counts)
+
+
+def _check_file_material(
+    motions: Motions, match: NDArray[np.int64], machine: Machine
+) -> list[Fault]:
+    """Move the first head of the machine through the file."""
+    if not (np.asarray(motions.contour) >= 0).any():
+        return []
+    rows = moving(motions)
+    beads = beads_of(motions, match)
+    beads = replace(beads, since=np.searchsorted(rows, beads.since))
+    moves = moves_array(motions)[rows]
+    contacts = find_contacts(
+        moves, beads, machine.heads[0], tolerance_mm=FILE_TOLERANCE_MM, limit=10 * LIMIT
+    )
+    lines = [
+        f"line {motions.line[rows[c.move]]}: {c.part} meets the bead of line "
+        f"{beads.label[c.bead]}, {c.depth_mm:.3f} mm too high, near {_place(moves[c.move])}"
+        for c in contacts
+    ]
+    return listed(FaultKind.HEAD_MATERIAL, lines)
 
 
 def lanes_of(document: PlanDocument) -> tuple[HeadActions, ...]:
