@@ -24,6 +24,7 @@ from agents.events import (
     Note,
     PeerAppeared,
     PeerGone,
+    Phase,
     PlanningEnded,
     PlanResolved,
     Propose,
@@ -40,7 +41,7 @@ from agents.events import (
 )
 from agents.messages import Envelope, Message, MessageError
 from agents.planner import Planner
-from agents.protocol import Phase, Protocol
+from agents.protocol import Protocol
 from agents.transport import Packet, Presence, Traffic, Transport
 
 TICK_S = 0.1
@@ -111,7 +112,7 @@ class Agent:
         fenced: tuple[int, ...] = (),
         traffic: Traffic | None = None,
     ) -> None:
-        self.protocol = Protocol(head, planner.names, planner.problem, fenced=fenced)
+        self.protocol = Protocol(head, epoch, planner.names, planner.problem, fenced=fenced)
         self.traffic = Traffic() if traffic is None else traffic
         self.released: Release | None = None
         self.rounds = 0
@@ -167,12 +168,16 @@ class Agent:
     def show(self) -> None:
         """Report progress to the front end."""
         now = self._clock()
-        best = self.released or self._planner.best(self._live)
+        best_s = (
+            self._planner.best_makespan_s(self._live)
+            if self.released is None
+            else self.released.makespan_s
+        )
         progress = Progress(
             self.protocol.phase.value,
             self._live,
             self.rounds,
-            best.makespan_s,
+            best_s,
             now - self._began,
             None if self._agreeing_since is None else now - self._agreeing_since,
         )

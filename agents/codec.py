@@ -172,7 +172,8 @@ def _fields(message: Message) -> list[Any]:
         case Proposal():
             return _proposal_fields(message)
         case Commit():
-            return [list(message.live), message.digest, int(message.stage)]
+            stage, heard = int(message.stage), list(message.heard)
+            return [list(message.live), message.digest, stage, message.term, heard]
         case PlanRequest():
             return [message.target, list(message.live), message.digest]
         case PlanReply():
@@ -217,8 +218,9 @@ def _read_proposal(fields: list[Any]) -> Proposal:
 
 
 def _read_commit(fields: list[Any]) -> Commit:
-    live, digest, stage = _list(fields, 3)
-    return Commit(_live(live), _text(digest), Stage(_integer(stage)))
+    live, digest, stage, term, heard = _list(fields, 5)
+    terms = tuple(_integer(t) for t in _list(heard))
+    return Commit(_live(live), _text(digest), Stage(_integer(stage)), _integer(term), terms)
 
 
 def _read_request(fields: list[Any]) -> PlanRequest:

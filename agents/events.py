@@ -7,8 +7,19 @@ behaviour; `agents.extruder` (real) and the tests (simulated) carry them out.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 
 from agents.messages import Distribution, Envelope, Message, Plans
+
+
+class Phase(Enum):
+    """Where one agent is."""
+
+    PLANNING = "planning"
+    AGREEING = "agreeing"
+    RELEASED = "released"
+    LEFT = "left"
+
 
 # Events ---------------------------------------------------------------------
 

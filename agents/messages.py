@@ -120,10 +120,14 @@ class Commit:
     live: tuple[int, ...]
     digest: str
     stage: Stage
+    term: int  # counts the sender's choices of a plan, over all its incarnations
+    heard: tuple[int, ...]  # aligned with live: term of that head's commit to this plan; 0: none
 
     def __post_init__(self) -> None:
         check_live(self.live)
         check_digest(self.digest)
+        _require(len(self.heard) == len(self.live), f"heard {len(self.heard)} of {len(self.live)}")
+        _require(all(0 <= t < 2**63 for t in (self.term, *self.heard)), "a term outside 0..2^63")
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,6 +45,9 @@ class Planner(Protocol):
     def forget(self, head: int) -> None:
         """Drop what is known of a peer."""
 
+    def best_makespan_s(self, live: Sequence[int]) -> float:
+        """Return the makespan of the best joint plan known, cheaply."""
+
     def best(self, live: Sequence[int]) -> JointProposal:
         """Return the best joint plan known for the live heads."""
 

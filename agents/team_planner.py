@@ -46,6 +46,10 @@ class TeamPlanner:
         """Drop what is known of a peer."""
         self._search.forget(head)
 
+    def best_makespan_s(self, live: Sequence[int]) -> float:
+        """Return the makespan of the best joint plan known, cheaply."""
+        return float(self._search.best(live).makespan_s)
+
     def best(self, live: Sequence[int]) -> JointProposal:
         """Return the best joint plan known for the live heads."""
         return self.resolve(self._search.best(live).plans, live)

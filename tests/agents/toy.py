@@ -72,6 +72,9 @@ class ToyPlanner:
     def forget(self, head: int) -> None:
         self._others.pop(head, None)
 
+    def best_makespan_s(self, live: Sequence[int]) -> float:
+        return self.best(live).makespan_s
+
     def best(self, live: Sequence[int]) -> JointProposal:
         key = tuple(live)
         if key not in self._best:
