@@ -9,20 +9,20 @@ from __future__ import annotations
 
 import gc
 import gzip
+import io
 import json
-import os
-import tempfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn, cast
+from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.fields import Fields
+from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts
 from decmcts.formats.plan_contours import contours_from_dicts, contours_to_dicts
@@ -32,7 +32,6 @@ FORMAT = "decmcts-plan"
 VERSION = 1
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
 _GZIP_MAGIC = b"\x1f\x8b"
-_GZIP_LEVEL = 6
 
 
 def write_plan(document: PlanDocument, path: Path | str) -> None:
@@ -43,38 +42,16 @@ def write_plan(document: PlanDocument, path: Path | str) -> None:
     InputError
         When the file cannot be written, or a number of the plan is not finite.
     """
-    target = Path(path)
+    text = io.BytesIO()
     try:
-        with _replacing(target) as file:
-            if target.suffix == ".gz":
-                with gzip.GzipFile("", "wb", _GZIP_LEVEL, file, mtime=0) as packed:
-                    _write(document, cast(BinaryIO, packed))
-            else:
-                _write(document, file)
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", path=target) from error
+        _write(document, text)
     except ValueError as error:
-        raise InputError(f"the plan cannot be written: {error}", path=target) from error
-
-
-@contextmanager
-def _replacing(target: Path) -> Iterator[BinaryIO]:
-    """Yield a file beside `target` that takes its place when all went well."""
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            yield file
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+        raise InputError(f"the plan cannot be written: {error}", path=path) from error
+    save_text(text.getvalue(), path)
 
 
 def _write(document: PlanDocument, file: BinaryIO) -> None:
-    """Write one contour and one action a line, so that no full text stands in memory."""
+    """Write one contour and one action a line: easy to search, and no copy as objects."""
     head = {
         "format": FORMAT,
         "version": VERSION,

@@ -8,10 +8,13 @@ G-code reader makes the print job of that: one way in for every print.
 
 from __future__ import annotations
 
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 
+from decmcts import __version__
 from decmcts.errors import InputError
-from decmcts.formats.gcode import GcodeDocument, parse_gcode
+from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.mesh.gcode_text import gcode_lines
 from decmcts.formats.mesh.load import load_solid
 from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions
@@ -33,7 +36,12 @@ def slice_mesh(
     """
     source = Path(path)
     text = slice_to_gcode(source, options)
-    return parse_gcode(text.encode(), source.name)
+    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
+        sliced = Path(folder) / f"{source.stem}.gcode"
+        sliced.write_text(text, encoding="utf-8", newline="\n")
+        job, document = read_gcode(sliced)
+    slicer = f"decmcts {__version__}, built-in slicer"
+    return replace(job, slicer=slicer), replace(document, path=str(source))
 
 
 def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str:

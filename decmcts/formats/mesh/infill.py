@@ -1,7 +1,7 @@
-"""Rectilinear infill: parallel lines through a region, joined to zigzags.
+"""Rectilinear infill: parallel lines through a region, joined along its border.
 
-Neighbouring lines are joined where the joint stays inside the region, as
-slicers do; with lines one bead apart the joints fill the border exactly.
+With lines one bead apart the joints, which cover half of the border, fill just
+what the lines' ends leave open there.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-_INSIDE_MM = 1e-3  # a joint along the border counts as inside
-_LONGEST_JOINT = 2.5  # in line distances; longer ones would bridge gaps
+from decmcts.formats.mesh.infill_joints import Joint, border_joints
+
+_LONGEST_JOINT = 3.0  # in line distances, along the border
 
 
 def zigzags(
@@ -33,84 +34,46 @@ def zigzags(
     """
     if region.is_empty:
         return []
-    turn = np.array(
-        [[np.cos(angle_rad), -np.sin(angle_rad)], [np.sin(angle_rad), np.cos(angle_rad)]]
-    )
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    turn = np.array([[cosine, -sine], [sine, cosine]])
     turned = shapely.transform(region, lambda xy: xy @ turn)
-    rows, ends = _lines(turned, distance)
-    chains = _chains(rows, ends, turned, distance)
-    long = [c for c in chains if np.linalg.norm(np.diff(c, axis=0), axis=1).sum() >= shortest]
-    return [chain @ turn.T for chain in long]
+    ends = _lines(turned, distance)
+    chains = _chains(ends, border_joints(ends, turned, longest=_LONGEST_JOINT * distance))
+    return [chain @ turn.T for chain in chains if _length(chain) >= shortest]
 
 
-def _lines(region: BaseGeometry, distance: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return row numbers (m,) and segments (m, 2, 2), left end first, by row then x."""
+def _length(chain: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
+
+
+def _lines(region: BaseGeometry, distance: float) -> NDArray[np.float64]:
+    """Return the segments along X inside a region, (m, 2, 2)."""
     left, low, right, high = region.bounds
-    rows = np.arange(np.ceil(low / distance), np.floor(high / distance) + 1).astype(np.int64)
+    rows = np.arange(np.ceil(low / distance), np.floor(high / distance) + 1) * distance
     spans = np.empty((len(rows), 2, 2))
     spans[:, 0, 0], spans[:, 1, 0] = left - 1.0, right + 1.0
-    spans[:, :, 1] = rows[:, None] * distance
-    cut = shapely.intersection(shapely.linestrings(spans), region)
-    parts, source = shapely.get_parts(cut, return_index=True)
-    straight = shapely.get_type_id(parts) == shapely.GeometryType.LINESTRING
-    ends = shapely.get_coordinates(parts[straight]).reshape(-1, 2, 2)
-    row = rows[source[straight]]
-    ends = np.take_along_axis(ends, np.argsort(ends[:, :, :1], axis=1), axis=1)
-    order = np.lexsort((ends[:, 0, 0], row))
-    return row[order], ends[order]
+    spans[:, :, 1] = rows[:, None]
+    parts = shapely.get_parts(shapely.intersection(shapely.linestrings(spans), region))
+    straight = parts[shapely.get_type_id(parts) == shapely.GeometryType.LINESTRING]
+    ends = straight[shapely.length(straight) > 0.0]
+    return np.asarray(shapely.get_coordinates(ends).reshape(-1, 2, 2))
 
 
-def _chains(
-    rows: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    region: BaseGeometry,
-    distance: float,
-) -> list[NDArray[np.float64]]:
-    """Join segments row by row, alternating the side."""
-    joints = _joints(rows, ends, region, distance)
-    taken = np.zeros(len(rows), np.bool_)
+def _chains(ends: NDArray[np.float64], joints: dict[int, Joint]) -> list[NDArray[np.float64]]:
+    """Join segments to polylines; end 2 i + s is side s of segment i."""
+    taken = np.zeros(len(ends), np.bool_)
     chains = []
-    for first in range(len(rows)):
-        if taken[first]:
-            continue
-        at, side, chain = first, 1, []
-        while at >= 0:
-            taken[at] = True
-            chain += [ends[at, 1 - side], ends[at, side]]
-            at = next((b for b in joints.get((at, side), ()) if not taken[b]), -1)
-            side = 1 - side
-        chains.append(np.array(chain))
+    for first in range(2 * len(ends)):
+        if first in joints or taken[first // 2]:
+            continue  # chains begin at ends that are joined to nothing
+        parts, at = [], first
+        while True:
+            taken[at // 2] = True
+            other = at ^ 1
+            parts += [ends[at // 2, at % 2][None], ends[other // 2, other % 2][None]]
+            if other not in joints:
+                break
+            parts.append(joints[other].way)
+            at = joints[other].to
+        chains.append(np.concatenate(parts))
     return chains
-
-
-def _joints(
-    rows: NDArray[np.int64],
-    ends: NDArray[np.float64],
-    region: BaseGeometry,
-    distance: float,
-) -> dict[tuple[int, int], list[int]]:
-    """Return, for each (segment, side), the segments of the next row a joint can reach."""
-    below, above = _neighbours(rows, ends)
-    near = region.buffer(_INSIDE_MM)
-    shapely.prepare(near)
-    found: dict[tuple[int, int], list[int]] = {}
-    for side in (0, 1):
-        spans = np.stack([ends[below, side], ends[above, side]], axis=1)
-        short = np.linalg.norm(spans[:, 1] - spans[:, 0], axis=1) <= _LONGEST_JOINT * distance
-        pairs = np.flatnonzero(short)
-        inside = pairs[shapely.covers(near, shapely.linestrings(spans[pairs]))]
-        for a, b in zip(below[inside].tolist(), above[inside].tolist(), strict=True):
-            found.setdefault((a, side), []).append(b)
-    return found
-
-
-def _neighbours(
-    rows: NDArray[np.int64], ends: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return pairs (a, b) of segments of successive rows that overlap along the row."""
-    first = np.searchsorted(rows, rows + 1)
-    count = np.searchsorted(rows, rows + 1, side="right") - first
-    a = np.repeat(np.arange(len(rows)), count)
-    b = first[a] + np.arange(len(a)) - np.repeat(np.cumsum(count) - count, count)
-    overlap = (ends[a, 0, 0] <= ends[b, 1, 0]) & (ends[b, 0, 0] <= ends[a, 1, 0])
-    return a[overlap], b[overlap]
