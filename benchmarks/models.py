@@ -31,15 +31,18 @@ def figures_of(result: dict[str, Any]) -> dict[str, Any]:
     seconds = result.get("seconds", {})
     before, after = result.get("before", {}), result.get("after", {})
     gain = 0.0
-    if before.get("travel_mm"):
-        gain = 100 * (1 - after["travel_mm"] / before["travel_mm"])
+    if before.get("extrusionless_travel_mm"):
+        gain = 100 * (1 - after["extrusionless_travel_mm"] / before["extrusionless_travel_mm"])
     return {
         "contours": after.get("contours", ""),
         "edges": result.get("edges", ""),
-        **{f"{name}_s": seconds.get(name, "") for name in ("read", "graph", "plan", "verify", "write")},
+        **{
+            f"{name}_s": seconds.get(name, "")
+            for name in ("read", "graph", "plan", "verify", "write")
+        },
         "peak_mib": round(result["peak_mib"]),
-        "travel_before_mm": before.get("travel_mm", ""),
-        "travel_after_mm": after.get("travel_mm", ""),
+        "travel_before_mm": before.get("extrusionless_travel_mm", ""),
+        "travel_after_mm": after.get("extrusionless_travel_mm", ""),
         "less_percent": round(gain, 2),
         "emitted_before_mm": before.get("emitted_travel_mm", ""),
         "emitted_after_mm": after.get("emitted_travel_mm", ""),
@@ -74,7 +77,9 @@ def table(rows: list[dict[str, str]]) -> str:
 def medians(rows: list[dict[str, str]], machines: list[str]) -> str:
     text = ""
     for machine in machines:
-        gains = [float(r["less_percent"]) for r in rows if r["machine"] == machine and not r["error"]]
+        gains = [
+            float(r["less_percent"]) for r in rows if r["machine"] == machine and not r["error"]
+        ]
         if len(gains) > 1:
             low, mid, high = statistics.quantiles(gains, n=4)
             text += (
@@ -95,7 +100,9 @@ def plot(rows: list[dict[str, str]], path: Path) -> None:
         axes[0].loglog(n, seconds, "o", color=colour, label=machine)
         axes[1].semilogx(n, [int(r["peak_mib"]) for r in mine], "o", color=colour, label=machine)
     low, high = axes[0].get_xlim()
-    axes[0].loglog([low, high], [low / 1000, high / 1000], "--", color="grey", label="1 ms a contour")
+    axes[0].loglog(
+        [low, high], [low / 1000, high / 1000], "--", color="grey", label="1 ms a contour"
+    )
     axes[0].set(xlabel="contours", ylabel="seconds, reading and graph")
     axes[1].set(xlabel="contours", ylabel="peak memory, MiB", ylim=(0, None))
     for axis in axes:
@@ -114,7 +121,9 @@ def main() -> None:
     machines = options.machines.split(",")
     rows = Rows(RESULTS / "models.csv", KEY)
     wanted = set(filter(None, options.models.split(",")))
-    files = sorted((corpus() / "models" / "gcode").glob("*.gcode.gz"), key=lambda p: p.stat().st_size)
+    files = sorted(
+        (corpus() / "models" / "gcode").glob("*.gcode.gz"), key=lambda p: p.stat().st_size
+    )
     for path in [] if options.table_only else files:
         name = path.name.removesuffix(".gcode.gz")
         if wanted and name not in wanted:

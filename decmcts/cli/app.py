@@ -91,14 +91,17 @@ def printer_model_of(path: Path) -> str:
 
 def main() -> None:
     """Run the command line; every failure is one line on standard error."""
-    sys.exit(_run())
+    sys.exit(run(sys.argv[1:]))
 
 
-def _run() -> int:
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit code."""
     from decmcts.cli.console import err
 
     try:
-        app(standalone_mode=True)
+        app(args=arguments, prog_name="decmcts")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else 0
     except (InputError, VerificationError) as error:
         return _failed(error, 2 if isinstance(error, InputError) else 1)
     except KeyboardInterrupt:

@@ -74,14 +74,14 @@ def machines(
     if draw is not None and not draw.is_dir():
         raise InputError("no such folder", path=draw, advice="make it first")
     table = Table()
-    for name in ("name", "heads", "bed", "slices", "clearance", "source"):
-        table.add_column(name)
+    for name in ("name", "heads", "bed", "head slices at, mm", "source"):
+        table.add_column(name, no_wrap=name != "source", overflow="ellipsis")
     for name in [machine] if machine else preset_names():
         m = load_machine(name)
         bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
         slices = ", ".join(f"{s.height_mm:g}" for s in m.heads[0].slices)
-        row = (m.name, " ".join(h.name for h in m.heads), bed, f"at {slices} mm")
-        table.add_row(*row, f"{m.clearance_mm:g} mm", m.source)
+        heads = " ".join(h.name for h in m.heads)
+        table.add_row(m.name, heads, bed, slices, m.source.split(";")[0])
         if draw is not None:
             draw_machine(m, draw / f"{m.name}.png")
     out.print(table)

@@ -21,7 +21,9 @@ out = Console(highlight=False)
 
 
 @contextmanager
-def steps(*, quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[Any], None]]]:
+def steps(
+    *, quiet: bool, time_limit_s: float = 0.0
+) -> Iterator[tuple[Callable[[str], None], Callable[[Any], None]]]:
     """Show the current step with a spinner; yields (announce, search progress) callbacks."""
     columns = (
         SpinnerColumn(),
@@ -40,9 +42,9 @@ def steps(*, quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[Any
         def searched(state: Any) -> None:
             progress.update(
                 task,
-                total=state.time_limit_s,
-                completed=min(state.elapsed_s, state.time_limit_s),
-                description=f"travel {state.cost_mm:,.0f} mm of {state.source_cost_mm:,.0f} mm",
+                total=time_limit_s,
+                completed=min(state.seconds, time_limit_s),
+                description=f"searching: travel {state.cost_mm:,.0f} mm",
             )
 
         yield announce, searched
@@ -50,7 +52,7 @@ def steps(*, quiet: bool) -> Iterator[tuple[Callable[[str], None], Callable[[Any
 
 ROWS = (
     ("contours", "contours", "", 0),
-    ("travel (paper's metric)", "travel_mm", "mm", 1),
+    ("travel (paper's metric)", "extrusionless_travel_mm", "mm", 1),
     ("emitted travel", "emitted_travel_mm", "mm", 1),
     ("print time", "print_time_s", "s", 1),
 )

@@ -22,7 +22,9 @@ def refuse_unwritable(paths: list[Path | None], source: Path) -> None:
             continue
         folder = path.parent if str(path.parent) else Path()
         if not folder.is_dir():
-            raise InputError("no such folder", path=folder, advice="make it, or name another output")
+            raise InputError(
+                "no such folder", path=folder, advice="make it, or name another output"
+            )
         if path.is_dir():
             raise InputError("the output is a folder", path=path, advice="name a file")
         if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
@@ -35,6 +37,11 @@ def refuse_unwritable(paths: list[Path | None], source: Path) -> None:
             )
 
 
+def bare(metrics: dict[str, Any]) -> float:
+    """Return the paper's metric out of a plan's metrics."""
+    return float(metrics["extrusionless_travel_mm"])
+
+
 def header_lines(planned: Planned) -> list[str]:
     """Return the comment lines that say what was done to the file."""
     was, now = planned.before.metrics, planned.after.metrics
@@ -42,7 +49,7 @@ def header_lines(planned: Planned) -> list[str]:
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
         f"planner {now['planner']}, freedom {now.get('freedom', 'fixed')}, seed {now.get('seed', 0)}",
-        f"extrusionless travel {was['travel_mm']:.1f} mm -> {now['travel_mm']:.1f} mm",
+        f"extrusionless travel {bare(was):.1f} mm -> {bare(now):.1f} mm",
         f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
         "verified: every extrusion exactly once, no contact of head and print",
     ]

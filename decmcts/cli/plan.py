@@ -79,7 +79,10 @@ def run_single(
     chosen = load_machine(name)
     if len(chosen.heads) > 1:
         chosen = single_head_machine(chosen, 0)
-    with interrupt_stops() as stop, steps(quiet=quiet) as (announce, searched):
+    with (
+        interrupt_stops() as stop,
+        steps(quiet=quiet, time_limit_s=time_limit_s) as (announce, searched),
+    ):
         loaded = load(
             source, chosen, process_order=process_order, options=slicing, announce=announce
         )

@@ -76,9 +76,7 @@ def refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return said
 
 
-def test_truncated_last_line_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_truncated_last_line_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A cut-off upload must not be printed as if it were whole."""
     source = tmp_path / "part.gcode"
     source.write_text(gcode(SQUARE) + "G1 X")

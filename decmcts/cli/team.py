@@ -1,0 +1,238 @@
+"""`decmcts launch`, `agent` and `demo`: several heads, each its own process."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.live import Live
+from rich.table import Table
+
+from agents import extruder
+from agents.launch import LaunchResult
+from agents.launch import launch as launch_agents
+from agents.supervisor import AgentStatus
+from decmcts.cli import options as opt
+from decmcts.cli.app import app, interrupt_stops
+from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
+from decmcts.cli.outputs import figures, refuse_unwritable, write_extras, write_heads
+from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
+from decmcts.formats.mesh import SliceOptions
+from decmcts.print.plan import PlanDocument
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.bound import makespan_bound
+from decmcts.team.schedule import schedule
+from sim.pictures import draw_gantt
+
+
+@app.command()
+def launch(
+    source: opt.Input,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Stem of the G-code files, one a head")
+    ] = None,
+    machine: Annotated[str, typer.Option("--machine", help="A machine with heads")] = "dual-gantry",
+    process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
+    time_limit: opt.TimeOption = 30.0,
+    seed: opt.SeedOption = 0,
+    plan_file: opt.PlanOption = None,
+    report: opt.ReportOption = None,
+    picture: opt.PictureOption = None,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Plan for several heads: one process each, agreeing over zenoh on one joint plan."""
+    refuse_unwritable([output, plan_file, report, picture], source)
+    planned = run_team(
+        source,
+        machine,
+        process_order=process_order.value,
+        time_limit_s=time_limit,
+        seed=seed,
+        quiet=as_json,
+    )
+    written = write_heads(planned, output) if output is not None else []
+    written += write_extras(planned, plan=plan_file, report=report, picture=picture)
+    show_team(planned, written, as_json=as_json)
+
+
+def run_team(
+    source: Path, machine: str, *, process_order: str, time_limit_s: float, seed: int, quiet: bool
+) -> Planned:
+    """Load, let the agents plan and agree, schedule, verify."""
+    with steps(quiet=quiet) as (announce, _):
+        loaded = load(
+            source, machine, process_order=process_order, options=_slicing(), announce=announce
+        )
+        announce("the source's own order, one head")
+        before = source_plan(loaded)
+        announce("what one head alone reaches")
+        alone = plan_alone(loaded, time_limit_s=min(10.0, time_limit_s / 3), seed=seed)
+    started = time.perf_counter()
+    result = _planned_by_agents(loaded, time_limit_s, seed, quiet=quiet)
+    seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
+    with steps(quiet=quiet) as (announce, _):
+        announce("safe travels, times and order across heads")
+        after = _best_of(loaded, result, alone, seed=seed, time_limit_s=time_limit_s)
+        return check(loaded, before, after, _history(result), seconds, announce)
+
+
+def _slicing() -> SliceOptions:
+    return SliceOptions(center=(150.0, 150.0))
+
+
+def _planned_by_agents(
+    loaded: Loaded, time_limit_s: float, seed: int, *, quiet: bool
+) -> LaunchResult:
+    """Run the agents with a live table of what each is doing."""
+    with interrupt_stops(), Live(console=err, transient=True, refresh_per_second=4) as live:
+
+        def show(agents: tuple[AgentStatus, ...]) -> None:
+            if not quiet:
+                live.update(agents_table(agents))
+
+        return launch_agents(
+            loaded.job,
+            loaded.machine,
+            loaded.graph,
+            time_limit_s=time_limit_s,
+            seed=seed,
+            on_progress=show,
+        )
+
+
+def agents_table(agents: tuple[AgentStatus, ...]) -> Table:
+    """Return the live table of the agents."""
+    table = Table(title="agents", title_justify="left")
+    for name in ("head", "phase", "seconds", "rounds", "best makespan s", "sent", "received"):
+        table.add_column(name, justify="left" if name in ("head", "phase") else "right")
+    for a in agents:
+        sent, received = sum(a.sent_bytes.values()), sum(a.received_bytes.values())
+        table.add_row(
+            a.name,
+            a.phase,
+            f"{a.elapsed_s:.1f}",
+            str(a.rounds),
+            f"{a.best_makespan_s:,.1f}",
+            f"{sum(a.sent.values())} ({sent / 1024:.1f} KiB)",
+            f"{sum(a.received.values())} ({received / 1024:.1f} KiB)",
+        )
+    return table
+
+
+def plan_alone(loaded: Loaded, *, time_limit_s: float, seed: int) -> PlanDocument:
+    """Plan for one head of the machine, the others parked: the single-extruder mode."""
+    result = search(
+        loaded, planner="local", freedom="reversible", time_limit_s=time_limit_s, seed=seed
+    )
+    idle = [Toolpath.as_sliced(0)] * (len(loaded.machine.heads) - 1)
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath, *idle])
+    return document_of(loaded, plan, {"planner": "local", "freedom": "reversible", "seed": seed})
+
+
+def _best_of(
+    loaded: Loaded, result: LaunchResult, alone: PlanDocument, *, seed: int, time_limit_s: float
+) -> PlanDocument:
+    """Schedule what was agreed; one head alone where that is faster."""
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths))
+    bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
+    extra: dict[str, Any] = {
+        "planner": "dec-mcts",
+        "freedom": "reversible",
+        "seed": seed,
+        "time_limit_s": time_limit_s,
+        "agreed_digest": result.agreement.digest,
+        "live_heads": list(result.agreement.live),
+        "one_head_s": alone.metrics["makespan_s"],
+        "bound": dataclasses.asdict(bound),
+        "agents": [_traffic(agent) for agent in result.agreement.agents],
+    }
+    joint = document_of(loaded, plan, extra)
+    if joint.metrics["makespan_s"] <= alone.metrics["makespan_s"]:
+        return joint
+    metrics = {**extra, **alone.metrics, "planner": "local, one head (the joint plan was slower)"}
+    return dataclasses.replace(alone, metrics=metrics)
+
+
+def _traffic(agent: AgentStatus) -> dict[str, Any]:
+    return {
+        "head": agent.name,
+        "rounds": agent.rounds,
+        "sent": sum(agent.sent.values()),
+        "sent_bytes": sum(agent.sent_bytes.values()),
+        "received": sum(agent.received.values()),
+        "received_bytes": sum(agent.received_bytes.values()),
+        "dropped": sum(agent.dropped.values()),
+        "agreeing_s": agent.agreeing_s,
+    }
+
+
+def _history(result: LaunchResult) -> list[tuple[float, float]]:
+    """Return the best makespan of any agent over time."""
+    best, history = float("inf"), []
+    for seconds, makespan in sorted(h for a in result.agreement.agents for h in a.history):
+        if makespan < best:
+            best = makespan
+            history.append((seconds, makespan))
+    return history
+
+
+def show_team(planned: Planned, written: list[Path], *, as_json: bool) -> None:
+    """Print the summary of a joint plan."""
+    before, after = planned.before.metrics, planned.after.metrics
+    if as_json:
+        gain = summary_of(before, after)
+        print_json({**figures(planned), "gain": gain, "written": [str(p) for p in written]})
+        return
+    title = (
+        f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
+        f"planner {after['planner']}, seed {after['seed']}, verified"
+    )
+    out.print(gain_table(before, after, title))
+    ratio = after["one_head_s"] / after["makespan_s"]
+    out.print(
+        f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "
+        f"at most {after['bound']['speedup']:.2f}x faster is possible here"
+    )
+    for path in written:
+        out.print(f"wrote {path}", soft_wrap=True)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    add_help_option=False,
+)
+def agent(context: typer.Context) -> None:
+    """Run one head's agent (what `launch` starts; `decmcts agent --help` for its options)."""
+    raise typer.Exit(extruder.main(context.args))
+
+
+@app.command()
+def demo(
+    folder: Annotated[Path, typer.Option("--out", help="Folder for the results")] = Path("out"),
+    time_limit: opt.TimeOption = 20.0,
+    seed: opt.SeedOption = 0,
+) -> None:
+    """Plan the plate that ships with the project for two heads; leaves files to look at."""
+    from examples import example_path
+
+    folder.mkdir(parents=True, exist_ok=True)
+    planned = run_team(
+        example_path("plate.gcode.gz"),
+        "dual-gantry",
+        process_order="keep",
+        time_limit_s=time_limit,
+        seed=seed,
+        quiet=False,
+    )
+    written = write_heads(planned, folder / "plate")
+    written += write_extras(
+        planned,
+        plan=folder / "plan.json",
+        report=folder / "report.html",
+        picture=folder / "plate.png",
+    )
+    draw_gantt(folder / "gantt.png", planned.after)
+    show_team(planned, [*written, folder / "gantt.png"], as_json=False)
