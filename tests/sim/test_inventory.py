@@ -1,0 +1,81 @@
+"""Multisets of extrusions: matched through rounding and turning, and not otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sim.faults import FaultKind as K
+from sim.inventory import Segments, compare, match_segments
+
+
+def segments(ends, extrusion=None, feed=None) -> Segments:
+    ends = np.array(ends, float).reshape(-1, 6)
+    n = len(ends)
+    return Segments(
+        ends,
+        np.full(n, 0.5) if extrusion is None else np.array(extrusion, float),
+        np.full(n, 30.0) if feed is None else np.array(feed, float),
+        np.arange(n),
+        "line",
+    )
+
+
+def kinds(ours, source):
+    return {fault.kind for fault in compare(ours, source, match_segments(ours, source))}
+
+
+def random_ends(n, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.round(rng.uniform(0, 100, (n, 6)), 3)
+
+
+def test_shuffled_turned_and_rounded_is_the_same():
+    """A plan may reorder and turn; a file rounds to three decimals, also across a grid line."""
+    rng = np.random.default_rng(2)
+    exact = rng.uniform(0, 100, (500, 6))
+    exact[:50] = np.round(exact[:50], 3) + 0.0005  # halfway between two grid points
+    turned = np.where(rng.random(500)[:, None] < 0.5, exact, np.roll(exact, 3, axis=1))
+    ours = np.round(turned, 3)[rng.permutation(500)]
+    assert kinds(segments(ours), segments(exact)) == set()
+
+
+def test_missing_doubled_and_foreign_are_told_apart():
+    """The line says what happened, not only that something differs."""
+    ends = random_ends(20)
+    other = random_ends(1, seed=9)
+    full = segments(ends)
+    assert kinds(segments(ends[1:]), full) == {K.MISSING, K.E_TOTAL}
+    assert kinds(segments(np.vstack([ends, ends[:1]])), full) == {K.DOUBLED, K.E_TOTAL}
+    assert kinds(segments(np.vstack([ends, other])), full) == {K.EXTRUSION, K.E_TOTAL}
+
+
+def test_the_same_segment_twice_in_the_source():
+    """Multisets count: printed twice in the source, it must be printed twice."""
+    ends = np.repeat(random_ends(3), 2, axis=0)
+    assert kinds(segments(ends), segments(ends)) == set()
+    assert kinds(segments(ends[1:]), segments(ends)) == {K.MISSING, K.E_TOTAL}
+
+
+@pytest.mark.parametrize(
+    ("extrusion", "feed", "due"),
+    [(0.501, 30.0, {K.EXTRUSION}), (0.5, 31.0, {K.FEED}), (0.50005, 30.01, set())],
+)
+def test_filament_and_speed_are_compared(extrusion, feed, due):
+    """Same line, other bead: that is another print."""
+    ends = random_ends(4)
+    ours = segments(ends, [extrusion, 0.5, 0.5, 0.5], [feed, 30.0, 30.0, 30.0])
+    assert kinds(ours, segments(ends)) == due
+
+
+def test_a_shift_of_a_hundredth_is_found():
+    """A hundredth of a millimetre is more than rounding."""
+    ends = random_ends(10)
+    moved = ends.copy()
+    moved[3, 0] += 0.01
+    assert kinds(segments(moved), segments(ends)) == {K.MISSING, K.EXTRUSION}
+
+
+def test_empty_against_empty():
+    """No extrusion on either side is equal."""
+    assert kinds(segments([]), segments([])) == set()
