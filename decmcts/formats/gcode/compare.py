@@ -9,14 +9,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.document import GcodeDocument, StateTable
+from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
 from decmcts.print.job import PrintJob
 
 XYZ_MM = 1e-3
 E_MM = 1.05e-5
 FEED_MM_S = 1e-3
-# Comments and progress: they describe, they command nothing.
-_DESCRIBES = ("layer", "type", "width", "height", "mesh", "message", "print stats")
 
 
 def same_extrusions(
@@ -94,7 +92,7 @@ def _common_states(
 
 
 def _numbered(table: StateTable, seen: dict[frozenset[tuple[str, str]], int]) -> NDArray[np.int64]:
-    columns = [k for k, slot in enumerate(table.slots) if slot not in _DESCRIBES]
+    columns = [k for k, slot in enumerate(table.slots) if slot not in DESCRIBES]
     kinds, index = np.unique(table.rows[:, columns], axis=0, return_inverse=True)
     names = [table.slots[k] for k in columns]
     numbers = np.array(

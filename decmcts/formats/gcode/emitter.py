@@ -11,13 +11,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.document import SILENT, UNSET, Cursor, GcodeDocument
+from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
 from decmcts.print.job import ProcessSettings
 
 NEAR_MM = 1e-3  # two positions this near are one
 BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
-BEFORE_TRAVEL = ("layer", "mesh", "object", "label")  # a travel belongs to what it leads to
-_FIRST = ("type", "width", "height")
 
 
 class Emitter:
@@ -210,7 +208,7 @@ class Emitter:
 
 
 def _rank(slot: str) -> int:
-    for rank, group in enumerate((BEFORE_TRAVEL, _FIRST)):
+    for rank, group in enumerate((BEFORE_TRAVEL, BEAD)):
         if slot in group:
             return 10 * rank + group.index(slot)
     return 100

@@ -68,7 +68,7 @@ def _counts_relative(lines: Lines) -> bool:
     drawn = (lines.letter == 71) & (lines.code <= 30) & ~np.isnan(lines.values[:, scan.E])
     drawn &= ~np.isnan(lines.values[:, : scan.E]).all(axis=1)
     e = lines.values[drawn, scan.E]
-    return bool(len(e) > 1 and (np.diff(e) < 0).mean() > 0.25)
+    return bool(len(e) > 1 and (np.diff(e) < 0).mean() > 0.1)
 
 
 def _decimals(lines: Lines) -> tuple[int, int, int]:

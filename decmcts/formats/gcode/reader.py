@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.beads import Beads, measure_beads
 from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.formats.gcode.edges import state_edges
 from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
 from decmcts.formats.gcode.habits import filament_diameter, infer_settings
@@ -84,9 +85,8 @@ def read_gcode(path: Path | str) -> tuple[PrintJob, GcodeDocument]:
     parsed = _parse(path)
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
-    blocks = find_blocks(
-        lines, motion, parsed.track, runs, edges=_first_layer_edge(parsed), towers=towers
-    )
+    edges = state_edges(motion, runs, parsed.track, parsed.beads.layer)
+    blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
     contours, point_state = _contours(parsed, blocks)
     settings, habits = infer_settings(lines, motion, runs, parsed.filament_mm)
     top = _preamble_end(parsed)
@@ -141,23 +141,6 @@ def _towers(parsed: _Parsed) -> NDArray[np.bool_]:
     if len(sections):
         inside = (index >= 0) & (line < sections[np.maximum(index, 0), 1])
     return np.asarray(inside | (parsed.beads.role == Role.WIPE_TOWER))
-
-
-def _first_layer_edge(parsed: _Parsed) -> NDArray[np.bool_]:
-    """Mark where the second layer begins, if cooling is another there."""
-    edge = np.zeros(len(parsed.runs), np.bool_)
-    later = np.flatnonzero(parsed.beads.layer > 0)
-    table = parsed.track.table
-    fans = [k for k, slot in enumerate(table.slots) if slot.startswith("fan")]
-    if not len(later) or (parsed.beads.layer[later[0] :] == 0).any() or not fans:
-        return edge
-    moves = np.flatnonzero(parsed.runs.contour >= 0)
-    cooling = table.rows[parsed.track.at(parsed.motion.line[moves])][:, fans]
-    below = parsed.runs.contour[moves] < later[0]
-    first = {tuple(row) for row in np.unique(cooling[below], axis=0).tolist()}
-    rest = {tuple(row) for row in np.unique(cooling[~below], axis=0).tolist()}
-    edge[later[0]] = first != rest
-    return edge
 
 
 def _contours(parsed: _Parsed, blocks: Blocks) -> tuple[Contours, NDArray[np.int32]]:

@@ -126,8 +126,7 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     emitter.owe(begin.owed, firmware=begin.firmware_retracted)
     emitter.set_state(begin.state)
     emitter.set_e(begin.e)
-    if block.moves:
-        emitter.set_feed(begin.feed)
+    emitter.set_feed(begin.feed)
     stood = emitter.at
     emitter.verbatim(block.text)
     emitter.take(block.end)

@@ -1,0 +1,58 @@
+"""Epochs that begin where machine state does, although no line is a barrier.
+
+The first layer when cooling is another after it, and the place where a command
+sets something for the first time: what held before cannot be set again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
+from decmcts.formats.gcode.grouping import Runs
+from decmcts.formats.gcode.motion import Motion
+from decmcts.formats.gcode.state import Track
+
+_RESTORABLE = (*BEFORE_TRAVEL, *DESCRIBES)
+
+
+def state_edges(
+    motion: Motion, runs: Runs, track: Track, layer: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Return the contours an epoch begins at, (n,) bool."""
+    edge = np.zeros(len(runs), np.bool_)
+    first = track.table.rows[track.at(motion.line[runs.first])]
+    last = track.table.rows[track.at(motion.line[runs.last])]
+    _mark_first_layer(edge, motion, runs, track, layer)
+    for k, slot in enumerate(track.table.slots):
+        if slot in _RESTORABLE or slot.startswith(SILENT):
+            continue
+        unset = np.flatnonzero(first[:, k] == UNSET)
+        if not len(unset) or len(unset) == len(first):
+            continue
+        edge[unset[-1] + 1] = True
+        if last[unset[-1], k] != UNSET:  # set within this contour: it ends its epoch
+            edge[unset[-1]] = True
+    edge[0] = False
+    return edge
+
+
+def _mark_first_layer(
+    edge: NDArray[np.bool_],
+    motion: Motion,
+    runs: Runs,
+    track: Track,
+    layer: NDArray[np.int32],
+) -> None:
+    """Mark in place where the second layer begins, if cooling is another there."""
+    later = np.flatnonzero(layer > 0)
+    fans = [k for k, slot in enumerate(track.table.slots) if slot.startswith("fan")]
+    if not len(later) or (layer[later[0] :] == 0).any() or not fans:
+        return
+    moves = np.flatnonzero(runs.contour >= 0)
+    cooling = track.table.rows[track.at(motion.line[moves])][:, fans]
+    below = runs.contour[moves] < later[0]
+    first = {tuple(row) for row in np.unique(cooling[below], axis=0).tolist()}
+    rest = {tuple(row) for row in np.unique(cooling[~below], axis=0).tolist()}
+    edge[later[0]] = first != rest

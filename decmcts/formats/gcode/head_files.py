@@ -1,0 +1,240 @@
+"""G-code per head: one file for each controller of a machine with several heads.
+
+Every file is complete: the source's set-up commands, this head's contours with
+the planned paths as they are, and the end. Heads share the bed, so moves that
+no plan checked are left out: purge lines, wipes at the end, custom travel.
+
+Where the plan orders actions of different heads the files hold
+
+    M400
+    SYNC_SIGNAL N=7      ; number 7 is reached, give it to the other controllers
+    M400
+    SYNC_WAIT N=7        ; do not go on before number 7 was given
+
+Numbers are the same in all files of a plan. M400 lets the moves before it end
+first. The two commands are macros the machine's host provides; other words for
+them are an argument. A controller that ignores them must not run these files.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO, TextIO
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.formats.gcode.emitter import Emitter
+from decmcts.formats.gcode.source_text import save_text
+from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
+from decmcts.formats.gcode.writer import print_contour, with_header
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+
+SIGNAL = "SYNC_SIGNAL N={number}"
+WAIT = "SYNC_WAIT N={number}"
+_MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
+_MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
+_HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
+_SELECT = re.compile(rb"^\s*T\d+\s*(;.*)?$")
+_FOR_TOOL = re.compile(rb"^(\s*[MG]\d[^;]*?)\s+T(\d+)(?=[\s;]|$)")
+
+
+def write_head_gcode(
+    document: GcodeDocument,
+    job: PrintJob,
+    plan: JointPlan,
+    head_index: int,
+    out: Path | str | BinaryIO | TextIO,
+    *,
+    header_lines: Sequence[str] = (),
+    signal: str = SIGNAL,
+    wait: str = WAIT,
+) -> None:
+    """Write the file of one head of a plan.
+
+    Parameters
+    ----------
+    signal, wait : str
+        The commands of a synchronisation point, ``{number}`` where its number goes.
+
+    Raises
+    ------
+    InputError
+        When the head would have to change tools, when the source moves the head
+        by commands of its own during the print, or when `out` cannot be written.
+    """
+    text = head_gcode_bytes(
+        document, job, plan, head_index, header_lines=header_lines, signal=signal, wait=wait
+    )
+    save_text(text, out)
+
+
+def head_gcode_bytes(
+    document: GcodeDocument,
+    job: PrintJob,
+    plan: JointPlan,
+    head_index: int,
+    *,
+    header_lines: Sequence[str] = (),
+    signal: str = SIGNAL,
+    wait: str = WAIT,
+) -> bytes:
+    """Return what `write_head_gcode` writes."""
+    head = plan.heads[head_index]
+    tool = _only_tool(document, job, head)
+    _refuse_own_moves(document, job)
+    file = _HeadFile(document, job, head_index, tool, number_sync_points(plan), signal, wait)
+    header = [
+        *header_lines,
+        f"head {head.name}, file {head_index + 1} of {len(plan.heads)}: to be run together",
+    ]
+    file.begin(header, len(plan.heads), head)
+    for k in range(len(head)):
+        file.act(head, k)
+    file.end()
+    return file.emitter.text()
+
+
+def _only_tool(document: GcodeDocument, job: PrintJob, head: HeadActions) -> int | None:
+    """Return the tool a head prints with; None when it prints nothing."""
+    printed = head.contour[head.kind == ActionKind.PRINT]
+    tools = np.unique(job.contours.tool[printed]).tolist()
+    if len(tools) > 1:
+        raise InputError(
+            f"head {head.name} would print with tools {', '.join(map(str, tools))}; a head of "
+            "several has one tool",
+            path=document.path,
+            advice="give each head its tools in the machine file",
+        )
+    return int(tools[0]) if tools else None
+
+
+def _refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:
+    for barrier in job.barriers:
+        if barrier.reason in _MOVES_ALONE:
+            raise InputError(
+                f"'{barrier.text}' ({barrier.reason}) may move the head while another prints",
+                path=document.path,
+                line=barrier.line,
+                advice="remove it from the slicer's custom G-code for a machine with several heads",
+            )
+
+
+class _HeadFile:
+    """The file of one head while it is written."""
+
+    def __init__(
+        self,
+        document: GcodeDocument,
+        job: PrintJob,
+        index: int,
+        tool: int | None,
+        points: SyncPoints,
+        signal: str,
+        wait: str,
+    ) -> None:
+        self.emitter = Emitter(document, job.settings)
+        self.document, self.job, self.index, self.tool = document, job, index, tool
+        self.points, self.signal, self.wait = points, signal, wait
+        self.blocks = list(document.blocks)
+
+    def begin(self, header: Sequence[str], n_heads: int, head: HeadActions) -> None:
+        """Set up and go to the park position, one head after the other."""
+        emitter, document = self.emitter, self.document
+        preamble = self._own(document.preamble, keep_homing=True)
+        first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
+        emitter.verbatim(first)
+        if self.index > 0:
+            self._say(self.wait, self.index)
+        emitter.verbatim(rest)
+        emitter.say("G90")
+        if not document.relative_e:
+            emitter.e = np.inf  # lines were left out: what E stands at is not known
+            emitter.set_e(document.start.e)
+        if len(head):
+            x, y, z = head.action_path(0)[0].tolist()
+            emitter.at = (np.nan, np.nan, np.nan)
+            emitter.say(f"G1 Z{z:.3f} F{(document.habits.z_feed or 10.0) * 60:.0f}")
+            emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
+            emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
+        if n_heads > 1:
+            self._say(self.signal, self.index + 1)
+            if self.index + 1 < n_heads:
+                self._say(self.wait, n_heads)
+
+    def act(self, head: HeadActions, k: int) -> None:
+        """Write one action with what it waits for and what it signals."""
+        emitter = self.emitter
+        for number in self.points.waits.get((self.index, k), ()):
+            self._say(self.wait, number)
+        kind = head.kind[k]
+        if kind in (ActionKind.TRAVEL, ActionKind.PARK):
+            emitter.travel(head.action_path(k))
+        elif kind == ActionKind.PRINT:
+            contour = int(head.contour[k])
+            self._cross(int(self.job.contours.epoch[contour]))
+            print_contour(
+                emitter, self.job, contour, [], turned=bool(head.reversed[k]),
+                entry=int(head.entry[k]),
+            )  # fmt: skip
+        if (number := self.points.signals.get((self.index, k), 0)) > 0:
+            self._say(self.signal, number)
+
+    def end(self) -> None:
+        """Write what the source does at its end, without its moves."""
+        emitter, end = self.emitter, self.document.end
+        self._cross(2**31)
+        emitter.owe(end.owed, firmware=end.firmware_retracted)
+        emitter.set_state(end.state)
+        emitter.set_e(end.e)
+        emitter.verbatim(self._own(self.document.postamble, keep_homing=False))
+
+    def _cross(self, epoch: int) -> None:
+        """Write the blocks of all epochs up to `epoch`, without their moves."""
+        while self.blocks and self.blocks[0].epoch <= epoch:
+            block = self.blocks.pop(0)
+            stood, feed = self.emitter.at, self.emitter.feed
+            self.emitter.owe(block.begin.owed, firmware=block.begin.firmware_retracted)
+            self.emitter.set_state(block.begin.state)
+            self.emitter.set_e(block.begin.e)
+            self.emitter.verbatim(self._own(block.text, keep_homing=False))
+            self.emitter.take(block.end)
+            if not self.document.relative_e:
+                self.emitter.e = np.inf  # its moves were left out
+                self.emitter.set_e(block.end.e)
+            self.emitter.at, self.emitter.feed = stood, -1.0 if block.moves else feed
+
+    def _say(self, template: str, number: int) -> None:
+        self.emitter.say("M400")
+        self.emitter.say(template.format(number=number))
+
+    def _own(self, text: bytes, *, keep_homing: bool) -> bytes:
+        """Return lines as this controller needs them: no unplanned moves, no other tools."""
+        kept = []
+        for line in text.splitlines(keepends=True):
+            if _MOVE.match(line) or (not keep_homing and _HOMING.match(line)):
+                kept.append(b"; left out, heads share the bed: " + line)
+            elif _SELECT.match(line):
+                kept.append(b"; left out, one tool: " + line)
+            elif match := _FOR_TOOL.match(line):
+                if self.tool is None or int(match.group(2)) == self.tool:
+                    kept.append(match.group(1) + line[match.end() :])
+                else:
+                    kept.append(b"; left out, another head's tool: " + line)
+            else:
+                kept.append(line)
+        return b"".join(kept)
+
+
+def _split_first(text: bytes, n_header: int) -> tuple[bytes, bytes]:
+    """Return the opening comments (with our header) and the rest."""
+    at = 0
+    for _ in range(n_header + 1):
+        if text[at : at + 1] != b";":
+            break
+        at = text.find(b"\n", at) + 1
+    return text[:at], text[at:]
