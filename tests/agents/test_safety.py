@@ -1,0 +1,55 @@
+"""Random worlds with deaths, hangs, cuts and storms: never two plans released."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agents.memory import Weather
+from tests.agents.simulation import Team
+
+
+def disturb(team: Team, rng: np.random.Generator) -> None:
+    """Do one random thing to the team."""
+    heads = sorted(team.agents)
+    head, other = (int(h) for h in rng.choice(heads, 2, replace=False))
+    transport = team.network.transports[head]
+    what = rng.integers(4)
+    if what == 0:
+        (team.network.resume if transport.hung else team.network.hang)(head)
+    elif what == 1:
+        team.network.cut(head, other)
+    elif what == 2:
+        team.network.heal(head, other)
+    elif len(heads) > 2 and rng.random() < 0.3:
+        team.fence(head)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_no_world_makes_two_heads_release_different_plans(seed: int) -> None:
+    """Two plans at once is a crash of heads; no plan is only a pity."""
+    rng = np.random.default_rng(seed)
+    weather = Weather(loss=0.2, delay_s=(0.0, 0.6), duplicate=0.2, lease_s=0.3)
+    team = Team(4, weather, seed=seed, limit_s=0.5)
+    ever: set[str] = set()
+    for _ in range(12):
+        team.run(float(rng.uniform(0.05, 0.5)))
+        disturb(team, rng)
+        ever |= {release.digest for release in team.releases().values()}
+    settle(team)
+    live = {release.digest for release in team.releases().values()}
+    assert len(ever | live) == 1
+    assert len(team.releases()) == len(team.agents)
+
+
+def settle(team: Team) -> None:
+    """Heal everything and let the team come to an end."""
+    for head in sorted(team.agents):
+        if team.network.transports[head].hung:
+            team.network.resume(head)
+    heads = sorted(team.agents)
+    for i, head in enumerate(heads):
+        for other in heads[i + 1 :]:
+            team.network.heal(head, other)
+    team.run(15.0)
