@@ -90,7 +90,7 @@ def head_gcode_bytes(
     file = _HeadFile(document, job, head_index, tool, number_sync_points(plan), signal, wait)
     header = [
         *header_lines,
-        f"head {head.name}, file {head_index + 1} of {len(plan.heads)}: to be run together",
+        f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together",
     ]
     file.begin(header, len(plan.heads), head)
     for k in range(len(head)):
@@ -105,7 +105,7 @@ def _only_tool(document: GcodeDocument, job: PrintJob, head: HeadActions) -> int
     tools = np.unique(job.contours.tool[printed]).tolist()
     if len(tools) > 1:
         raise InputError(
-            f"head {head.name} would print with tools {', '.join(map(str, tools))}; a head of "
+            f"head {head.head} would print with tools {', '.join(map(str, tools))}; a head of "
             "several has one tool",
             path=document.path,
             advice="give each head its tools in the machine file",
