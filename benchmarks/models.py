@@ -15,6 +15,7 @@ from typing import Any
 
 from common import RESULTS, Rows, corpus, markdown, measured, setting
 
+STEPS = ("read", "graph", "plan", "verify", "write")
 KEY = ("model", "machine", "process", "freedom", "planner", "limit_s", "seed")
 
 
@@ -66,7 +67,7 @@ def table(rows: list[dict[str, str]]) -> str:
         timed = 100 * (1 - float(r["time_after_s"]) / float(r["time_before_s"]))
         lines.append(
             [r["model"], r["machine"], r["contours"], r["edges"]]
-            + [f"{float(r[f'{s}_s']):.2f}" for s in ("read", "graph", "plan", "verify", "write")]
+            + [f"{float(r[f'{s}_s']):.2f}" for s in STEPS]
             + [r["peak_mib"], f"{float(r['travel_before_mm']):.0f}"]
             + [f"{float(r['travel_after_mm']):.0f}", f"{float(r['less_percent']):.1f}"]
             + [f"{emitted:.1f}", f"{timed:.1f}", "yes" if r["verified"] == "True" else "NO"]
@@ -84,7 +85,8 @@ def medians(rows: list[dict[str, str]], machines: list[str]) -> str:
             low, mid, high = statistics.quantiles(gains, n=4)
             text += (
                 f"- `{machine}`: {len(gains)} models, median reduction {mid:.1f} % "
-                f"(quartiles {low:.1f} and {high:.1f}, min {min(gains):.1f}, max {max(gains):.1f})\n"
+                f"(quartiles {low:.1f} and {high:.1f}, least {min(gains):.1f}, "
+                f"most {max(gains):.1f})\n"
             )
     return text
 

@@ -31,7 +31,7 @@ def run(*command: str | Path) -> None:
 
 def set_up(extras: str) -> None:
     """Make the virtual environment and install the project and what it needs."""
-    if sys.version_info < (3, 11):
+    if sys.version_info < (3, 11):  # noqa: UP036  # this file runs before anything is installed
         sys.exit(f"decmcts needs Python 3.11 or later, this is {sys.version.split()[0]}")
     if not (BIN / "python").exists() and not (BIN / "python.exe").exists():
         venv.create(ENVIRONMENT, with_pip=True)

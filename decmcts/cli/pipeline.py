@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from decmcts import __version__
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.build import build_graph
@@ -22,10 +20,11 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.machine_file import check_fits, load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan, PlanDocument
-from decmcts.print.toolpath import Toolpath, extrusionless_travel
+from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.metrics import plan_metrics
@@ -33,6 +32,8 @@ from decmcts.team.schedule import schedule
 from sim.verify import Verdict, verify_plan
 
 Announce = Callable[[str], None]
+
+PARK_ABOVE_MM = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +90,7 @@ def load(
     seconds["read"] = time.perf_counter() - started
     chosen = load_machine(machine) if isinstance(machine, str) else machine
     check_fits(job.contours, chosen)
+    chosen = parked_above(chosen, job.contours)
     started = time.perf_counter()
     announce(f"dependency graph of {len(job.contours)} contours for {chosen.name}")
     graph = build_graph(
@@ -117,7 +119,7 @@ def source_plan(loaded: Loaded) -> PlanDocument:
     n = len(loaded.job.contours)
     paths = [Toolpath.as_sliced(n)] + [Toolpath.as_sliced(0)] * (len(loaded.machine.heads) - 1)
     plan = schedule(loaded.job, loaded.machine, loaded.graph, paths)
-    return document_of(loaded, plan, {"planner": "slicer"})
+    return document_of(loaded, plan, {"planner": "slicer", "freedom": "fixed", "seed": 0})
 
 
 def search(
@@ -187,11 +189,15 @@ def single_head_machine(machine: Machine, head: int) -> Machine:
     return replace(machine, heads=(machine.heads[head],), rail=None)
 
 
-def travel_of(loaded: Loaded, toolpath: Toolpath) -> float:
-    """Extrusionless travel in mm, the paper's metric."""
-    return extrusionless_travel(loaded.job.contours, toolpath)
+def parked_above(machine: Machine, contours: Contours) -> Machine:
+    """Return a one-head machine with its park above the print.
 
-
-def orders_of(plan: JointPlan) -> list[np.ndarray[Any, np.dtype[np.int32]]]:
-    """Contour ids each head prints, in order."""
-    return [h.contour[h.contour >= 0] for h in plan.heads]
+    Where a single head rests before and after is the start and end G-code's
+    business; the plan must only not rest inside the print.
+    """
+    if len(machine.heads) != 1 or not len(contours):
+        return machine
+    head = machine.heads[0]
+    x, y, z = head.park
+    above = float(contours.top.max()) + PARK_ABOVE_MM
+    return replace(machine, heads=(replace(head, park=(x, y, max(z, above))),))
