@@ -47,8 +47,18 @@ class MemoryNetwork:
         while self._flying and self._flying[0][0] <= self.now:
             _, _, to, arrival = heapq.heappop(self._flying)
             transport = self.transports.get(to)
-            if transport is not None and not transport.hung:
-                transport.inbox.append(arrival)
+            if transport is None or transport.hung or self._is_stale(to, arrival):
+                continue
+            transport.inbox.append(arrival)
+
+    def _is_stale(self, to: int, arrival: Arrival) -> bool:
+        """Whether a token is told of that is no longer there."""
+        if not isinstance(arrival, Presence) or not arrival.alive:
+            return False
+        of = self.transports.get(arrival.head)
+        if of is None or of.hung or of.epoch != arrival.epoch:
+            return True
+        return frozenset((to, arrival.head)) in self._cut
 
     def join(self, transport: MemoryTransport) -> None:
         """Connect a transport; both sides learn of each other."""
