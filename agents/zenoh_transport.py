@@ -38,6 +38,10 @@ the protocol says again what matters."""
 QUEUE = 1024
 POLL_S = 0.001
 FLUSH_S = 1.0
+"""What waits is still sent so long after closing began."""
+
+JOIN_S = 8.0
+"""A put to a hung peer returns after a lease; zenoh's default would be 5 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +77,9 @@ def configuration(endpoints: Endpoints) -> zenoh.Config:
         "transport/link/protocols": ["tcp"],
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + 4096,  # default: 1 GiB
         "transport/link/tx/lease": LEASE_MS,
+        # A blocked put to a hung peer gives it up after this; default: 5 s, in
+        # which nothing reliable would reach the other peers either.
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": LEASE_MS * 1000,
         "transport/shared_memory/enabled": False,  # loses promoted queries under load
     }
     config = zenoh.Config()
@@ -113,7 +120,7 @@ class ZenohTransport:
         self._queue: deque[tuple[str, bytes]] = deque()
         self._latest: dict[str, bytes] = {}  # unreliable kinds: only the newest waits
         self._ready = threading.Condition()
-        self._closing = False
+        self._closing_until: float | None = None
 
     def __enter__(self) -> Self:
         """Open the session, subscribe, then announce this head."""
@@ -141,9 +148,10 @@ class ZenohTransport:
     ) -> None:
         """Send what waits (briefly), then close."""
         with self._ready:
-            self._closing = True
+            self._closing_until = time.monotonic() + FLUSH_S
             self._ready.notify()
-        self._sender.join(FLUSH_S)
+        # zenoh raises "Already borrowed" when closed during a put: wait for it.
+        self._sender.join(JOIN_S)
         self._stack.__exit__(kind, error, trace)
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
@@ -195,11 +203,14 @@ class ZenohTransport:
     def _send_all(self) -> None:
         while (batch := self._next_batch()) is not None:
             for kind, payload, reliable in batch:
-                self._put(kind, payload, reliable=reliable)
+                if self._closing_until is None or time.monotonic() < self._closing_until:
+                    self._put(kind, payload, reliable=reliable)
 
     def _next_batch(self) -> list[tuple[str, bytes, bool]] | None:
         with self._ready:
-            self._ready.wait_for(lambda: self._queue or self._latest or self._closing)
+            self._ready.wait_for(
+                lambda: self._queue or self._latest or self._closing_until is not None
+            )
             batch = [(kind, payload, True) for kind, payload in self._queue]
             batch += [(kind, payload, False) for kind, payload in self._latest.items()]
             self._queue.clear()
