@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +89,91 @@ def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.Monk
     assert_complete(agreement)
     with pytest.raises(ProcessLookupError):
         os.kill(saboteur.pids[0], 0)
+
+
+class Sleeper(Saboteur):
+    """Stops an agent, lets it go on when the others have noticed."""
+
+    def __init__(self, head: int) -> None:
+        super().__init__(head, signal.SIGSTOP)
+        self.resumed = False
+
+    def on_progress(self, status: tuple[AgentStatus, ...]) -> None:
+        super().on_progress(status)
+        others = [s for s in status if s.head != self.head]
+        noticed = all(s.live and self.head not in s.live for s in others)
+        if self.done_at is not None and noticed and not self.resumed:
+            self.resumed = True
+            os.kill(self.pids[self.head], signal.SIGCONT)
+
+
+def test_a_hung_agent_that_goes_on_takes_part_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its lease ran out, the others planned on without it, and then it is back."""
+    sleeper = Sleeper(1)
+    agreement = run(
+        "left,middle,right",
+        monkeypatch,
+        time_limit_s=4.0,
+        on_progress=sleeper.on_progress,
+        on_start=sleeper.on_start,
+    )
+    assert sleeper.resumed
+    assert agreement.live == (0, 1, 2)
+    assert_complete(agreement)
+
+
+@contextmanager
+def launcher(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
+    """A launcher with a minute to plan, and the process ids of its agents."""
+    monkeypatch.setenv("TOY_HEADS", "left,right")
+    script = str(Path(__file__).with_name("toy_launch.py"))
+    with subprocess.Popen(
+        [sys.executable, script, "60"], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        pids = [int(pid) for pid in process.stdout.readline().split()]
+        assert process.stdout.readline() == "planning\n"
+        yield process, pids
+        process.kill()
+
+
+def ended(pids: list[int], within_s: float = 5.0) -> bool:
+    deadline = time.monotonic() + within_s
+    while time.monotonic() < deadline:
+        if not any(Path(f"/proc/{pid}/cmdline").exists() for pid in pids):
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_ctrl_c_ends_in_the_best_plan_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A minute of planning is asked for; the user has seen enough."""
+    with launcher(monkeypatch) as (process, pids):
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=10)
+        digest, *live = output.split()
+        assert len(digest) == 32 and live == ["0", "1"]
+        assert process.returncode == 0
+        assert ended(pids)
+
+
+def test_agents_do_not_outlive_a_killed_launcher(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody would collect their plan, and they would eat a core each."""
+    with launcher(monkeypatch) as (process, pids):
+        process.kill()
+        process.wait()
+        assert ended(pids)
+
+
+def test_a_crash_is_one_line() -> None:
+    """People read the last line; a trace of another process helps nobody."""
+    with pytest.raises(LaunchError, match="every agent ended: error: "):
+        run_agents(
+            ["a", "b"],
+            ["--pack", "/nowhere"],
+            seed=1,
+            time_limit_s=1.0,
+        )
 
 
 def test_another_problem_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
