@@ -36,7 +36,7 @@ def run(path: Path, key: dict[str, Any], trials: int) -> dict[str, Any]:
 
 def figures_of(one: dict[str, Any], two: dict[str, Any], replay: dict[str, Any]) -> dict[str, Any]:
     if one["exit"] or two["exit"]:
-        return {name: "" for name in FIGURES} | {"error": one.get("error", "") or two["error"]}
+        return dict.fromkeys(FIGURES, "") | {"error": one.get("error", "") or two["error"]}
     after = two["after"]
     alone = min(one["after"]["makespan_s"], after["one_head_s"])
     possible = after["bound"]["speedup"]

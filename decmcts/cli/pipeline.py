@@ -89,16 +89,19 @@ def load(
     job, document = read_input(path, options)
     seconds["read"] = time.perf_counter() - started
     chosen = load_machine(machine) if isinstance(machine, str) else machine
-    check_fits(job.contours, chosen)
-    chosen = parked_above(chosen, job.contours)
     started = time.perf_counter()
     announce(f"dependency graph of {len(job.contours)} contours for {chosen.name}")
-    graph = build_graph(
-        job.contours,
-        chosen.heads,
-        clearance_mm=chosen.clearance_mm,
-        process_order=process_order,  # type: ignore[arg-type]  # typer checked the choice
-    )
+    try:
+        check_fits(job.contours, chosen)
+        chosen = parked_above(chosen, job.contours)
+        graph = build_graph(
+            job.contours,
+            chosen.heads,
+            clearance_mm=chosen.clearance_mm,
+            process_order=process_order,  # type: ignore[arg-type]  # typer checked the choice
+        )
+    except InputError as error:  # these know the contours, not the file they came from
+        raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
     seconds["graph"] = time.perf_counter() - started
     return Loaded(path, job, document, chosen, graph, seconds)
 
