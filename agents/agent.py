@@ -39,7 +39,7 @@ from agents.events import (
     Tick,
     Unfenced,
 )
-from agents.messages import Envelope, Message, MessageError
+from agents.messages import Distribution, Envelope, Message, MessageError, Plans
 from agents.planner import Planner
 from agents.protocol import Protocol
 from agents.transport import Packet, Presence, Traffic, Transport
@@ -194,16 +194,16 @@ class Agent:
                 raise MessageError("message of another head or kind than its key")
         except MessageError as error:
             # A peer's bad message is dropped, counted and logged, never fatal.
-            self.drop(f"head {arrival.head}: {error}")
+            self.drop(f"malformed message of head {arrival.head}", str(error))
             return
         self.traffic.count_received(arrival.kind, len(arrival.payload))
         self._feed(Received(envelope))
 
-    def drop(self, reason: str) -> None:
-        """Count and, the first times, log a message that was dropped."""
+    def drop(self, reason: str, detail: str = "") -> None:
+        """Count a message that is dropped; log the first of each reason."""
         self.traffic.dropped[reason] += 1
-        if self.traffic.dropped[reason] == 1 and len(self.traffic.dropped) <= 20:
-            self._front.tell(Note(f"message dropped: {reason}"))
+        if self.traffic.dropped[reason] == 1:
+            self._front.tell(Note(f"dropped: {reason} {detail}".rstrip()))
 
     def _feed(self, event: Event) -> None:
         self._perform(self.protocol.handle(event))
@@ -221,7 +221,7 @@ class Agent:
             case Send(message, reliable):
                 self._send(message, reliable=reliable)
             case Take(head, distribution):
-                self._planner.take(head, distribution)
+                self._take(head, distribution)
             case Forget(head):
                 self._planner.forget(head)
             case LiveChanged(live):
@@ -234,8 +234,7 @@ class Agent:
                 best = self._planner.best(live)
                 return Proposed(live, best.plans, best.makespan_s, best.digest)
             case Resolve(live, plans, claimed):
-                found = self._planner.resolve(plans, live)
-                return PlanResolved(live, claimed, found.digest, found.makespan_s)
+                return self._resolve(live, plans, claimed)
             case Release():
                 self.released = effect
                 self.show()
@@ -244,12 +243,26 @@ class Agent:
                 self._front.tell(effect)
         return None
 
+    def _take(self, head: int, distribution: Distribution) -> None:
+        try:
+            self._planner.take(head, distribution)
+        except MessageError as error:
+            self.drop(f"distribution of head {head} does not fit", str(error))
+
+    def _resolve(self, live: tuple[int, ...], plans: Plans, claimed: str) -> Event:
+        try:
+            found = self._planner.resolve(plans, live)
+        except MessageError as error:
+            self.drop("plan does not fit", str(error))
+            return PlanResolved(live, claimed, "", 0.0)
+        return PlanResolved(live, claimed, found.digest, found.makespan_s)
+
     def _send(self, message: Message, *, reliable: bool) -> None:
         self._seq += 1
         try:
             payload = encode(Envelope.of(self._head, self._epoch, self._seq, message))
         except MessageError as error:
-            self.drop(f"own message: {error}")
+            self.drop("own message too large", str(error))
             return
         kind = kind_of(message)
         self.traffic.count_sent(kind, len(payload))

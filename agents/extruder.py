@@ -21,7 +21,7 @@ from agents.agent import Agent
 from agents.events import Leave, PlanningEnded, Release
 from agents.pipes import PipeFront, TerminalFront, line_of
 from agents.planner import Planner
-from agents.transport import NoNetwork, Transport
+from agents.transport import NoNetwork, Traffic, Transport
 from decmcts.errors import InputError
 
 LINGER_S = 10.0
@@ -52,7 +52,8 @@ def run(planner: Planner, options: Options) -> Release | None:
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
     fenced = options.fenced if options.ports else _all_but(options.head, len(planner.names))
-    with _transport(options) as transport:
+    traffic = Traffic()
+    with _transport(options, traffic) as transport:
         agent = Agent(
             options.head,
             options.epoch,
@@ -62,6 +63,7 @@ def run(planner: Planner, options: Options) -> Release | None:
             time_limit_s=options.time_limit_s,
             clock=time.monotonic,
             fenced=fenced,
+            traffic=traffic,
         )
         front.ready(planner.problem)
         _step_to_the_end(agent, linger_s=None if options.controlled else LINGER_S)
@@ -84,14 +86,18 @@ def _all_but(head: int, n: int) -> tuple[int, ...]:
     return tuple(h for h in range(n) if h != head)
 
 
-def _transport(options: Options) -> Transport:
+def _transport(options: Options, traffic: Traffic) -> Transport:
     if not options.ports:
         return NoNetwork()
     # Imported here: the single-extruder mode needs no zenoh.
     from agents.zenoh_transport import Endpoints, ZenohTransport
 
     endpoints = Endpoints.mesh(options.ports, options.head)
-    return ZenohTransport(options.session, options.head, options.epoch, endpoints)
+
+    def count(reason: str) -> None:
+        traffic.dropped[reason] += 1
+
+    return ZenohTransport(options.session, options.head, options.epoch, endpoints, on_drop=count)
 
 
 def arguments() -> argparse.ArgumentParser:

@@ -23,7 +23,11 @@ class JointProposal:
 
 
 class Planner(Protocol):
-    """One head's planner."""
+    """One head's planner.
+
+    `take` and `resolve` raise `MessageError` for sequences that name work the
+    problem does not have: they come from outside.
+    """
 
     @property
     def problem(self) -> str:

@@ -272,7 +272,8 @@ class Protocol:
     def _resolved(self, event: PlanResolved) -> None:
         key = (event.live, event.claimed)
         if not self._ballot.end_resolving(key, event.digest, event.makespan_s):
-            text = f"plan {event.claimed[:12]} resolves to {event.digest[:12]} here; not taken"
+            here = event.digest[:12] or "nothing"
+            text = f"plan {event.claimed[:12]} resolves to {here} here; not taken"
             self._out.append(Note(text))
 
     def _advance(self) -> None:

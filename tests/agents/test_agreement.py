@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from agents.agent import Agent
-from agents.events import Refused, Unfenced
+from agents.codec import encode, kind_of
+from agents.events import Note, Refused, Unfenced
 from agents.memory import Weather
-from agents.transport import NoNetwork
+from agents.messages import Distribution, Envelope, Goodbye, Proposal
+from agents.transport import NoNetwork, Packet
 from tests.agents.simulation import Recorder, Team
 from tests.agents.toy import ToyPlanner, load_balance
 
@@ -135,6 +137,43 @@ def test_one_agent_alone_releases_without_a_network() -> None:
     assert agent.released.live == (0,)
     assert sorted(agent.released.plans[0].tolist()) == list(range(40))
     assert not agent.traffic.sent
+
+
+def test_hostile_bytes_are_dropped_counted_and_survived() -> None:
+    """Garbage, huge and forged messages in the middle of planning and agreeing."""
+    team = Team(2, Weather())
+    rng = np.random.default_rng(7)
+    goodbye = encode(Envelope.of(1, 1, 10**9, Goodbye("", "forged")))
+    for _ in range(60):
+        team.run(0.1)
+        for kind in ("distribution", "proposal", "commit"):
+            team.network.publish(Packet(1, kind, rng.bytes(int(rng.integers(0, 500)))))
+        team.network.publish(Packet(1, "commit", goodbye))  # kind of another key
+        team.network.publish(Packet(0, "goodbye", goodbye))  # head of another key
+    team.run(0.1)
+    assert sorted(team.releases()) == [0, 1]
+    assert team.releases()[0].live == (0, 1)
+    assert team.agents[0].traffic.dropped == {"malformed message of head 1": 60 * 4}
+    assert len(team.fronts[0].of(Note)) < 5
+
+
+def test_plans_that_name_unknown_work_are_dropped_not_fatal() -> None:
+    """Well-formed nonsense reaches the planner, which must refuse it."""
+    team = Team(2, Weather())
+    team.run(0.2)
+    wild = np.int32([-5, 10**9])
+    told = Distribution((wild,), np.float64([1.0]))
+    forged = [
+        Envelope.of(1, 1, 10**6, told),
+        Envelope.of(1, 1, 10**6 + 1, Proposal((0, 1), {1: wild}, 0.5, "ab" * 16)),
+    ]
+    for envelope in forged:
+        packet = Packet(1, kind_of(envelope.message), encode(envelope))
+        team.network.publish(packet)
+    team.run(2.0)
+    dropped = team.agents[0].traffic.dropped
+    assert dropped == {"distribution of head 1 does not fit": 1, "plan does not fit": 1}
+    one_digest(team)
 
 
 @pytest.mark.parametrize("seed", range(3))

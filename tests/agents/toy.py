@@ -7,11 +7,11 @@ earlier and an orphan to the least loaded head. Makespan: the largest load.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from agents.messages import Distribution, Plans
+from agents.messages import Distribution, MessageError, Plans
 from agents.planner import JointProposal
 
 
@@ -67,6 +67,7 @@ class ToyPlanner:
         return Distribution(tuple(self._own), q)
 
     def take(self, head: int, distribution: Distribution) -> None:
+        self._check(distribution.sequences)
         self._others[head] = distribution
 
     def forget(self, head: int) -> None:
@@ -82,7 +83,13 @@ class ToyPlanner:
         return self._best[key]
 
     def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
+        self._check(plans.values())
         done, makespan = load_balance(self.lengths, plans, live)
         rows = {h: np.array(jobs, np.int32) for h, jobs in done.items()}
         blob = b"".join(np.int32([h, len(r)]).tobytes() + r.tobytes() for h, r in rows.items())
         return JointProposal(rows, makespan, hashlib.sha256(blob).hexdigest()[:32])
+
+    def _check(self, sequences: Iterable[np.ndarray]) -> None:
+        for sequence in sequences:
+            if len(sequence) and not 0 <= sequence.min() <= sequence.max() < len(self.lengths):
+                raise MessageError("unknown job")
