@@ -13,7 +13,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from decmcts.team.problem import build_team_problem  # type: ignore[import-untyped]
+from decmcts.team.problem import build_team_problem
 from decmcts.team.resolve import resolve  # type: ignore[import-untyped]
 
 from agents.pack import Pack, write_pack

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from decmcts.team.dec_mcts import DecMcts, PlanDistribution  # type: ignore[import-untyped]
-from decmcts.team.problem import TeamProblem, build_team_problem  # type: ignore[import-untyped]
+from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve  # type: ignore[import-untyped]
 
 from agents.messages import Distribution, Plans
