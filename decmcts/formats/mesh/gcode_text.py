@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from decmcts import __version__
 from decmcts.formats.mesh.options import SliceOptions
 from decmcts.formats.mesh.sections import Layers
+from decmcts.formats.mesh.shells import find_shells
 from decmcts.formats.mesh.toolpaths import Bead, layer_beads
 from decmcts.print.contours import Role
 
@@ -26,9 +27,10 @@ def gcode_lines(layers: Layers, options: SliceOptions) -> Iterator[str]:
     """Yield the lines of a complete print."""
     yield from _start(options)
     at: NDArray[np.float64] | None = None
+    shells = find_shells(layers, options.top_layers, options.bottom_layers)
     for number in range(len(layers.regions)):
         z, height = float(layers.z[number]), float(layers.height[number])
-        beads = list(layer_beads(layers, number, options))
+        beads = list(layer_beads(layers, shells, number, options))
         if not beads:
             continue
         yield ";LAYER_CHANGE"

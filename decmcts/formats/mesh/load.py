@@ -14,6 +14,8 @@ import trimesh
 from decmcts.errors import InputError
 
 _LARGEST_MM = 1e5
+_NOTHING = "holds no triangles"
+_EXPORT = "export the model again"
 
 
 def load_solid(path: Path, center: tuple[float, float] | None) -> trimesh.Trimesh:
@@ -30,6 +32,8 @@ def load_solid(path: Path, center: tuple[float, float] | None) -> trimesh.Trimes
     mesh = _joined(_read(path), path)
     if not np.isfinite(mesh.bounds).all() or np.abs(mesh.bounds).max() > _LARGEST_MM:
         raise InputError(f"coordinates beyond {_LARGEST_MM:g} mm", path=path, advice="check units")
+    if not mesh.extents.min() > 0.0:
+        raise InputError("the mesh is flat", path=path)
     _repair(mesh)
     _check_closed(mesh, path)
     low, high = mesh.bounds
@@ -47,6 +51,8 @@ def _read(path: Path) -> trimesh.Scene:
         return trimesh.load_scene(path)
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", path=path) from error
+    except KeyError as error:  # a 3MF file without items has no root in trimesh's scene
+        raise InputError(_NOTHING, path=path, advice=_EXPORT) from error
     except Exception as error:  # trimesh's readers raise whatever their parsers raise
         raise InputError(f"is no readable mesh ({_first_line(error)})", path=path) from error
 
@@ -62,7 +68,7 @@ def _joined(scene: trimesh.Scene, path: Path) -> trimesh.Trimesh:
         part for part in scene.dump() if isinstance(part, trimesh.Trimesh) and len(part.faces)
     ]
     if not placed:
-        raise InputError("holds no triangles", path=path, advice="export the model again")
+        raise InputError(_NOTHING, path=path, advice=_EXPORT)
     mesh = placed[0] if len(placed) == 1 else trimesh.util.concatenate(placed)
     assert isinstance(mesh, trimesh.Trimesh)
     units = scene.units or next((part.units for part in placed if part.units), None)
@@ -72,9 +78,11 @@ def _joined(scene: trimesh.Scene, path: Path) -> trimesh.Trimesh:
 
 
 def _repair(mesh: trimesh.Trimesh) -> None:
-    """Mutate: merge vertices, drop degenerate faces, fill small holes, turn faces outwards."""
+    """Mutate: merge vertices, drop collapsed faces, fill small holes, turn faces outwards."""
     mesh.merge_vertices()
-    mesh.update_faces(mesh.nondegenerate_faces() & mesh.unique_faces())
+    corners = mesh.faces
+    collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)  # slivers hold seams closed
+    mesh.update_faces(~collapsed)
     mesh.remove_unreferenced_vertices()
     if not mesh.is_watertight:
         trimesh.repair.fill_holes(mesh)
@@ -91,5 +99,3 @@ def _check_closed(mesh: trimesh.Trimesh, path: Path) -> None:
             path=path,
             advice="repair it in a mesh editor or slicer first",
         )
-    if not mesh.extents.min() > 0.0:
-        raise InputError("the mesh is flat", path=path)

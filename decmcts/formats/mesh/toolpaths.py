@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from decmcts.formats.mesh.infill import zigzags
 from decmcts.formats.mesh.options import SliceOptions
 from decmcts.formats.mesh.sections import Layers
+from decmcts.formats.mesh.shells import Shells
 from decmcts.print.contours import Role
 
 _OVERLAP = 0.15  # of the bead width, by which infill reaches into the perimeters
@@ -28,26 +29,32 @@ class Bead:
     points: NDArray[np.float64]  # (k, 2) mm; a closed one ends where it starts
 
 
-def layer_beads(layers: Layers, number: int, options: SliceOptions) -> Iterator[Bead]:
+def layer_beads(
+    layers: Layers, shells: Shells, number: int, options: SliceOptions
+) -> Iterator[Bead]:
     """Yield the beads of one layer, island by island, each island's walls first."""
     islands = shapely.get_parts(layers.regions[number])
-    solid, top = _solid_areas(layers, number, options)
-    at = np.zeros(2)
-    for island in _nearest_first(list(islands), at):
-        height = float(layers.height[number])
-        yield from _perimeters(island, height, options)
-        yield from _fill(island, solid, top, number, height, options)
+    if not len(islands):
+        return
+    height = float(layers.height[number])
+    fill: list[list[Bead]] = [[] for _ in islands]
+    tree = shapely.STRtree(islands)
+    for bead in _fill(layers.regions[number], shells, number, height, options):
+        fill[int(tree.nearest(shapely.Point(bead.points[0])))].append(bead)
+    for i in _nearest_first(islands):
+        yield from _perimeters(islands[i], height, options)
+        yield from fill[i]
 
 
-def _nearest_first(islands: list[BaseGeometry], at: NDArray[np.float64]) -> Iterator[BaseGeometry]:
-    """Yield islands, each nearest to the middle of the one before."""
-    left = list(islands)
-    here = shapely.Point(at)
-    while left:
-        chosen = min(range(len(left)), key=lambda i: float(left[i].distance(here)))
-        island = left.pop(chosen)
-        here = island.centroid
-        yield island
+def _nearest_first(islands: NDArray[np.object_]) -> Iterator[int]:
+    """Yield the islands' numbers, each nearest to the middle of the one before."""
+    left = np.arange(len(islands))
+    here = shapely.Point(0.0, 0.0)
+    while len(left):
+        chosen = int(np.argmin(shapely.distance(islands[left], here)))
+        yield int(left[chosen])
+        here = islands[left[chosen]].centroid
+        left = np.delete(left, chosen)
 
 
 def _inset(region: BaseGeometry, by: float) -> BaseGeometry:
@@ -74,61 +81,35 @@ def _from_seam(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate([turned, turned[:1]])
 
 
-def _solid_areas(
-    layers: Layers, number: int, options: SliceOptions
-) -> tuple[BaseGeometry, BaseGeometry]:
-    """Return the area to fill solidly and the part of it that nothing covers."""
-    region = layers.regions[number]
-    n = len(layers.regions)
-    low, high = number - options.bottom_layers, number + options.top_layers
-    if low < 0 or high >= n:
-        solid = region
-    else:
-        solid = region
-        inside = _common(layers.regions[low : high + 1], region)
-        solid = (
-            region.difference(inside).buffer(options.bead_width)
-            if inside is not region
-            else shapely.MultiPolygon()
-        )
-    above = layers.regions[number + 1] if number + 1 < n else shapely.MultiPolygon()
-    top = shapely.MultiPolygon() if above is region else region.difference(above)
-    return solid, top if options.top_layers else shapely.MultiPolygon()
-
-
-def _common(regions: tuple[BaseGeometry, ...], own: BaseGeometry) -> BaseGeometry:
-    """Return the area common to all, `own` itself where all are the same object."""
-    common = own
-    for region in {id(r): r for r in regions}.values():
-        if region is not own:
-            common = common.intersection(region)
-    return common
-
-
 def _fill(
-    island: BaseGeometry,
-    solid: BaseGeometry,
-    top: BaseGeometry,
-    number: int,
-    height: float,
-    options: SliceOptions,
+    region: BaseGeometry, shells: Shells, number: int, height: float, options: SliceOptions
 ) -> Iterator[Bead]:
+    """Yield the infill of a layer: solid, top, then sparse."""
     spacing, width = options.spacing(height), options.bead_width
     walls = width / 2.0 + (options.perimeters - 0.5) * spacing if options.perimeters else 0.0
-    inner = _inset(island, walls)
+    inner = _inset(region, walls)
     angle = pi / 4.0 if number % 2 else -pi / 4.0
-    areas = (
-        (Role.SOLID_INFILL, solid.difference(top), spacing),
-        (Role.TOP_SOLID_INFILL, top.intersection(solid), spacing),
-        (
-            Role.INFILL,
-            shapely.difference(inner, solid),
-            spacing / options.density if options.density else 0.0,
-        ),
-    )
-    for role, area, distance in areas:
-        if area.is_empty or distance == 0.0:
+    for role, area in _areas(inner, shells, number, width):
+        sparse = role is Role.INFILL
+        if area.is_empty or (sparse and options.density == 0.0):
             continue
-        room = _inset(inner.intersection(area), spacing / 2.0 - _OVERLAP * width)
+        distance = spacing / options.density if sparse else spacing
+        room = _inset(area, spacing / 2.0 - _OVERLAP * width)
         for chain in zigzags(room, distance=distance, angle_rad=angle, shortest=width):
             yield Bead(role, chain)
+
+
+def _areas(
+    inner: BaseGeometry, shells: Shells, number: int, width: float
+) -> list[tuple[Role, BaseGeometry]]:
+    """Divide the inside of a layer's walls by what it is filled with."""
+    solid, top = shells.solid[number], shells.top[number]
+    if solid.is_empty:
+        return [(Role.INFILL, inner)]
+    grown = solid.buffer(width).intersection(inner)  # solid beads need something to hold on to
+    top = top.intersection(inner)
+    return [
+        (Role.SOLID_INFILL, grown.difference(top)),
+        (Role.TOP_SOLID_INFILL, top),
+        (Role.INFILL, inner.difference(grown)),
+    ]
