@@ -59,9 +59,17 @@ def propose_follow(
         room = at - p if at > p else at + 1
         first = at + 1 - length_up_to(state, min(room, LONGEST_TURN))
         return TURN if first == p + 1 else CARRY, first, at + 1, p
+    room = n - at if at > p else p - at
+    length = length_up_to(state, room)
+    if at > 0 and below(state, 2) == 0:
+        left_alone = order[at - 1]
+        partner = near[2 * left_alone + 1 - flip[left_alone], below(state, near.shape[1])]
+        gap = position[partner >> 1] - at
+        if partner >= 0 and 0 < gap <= room and flip[partner >> 1] == partner & 1:
+            length = gap
     if at > p:
-        return SWAP, p + 1, at, at + length_up_to(state, n - at)
-    return SWAP, at, at + length_up_to(state, p - at), p + 1
+        return SWAP, p + 1, at, at + length
+    return SWAP, at, at + length, p + 1
 
 
 @kernel

@@ -91,7 +91,7 @@ def swap_change(
         change += distance(ports, leave(flip, before), entry(flip, order[j])) - after[before]
     if k < len(order):
         change += distance(ports, leave(flip, middle), entry(flip, order[k]))
-    return change
+    return float(change)
 
 
 @kernel
@@ -155,7 +155,7 @@ def inner_change(
             continue
         there = turned_entry(flip, turns, b) ^ 1
         change += distance(ports, there, turned_entry(flip, turns, a)) - after[a]
-    return change
+    return float(change)
 
 
 @kernel
@@ -178,7 +178,7 @@ def turn_change(
     if k < len(order):
         out = turned_entry(flip, turns, first) ^ 1
         change += distance(ports, out, entry(flip, order[k]))
-    return change
+    return float(change)
 
 
 @kernel
@@ -238,4 +238,4 @@ def carry_change(
         change -= after[before]
         if k < len(order):
             change += distance(ports, leave(flip, before), entry(flip, order[k]))
-    return change
+    return float(change)

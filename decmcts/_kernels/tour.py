@@ -83,3 +83,28 @@ def choose_directions(
         flip[order[k]] = f
         f = came[k, f]
     return flip
+
+
+@kernel
+def longest_hop(ports: NDArray[np.float64], reversible: NDArray[np.bool_]) -> float:
+    """Return the longest travel from an exit of one contour to an entry of another, mm.
+
+    Pairs are tried from the farthest from the centre inwards and cut off by the
+    triangle inequality: near linear on real prints, O(n²) at worst.
+    """
+    n = len(reversible)
+    centre = np.array([ports[:, 0].mean(), ports[:, 1].mean(), ports[:, 2].mean()])
+    radius = np.sqrt(((ports - centre) ** 2).sum(axis=1))
+    outward = np.argsort(-radius)
+    longest = 0.0
+    for x in range(2 * n):
+        a = outward[x]
+        if a % 2 == 0 and not reversible[a // 2]:
+            continue
+        for y in range(2 * n):
+            b = outward[y]
+            if radius[a] + radius[b] <= longest:
+                break
+            if a // 2 != b // 2 and (b % 2 == 0 or reversible[b // 2]):
+                longest = max(longest, distance(ports, a, b))
+    return longest

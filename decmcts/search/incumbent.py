@@ -58,6 +58,11 @@ class Incumbent:
         return self._clock() - self._started
 
     @property
+    def progress(self) -> Progress:
+        """Where the search stands now."""
+        return Progress(self.seconds, self.iterations, self.cost_mm, self._improved_at_s)
+
+    @property
     def spent(self) -> float:
         """Share of the budget used, 1 or more at the end."""
         return self.budget.spent(self.seconds, self.iterations)
@@ -95,7 +100,7 @@ class Incumbent:
     def tick(self, iterations: int = 0) -> bool:
         """Count `iterations`, report, and return whether to stop."""
         self.iterations += iterations
-        now = Progress(self.seconds, self.iterations, self.cost_mm, self._improved_at_s)
+        now = self.progress
         if self._report is not None:
             self._report(now)
         return self._criterion(now)

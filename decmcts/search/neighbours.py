@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from decmcts._kernels.nearby import keep_possible
 from decmcts.search.problem import OrderProblem
 
-LAYER_STRETCH = 4.0  # distances across layers count this much more: most of those above must wait
+LAYER_STRETCH = 20.0  # heights count this much more: most contours far above or below must wait
 
 
 def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDArray[np.int32]:

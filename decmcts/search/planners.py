@@ -20,6 +20,7 @@ from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.layerwise import Layerwise
 from decmcts.search.local import Local
+from decmcts.search.mcts import Mcts
 from decmcts.search.problem import OrderProblem
 from decmcts.search.slicer import Slicer
 from decmcts.search.stopping import AnyOf, Asked, Budget, IterationLimit, Progress, TimeLimit
@@ -39,6 +40,7 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
         "layerwise": Layerwise(),
         "greedy": Greedy(),
         "local": Local(),
+        "mcts": Mcts(),
     }
 )
 
