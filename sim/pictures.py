@@ -1,4 +1,4 @@
-"""PNG pictures: a plan before and after, its Gantt chart, convergence, machines.
+"""PNG pictures: a plan before and after, its Gantt chart, convergence; machines elsewhere.
 
 Only drawing lives here; nothing is judged.
 """
@@ -10,64 +10,74 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Polygon, Rectangle
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.activity import activity
+from sim.canvas import TRAVEL, head_colour, save
+from sim.machine_picture import draw_machine
 
-TRAVEL = "#d62728"
-HEAD_COLOURS = ("#7f7f7f", "#1f77b4", "#e6a817", "#2ca02c", "#9467bd", "#8c564b")
-SEGMENTS = 400_000  # drawn in one view; more are thinned evenly
-DPI = 150
+__all__ = ["draw_convergence", "draw_gantt", "draw_machine", "draw_plan", "lane_segments"]
 
-
-def head_colour(index: int, heads: int) -> str:
-    """Return the colour of a head's extrusions: grey when it is the only one."""
-    return HEAD_COLOURS[0] if heads == 1 else HEAD_COLOURS[1 + index % (len(HEAD_COLOURS) - 1)]
+SEGMENTS = 100_000  # of one head drawn in one view; with more, whole paths are left out
 
 
-def lane_segments(lane: HeadActions, *, printing: bool) -> NDArray[np.float64]:
-    """Return the printing or the other segments of a head, (m, 2, 3)."""
+def lane_segments(
+    lane: HeadActions, *, printing: bool, most: int | None = None
+) -> NDArray[np.float64]:
+    """Return the printing or the other segments of a head, (m, 2, 3).
+
+    With `most`, only every k-th path is taken so that about as many are left.
+    """
     owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
-    joined = owner[1:] == owner[:-1]
-    wanted = (lane.kind[owner[1:]] == ActionKind.PRINT) == printing
-    rows = np.nonzero(joined & wanted)[0]
+    wanted = (owner[1:] == owner[:-1]) & ((lane.kind[owner[1:]] == ActionKind.PRINT) == printing)
+    if most is not None:
+        step = max(1, -(-int(wanted.sum()) // most))
+        number = np.cumsum((lane.kind == ActionKind.PRINT) == printing)
+        wanted &= (number % step == 0)[owner[1:]]
+    rows = np.nonzero(wanted)[0]
     return np.stack([lane.path[rows], lane.path[rows + 1]], axis=1)
-
-
-def thinned(segments: NDArray[np.float64], most: int = SEGMENTS) -> NDArray[np.float64]:
-    """Return every k-th segment so that at most `most` are left."""
-    step = max(1, -(-len(segments) // most))
-    return segments[::step]
-
-
-def save(figure: Figure, path: Path | str) -> None:
-    """Write a figure as PNG."""
-    FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=DPI, facecolor="white")
 
 
 def draw_plan(path: Path | str, before: PlanDocument, after: PlanDocument) -> None:
     """Draw two plans side by side, from above and from the side; travel in red."""
     extent = _extent([before, after])
     wide, deep, high = extent[1] - extent[0]
-    ratio = min(2.5, max(0.35, high / deep))
-    figure = Figure(figsize=(13, 6.5 * min(1.6, max(0.7, deep / wide)) * (1 + ratio) / 1.2 + 1))
-    figure.set_layout_engine("constrained")
-    axes = figure.subplots(2, 2, height_ratios=[1, ratio], sharex="col")
+    views, size = _view_sizes(wide, deep, high)
+    figure = Figure(figsize=size)
+    axes = figure.subplots(2, 2, squeeze=False)
     for column, (name, document) in enumerate((("before", before), ("after", after))):
-        axes[0, column].set_title(f"{name}: {_caption(document)}", fontsize=10)
+        axes[0, column].set_title(f"{name}\n{_caption(document)}", fontsize=10)
         for row, (i, j) in enumerate(((0, 1), (0, 2))):
+            axes[row, column].set_position(views[row][column])
             _draw_view(axes[row, column], document, i, j, extent)
     axes[0, 0].set_ylabel("y, mm")
     axes[1, 0].set_ylabel("z, mm")
-    figure.legend(handles=_legend(after), loc="outside lower center", ncols=6, frameon=False)
+    figure.legend(handles=_legend(after), loc="lower center", ncols=6, frameon=False)
     save(figure, path)
+
+
+def _view_sizes(
+    wide: float, deep: float, high: float
+) -> tuple[list[list[tuple[float, float, float, float]]], tuple[float, float]]:
+    """Return where each view stands, in parts of the figure, and the figure's size in inches.
+
+    All four views have one scale, so each view is exactly as large as what it shows.
+    """
+    scale = min(6.0 / wide, 7.0 / deep, 6.0 / high)  # inches a mm
+    w, d, h = scale * wide, scale * deep, scale * high
+    left, gap, bottom, middle, top = 0.7, max(0.7, 4.2 - w), 1.0, 0.45, 0.8
+    size = (left + 2 * w + gap + 0.25, bottom + h + middle + d + top)
+    columns = (left, left + w + gap)
+    rows = ((bottom + h + middle, d), (bottom, h))
+    views = [
+        [(x / size[0], y / size[1], w / size[0], t / size[1]) for x in columns] for y, t in rows
+    ]
+    return views, size
 
 
 def _caption(document: PlanDocument) -> str:
@@ -77,7 +87,10 @@ def _caption(document: PlanDocument) -> str:
         for lane in document.plan.heads
     )
     minutes = document.plan.makespan_s / 60
-    return f"{len(document.contours)} contours, travel {travel:,.0f} mm, {minutes:,.1f} min"
+    text = f"{len(document.contours):,} contours, travel {travel:,.0f} mm, {minutes:,.1f} min"
+    laid = max(len(document.contours.points) - len(document.contours), 1)
+    share = max(1, -(-laid // (SEGMENTS * max(1, len(document.plan.heads)))))
+    return text + (f"\none in {share} contours drawn" if share > 1 else "")
 
 
 def _extent(documents: Sequence[PlanDocument]) -> NDArray[np.float64]:
@@ -94,21 +107,18 @@ def _draw_view(
 ) -> None:
     """Draw the projection on coordinates i and j."""
     lanes = document.plan.heads
-    for index, lane in enumerate(lanes):
-        segments = thinned(lane_segments(lane, printing=True))[:, :, [i, j]]
-        colour = head_colour(index, len(lanes))
-        axis.add_collection(
-            LineCollection(list(segments), colors=colour, linewidths=0.4, alpha=0.6)
-        )
-    for lane in lanes:
-        segments = thinned(lane_segments(lane, printing=False))[:, :, [i, j]]
-        axis.add_collection(
-            LineCollection(list(segments), colors=TRAVEL, linewidths=0.5, alpha=0.55)
-        )
+    for printing, width in ((True, 0.4), (False, 0.5)):
+        for index, lane in enumerate(lanes):
+            segments = lane_segments(lane, printing=printing, most=SEGMENTS)[:, :, [i, j]]
+            colour = head_colour(index, len(lanes)) if printing else TRAVEL
+            alpha = 0.6 if printing else float(np.clip(2500 / max(len(segments), 1), 0.06, 0.6))
+            axis.add_collection(
+                LineCollection(list(segments), colors=colour, linewidths=width, alpha=alpha)
+            )
     axis.set_xlim(extent[:, i])
     axis.set_ylim(extent[:, j])
     axis.set_aspect("equal", adjustable="box")
-    axis.tick_params(labelsize=8)
+    axis.tick_params(labelsize=8, labelbottom=j == 2)
     if j == 2:
         axis.set_xlabel("x, mm")
 
@@ -123,16 +133,22 @@ def _legend(document: PlanDocument) -> list[Line2D]:
 
 
 def draw_gantt(path: Path | str, document: PlanDocument) -> None:
-    """Draw what each head does over time: print, travel, park; white is waiting."""
+    """Draw what each head does over time; white is waiting.
+
+    A long plan is drawn in intervals, each filled by the shares of its time.
+    """
     lanes = document.plan.heads
     figure = Figure(figsize=(12, 1.6 + 0.7 * len(lanes)))
     figure.set_layout_engine("constrained")
     axis = figure.subplots()
     for row, lane in enumerate(lanes):
-        for kind, colour in _gantt_colours(row, len(lanes)).items():
-            rows = lane.kind == kind
-            spans = np.column_stack([lane.begin_s, lane.end_s - lane.begin_s])[rows] / 60
-            axis.broken_barh(spans.tolist(), (row - 0.36, 0.72), facecolors=colour, linewidth=0)
+        edges, shares = activity(lane, document.plan.makespan_s)
+        left, width = edges[:-1] / 60, np.diff(edges) / 60
+        prints, travels = 0.8 * shares.T
+        foot = np.full(len(left), row + 0.4)
+        colour = head_colour(row, len(lanes))
+        axis.bar(left, -prints, width, foot, align="edge", color=colour, linewidth=0)
+        axis.bar(left, -travels, width, foot - prints, align="edge", color=TRAVEL, linewidth=0)
     axis.set_yticks(range(len(lanes)), [lane.head for lane in lanes])
     axis.set_ylim(len(lanes) - 0.4, -0.6)
     axis.set_xlim(0, max(document.plan.makespan_s / 60, 1e-9))
@@ -144,14 +160,6 @@ def draw_gantt(path: Path | str, document: PlanDocument) -> None:
     handles += [Patch(color=TRAVEL, label="travels"), Patch(fc="white", ec="grey", label="waits")]
     figure.legend(handles=handles, loc="outside upper center", ncols=6, frameon=False)
     save(figure, path)
-
-
-def _gantt_colours(index: int, heads: int) -> dict[ActionKind, str]:
-    return {
-        ActionKind.PRINT: head_colour(index, heads),
-        ActionKind.TRAVEL: TRAVEL,
-        ActionKind.PARK: TRAVEL,
-    }
 
 
 def draw_convergence(path: Path | str, history: Sequence[tuple[float, float]]) -> None:
@@ -166,74 +174,3 @@ def draw_convergence(path: Path | str, history: Sequence[tuple[float, float]]) -
     axis.grid(alpha=0.3)
     axis.set_ylim(bottom=0)
     save(figure, path)
-
-
-def draw_machine(machine: Machine, path: Path | str) -> None:
-    """Draw each head's slices from above and from the front, and the bed."""
-    figure = Figure(figsize=(14, 4.8 * len(machine.heads)))
-    figure.set_layout_engine("constrained")
-    axes = figure.subplots(len(machine.heads), 3, squeeze=False)
-    for row, head in enumerate(machine.heads):
-        _draw_slices(axes[row, 0], head)
-        _draw_elevation(axes[row, 1], head)
-        _draw_bed(axes[row, 2], machine, row)
-    figure.suptitle(machine.name)
-    save(figure, path)
-
-
-def _draw_slices(axis: Any, head: Any) -> None:
-    """Draw the slices from above, the lowest on top."""
-    for k, piece in reversed(list(enumerate(head.slices))):
-        for polygon in piece.polygons:
-            axis.add_patch(
-                Polygon(polygon, closed=True, fc=_shade(k), ec="black", lw=0.8, alpha=0.6)
-            )
-    axis.plot(0, 0, "k+", ms=8)
-    axis.autoscale_view()
-    axis.set_aspect("equal")
-    axis.set_title(f"{head.name}: slices from above", fontsize=10)
-    handles = [
-        Patch(fc=_shade(k), ec="black", label=f"{s.height_mm:g} mm up")
-        for k, s in enumerate(head.slices)
-    ]
-    axis.legend(
-        handles=handles, fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False
-    )
-
-
-def _shade(k: int) -> str:
-    return ("#d62728", "#ff9d5c", "#ffd92f", "#a6d854", "#66c2a5", "#8da0cb", "#b3b3b3")[k % 7]
-
-
-def _draw_elevation(axis: Any, head: Any) -> None:
-    """Draw slices and bodies from the front, as far up as the bodies or 30 mm above."""
-    top = max([head.slices[-1].height_mm + 30.0, *(b.maximum[2] for b in head.bodies)])
-    for k, piece in reversed(list(enumerate(head.slices))):
-        for polygon in piece.polygons:
-            low, high = polygon[:, 0].min(), polygon[:, 0].max()
-            corner, size = (low, piece.height_mm), (high - low, top - piece.height_mm)
-            axis.add_patch(Rectangle(corner, *size, fc=_shade(k), ec="black", lw=0.8, alpha=0.6))
-    for body in head.bodies:
-        size = (body.maximum[0] - body.minimum[0], body.maximum[2] - body.minimum[2])
-        corner = (body.minimum[0], body.minimum[2])
-        axis.add_patch(Rectangle(corner, *size, fill=False, ec="black", ls="--", lw=1.0))
-    axis.axhline(0, color="grey", lw=0.8)
-    axis.autoscale_view()
-    axis.set_aspect("equal")
-    axis.set_title("from the front (dashed: bodies)", fontsize=10)
-
-
-def _draw_bed(axis: Any, machine: Machine, row: int) -> None:
-    """Draw the bed, the head's reach and where it parks."""
-    size = np.subtract(machine.bed_max, machine.bed_min)
-    axis.add_patch(Rectangle(machine.bed_min, *size, fc="#eeeeee", ec="black"))
-    head = machine.heads[row]
-    low = np.maximum(head.reach_min[:2], np.array(machine.bed_min) - 50)
-    high = np.minimum(head.reach_max[:2], np.array(machine.bed_max) + 50)
-    colour = head_colour(row, max(2, len(machine.heads)))
-    axis.add_patch(Rectangle(low, *(high - low), fill=False, ec=colour, ls="--", lw=1.5))
-    axis.plot(*head.park[:2], "o", color=colour)
-    axis.annotate("park", head.park[:2], textcoords="offset points", xytext=(5, 5), fontsize=8)
-    axis.autoscale_view()
-    axis.set_aspect("equal")
-    axis.set_title("bed, reach (dashed) and park", fontsize=10)

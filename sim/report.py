@@ -1,13 +1,15 @@
 """The report of a plan: one self-contained HTML page that needs no network.
 
-A 3-D view before and after with a slider over the print's progress and a
-button that plays it, a Gantt chart, the convergence of the search, and a table
-of what was gained. Long prints are thinned for the browser; the page says so.
+A table of what was gained, a 3-D view before and after with a slider over time
+and a button that plays it, a chart of the heads over time, and the convergence
+of the search. Long prints are thinned for the browser, and the page says so.
 """
 
 from __future__ import annotations
 
+import base64
 import html
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,21 +21,30 @@ from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.pictures import TRAVEL, head_colour
+from sim.activity import activity
+from sim.canvas import TRAVEL, head_colour
+from sim.report_script import SCRIPT
 
-POINTS = 150_000  # of one plan in the 3-D view
-FRAMES = 60  # positions of the progress slider
-BARS = 4_000  # bars of one head in the Gantt chart
+POINTS = 200_000  # of one plan in the 3-D view
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 1.5rem auto; max-width: 1500px; color: #222;
   padding: 0 1rem; }
 table { border-collapse: collapse; margin: 0.5rem 0 1.5rem; }
 th, td { padding: 0.25rem 0.9rem; border-bottom: 1px solid #ddd; text-align: right; }
-th:first-child, td:first-child { text-align: left; }
-.note { color: #666; }
-h2 { margin: 1.6rem 0 0.2rem; font-size: 1.15rem; }
+th:first-child, td:first-child { text-align: left; padding-left: 0; }
+.note { color: #666; margin: 0.2rem 0; }
+h1 { font-size: 1.5rem; } h2 { margin: 1.6rem 0 0.2rem; font-size: 1.15rem; }
+#scene { height: 680px; }
+.bar { display: flex; gap: 0.8rem; align-items: center; }
+.bar input { flex: 1; } .bar span { min-width: 11rem; font-variant-numeric: tabular-nums; }
+button { font: inherit; min-width: 4.5rem; }
 """
+CONTROLS = (
+    '<div id="scene"></div><div class="bar"><button id="play">Play</button>'
+    '<input id="time" type="range" min="0" max="1000" value="1000" aria-label="time">'
+    '<span id="now"></span></div>'
+)
 
 
 def write_report(
@@ -51,31 +62,27 @@ def write_report(
     path : file to write
     before, after : the source's own order and the plan
     history : (seconds, mm) pairs of the search, drawn when there are any
-    rows : of the table, (what, before, after, gained); made from the plans when absent
+    rows : of the table, (what, before, after, change); made from the plans when absent
     """
-    notes: list[str] = []
-    scene = plot_scene(before, after, notes)
-    sections = [("What was gained", _table(gained(before, after) if rows is None else rows))]
-    sections.append(("Toolpath", _div(scene, 720)))
-    sections.append(
-        ("Heads over time", _div(plot_gantt(after, notes), 170 + 60 * len(after.plan.heads)))
-    )
+    page, notes = scene_of(before, after)
+    script = json.dumps(page).replace("<", "\\u003c")  # a name must not end the script element
+    lanes = len(after.plan.heads)
+    sections = [
+        ("What was gained", _table(gained(before, after) if rows is None else rows)),
+        ("Toolpath", CONTROLS + "".join(f"<p class=note>{html.escape(n)}</p>" for n in notes)),
+        ("Heads over time", _div(plot_gantt(after), 150 + 70 * lanes)),
+    ]
     if len(history):
         sections.append(("Search", _div(plot_convergence(history), 380)))
-    name = html.escape(f"{after.machine.name}: {len(after.contours)} contours")
+    name = html.escape(f"{len(after.contours):,} contours on machine {after.machine.name}")
     body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
-    remarks = "".join(f"<p class=note>{html.escape(note)}</p>" for note in notes)
-    page = (
+    Path(path).write_text(
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{name}</title>"
         f"<style>{STYLE}</style><script>{get_plotlyjs()}</script>"
-        f"<h1>{name}</h1>{body}{remarks}</html>"
+        f"<body><h1>{name}</h1>{body}"
+        f"<script>const PAGE = {script};{SCRIPT}</script></body></html>",
+        encoding="utf-8",
     )
-    Path(path).write_text(page, encoding="utf-8")
-
-
-def _div(figure: go.Figure, height: int) -> str:
-    figure.update_layout(height=height)
-    return str(plotly.io.to_html(figure, include_plotlyjs=False, full_html=False, auto_play=False))
 
 
 def _table(rows: Sequence[Sequence[Any]]) -> str:
@@ -90,25 +97,52 @@ def _table(rows: Sequence[Sequence[Any]]) -> str:
 def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, str, str]]:
     """Return the rows of the table from the metrics both plans carry."""
     names = {
-        "travel_mm": ("travel between contours (the paper's metric), mm", 0),
-        "emitted_travel_mm": ("travel as emitted, lifts included, mm", 0),
-        "print_time_s": ("print time, s", 0),
-        "makespan_s": ("makespan, s", 0),
+        "travel_mm": "travel between contours (the paper's metric), mm",
+        "emitted_travel_mm": "travel as emitted, lifts included, mm",
+        "print_time_s": "print time, s",
+        "makespan_s": "makespan, s",
     }
-    rows = []
-    for key, (text, digits) in names.items():
+    rows = [("contours", f"{len(before.contours):,}", f"{len(after.contours):,}", "")]
+    for key, text in names.items():
         was, now = before.metrics.get(key), after.metrics.get(key)
         if isinstance(was, int | float) and isinstance(now, int | float):
             change = f"{100 * (now / was - 1):+.1f} %" if was else ""
-            rows.append((text, f"{was:,.{digits}f}", f"{now:,.{digits}f}", change))
-    rows.append(("contours", str(len(before.contours)), str(len(after.contours)), ""))
+            rows.append((text, f"{was:,.0f}", f"{now:,.0f}", change))
     chosen = [key for key in ("planner", "freedom", "seed") if key in after.metrics]
     rows += [(k, str(before.metrics.get(k, "")), str(after.metrics[k]), "") for k in chosen]
     return rows
 
 
+def scene_of(before: PlanDocument, after: PlanDocument) -> tuple[dict[str, Any], list[str]]:
+    """Return what the page's script draws, and what the reader should know about it."""
+    curves: list[dict[str, Any]] = []
+    nozzles: list[dict[str, Any]] = []
+    notes: list[str] = []
+    for scene, name, document in (("scene", "before", before), ("scene2", "after", after)):
+        points = sum(len(lane.path) for lane in document.plan.heads)
+        step = max(1, -(-points // POINTS))
+        if step > 1:
+            notes.append(
+                f"{name}: of {points:,} points one in {step} is drawn, and both ends of each path."
+            )
+        heads = len(document.plan.heads)
+        for index, lane in enumerate(document.plan.heads):
+            first = len(curves)
+            for printing in (True, False):
+                rows = lane_polyline(lane, printing=printing, step=step)
+                colour = head_colour(index, heads) if printing else TRAVEL
+                curves.append(_curve(rows, lane.head, colour, scene, printing))
+            colour = head_colour(index, max(2, heads))
+            nozzles.append(
+                {"scene": scene, "name": lane.head, "color": colour, "curves": [first, first + 1]}
+            )
+    end = max(before.plan.makespan_s, after.plan.makespan_s)
+    layout = scene_layout([before, after])
+    return {"curves": curves, "nozzles": nozzles, "layout": layout, "end": end}, notes
+
+
 def lane_polyline(lane: HeadActions, *, printing: bool, step: int) -> NDArray[np.float64]:
-    """Return one kind of a head's paths with rows of NaN between them, (k, 4): x, y, z, time.
+    """Return one kind of a head's paths with a NaN point after each, (k, 4): x, y, z, seconds.
 
     Of every `step` points of a path one is kept, and always both ends.
     """
@@ -118,123 +152,111 @@ def lane_polyline(lane: HeadActions, *, printing: bool, step: int) -> NDArray[np
     kept = (within % step == 0) | (within == size - 1)
     kept &= (lane.kind[owner] == ActionKind.PRINT) == printing
     share = within / np.maximum(size - 1, 1)
-    time = lane.begin_s[owner] + share * (lane.end_s - lane.begin_s)[owner]
-    rows = np.column_stack([lane.path, time])[kept]
-    owner = owner[kept]
-    cuts = np.nonzero(np.diff(owner))[0] + 1
+    seconds = lane.begin_s[owner] + share * (lane.end_s - lane.begin_s)[owner]
+    rows = np.column_stack([lane.path, seconds])[kept]
+    cuts = np.nonzero(np.diff(owner[kept]))[0] + 1
     gaps = np.full((len(cuts), 4), np.nan)
-    gaps[:, 3] = rows[cuts, 3]
+    gaps[:, 3] = rows[cuts - 1, 3]
     return np.insert(rows, cuts, gaps, axis=0)
 
 
-def plot_scene(before: PlanDocument, after: PlanDocument, notes: list[str]) -> go.Figure:
-    """Return both plans in 3-D side by side, with a slider over the progress; adds to notes."""
-    figure = go.Figure()
-    curves: list[NDArray[np.float64]] = []
-    for column, document in enumerate((before, after)):
-        points = sum(len(lane.path) for lane in document.plan.heads)
-        step = max(1, -(-points // POINTS))
-        if step > 1:
-            notes.append(
-                f"{'before' if column == 0 else 'after'}: drawn with every {step}th point "
-                f"of {points:,}; the files have them all."
-            )
-        for index, lane in enumerate(document.plan.heads):
-            for printing in (True, False):
-                rows = lane_polyline(lane, printing=printing, step=step)
-                curves.append(rows)
-                figure.add_trace(_curve(rows, lane, index, document, column, printing))
-    _lay_out_scenes(figure)
-    return figure
-
-
 def _curve(
-    rows: NDArray[np.float64],
-    lane: HeadActions,
-    index: int,
-    document: PlanDocument,
-    column: int,
-    printing: bool,
-) -> go.Scatter3d:
-    heads = len(document.plan.heads)
-    return go.Scatter3d(
-        x=rows[:, 0].round(2),
-        y=rows[:, 1].round(2),
-        z=rows[:, 2].round(2),
-        mode="lines",
-        line={"color": head_colour(index, heads) if printing else TRAVEL, "width": 2},
-        opacity=0.8 if printing else 1.0,
-        name=f"{lane.head} prints" if printing else f"{lane.head} travels",
-        legendgroup=f"{lane.head}{printing}",
-        showlegend=column == 1,
-        scene="scene" if column == 0 else "scene2",
-        hoverinfo="skip",
-    )
-
-
-def _lay_out_scenes(figure: go.Figure) -> None:
-    view = {
-        "aspectmode": "data",
-        "xaxis_title": "x, mm",
-        "yaxis_title": "y, mm",
-        "zaxis_title": "z, mm",
+    rows: NDArray[np.float64], head: str, colour: str, scene: str, printing: bool
+) -> dict[str, Any]:
+    columns = {
+        key: base64.b64encode(rows[:, k].astype("<f4").tobytes()).decode()
+        for k, key in enumerate("xyzt")
     }
-    figure.update_layout(
-        scene={**view, "domain": {"x": [0.0, 0.49]}},
-        scene2={**view, "domain": {"x": [0.51, 1.0]}},
-        margin={"l": 0, "r": 0, "t": 30, "b": 0},
-        legend={"orientation": "h", "x": 0.5, "xanchor": "center", "y": 1.06},
-        annotations=[
-            {"text": text, "x": x, "y": 1.0, "xref": "paper", "yref": "paper", "showarrow": False}
-            for text, x in (("before", 0.24), ("after", 0.76))
-        ],
-    )
+    return {
+        **columns,
+        "scene": scene,
+        "color": colour,
+        "name": f"{head} prints" if printing else f"{head} travels",
+        "legend": scene == "scene2",
+        "opacity": 0.75 if printing else 0.9,
+        "width": 2 if printing else 1,
+    }
 
 
-def plot_gantt(document: PlanDocument, notes: list[str]) -> go.Figure:
-    """Return what each head does over time; blank is waiting; adds to notes."""
+def scene_layout(documents: Sequence[PlanDocument]) -> dict[str, Any]:
+    """Return plotly's layout: two views of the same box around the print."""
+    points = np.concatenate([d.contours.points for d in documents])
+    low, high = points.min(axis=0), points.max(axis=0)
+    low[2] = 0.0
+    margin = 0.04 * float((high - low).max()) + 1.0
+    low[:2] -= margin
+    high += margin
+    size = (high - low) / float((high - low).max())
+    axes = {
+        f"{name}axis": {"title": {"text": f"{name}, mm"}, "range": [low[k], high[k]]}
+        for k, name in enumerate("xyz")
+    }
+    view = {
+        **axes,
+        "aspectmode": "manual",
+        "aspectratio": dict(zip("xyz", size.tolist(), strict=True)),
+        "camera": {"eye": {"x": -0.9, "y": -1.35, "z": 1.05}},
+    }
+    titles = [
+        {"text": f"<b>{text}</b>", "x": x, "y": 1.0, "xref": "paper", "yref": "paper"}
+        for text, x in (("before", 0.24), ("after", 0.76))
+    ]
+    return {
+        "scene": {**view, "domain": {"x": [0.0, 0.495], "y": [0.0, 1.0]}},
+        "scene2": {**view, "domain": {"x": [0.505, 1.0], "y": [0.0, 1.0]}},
+        "margin": {"l": 0, "r": 0, "t": 50, "b": 0},
+        "legend": {
+            "orientation": "h",
+            "x": 0.5,
+            "xanchor": "center",
+            "y": 1.02,
+            "yanchor": "bottom",
+        },
+        "annotations": [{**title, "showarrow": False} for title in titles],
+        "uirevision": "keep",
+    }
+
+
+def _div(figure: go.Figure, height: int) -> str:
+    figure.update_layout(height=height)
+    return str(plotly.io.to_html(figure, include_plotlyjs=False, full_html=False))
+
+
+def plot_gantt(document: PlanDocument) -> go.Figure:
+    """Return what each head does over time; blank is waiting.
+
+    A long plan is drawn in intervals, each filled by the shares of its time.
+    """
     figure = go.Figure()
     lanes = document.plan.heads
     for index, lane in enumerate(lanes):
-        for kind in (ActionKind.PRINT, ActionKind.TRAVEL):
-            prints = lane.kind == ActionKind.PRINT
-            rows = prints if kind == ActionKind.PRINT else ~prints & (lane.kind != ActionKind.WAIT)
-            begin, end = merged_spans(lane.begin_s[rows], lane.end_s[rows], BARS)
-            if len(begin) < rows.sum() and kind == ActionKind.PRINT:
-                notes.append(f"Gantt chart, {lane.head}: neighbouring bars are drawn as one.")
-            figure.add_trace(
-                go.Bar(
-                    x=end - begin,
-                    base=begin,
-                    y=[lane.head] * len(begin),
-                    orientation="h",
-                    marker={
-                        "color": head_colour(index, len(lanes)) if kind == 0 else TRAVEL,
-                        "line": {"width": 0},
-                    },
-                    name=f"{lane.head} {'prints' if kind == 0 else 'travels'}",
-                    hovertemplate="from %{base:.1f} s, %{x:.1f} s long",
-                )
+        edges, shares = activity(lane, document.plan.makespan_s)
+        foot = np.full(len(shares), -index - 0.4)
+        for column, (word, colour) in enumerate(
+            (("prints", head_colour(index, len(lanes))), ("travels", TRAVEL))
+        ):
+            height = 0.8 * shares[:, column]
+            figure.add_bar(
+                x=(edges[:-1] + edges[1:]) / 2,
+                width=np.diff(edges),
+                y=height,
+                base=foot,
+                marker={"color": colour, "line": {"width": 0}},
+                name=f"{lane.head} {word}",
+                customdata=100 * shares[:, column],
+                hovertemplate="at %{x:.0f} s: %{customdata:.0f} % of the time",
             )
+            foot = foot + height
+    names = [lane.head for lane in lanes]
     figure.update_layout(
         barmode="overlay",
-        xaxis_title="seconds",
-        yaxis={"autorange": "reversed"},
-        margin={"l": 60, "r": 10, "t": 30, "b": 45},
-        legend={"orientation": "h", "y": 1.25},
+        bargap=0,
+        xaxis={"title": {"text": "seconds"}, "range": [0, document.plan.makespan_s]},
+        yaxis={"tickvals": [-k for k in range(len(lanes))], "ticktext": names, "zeroline": False},
+        margin={"l": 70, "r": 10, "t": 40, "b": 45},
+        legend={"orientation": "h", "y": 1.0, "yanchor": "bottom"},
     )
     return figure
-
-
-def merged_spans(
-    begin: NDArray[np.float64], end: NDArray[np.float64], most: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return at most `most` spans, joining those with the smallest gaps between them."""
-    if len(begin) <= most:
-        return begin, end
-    gap = begin[1:] - end[:-1]
-    cuts = np.sort(np.argsort(gap, kind="stable")[-(most - 1) :])
-    return begin[np.concatenate([[0], cuts + 1])], end[np.concatenate([cuts, [len(end) - 1]])]
 
 
 def plot_convergence(history: Sequence[tuple[float, float]]) -> go.Figure:
@@ -245,6 +267,6 @@ def plot_convergence(history: Sequence[tuple[float, float]]) -> go.Figure:
         xaxis_title="seconds of search",
         yaxis_title="travel of the best order, mm",
         yaxis_rangemode="tozero",
-        margin={"l": 60, "r": 10, "t": 20, "b": 45},
+        margin={"l": 70, "r": 10, "t": 20, "b": 45},
     )
     return figure

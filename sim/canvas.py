@@ -1,0 +1,23 @@
+"""Colours and the way a figure becomes a PNG, the same in every picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+TRAVEL = "#d62728"
+HEAD_COLOURS = ("#7f7f7f", "#1f77b4", "#e6a817", "#2ca02c", "#9467bd", "#8c564b")
+DPI = 150
+
+
+def head_colour(index: int, heads: int) -> str:
+    """Return the colour of a head's extrusions: grey when it is the only one."""
+    return HEAD_COLOURS[0] if heads == 1 else HEAD_COLOURS[1 + index % (len(HEAD_COLOURS) - 1)]
+
+
+def save(figure: Figure, path: Path | str) -> None:
+    """Write a figure as PNG."""
+    FigureCanvasAgg(figure)
+    figure.savefig(path, dpi=DPI, facecolor="white", format="png")

@@ -1,0 +1,76 @@
+"""The page is self-contained and shows what the plan holds."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim import report
+from sim.report import gained, lane_polyline, scene_of, write_report
+
+
+@pytest.mark.slow
+def test_the_page_needs_no_network(make, tmp_path):
+    """A report opened on a print farm without internet must work."""
+    document = make.two_head_plan()
+    write_report(tmp_path / "r.html", before=document, after=document, history=[(0, 2.0), (1, 1.0)])
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert not re.search(r"<(script|link|img)[^>]+(src|href)=", page)
+    for title in ("What was gained", "Toolpath", "Heads over time", "Search"):
+        assert f"<h2>{title}</h2>" in page
+
+
+@pytest.mark.slow
+def test_names_cannot_break_the_page(make, tmp_path):
+    """Head names come from files; they are text, not markup."""
+    document = make.tower_plan()
+    evil = "</script><script>alert(1)</script>"
+    lane = replace(document.plan.heads[0], head=evil)
+    document = replace(document, plan=replace(document.plan, heads=(lane,)))
+    write_report(tmp_path / "r.html", before=document, after=document)
+    assert evil not in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_curves_hold_the_paths_in_time_order(make):
+    """The slider cuts a curve by time, so its times must ascend."""
+    document = make.two_head_plan()
+    for lane in document.plan.heads:
+        for printing in (True, False):
+            rows = lane_polyline(lane, printing=printing, step=1)
+            assert (np.diff(rows[:, 3]) >= 0).all()
+            paths = int((np.isin(lane.kind, 0) == printing).sum())
+            assert np.isnan(rows[:, 0]).sum() == paths - 1
+
+
+def test_thinning_keeps_the_ends_and_says_so(make, monkeypatch):
+    """A thinned picture is honest about it, and its travels still connect."""
+    monkeypatch.setattr(report, "POINTS", 40)
+    document = make.tower_plan()
+    page, notes = scene_of(document, document)
+    assert len(notes) == 2
+    lane = document.plan.heads[0]
+    drawn = np.frombuffer(base64.b64decode(page["curves"][0]["x"]), "<f4")
+    ends = lane.path[lane.path_offsets[1:] - 1, 0][lane.kind == 0]
+    assert set(ends.astype("f4")) <= set(drawn)
+    assert len(drawn) < len(lane.path)
+
+
+def test_the_scene_is_plain_json(make):
+    """NaN and numpy numbers would stop the page's script."""
+    page, _ = scene_of(make.tower_plan(), make.two_head_plan())
+    json.dumps(page, allow_nan=False)
+
+
+def test_the_table_shows_change(make):
+    """The first thing a user looks for."""
+    document = make.tower_plan()
+    before = replace(document, metrics={"travel_mm": 200.0})
+    after = replace(document, metrics={"travel_mm": 50.0, "planner": "local", "seed": 3})
+    rows = {row[0]: row[1:] for row in gained(before, after)}
+    assert rows["travel between contours (the paper's metric), mm"] == ("200", "50", "-75.0 %")
+    assert rows["planner"] == ("", "local", "")
