@@ -43,6 +43,7 @@ from agents.messages import Distribution, Envelope, Message, MessageError, Plans
 from agents.planner import Planner
 from agents.protocol import Protocol
 from agents.transport import Packet, Presence, Traffic, Transport
+from decmcts.errors import InputError
 
 TICK_S = 0.1
 """How often what may have been lost is said again."""
@@ -120,9 +121,10 @@ class Agent:
         self._planner, self._transport, self._front = planner, transport, front
         self._clock, self._limit_s = clock, time_limit_s
         self._began = clock()
-        self._deadline = self._began + wait_s + time_limit_s
+        self._start = self._began + wait_s  # of planning; earlier when all heads are there
         self._shared = self._ticked = self._shown = self._began - 1.0
         self._live: tuple[int, ...] = (head,)
+        self._stuck = False
         self._agreeing_since: float | None = None
         self._perform(self.protocol.start())
 
@@ -133,31 +135,45 @@ class Agent:
 
     def step(self) -> None:
         """Take in what arrived, plan one round or wait a little, speak if it is time."""
-        planning = self.protocol.phase is Phase.PLANNING
-        for arrival in self._transport.receive(0.0 if planning else WAIT_S):
+        for arrival in self._transport.receive(0.0 if self._is_planning() else WAIT_S):
             self._arrive(arrival)
         for command in self._front.commands():
             self._feed(command)
-        if self.protocol.phase is Phase.PLANNING:
+        if self._is_planning():
             self._plan()
         self._keep_time()
+
+    def _is_planning(self) -> bool:
+        """Whether there is something to compute: not before the heads are there."""
+        started = self._clock() >= self._start and not self._stuck
+        return started and self.protocol.phase is Phase.PLANNING
 
     def leave(self, reason: str) -> None:
         """Say goodbye; `done` from now on."""
         self._feed(Leave(reason))
 
     def _plan(self) -> None:
-        self._planner.iterate(self._live)
+        try:
+            self._planner.iterate(self._live)
+        except InputError as error:
+            self._get_stuck(error)
+            return
         self.rounds += 1
         now = self._clock()
         if len(self._live) > 1 and now - self._shared >= SHARE_S:
             self._shared = now
             self._feed(DistributionReady(self._planner.distribution()))
-        if now >= self._deadline:
-            self._feed(PlanningEnded())
+
+    def _get_stuck(self, error: InputError) -> None:
+        # The live heads cannot print everything. Nothing to do but wait for the
+        # others to come back, or for the launcher to give up.
+        self._stuck = True
+        self._front.tell(Note(str(error)))
 
     def _keep_time(self) -> None:
         now = self._clock()
+        if now >= self._start + self._limit_s and self.protocol.phase is Phase.PLANNING:
+            self._feed(PlanningEnded())
         if now - self._ticked >= TICK_S:
             self._ticked = now
             self._feed(Tick())
@@ -168,11 +184,10 @@ class Agent:
     def show(self) -> None:
         """Report progress to the front end."""
         now = self._clock()
-        best_s = (
-            self._planner.best_makespan_s(self._live)
-            if self.released is None
-            else self.released.makespan_s
-        )
+        if self.released is not None:
+            best_s = self.released.makespan_s
+        else:
+            best_s = self._planner.best_makespan_s(self._live) if self.rounds else float("inf")
         progress = Progress(
             self.protocol.phase.value,
             self._live,
@@ -225,14 +240,11 @@ class Agent:
             case Forget(head):
                 self._planner.forget(head)
             case LiveChanged(live):
-                self._live = live
+                self._live, self._stuck = live, False
             case RosterComplete():
-                self._deadline = self._clock() + self._limit_s
+                self._start = min(self._start, self._clock())
             case Propose(live):
-                if self._agreeing_since is None:
-                    self._agreeing_since = self._clock()
-                best = self._planner.best(live)
-                return Proposed(live, best.plans, best.makespan_s, best.digest)
+                return self._propose(live)
             case Resolve(live, plans, claimed):
                 return self._resolve(live, plans, claimed)
             case Release():
@@ -243,6 +255,16 @@ class Agent:
                 self._front.tell(effect)
         return None
 
+    def _propose(self, live: tuple[int, ...]) -> Event | None:
+        if self._agreeing_since is None:
+            self._agreeing_since = self._clock()
+        try:
+            best = self._planner.best(live)
+        except InputError as error:
+            self._get_stuck(error)
+            return None
+        return Proposed(live, best.plans, best.makespan_s, best.digest)
+
     def _take(self, head: int, distribution: Distribution) -> None:
         try:
             self._planner.take(head, distribution)
@@ -252,7 +274,7 @@ class Agent:
     def _resolve(self, live: tuple[int, ...], plans: Plans, claimed: str) -> Event:
         try:
             found = self._planner.resolve(plans, live)
-        except MessageError as error:
+        except (MessageError, InputError) as error:
             self.drop("plan does not fit", str(error))
             return PlanResolved(live, claimed, "", 0.0)
         return PlanResolved(live, claimed, found.digest, found.makespan_s)

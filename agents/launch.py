@@ -13,16 +13,15 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from decmcts.team.problem import build_team_problem
-from decmcts.team.resolve import resolve  # type: ignore[import-untyped]
-
 from agents.pack import Pack, write_pack
 from agents.spawn import Agreement, OnStart, run_agents
-from agents.supervisor import LaunchError, OnProgress
+from agents.supervisor import LaunchError, OnProgress, ShouldStop
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.problem import build_team_problem
+from decmcts.team.resolve import resolve
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +42,7 @@ def launch(
     seed: int,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
+    should_stop: ShouldStop | None = None,
 ) -> LaunchResult:
     """Plan a print by one process per head of the machine.
 
@@ -54,7 +54,7 @@ def launch(
         Seconds of planning, counted from when every agent is ready.
     seed : int
         Of the agents' searches; each head derives its own.
-    on_progress, on_start : callable, optional
+    on_progress, on_start, should_stop : callable, optional
         See `run_agents`.
 
     Raises
@@ -75,6 +75,7 @@ def launch(
             seed=seed,
             on_progress=on_progress,
             on_start=on_start,
+            should_stop=should_stop,
         )
     resolved = resolve(problem, agreement.plans, agreement.live)
     if resolved.digest != agreement.digest:

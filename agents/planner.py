@@ -26,7 +26,8 @@ class Planner(Protocol):
     """One head's planner.
 
     `take` and `resolve` raise `MessageError` for sequences that name work the
-    problem does not have: they come from outside.
+    problem does not have: they come from outside. `iterate`, `best` and
+    `resolve` raise `InputError` if the live heads cannot print everything.
     """
 
     @property
@@ -50,7 +51,7 @@ class Planner(Protocol):
         """Drop what is known of a peer."""
 
     def best_makespan_s(self, live: Sequence[int]) -> float:
-        """Return the makespan of the best joint plan known, cheaply."""
+        """Return the makespan of the best joint plan known, cheaply; infinite for none."""
 
     def best(self, live: Sequence[int]) -> JointProposal:
         """Return the best joint plan known for the live heads."""

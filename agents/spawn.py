@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.processes import AgentProcess, Said
-from agents.supervisor import AgentStatus, OnProgress, Supervisor
+from agents.supervisor import AgentStatus, OnProgress, ShouldStop, Supervisor
 
 OnStart = Callable[[Mapping[int, int]], None]
 """Told the process id of every head."""
@@ -56,6 +56,7 @@ def run_agents(
     command: Sequence[str] = EXTRUDER,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
+    should_stop: ShouldStop | None = None,
 ) -> Agreement:
     """Run one agent process per head and return what they agreed on.
 
@@ -71,6 +72,8 @@ def run_agents(
         Told the status of all agents whenever something was heard.
     on_start : callable, optional
         Told the process id of every head.
+    should_stop : callable, optional
+        Asked ten times a second whether to agree on the best so far.
 
     Raises
     ------
@@ -86,7 +89,12 @@ def run_agents(
         if on_start is not None:
             on_start({head: agent.pid for head, agent in agents.items()})
         supervisor = Supervisor(
-            agents, tuple(names), heard, time_limit_s=time_limit_s, on_progress=on_progress
+            agents,
+            tuple(names),
+            heard,
+            time_limit_s=time_limit_s,
+            on_progress=on_progress,
+            should_stop=should_stop,
         )
         released = supervisor.run()
     finally:

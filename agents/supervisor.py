@@ -49,6 +49,7 @@ class AgentStatus:
     agreeing_s: float | None = None  # from the end of planning, to the release in the end
 
 
+ShouldStop = Callable[[], bool]
 OnProgress = Callable[[tuple[AgentStatus, ...]], None]
 
 
@@ -62,7 +63,8 @@ class Supervisor:
         heard: queue.Queue[Said],
         *,
         time_limit_s: float,
-        on_progress: OnProgress | None,
+        on_progress: OnProgress | None = None,
+        should_stop: ShouldStop | None = None,
     ) -> None:
         self.fenced: set[int] = set()
         self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
@@ -70,32 +72,38 @@ class Supervisor:
         self._released: dict[int, dict[str, Any]] = {}
         self._ready: set[int] = set()
         self._limit_s, self._on_progress = time_limit_s, on_progress
+        self._should_stop, self._stopping = should_stop, False
         self._started = self._all_ready = time.monotonic()
 
     def run(self) -> dict[str, Any]:
         """Return the `released` line all unfenced agents agree on.
+
+        Ctrl-C, or `should_stop` saying so, ends planning: the agents then agree
+        on the best so far.
 
         Raises
         ------
         LaunchError
             If no agent is left, or an agent holds another problem.
         """
-        stopping = False
         while True:
             try:
                 if (released := self._result()) is not None:
                     return released
                 self._listen()
                 self._enforce_limits()
+                if self._should_stop is not None and self._should_stop():
+                    self.stop()
             except KeyboardInterrupt:
-                if stopping:
+                if self._stopping:
                     raise LaunchError("interrupted twice: no plan") from None
-                stopping = True
                 self.stop()
 
     def stop(self) -> None:
-        """Ask every agent to end planning and agree on the best so far."""
-        self._tell_all({"command": "stop"})
+        """Ask every agent, once, to end planning and agree on the best so far."""
+        if not self._stopping:
+            self._stopping = True
+            self._tell_all({"command": "stop"})
 
     def _tell_all(self, command: dict[str, Any]) -> None:
         for head in self._unfenced():
@@ -107,8 +115,8 @@ class Supervisor:
     def _result(self) -> dict[str, Any] | None:
         heads = self._unfenced()
         if not heads:
-            words = [self._agents[h].last_words() for h in self._agents]
-            raise LaunchError(f"every agent ended: {'; '.join(dict.fromkeys(filter(None, words)))}")
+            words = dict.fromkeys(status.note for status in self.status if status.note)
+            raise LaunchError(f"every agent ended: {'; '.join(words)}")
         lines = [self._released.get(head) for head in heads]
         first = lines[0]
         if first is None or any(x is None or x["digest"] != first["digest"] for x in lines):
@@ -164,7 +172,8 @@ class Supervisor:
         self._agents[head].kill()
         self.fenced.add(head)
         self._released.pop(head, None)
-        self._update(head, phase="lost", note=self._agents[head].last_words() or why)
+        note = self._agents[head].last_words() or self.status[head].note or why
+        self._update(head, phase="lost", note=note)
         self._tell_all({"command": "fence", "head": head})
 
     def _enforce_limits(self) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from decmcts.team.dec_mcts import DecMcts, PlanDistribution  # type: ignore[import-untyped]
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve  # type: ignore[import-untyped]
 
-from agents.messages import Distribution, Plans
+from agents.messages import Distribution, MessageError, Plans, Sequence32
 from agents.pack import Pack
 from agents.planner import JointProposal
+from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.resolve import resolve
 
 
 class TeamPlanner:
@@ -18,7 +18,7 @@ class TeamPlanner:
 
     def __init__(self, problem: TeamProblem, head: int, *, seed: int) -> None:
         self.problem = problem.digest
-        self.names = tuple(problem.head_names)
+        self.names = problem.head_names
         self._team = problem
         self._search = DecMcts(problem, head, seed=seed)
 
@@ -39,6 +39,7 @@ class TeamPlanner:
 
     def take(self, head: int, distribution: Distribution) -> None:
         """Use a peer's latest distribution."""
+        self._require_known(distribution.sequences)
         told = PlanDistribution(distribution.sequences, distribution.probabilities)
         self._search.take(head, told)
 
@@ -47,7 +48,7 @@ class TeamPlanner:
         self._search.forget(head)
 
     def best_makespan_s(self, live: Sequence[int]) -> float:
-        """Return the makespan of the best joint plan known, cheaply."""
+        """Return the makespan of the best joint plan known, cheaply; infinite for none."""
         return float(self._search.best(live).makespan_s)
 
     def best(self, live: Sequence[int]) -> JointProposal:
@@ -56,5 +57,13 @@ class TeamPlanner:
 
     def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
         """Return what plans resolve to; the same, bit for bit, on every agent."""
+        self._require_known(plans.values())
         found = resolve(self._team, plans, live)
         return JointProposal(plans, found.makespan_s, found.digest)
+
+    def _require_known(self, sequences: Iterable[Sequence32]) -> None:
+        """Raise MessageError for symbols far outside what any plan of ours holds."""
+        end = self._team.n_macros + 2 * len(self._team.job.contours) + 64
+        for sequence in sequences:
+            if len(sequence) and not 0 <= int(sequence.min()) <= int(sequence.max()) < end:
+                raise MessageError(f"a symbol outside 0..{end - 1}")
