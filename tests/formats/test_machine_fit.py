@@ -35,18 +35,18 @@ def lines(*spans: tuple[float, float], role: int = Role.PERIMETER, tool: int = 0
 
 def test_a_print_that_just_fits_is_let_through():
     """The bed's full width is there to be used: 299.5 mm and a bead of 0.5 mm."""
-    check_fits(lines((0.25, 299.75)), load_machine("paper"))
+    check_fits(lines((0.25, 299.75)), load_machine("coreonel"))
 
 
 def test_a_print_larger_than_the_bed_is_refused():
     """Half a bead too much runs into the frame."""
-    with pytest.raises(InputError, match=r"300\.5 x 0\.5 mm, larger than the bed of 'paper'"):
-        check_fits(lines((0.0, 300.0)), load_machine("paper"))
+    with pytest.raises(InputError, match=r"300\.5 x 0\.5 mm, larger than the bed of 'coreonel'"):
+        check_fits(lines((0.0, 300.0)), load_machine("coreonel"))
 
 
 def test_place_on_the_bed_is_the_sources_business():
     """Beds differ in their origin; a delta's is in the middle."""
-    check_fits(lines((-100.0, 100.0)), load_machine("paper"))
+    check_fits(lines((-100.0, 100.0)), load_machine("coreonel"))
 
 
 def test_purge_lines_may_lie_beside_the_bed():
@@ -74,7 +74,7 @@ def test_each_contour_needs_one_head_for_itself():
 
 def test_tools_no_head_has_are_refused():
     """A second material needs a head that carries it."""
-    paper = load_machine("paper")
+    paper = load_machine("coreonel")
     machine = replace(paper, heads=(replace(paper.heads[0], tools=(0,)),))
     check_fits(lines((0.0, 9.0)), machine)
     with pytest.raises(InputError, match="tool 1"):
