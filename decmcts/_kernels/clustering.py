@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.jit import kernel
 
 NONE = -1
-SEARCH_LIMIT = 20_000  # links looked at before a merge counts as closing a cycle
+SEARCH_LIMIT = 1_000  # links looked at before a merge counts as closing a cycle
 
 Neighbours = tuple[NDArray[np.int64], NDArray[np.int32]]  # offsets (n + 1,), neighbours (m,)
 
@@ -145,37 +145,6 @@ def cluster_depths(
     for i in range(n):
         parent[i] = root_of(parent, i)
     return parent
-
-
-@kernel
-def count_bits(word: np.uint64) -> int:
-    """Return the number of set bits."""
-    word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
-    word = (word & np.uint64(0x3333333333333333)) + (
-        (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
-    )
-    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    return int((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
-
-
-@kernel
-def add_ancestor_counts(
-    preds: Neighbours, first: int, rows: NDArray[np.uint64], counts: NDArray[np.int64]
-) -> None:
-    """Add to `counts` each node's ancestors among first..first + 64 * columns of `rows`."""
-    for b in range(first, len(counts)):
-        row = rows[b - first]
-        row[:] = np.uint64(0)
-        for e in range(preds[0][b], preds[0][b + 1]):
-            a = preds[1][e] - first
-            if a < 0:
-                continue
-            for w in range(len(row)):
-                row[w] |= rows[a, w]
-            if a < 64 * len(row):
-                row[a // 64] |= np.uint64(1) << np.uint64(a % 64)
-        for w in range(len(row)):
-            counts[b] += count_bits(row[w])
 
 
 @kernel

@@ -3,37 +3,42 @@
 What the paper leaves open is decided here, so that clusters mean something on
 any print:
 
-1. *Depth* of a contour is the number of edges on the longest path to it.
-2. *Contour clusters* (lines 2-4): two contours of one depth that share a
-   dependee or a depender are compared; dependees and dependers are those of the
-   stored, transitively reduced edges, and a side on which neither has any is
-   left out of the mean. Those with gamma >= threshold end up together, also
-   through others.
+0. *Islands*: contours tied by PROCESS edges, which the paper does not have (the
+   perimeters and the infill of one region of a layer), are one node from the
+   start. With `--process-order free` each contour is its own island.
+1. *Depth* is the number of edges on the longest path to a node.
+2. *Contour clusters* (lines 2-4): two nodes of one depth that share a dependee
+   or a depender are compared; dependees and dependers are those of the stored,
+   transitively reduced edges, and a side on which neither has any is left out
+   of the mean. Those with gamma >= threshold end up together, also through
+   others.
 3. *Adjacent subgraphs* (lines 5-11): u and v with an edge between them are
-   compared by all that they depend on and all that depends on them in the
-   graph of the subgraphs, the pair itself left out. Where gamma > threshold v
-   joins u, unless that would close a cycle, or the subgraph already holds
-   something at v's depth (both would then have been one contour cluster were
-   they highly connected). Sweeps repeat until nothing changes.
+   compared by all that they depend on and all that depends on them in the graph
+   of the subgraphs, the pair itself left out. Where gamma > threshold v joins u,
+   unless that would close a cycle, or the subgraph already holds something at
+   v's depth (which then is not highly connected with v). Sweeps repeat until
+   nothing changes.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
+from decmcts._kernels.bits import add_ancestor_counts
 from decmcts._kernels.clustering import (
     Neighbours,
-    add_ancestor_counts,
     cluster_depths,
     depths,
     edge_gammas,
     merge_adjacent,
     topological_ranks,
 )
-from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 
-ROWS_BYTES = 256 * 2**20  # memory of the bit rows that count ancestors
+COUNT_COLUMNS = 8192  # ancestors counted at a time
 
 
 def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArray[np.int32]:
@@ -44,7 +49,7 @@ def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArr
     graph : DependencyGraph
         Its stored edges must be transitively reduced, as `build_graph` makes them.
     threshold : float
-        The paper's Γ, 0..1: subgraphs at least this connected become one.
+        The paper's Γ, 0..1: subgraphs more connected than this become one.
 
     Returns
     -------
@@ -65,8 +70,37 @@ def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArr
         raise ValueError(f"threshold is {threshold}, it must be within 0..1")
     if graph.n == 0:
         return np.empty(0, np.int32)
-    depth = depths((graph.pred_offsets, graph.preds))
-    labels = _contour_clusters(graph, depth, threshold)
+    island = _islands(graph)
+    islands = _quotient(graph, island)
+    depth = depths(_preds(islands))
+    root = cluster_depths(_preds(islands), _succs(islands), depth, threshold)
+    labels = _merge(islands, _by_depth(root, depth), depth, threshold)
+    return labels[island]
+
+
+def _islands(graph: DependencyGraph) -> NDArray[np.int32]:
+    """Return labels, in topological order, of the contours that PROCESS edges tie.
+
+    Where barriers inside a layer make islands wait for each other in a circle,
+    every contour is left alone.
+    """
+    tied = graph.pairs()[graph.kinds == EdgeKind.PROCESS]
+    ones = np.ones(len(tied), np.int8)
+    ties = coo_array((ones, (tied[:, 0], tied[:, 1])), shape=(graph.n, graph.n))
+    island = connected_components(ties, directed=False)[1].astype(np.int32)
+    ranks = _ranks(island[graph.pairs()], int(island.max()) + 1)
+    if ranks.min() < 0:
+        return np.arange(graph.n, dtype=np.int32)
+    return np.asarray(ranks[island])
+
+
+def _merge(
+    graph: DependencyGraph,
+    labels: NDArray[np.int32],
+    depth: NDArray[np.int32],
+    threshold: float,
+) -> NDArray[np.int32]:
+    """Merge adjacent subgraphs, until nothing changes."""
     while True:
         quotient = _quotient(graph, labels)
         first = np.full(quotient.n, graph.n, np.int32)
@@ -74,62 +108,64 @@ def cluster_contours(graph: DependencyGraph, *, threshold: float = 0.5) -> NDArr
         np.minimum.at(first, labels, depth)
         np.maximum.at(last, labels, depth)
         group = merge_adjacent(_preds(quotient), first, last, _gammas(quotient), threshold)
-        merged = _in_topological_order(quotient, group)
-        if int(merged.max()) + 1 == quotient.n:
+        n_groups = int(group.max()) + 1
+        if n_groups == quotient.n:
             return labels
-        labels = merged[labels]
+        labels = _ranks(group[quotient.pairs()], n_groups)[group][labels]
 
 
 def _preds(graph: DependencyGraph) -> Neighbours:
     return graph.pred_offsets, graph.preds
 
 
-def _contour_clusters(
-    graph: DependencyGraph, depth: NDArray[np.int32], threshold: float
-) -> NDArray[np.int32]:
-    """Return the contour clusters of all depths, numbered by depth, then first contour."""
-    root = cluster_depths(_preds(graph), (graph.succ_offsets, graph.succs), depth, threshold)
-    first = np.full(graph.n, graph.n, np.int64)
-    np.minimum.at(first, root, np.arange(graph.n))
-    key = depth.astype(np.int64) * (graph.n + 1) + first[root]
+def _succs(graph: DependencyGraph) -> Neighbours:
+    return graph.succ_offsets, graph.succs
+
+
+def _by_depth(root: NDArray[np.int32], depth: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return labels of the sets with these roots, numbered by depth, then first member."""
+    n = len(root)
+    first = np.full(n, n, np.int64)
+    np.minimum.at(first, root, np.arange(n))
+    key = depth.astype(np.int64) * (n + 1) + first[root]
     return np.asarray(np.unique(key, return_inverse=True)[1], np.int32)
 
 
 def _quotient(graph: DependencyGraph, labels: NDArray[np.int32]) -> DependencyGraph:
-    pairs = labels[graph.pairs()]
-    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-    return DependencyGraph.from_pairs(int(labels.max()) + 1, pairs)
+    n = int(labels.max()) + 1
+    return DependencyGraph.from_pairs(n, _between(labels[graph.pairs()], n))
 
 
-def _gammas(quotient: DependencyGraph) -> NDArray[np.float64]:
-    n = quotient.n
-    mirrored = DependencyGraph.from_pairs(n, (n - 1 - quotient.pairs())[:, ::-1])
+def _between(pairs: NDArray[np.int32], n: int) -> NDArray[np.int32]:
+    """Return the different pairs (m, 2) whose ends differ, sorted."""
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    keys = np.unique(pairs[:, 0].astype(np.int64) * n + pairs[:, 1])
+    return np.stack([keys // n, keys % n], axis=1).astype(np.int32)
+
+
+def _ranks(pairs: NDArray[np.int32], n: int) -> NDArray[np.int32]:
+    """Return a topological order of n nodes as (n,) places, -1 on or behind a cycle."""
+    pairs = _between(pairs, n)
+    offsets = np.searchsorted(pairs[:, 0], np.arange(n + 1))
+    waiting = np.bincount(pairs[:, 1], minlength=n)
     return np.asarray(
-        edge_gammas(
-            _preds(quotient), _ancestor_counts(quotient), _ancestor_counts(mirrored)[::-1].copy()
-        )
+        topological_ranks((offsets, np.ascontiguousarray(pairs[:, 1])), waiting), np.int32
     )
 
 
+def _gammas(quotient: DependencyGraph) -> NDArray[np.float64]:
+    """Return the connectedness of each stored edge of the quotient, (m,)."""
+    n = quotient.n
+    mirrored = DependencyGraph.from_pairs(n, (n - 1 - quotient.pairs())[:, ::-1])
+    after = _ancestor_counts(mirrored)[::-1].copy()
+    return np.asarray(edge_gammas(_preds(quotient), _ancestor_counts(quotient), after))
+
+
 def _ancestor_counts(graph: DependencyGraph) -> NDArray[np.int64]:
-    """Return how many nodes each node depends on, (n,); at most ROWS_BYTES of memory."""
-    n_words = -(-graph.n // 64)
-    columns = max(1, min(n_words, ROWS_BYTES // (8 * graph.n)))
+    """Return how many nodes each node depends on, (n,); takes 1 kB a node."""
     counts = np.zeros(graph.n, np.int64)
-    for first in range(0, n_words, columns):
-        width = min(columns, n_words - first)
-        rows = np.empty((graph.n - first * 64, width), np.uint64)
-        add_ancestor_counts(_preds(graph), first * 64, rows, counts)
+    for first in range(0, graph.n, COUNT_COLUMNS):
+        width = -(-min(COUNT_COLUMNS, graph.n - first) // 64)
+        rows = np.empty((graph.n - first, width), np.uint64)
+        add_ancestor_counts(graph.pred_offsets, graph.preds, first, rows, counts)
     return counts
-
-
-def _in_topological_order(quotient: DependencyGraph, group: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Renumber groups so that every edge between two of them ascends."""
-    n = int(group.max()) + 1
-    pairs = group[quotient.pairs()]
-    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-    offsets = np.searchsorted(pairs[:, 0], np.arange(n + 1))
-    waiting = np.bincount(pairs[:, 1], minlength=n)
-    rank = topological_ranks((offsets, np.ascontiguousarray(pairs[:, 1])), waiting)
-    assert rank.min() >= 0, "merging closed a cycle"
-    return np.asarray(rank[group])
