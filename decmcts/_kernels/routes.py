@@ -94,5 +94,6 @@ def crossing(
     if p[0] != q[0] or p[1] != q[1]:
         safe = travel_height_above(field, head, p[0], p[1], q[0], q[1], z)
         if safe > z:
-            return safe + lift_mm
-    return z
+            z = safe + lift_mm
+    level: float = z
+    return level

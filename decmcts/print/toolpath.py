@@ -20,11 +20,14 @@ class Toolpath:
 
     `entry` is the vertex (0-based within the contour) a closed contour is
     entered at; 0 means as sliced. Only freedom `seam` uses other values.
+    `turn` ranks the contours of several heads' toolpaths in the order they were
+    planned to begin; conflicting ones keep that order. None: no such plan.
     """
 
     order: NDArray[np.int32]  # (k,) contour ids in printing order
     reversed: NDArray[np.bool_]  # (k,) aligned with order: printed backwards
     entry: NDArray[np.int32]  # (k,) aligned with order: entry vertex
+    turn: NDArray[np.int64] | None = None  # (k,) aligned with order, ascending
 
     def __len__(self) -> int:
         return len(self.order)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.schedule import STUCK, Floor, Visits, after_edges, first_later, replay
+from decmcts._kernels.schedule import STUCK, Floor, Queues, Visits, after_edges, first_later, replay
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
@@ -100,12 +100,20 @@ def require_complete(
             )
 
 
-def order_units(visits: Visits, floor: Floor, toolpaths: Sequence[Toolpath]) -> UnitOrder:
-    """Replay the sequences and return the partial order they make; raises InputError if stuck."""
+def queues_of(toolpaths: Sequence[Toolpath]) -> Queues:
+    """Return the toolpaths as the kernels take them; turns count only if all have them."""
     order = np.concatenate([toolpath.order for toolpath in toolpaths]).astype(np.int32)
     offsets = np.cumsum([0, *(len(toolpath) for toolpath in toolpaths)]).astype(np.int64)
-    heads = len(toolpaths)
-    units, verdict = replay(order, offsets, visits, floor, (len(order) + 2) * heads * 3)
+    turns = [toolpath.turn for toolpath in toolpaths if toolpath.turn is not None]
+    if len(turns) < len(toolpaths):
+        return Queues(order, offsets, np.zeros(len(order), np.int64))
+    return Queues(order, offsets, np.concatenate(turns).astype(np.int64))
+
+
+def order_units(visits: Visits, floor: Floor, toolpaths: Sequence[Toolpath]) -> UnitOrder:
+    """Replay the sequences and return the partial order they make; raises InputError if stuck."""
+    heads, queues = len(toolpaths), queues_of(toolpaths)
+    units, verdict = replay(queues, visits, floor, (len(queues.order) + 2) * heads * 3)
     if verdict == STUCK:
         raise InputError(
             "the heads' sequences contradict each other: no head can begin its next contour",

@@ -1,0 +1,76 @@
+"""Macro-actions: the pieces a head's plan is made of.
+
+A part is a connected footprint on the bed. Each part's work is cut, in source
+order, into chunks, and each chunk by the side that should print it. A plan is
+a sequence of such pieces, so it stays short and messages small.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from decmcts.print.contours import Contours
+
+CELL_MM = 1.0  # of the footprint's grid; also the gap that still joins two beads
+MACROS = 120  # wanted pieces of one print
+
+
+def part_of(contours: Contours) -> NDArray[np.int64]:
+    """Return the part each contour belongs to, numbered from 0, (n,)."""
+    points = contours.points[:, :2]
+    if not len(contours):
+        return np.empty(0, np.int64)
+    low = points.min(axis=0) - 2 * CELL_MM
+    shape = np.ceil((points.max(axis=0) - low) / CELL_MM).astype(np.int64) + 3
+    covered = np.zeros(shape, np.bool_)
+    starts = np.zeros(len(points), np.bool_)
+    starts[contours.offsets[:-1]] = True
+    a, b = points[:-1][~starts[1:]], points[1:][~starts[1:]]
+    steps = np.ceil(np.linalg.norm(b - a, axis=1) / (0.5 * CELL_MM)).astype(np.int64) + 1
+    segment = np.repeat(np.arange(len(a)), steps)
+    along = (np.arange(len(segment)) - np.repeat(np.cumsum(steps) - steps, steps)) / np.repeat(
+        steps, steps
+    )
+    samples = np.concatenate([a[segment] + (b - a)[segment] * along[:, None], points])
+    cells = ((samples - low) / CELL_MM).astype(np.int64)
+    covered[cells[:, 0], cells[:, 1]] = True
+    labels, _ = ndimage.label(covered, structure=np.ones((3, 3), np.int64))
+    at = ((contours.start[:, :2] - low) / CELL_MM).astype(np.int64)
+    return np.asarray(np.unique(labels[at[:, 0], at[:, 1]], return_inverse=True)[1], np.int64)
+
+
+def part_progress(seconds: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return how much of its part's work comes before each contour in the source, 0..1, (n,)."""
+    order = np.argsort(part, kind="stable")
+    done = np.cumsum(seconds[order]) - seconds[order]
+    total = np.bincount(part, weights=seconds)
+    first = np.concatenate([[0.0], np.cumsum(total)])[:-1]
+    progress = np.empty(len(part))
+    progress[order] = (done - first[part[order]]) / np.maximum(total[part[order]], 1e-12)
+    return np.clip(progress, 0.0, 1.0)
+
+
+def cut_macros(
+    seconds: NDArray[np.float64],
+    part: NDArray[np.int64],
+    progress: NDArray[np.float64],
+    side: NDArray[np.int64],
+) -> NDArray[np.int32]:
+    """Return the macro-action of each contour, numbered by progress, (n,).
+
+    `side` (n,) is who should print it: 0, 1, or 2 for whoever is free.
+    """
+    if not len(part):
+        return np.empty(0, np.int32)
+    work = np.bincount(part, weights=seconds)
+    chunks = np.maximum(1, np.rint(MACROS / 2 * work / max(work.sum(), 1e-12))).astype(np.int64)
+    chunk = np.minimum((progress * chunks[part]).astype(np.int64), chunks[part] - 1)
+    _, piece = np.unique(np.stack([part, chunk, side], axis=1), axis=0, return_inverse=True)
+    piece = piece.reshape(-1)
+    middle = (chunk + 0.5) / chunks[part]
+    when = np.bincount(piece, weights=middle) / np.bincount(piece)
+    rank = np.empty(len(when), np.int32)
+    rank[np.argsort(when, kind="stable")] = np.arange(len(when), dtype=np.int32)
+    return rank[piece]
