@@ -184,19 +184,25 @@ class Agent:
     def show(self) -> None:
         """Report progress to the front end."""
         now = self._clock()
-        if self.released is not None:
-            best_s = self.released.makespan_s
-        else:
-            best_s = self._planner.best_makespan_s(self._live) if self.rounds else float("inf")
         progress = Progress(
             self.protocol.phase.value,
             self._live,
             self.rounds,
-            best_s,
+            self._best_makespan_s(),
             now - self._began,
             None if self._agreeing_since is None else now - self._agreeing_since,
         )
         self._front.progress(progress, self.traffic)
+
+    def _best_makespan_s(self) -> float:
+        if self.released is not None:
+            return self.released.makespan_s
+        if self._stuck or not self.rounds:
+            return float("inf")
+        try:
+            return self._planner.best_makespan_s(self._live)
+        except InputError:
+            return float("inf")  # the next round of planning says why
 
     def _arrive(self, arrival: Packet | Presence) -> None:
         if isinstance(arrival, Presence):

@@ -1,4 +1,4 @@
-"""The process of one head: `python -m agents.extruder --pack DIR --head N ...`.
+"""The process of one head: `python -m agents.extruder INPUT --head N --ports A,B`.
 
 Loads the problem, opens the network, steps the agent until it is told to go or
 everyone has settled. Signals: SIGINT agrees on the best so far, SIGTERM leaves.
@@ -103,7 +103,10 @@ def _transport(options: Options, traffic: Traffic) -> Transport:
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of an agent's command line."""
     parser = argparse.ArgumentParser(prog="agents.extruder", description="One head's agent.")
-    parser.add_argument("--pack", type=Path, help="folder with the problem")
+    parser.add_argument("source", type=Path, nargs="?", help="G-code or mesh to plan")
+    parser.add_argument("--machine", default="dual-gantry", help="preset or file")
+    parser.add_argument("--process-order", choices=("keep", "free"), default="keep")
+    parser.add_argument("--pack", type=Path, help="folder with the problem, instead of a source")
     parser.add_argument("--expect", default="", help="digest the problem must have")
     parser.add_argument("--head", type=int, required=True, help="index of this head")
     parser.add_argument("--session", default="local", help="name shared by the agents")
@@ -138,12 +141,22 @@ def _numbers(text: str) -> tuple[int, ...]:
 
 
 def _team_planner(given: argparse.Namespace) -> Planner:
+    # Imported here: the computing rooms take a second to load, which tests of
+    # the processes with a planner of their own need not wait for.
     from agents.pack import read_pack
+    from agents.source import load_source
     from agents.team_planner import TeamPlanner
 
-    if given.pack is None:
-        raise InputError("no problem given", advice="name its folder with --pack")
-    return TeamPlanner.of_pack(read_pack(given.pack), given.head, seed=given.seed)
+    if given.pack is not None:
+        pack = read_pack(given.pack)
+    elif given.source is not None:
+        pack = load_source(given.source, given.machine, given.process_order)
+    else:
+        raise InputError("no print given", advice="name a file, or a folder with --pack")
+    if not 0 <= given.head < len(pack.machine.heads):
+        last = len(pack.machine.heads) - 1
+        raise InputError(f"--head {given.head}, but {pack.machine.name} has heads 0..{last}")
+    return TeamPlanner.of_pack(pack, given.head, seed=given.seed)
 
 
 def _require_problem(digest: str, expected: str) -> None:

@@ -37,10 +37,18 @@ class Recorder:
 class Team:
     """Agents 0..n-1 over one network."""
 
-    def __init__(self, n: int, weather: Weather, *, seed: int = 0, limit_s: float = 1.0) -> None:
+    def __init__(
+        self,
+        n: int,
+        weather: Weather,
+        *,
+        seed: int = 0,
+        limit_s: float = 1.0,
+        needed: int | None = None,
+    ) -> None:
         self.network = MemoryNetwork(np.random.default_rng(seed), weather)
         self.names = tuple(f"head{h}" for h in range(n))
-        self.seed, self.limit_s = seed, limit_s
+        self.seed, self.limit_s, self.needed = seed, limit_s, needed
         self.fronts = {h: Recorder() for h in range(n)}
         self.agents: dict[int, Agent] = {}
         for head in range(n):
@@ -53,7 +61,9 @@ class Team:
         self.agents[head] = Agent(
             head,
             epoch,
-            planner=ToyPlanner(head, names=self.names, jobs=jobs, seed=self.seed),
+            planner=ToyPlanner(
+                head, names=self.names, jobs=jobs, seed=self.seed, needed=self.needed
+            ),
             transport=transport,
             front=self.fronts[head],
             time_limit_s=self.limit_s,

@@ -107,6 +107,20 @@ def test_a_head_with_another_problem_is_refused_by_name() -> None:
     assert team.releases() == {}
 
 
+def test_without_a_head_that_is_needed_the_others_wait_and_say_why() -> None:
+    """A material only one head has: no plan without it, and no crash either."""
+    team = Team(2, Weather(), limit_s=3.0, needed=1)
+    team.run(0.5)
+    team.fence(1)
+    team.run(5.0)
+    assert team.releases() == {}
+    assert Note("only head1 can do job 0") in team.fronts[0].told
+    team.add(1, epoch=2)
+    team.run(5.0)
+    assert sorted(team.releases()) == [0, 1]
+    one_digest(team)
+
+
 def test_a_head_restarted_in_the_middle_takes_part_again() -> None:
     """A new incarnation is greeted even when its old one's end is seen late."""
     team = Team(2, Weather(delay_s=(0.0, 0.05)), limit_s=3.0)

@@ -13,6 +13,7 @@ import numpy as np
 
 from agents.messages import Distribution, MessageError, Plans
 from agents.planner import JointProposal
+from decmcts.errors import InputError
 
 
 def load_balance(
@@ -38,8 +39,17 @@ def load_balance(
 class ToyPlanner:
     """Random search for one head's share, given what the others seem to do."""
 
-    def __init__(self, head: int, *, names: Sequence[str], jobs: int = 40, seed: int = 0) -> None:
+    def __init__(
+        self,
+        head: int,
+        *,
+        names: Sequence[str],
+        jobs: int = 40,
+        seed: int = 0,
+        needed: int | None = None,
+    ) -> None:
         self.head = head
+        self.needed = needed  # a head without which the jobs cannot all be done
         self.names = tuple(names)
         self.lengths = np.random.default_rng(jobs).uniform(1.0, 9.0, jobs)
         digest = hashlib.sha256(self.lengths.tobytes() + repr(self.names).encode())
@@ -84,6 +94,8 @@ class ToyPlanner:
 
     def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
         self._check(plans.values())
+        if self.needed is not None and self.needed not in live:
+            raise InputError(f"only {self.names[self.needed]} can do job 0")
         done, makespan = load_balance(self.lengths, plans, live)
         rows = {h: np.array(jobs, np.int32) for h, jobs in done.items()}
         blob = b"".join(np.int32([h, len(r)]).tobytes() + r.tobytes() for h, r in rows.items())

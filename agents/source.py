@@ -1,0 +1,39 @@
+"""Reads a print and a machine for an agent that was started by hand.
+
+A launcher hands its agents a pack instead (`agents.pack`): one reading, one
+dependency graph. Either way the agents compare digests before they talk.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from agents.pack import Pack
+from decmcts.errors import InputError
+from decmcts.feasibility.build import build_graph
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.machine_file import check_fits, load_machine
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+
+
+def load_source(path: Path, machine: str, process_order: Literal["keep", "free"]) -> Pack:
+    """Read G-code or slice a mesh, and build its dependency graph.
+
+    Raises
+    ------
+    InputError
+        If the input or the machine cannot be used.
+    """
+    if not path.exists():
+        raise InputError("no such file", path=path)
+    if path.suffix.lower() in MESH_SUFFIXES:
+        job, _ = slice_mesh(path, SliceOptions())
+    else:
+        job, _ = read_gcode(path)
+    chosen = load_machine(machine)
+    check_fits(job.contours, chosen)
+    graph = build_graph(
+        job.contours, chosen.heads, clearance_mm=chosen.clearance_mm, process_order=process_order
+    )
+    return Pack(job, chosen, graph)
