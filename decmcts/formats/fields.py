@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 
 _NUMBERS = frozenset({int, float})
+_LARGEST = 1e9  # beyond any machine; its square is far from overflow
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +95,8 @@ class Fields:
     def number(self, key: str, default: float | None = None, *, least: float = -math.inf) -> float:
         """Return a finite number not below `least`."""
         value = self.need(key) if default is None else self.values.get(key, default)
-        if type(value) not in _NUMBERS or not math.isfinite(value):
-            self.fail(key, f"expected a finite number, found {shown(value)}")
+        if type(value) not in _NUMBERS or not abs(value) <= _LARGEST:
+            self.fail(key, f"expected a finite number up to {_LARGEST:g}, found {shown(value)}")
         if value < least:
             self.fail(key, f"{value:g} is below {least:g}")
         return float(value)
@@ -153,9 +154,10 @@ def numbers(flat: Any, where: str, path: Path | str | None = None) -> NDArray[np
         table = np.array(flat, np.float64)
     except OverflowError:
         fail(where, "a number is too large", path)
-    if not np.isfinite(table).all():
-        bad = int(np.flatnonzero(~np.isfinite(table))[0])
-        fail(where, f"number {bad} is {table[bad]}, expected a finite number", path)
+    sound = np.abs(table) <= _LARGEST
+    if not sound.all():
+        bad = int(np.flatnonzero(~sound)[0])
+        fail(where, f"number {bad} is {table[bad]:g}, not finite or above {_LARGEST:g}", path)
     return table
 
 

@@ -112,7 +112,7 @@ def _ring(text: str, where: str, path: Path | str | None) -> list[list[float]]:
         points = np.array([[float(v) for v in pair.split(",")] for pair in text.split(";")])
     except ValueError:
         points = np.empty((0, 0))
-    if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+    if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= _UNKNOWN_BED_MM).all():
         fail(where, f"expected 'x,y;x,y;...', found {text!r}", path)
     return [list(map(float, row)) for row in _counter_clockwise(points, where, path)]
 

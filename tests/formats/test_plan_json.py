@@ -289,3 +289,33 @@ def test_large_plans_take_seconds(tmp_path):
     again = read_plan(tmp_path / "plan.json")
     assert time.perf_counter() - started < 30.0
     assert len(again.contours) == 22_000
+
+
+ODD = (None, True, -1, 0, 2**70, 1e308, "", "x", [], [[]], {}, {"a": 1}, [1, "a"], [None], 0.5)
+
+
+def places(value: Any) -> list[tuple[Any, Any]]:
+    """Every (container, key) of a nested value."""
+    keys = value if isinstance(value, dict) else range(len(value))
+    own = [(value, key) for key in keys]
+    deeper = [
+        p for _, key in own if isinstance(value[key], dict | list) for p in places(value[key])
+    ]
+    return own + deeper
+
+
+@pytest.mark.slow
+def test_random_damage_is_an_input_error_or_harmless(written, tmp_path):
+    """Whatever stands in the file, the answer is a plan or one line, never a traceback."""
+    rng = np.random.default_rng(1)
+    refused = 0
+    for _ in range(1500):
+        plan = copy.deepcopy(written)
+        spots = places(plan)
+        container, key = spots[rng.integers(len(spots))]
+        container[key] = ODD[rng.integers(len(ODD))]
+        try:
+            write_and_read(plan, tmp_path)
+        except InputError:
+            refused += 1
+    assert refused > 1000
