@@ -1,0 +1,62 @@
+"""Changes of a plan: the moves of the search over a head's plans."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.team.plans import POLICIES, decode, encode
+from decmcts.team.problem import TeamProblem
+
+
+def exchange(
+    problem: TeamProblem, plan: NDArray[np.int32], rng: np.random.Generator
+) -> NDArray[np.int32]:
+    """Return a plan that differs by one random move; a serial plan becomes an ordinary one."""
+    intent = decode(plan, problem.n_macros, len(problem.macro))
+    macros, policy = intent.macros, intent.policy
+    move = rng.random()
+    if move < 0.1 or problem.n_macros == 0:
+        policy = int(rng.integers(len(POLICIES)))
+    elif move < 0.6 and len(macros) > 1:
+        macros = _shift(macros, rng)
+    elif move < 0.8 and len(macros) > 1:
+        macros = _give_away(macros, rng)
+    else:
+        macros = _take_over(macros, problem.n_macros, rng)
+    return encode(macros, policy, problem.n_macros)
+
+
+def _run(n: int, rng: np.random.Generator) -> tuple[int, int]:
+    """Return a random run [first, last) of n places, short ones more often."""
+    length = min(n, 1 + int(rng.exponential(max(1.0, n / 12))))
+    first = int(rng.integers(n - length + 1))
+    return first, first + length
+
+
+def _shift(macros: NDArray[np.int32], rng: np.random.Generator) -> NDArray[np.int32]:
+    """Move a run to another place."""
+    first, last = _run(len(macros), rng)
+    rest = np.delete(macros, slice(first, last))
+    near = first + round(float(rng.normal(0.0, max(1.0, len(macros) / 8))))
+    at = int(np.clip(near, 0, len(rest)))
+    return np.insert(rest, at, macros[first:last])
+
+
+def _give_away(macros: NDArray[np.int32], rng: np.random.Generator) -> NDArray[np.int32]:
+    """Drop a run; another head or whoever is free will do it."""
+    first, last = _run(len(macros), rng)
+    return np.delete(macros, slice(first, last))
+
+
+def _take_over(
+    macros: NDArray[np.int32], n_macros: int, rng: np.random.Generator
+) -> NDArray[np.int32]:
+    """Add a run of macro-actions that are not in the plan, at their usual place."""
+    missing = np.setdiff1d(np.arange(n_macros, dtype=np.int32), macros)
+    if not len(missing):
+        return macros
+    first, last = _run(len(missing), rng)
+    for macro in missing[first:last]:
+        macros = np.insert(macros, int(np.searchsorted(np.sort(macros), macro)), macro)
+    return macros
