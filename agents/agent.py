@@ -125,6 +125,7 @@ class Agent:
         self._shared = self._ticked = self._shown = self._began - 1.0
         self._live: tuple[int, ...] = (head,)
         self._stuck = False
+        self._round_s = 0.0  # the latest took so long
         self._agreeing_since: float | None = None
         self._perform(self.protocol.start())
 
@@ -153,13 +154,15 @@ class Agent:
         self._feed(Leave(reason))
 
     def _plan(self) -> None:
+        now = self._clock()
         try:
             self._planner.iterate(self._live)
         except InputError as error:
             self._get_stuck(error)
             return
         self.rounds += 1
-        now = self._clock()
+        before, now = now, self._clock()
+        self._round_s = now - before
         if len(self._live) > 1 and now - self._shared >= SHARE_S:
             self._shared = now
             self._feed(DistributionReady(self._planner.distribution()))
@@ -172,7 +175,9 @@ class Agent:
 
     def _keep_time(self) -> None:
         now = self._clock()
-        if now >= self._start + self._limit_s and self.protocol.phase is Phase.PLANNING:
+        # A round cannot be cut short: end at the end that is nearer to the limit.
+        end = self._start + self._limit_s - self._round_s / 2
+        if now >= end and self.protocol.phase is Phase.PLANNING:
             self._feed(PlanningEnded())
         if now - self._ticked >= TICK_S:
             self._ticked = now

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from decmcts.team.dec_mcts import DecMcts, PlanDistribution  # type: ignore[import-untyped]
-
 from agents.messages import Distribution, MessageError, Plans, Sequence32
 from agents.pack import Pack
 from agents.planner import JointProposal
+from decmcts.team.dec_mcts import DecMcts, PlanDistribution
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve
 
