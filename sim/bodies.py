@@ -117,39 +117,55 @@ def find_clashes(
     limit: int,
 ) -> list[Clash]:
     """Return pairs of a station and a concurrent action of the other head that come too near."""
-    clashes: dict[tuple[int, int], Clash] = {}
     reach = clearance_mm - TOLERANCE_MM
-    for part in parts_of(head):
-        for other_part in parts_of(other_head):
-            a, b = part.vertices(), other_part.vertices()
-            for i, j in _near_pairs(stations, others, a, b, reach, limit):
-                if len(clashes) >= limit:
-                    return list(clashes.values())
-                gap = path_gap(stations.paths[i], a, others.paths[j], b, reach)
-                if gap < reach and (i, j) not in clashes:
-                    clashes[i, j] = Clash(
-                        int(stations.action[i]),
-                        stations.rest,
-                        int(others.action[j]),
-                        part.name,
-                        other_part.name,
-                        gap,
-                    )
+    parts = [(p, p.vertices()) for p in parts_of(head)]
+    other_parts = [(p, p.vertices()) for p in parts_of(other_head)]
+    if not parts or not other_parts:
+        return []
+    clashes: dict[tuple[int, int], Clash] = {}
+    mine = _grown(stations.boxes, np.concatenate([v for _, v in parts]), reach)
+    theirs = _grown(others.boxes, np.concatenate([v for _, v in other_parts]), 0.0)
+    for pairs in near_in_windows(mine, stations.low, stations.high, theirs):
+        for part, a in parts:
+            for other, b in other_parts:
+                for i, j in _near_pairs(pairs, stations, others, a, b, reach):
+                    if len(clashes) >= limit:
+                        return list(clashes.values())
+                    gap = path_gap(stations.paths[i], a, others.paths[j], b, reach)
+                    if gap < reach and (i, j) not in clashes:
+                        at = (int(stations.action[i]), stations.rest, int(others.action[j]))
+                        clashes[i, j] = Clash(*at, part.name, other.name, gap)
     return list(clashes.values())
 
 
+def _grown(boxes: NDArray[np.float64], shape: Vertices, margin: float) -> NDArray[np.float64]:
+    """Return the boxes of a shape whose nozzle stays within the given boxes."""
+    return np.asarray(boxes + np.hstack([shape.min(axis=0) - margin, shape.max(axis=0) + margin]))
+
+
 def _near_pairs(
-    stations: Stations, others: Stations, a: Vertices, b: Vertices, reach: float, limit: int
+    pairs: NDArray[np.int64],
+    stations: Stations,
+    others: Stations,
+    a: Vertices,
+    b: Vertices,
+    reach: float,
 ) -> list[tuple[int, int]]:
-    """Return concurrent pairs whose swept bounding boxes come nearer than `reach`."""
-    mine = stations.boxes + np.concatenate([a.min(axis=0) - reach, a.max(axis=0) + reach])
-    theirs = others.boxes + np.concatenate([b.min(axis=0), b.max(axis=0)])
-    found = near_in_windows(mine, stations.low, stations.high, theirs)
-    return [(int(i), int(j)) for i, j in found]
+    """Return the pairs in which these two parts' swept bounding boxes come nearer than `reach`."""
+    mine = _grown(stations.boxes[pairs[:, 0]], a, reach)
+    theirs = _grown(others.boxes[pairs[:, 1]], b, 0.0)
+    near = (mine[:, :3] < theirs[:, 3:]) & (theirs[:, :3] < mine[:, 3:])
+    return [(int(i), int(j)) for i, j in pairs[near.all(axis=1)]]
 
 
 def find_rail_breaks(
-    stations: Stations, others: Stations, *, axis: int, separation_mm: float, below: bool
+    stations: Stations,
+    others: Stations,
+    *,
+    axis: int,
+    separation_mm: float,
+    below: bool,
+    limit: int,
 ) -> list[tuple[int, int, float]]:
     """Return (own action, other action, distance) of pairs that break the order of a rail.
 
@@ -159,6 +175,7 @@ def find_rail_breaks(
     axis : 0 for X, 1 for Y
     separation_mm : least distance of the two nozzles along the axis
     below : whether the first head is the one with the smaller coordinate
+    limit : stop after this many
     """
     boxes = np.empty_like(stations.boxes)
     boxes[:, :3], boxes[:, 3:] = -np.inf, np.inf
@@ -167,13 +184,16 @@ def find_rail_breaks(
         boxes[:, axis + 3] = stations.boxes[:, axis + 3] + side
     else:
         boxes[:, axis] = stations.boxes[:, axis] - side
-    breaks = []
-    for i, j in near_in_windows(boxes, stations.low, stations.high, others.boxes).tolist():
-        if below:
-            gap = others.boxes[j, axis] - stations.boxes[i, axis + 3]
-        else:
-            gap = stations.boxes[i, axis] - others.boxes[j, axis + 3]
-        breaks.append((int(stations.action[i]), int(others.action[j]), float(gap)))
+    breaks: list[tuple[int, int, float]] = []
+    for pairs in near_in_windows(boxes, stations.low, stations.high, others.boxes):
+        for i, j in pairs[: limit - len(breaks)].tolist():
+            if below:
+                gap = others.boxes[j, axis] - stations.boxes[i, axis + 3]
+            else:
+                gap = stations.boxes[i, axis] - others.boxes[j, axis + 3]
+            breaks.append((int(stations.action[i]), int(others.action[j]), float(gap)))
+        if len(breaks) >= limit:
+            break
     return breaks
 
 

@@ -6,6 +6,7 @@ descends only where the union overlaps.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from sim.compiled import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+BLOCK = 1 << 16
 
 
 def build_tree(boxes: Floats) -> Floats:
@@ -79,17 +81,22 @@ def query_all(tree: Floats, boxes: Floats, low: Ints, high: Ints, found: Any) ->
     return n
 
 
-def near_in_windows(boxes: Floats, low: Ints, high: Ints, chain: Floats) -> Ints:
-    """Return rows (i, j): boxes[i] overlaps chain[j] and low[i] <= j < high[i].
+def near_in_windows(boxes: Floats, low: Ints, high: Ints, chain: Floats) -> Iterator[Ints]:
+    """Yield rows (i, j), in blocks: boxes[i] overlaps chain[j] and low[i] <= j < high[i].
 
-    At most four million rows are returned; a plan with more has other troubles.
+    Blocks keep the memory small and leave nothing out, however many pairs there are.
     """
     if not len(boxes) or not len(chain):
-        return np.empty((0, 2), np.int64)
-    tree, size = build_tree(chain), 1 << 14
-    while True:
-        found = np.empty((size, 2), np.int64)
-        n = int(query_all(tree, np.ascontiguousarray(boxes), low, high, found))
-        if n <= size or size >= 1 << 22:
-            return found[:n]
-        size = 1 << 22
+        return
+    tree, boxes = build_tree(chain), np.ascontiguousarray(boxes)
+    room = np.empty((max(BLOCK, len(chain)), 2), np.int64)  # one row always fits
+    begin, step = 0, len(boxes)
+    while begin < len(boxes):
+        rows = slice(begin, begin + step)
+        n = int(query_all(tree, boxes[rows], low[rows], high[rows], room))
+        if n > len(room):
+            step = max(1, step // 2)
+            continue
+        if n:
+            yield room[:n] + np.array([begin, 0])
+        begin += step

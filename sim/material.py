@@ -24,7 +24,13 @@ from sim.collision import (
     swept_vertices,
 )
 
+FIRST = 1 << 16  # rows of candidates looked for at first
+MOST = 1 << 24  # rows; a print with more near misses is broken, not subtle
 MARGIN_MM = 0.01  # the middle phase looks this much further than FCL
+
+
+class UndecidedError(Exception):
+    """The judge cannot say; a plan it cannot judge does not pass."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +101,17 @@ def find_contacts(
     head : Head
     tolerance_mm : overlap that counts as touching, which is allowed
     limit : stop after this many
+
+    Raises
+    ------
+    UndecidedError
+        When there are too many near misses to judge and no contact among the first.
     """
     if not len(beads.start) or not len(moves):
         return []
     order = np.argsort(beads.since, kind="stable")
     parts = parts_of(head)
-    found = _candidates(moves, beads, order, parts, tolerance_mm)
+    found, total = _candidates(moves, beads, order, parts, tolerance_mm)
     contacts: dict[int, Contact] = {}
     for move, at, part in found.tolist():
         if len(contacts) >= limit:
@@ -109,6 +120,8 @@ def find_contacts(
             contact = _judge(moves[move], beads, int(order[at]), parts[part], tolerance_mm)
             if contact is not None:
                 contacts[move] = Contact(move, *contact)
+    if total > len(found) and not contacts:
+        raise UndecidedError(f"{total} near misses of head and material, too many to judge")
     return list(contacts.values())
 
 
@@ -118,8 +131,11 @@ def _candidates(
     order: NDArray[np.int64],
     parts: list[Part],
     tolerance_mm: float,
-) -> NDArray[np.int64]:
-    """Return rows (move, position in `order`, part) that FCL has to look at."""
+) -> tuple[NDArray[np.int64], int]:
+    """Return rows (move, position in `order`, part) that FCL has to look at, and their number.
+
+    Rows beyond the first sixteen million are only counted.
+    """
     rows = _rectangles(beads, order)
     upto = np.searchsorted(beads.since[order], np.arange(len(moves)), side="right")
     offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
@@ -129,13 +145,13 @@ def _candidates(
     low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
     shape = (np.ceil((high - low) / raster.CELL_MM) + 1).astype(np.int64)
     entries = raster.count_entries(rows, low, shape)
-    moves, size = np.ascontiguousarray(moves, np.float64), 1 << 16
+    moves, size = np.ascontiguousarray(moves, np.float64), FIRST
     while True:
         found = np.empty((size, 3), np.int64)
         n = raster.scan(moves, upto, rows, packed, low, shape, entries, found)
-        if n <= size or size >= 1 << 22:  # that many are contacts, not near misses
-            return found[:n]
-        size = 1 << 22
+        if n <= size or size == MOST:
+            return found[:n], n
+        size = min(n, MOST)
 
 
 def _rectangles(beads: Beads, order: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -146,17 +146,23 @@ def meetings(
     reach = machine.head_clearance_mm - TOLERANCE_MM
     mine, theirs = (parts_of(machine.heads[h]) for h in pair)
     pieces = _shared_pieces(a, b)
+    near = _near_pieces(pieces, _corners(mine), _corners(theirs), reach, None)
     found: dict[tuple[int, int], Meeting] = {}
     for part in mine:
         for other in theirs:
-            for k in _near_pieces(pieces, part, other, reach):
+            a_shape, b_shape = part.vertices(), other.vertices()
+            for k in _near_pieces(pieces, a_shape, b_shape, reach, near).tolist():
                 actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
                 if actions in found or len(found) >= limit:
                     continue
-                gap = _least_gap(part.vertices(), other.vertices(), pieces, k)
+                gap = _least_gap(a_shape, b_shape, pieces, k)
                 if gap < reach:
                     found[actions] = Meeting(trial, float(pieces.time[k]), pair, actions, gap)
     return list(found.values())
+
+
+def _corners(parts: list[Part]) -> Vertices:
+    return np.concatenate([np.empty((0, 3)), *(part.vertices() for part in parts)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,17 +186,24 @@ def _positions(course: Course, time: Floats) -> Floats:
     return np.stack([np.interp(time, course.time, course.point[:, d]) for d in range(3)], axis=1)
 
 
-def _near_pieces(pieces: Pieces, part: Part, other: Part, reach: float) -> list[int]:
+def _near_pieces(
+    pieces: Pieces, a: Vertices, b: Vertices, reach: float, among: Ints | None
+) -> Ints:
     """Return the pieces in which the swept bounding boxes come nearer than `reach`."""
-    a, b = part.vertices(), other.vertices()
-    near = np.ones(len(pieces.time) - 1, bool)
+    rows = np.arange(len(pieces.time) - 1) if among is None else among
+    if not len(a) or not len(b):
+        return rows[:0]
     for d in range(3):
         mine, theirs = pieces.a[:, d], pieces.b[:, d]
-        low, high = np.minimum(mine[1:], mine[:-1]), np.maximum(mine[1:], mine[:-1])
-        below, above = np.minimum(theirs[1:], theirs[:-1]), np.maximum(theirs[1:], theirs[:-1])
-        near &= low + a[:, d].min() < above + b[:, d].max() + reach
-        near &= below + b[:, d].min() < high + a[:, d].max() + reach
-    return [int(k) for k in np.nonzero(near)[0]]
+        low, high = _range(mine, rows, a[:, d])
+        below, above = _range(theirs, rows, b[:, d])
+        rows = rows[(low < above + reach) & (below < high + reach)]
+    return rows
+
+
+def _range(position: Floats, rows: Ints, shape: Floats) -> tuple[Floats, Floats]:
+    first, last = position[rows], position[rows + 1]
+    return np.minimum(first, last) + shape.min(), np.maximum(first, last) + shape.max()
 
 
 def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:

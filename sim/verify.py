@@ -7,6 +7,7 @@ planner's algorithms is imported here, only its data types.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations, permutations
 
@@ -20,7 +21,7 @@ from sim.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.growth import beads_for, moves_of
 from sim.inventory import compare, contour_segments, match_segments
-from sim.material import find_contacts
+from sim.material import UndecidedError, find_contacts
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
 from sim.printed_file import Motions, beads_of, moves_array, moving, segments_of
@@ -89,7 +90,7 @@ def verify_plan(
     else:
         faults += check_precedence(document, lanes, order)
         faults += check_times(lanes)
-        faults += check_material(document, lanes, order, counts)
+        faults += _or_undecided(lambda: check_material(document, lanes, order, counts))
         faults += check_heads(document, lanes, order)
         faults += check_rail(document, lanes, order)
         faults += check_replays(document, lanes, order, counts, trials=trials, seed=seed)
@@ -114,7 +115,7 @@ def verify_motions(motions: Motions, source: Motions, machine: Machine) -> Verdi
     ours, theirs = segments_of(motions), segments_of(source)
     match = match_segments(ours, theirs)
     faults = compare(ours, theirs, match)
-    faults += _check_file_material(motions, match, machine)
+    faults += _or_undecided(lambda: _check_file_material(motions, match, machine))
     counts = {
         "moves": float(len(motions.line)),
         "segments": float(len(ours.ends)),
@@ -142,6 +143,14 @@ def _check_file_material(
         for c in contacts
     ]
     return listed(FaultKind.HEAD_MATERIAL, lines)
+
+
+def _or_undecided(check: Callable[[], list[Fault]]) -> list[Fault]:
+    """Return what a check finds; one that cannot decide is a fault itself."""
+    try:
+        return check()
+    except UndecidedError as error:
+        return [Fault(FaultKind.HEAD_MATERIAL, str(error))]
 
 
 def lanes_of(document: PlanDocument) -> tuple[HeadActions, ...]:
@@ -294,7 +303,12 @@ def check_rail(
                 f"may happen together and be {gap:.3f} mm apart along {'xy'[rail.axis]}, "
                 f"less than {least:g} mm"
                 for a, b, gap in find_rail_breaks(
-                    stations, others, axis=rail.axis, separation_mm=least, below=steps > 0
+                    stations,
+                    others,
+                    axis=rail.axis,
+                    separation_mm=least,
+                    below=steps > 0,
+                    limit=2 * LIMIT,
                 )
             ]
     return listed(FaultKind.RAIL, lines)

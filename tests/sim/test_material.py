@@ -8,7 +8,10 @@ from shapely.affinity import translate
 from shapely.geometry import LineString, MultiPoint, Polygon
 
 from decmcts.print.machine import Body, Head, Slice
+from sim import material
+from sim.faults import FaultKind
 from sim.material import Beads, find_contacts
+from sim.verify import verify_plan
 
 SKEW = np.array([[-3.0, -1.0], [12.0, -2.0], [4.0, 9.0]])
 
@@ -118,3 +121,13 @@ def slow_contact(a, b, k, beads: Beads, of: Head) -> bool:
                 if line.buffer(beads.width[i] / 2, cap_style="flat").intersects(sweep):
                     return True
     return False
+
+
+def test_what_cannot_be_judged_does_not_pass(make, monkeypatch):
+    """With more near misses than room and no contact among the first, the verdict is a fault."""
+    monkeypatch.setattr(material, "MOST", 1)
+    monkeypatch.setattr(material, "FIRST", 1)
+    monkeypatch.setattr(material, "_judge", lambda *_: None)
+    plan = make.tower_plan(towers=((20.0, 20.0), (26.0, 20.0)))
+    assert verify_plan(plan).kinds() == {FaultKind.HEAD_MATERIAL}
+    assert "too many to judge" in str(verify_plan(plan).faults[0])
