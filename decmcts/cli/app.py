@@ -7,11 +7,13 @@ cannot be used, 70 an internal error (a traceback only with `--debug`).
 from __future__ import annotations
 
 import contextlib
+import gzip
 import os
 import signal
 import sys
 import threading
 import traceback
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
@@ -76,13 +78,11 @@ def guess_machine(path: Path) -> str | None:
 
 def printer_model_of(path: Path) -> str:
     """Return the `printer_model` that a PrusaSlicer-like file names in its comments, or ''."""
-    import gzip
-
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
             text = file.read()
-    except OSError:
-        return ""
+    except (OSError, EOFError, zlib.error):
+        return ""  # the reader will say what is wrong with it
     at = text.rfind(b"; printer_model = ")
     if at < 0:
         return ""
