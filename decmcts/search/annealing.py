@@ -1,4 +1,4 @@
-"""Annealing of a whole sequence, paced by the budget of the search."""
+"""Annealing of a whole sequence and descent to its local optimum, paced by the budget."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.anneal import anneal
+from decmcts._kernels.descent import descend
 from decmcts._kernels.moves import Tour, refresh
 from decmcts.search.incumbent import Incumbent
 
 _POLL_S = 0.1  # how often a search looks at the clock and the stop wish
 _LARGEST_CHUNK = 1_000_000
 _CHUNKS = 400  # pieces of a run that is limited by iterations
+_STRETCH = 500  # positions between looks at the clock in a descent
+_LONGEST_SWAP = 50  # segments tried exhaustively; longer ones are left to annealing
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,4 +80,20 @@ def anneal_until(
         if incumbent.budget.iterations is None:
             speed = chunk / max(incumbent.seconds - before, 1e-6)
             chunk = int(min(max(_POLL_S * speed, 1000.0), 4.0 * chunk, _LARGEST_CHUNK))
+    return False
+
+
+def descend_fully(incumbent: Incumbent, tour: Tour) -> bool:
+    """Improve the tour until no nearby move does; return whether to stop.
+
+    Mutates the tour. Each position looked at counts as an iteration.
+    """
+    n, gain = len(tour.order), -1.0
+    while gain < 0.0:
+        gain = 0.0
+        for first in range(0, n, _STRETCH):
+            gain += descend(tour, first, min(first + _STRETCH, n), _LONGEST_SWAP)
+            incumbent.offer(tour.order, tour.flip)
+            if incumbent.tick(min(_STRETCH, n - first)):
+                return True
     return False

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts.search.annealing import Cooling, anneal_until, tour_of
+from decmcts.search.annealing import Cooling, anneal_until, descend_fully, tour_of
 from decmcts.search.greedy import nearest_feasible
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
@@ -23,20 +23,33 @@ from decmcts.search.neighbours import near_ports
 class Layerwise:
     """Nearest neighbour within each layer, then annealing that never leaves a layer."""
 
+    hot: float = 1.5  # temperatures in multiples of the mean travel
+    cold: float = 0.03
+
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
         """Spend the whole budget."""
         if len(incumbent.problem) < 2:
             return
         group = layer_runs(incumbent.problem.layer)
-        incumbent.offer(*nearest_feasible(incumbent, group.astype(np.float64), buffer=0.0))
+        incumbent.offer(*nearest_in_layers(incumbent, group))
         if incumbent.tick(1):
             return
         tour = tour_of(incumbent, near_ports(incumbent.problem), group)
         mean = incumbent.cost_mm / len(incumbent.problem)
         if mean == 0.0:
             return
-        anneal_until(incumbent, tour, seeded(seed), Cooling(0.5 * mean, 0.01 * mean), 1.0)
+        cooling = Cooling(self.hot * mean, self.cold * mean)
+        if anneal_until(incumbent, tour, seeded(seed), cooling, 0.97):
+            return
+        descend_fully(incumbent, tour)
         incumbent.offer_order(incumbent.order)
+
+
+def nearest_in_layers(
+    incumbent: Incumbent, group: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return order and flips of the nearest-feasible rule, group after group."""
+    return nearest_feasible(incumbent, group.astype(np.float64), buffer=0.0)
 
 
 def layer_runs(layer: NDArray[np.int32]) -> NDArray[np.int32]:

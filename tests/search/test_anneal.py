@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts._kernels.anneal import anneal
+from decmcts._kernels.descent import descend
 from decmcts._kernels.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
 from decmcts._kernels.random import seeded
 from decmcts._kernels.tour import respects, tour_cost
@@ -81,3 +82,20 @@ def test_equal_seeds_walk_the_same_way() -> None:
     anneal(second, seeded(7), 1.0, 3000)
     assert (first.order == second.order).all()
     assert (first.flip == second.flip).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 30))
+def test_descent_ends_where_a_second_one_finds_nothing(seed: int, n: int) -> None:
+    """It is the last word of the search: its books must balance and it must finish."""
+    problem = random_problem(seed, n, density=0.1)
+    tour = fresh_tour(problem)
+    before = tour_cost(tour.ports, tour.order, tour.flip)
+    gain = total = descend(tour, 0, n, 50)
+    while gain < 0.0:
+        gain = descend(tour, 0, n, 50)
+        total += gain
+    after = tour_cost(tour.ports, tour.order, tour.flip)
+    assert after == pytest.approx(before + total, abs=1e-6)
+    assert respects(tour.order, tour.succ_offsets, tour.succs)
+    assert not tour.flip[~problem.reversible].any()

@@ -1,0 +1,79 @@
+"""Steepest of the nearby moves, position by position: the deterministic end of a search."""
+
+from __future__ import annotations
+
+from decmcts._kernels.anneal import (
+    LONGEST_TURN,
+    commit_carry,
+    commit_swap,
+    commit_turn,
+)
+from decmcts._kernels.jit import kernel
+from decmcts._kernels.moves import Tour, carry_change, swap_change, turn_change
+
+_GAIN = -1e-9  # mm; smaller gains are rounding
+
+
+@kernel
+def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
+    """Mutate the tour by the first improving exchange that lets `at` follow p; return the gain."""
+    ports, order, flip, after = tour.ports, tour.order, tour.flip, tour.after
+    room = len(order) - at if at > p else p - at
+    for length in range(1, min(room, longest) + 1):
+        i, j, k = (p + 1, at, at + length) if at > p else (at, at + length, p + 1)
+        change = swap_change(ports, order, flip, after, i, j, k)
+        if change < _GAIN:
+            change = commit_swap(tour, i, j, k, change)
+            if change < 0.0:
+                return change
+    return 0.0
+
+
+@kernel
+def _improve_turns(tour: Tour, p: int, at: int) -> float:
+    """Mutate the tour by the first improving turn or carry of `at` to p; return the gain."""
+    ports, order, flip = tour.ports, tour.order, tour.flip
+    after, turns = tour.after, tour.turns
+    if p < at <= p + LONGEST_TURN:
+        change = turn_change(ports, order, flip, after, turns, p + 1, at + 1)
+        change = commit_turn(tour, p + 1, at + 1, change, _GAIN)
+        if change < 0.0:
+            return change
+    room = at - p - 1 if at > p else at + 1
+    for length in range(1, min(room, LONGEST_TURN) + 1):
+        first = at + 1 - length
+        change = carry_change(ports, order, flip, after, turns, first, at + 1, p)
+        change = commit_carry(tour, first, at + 1, p, change, _GAIN)
+        if change < 0.0:
+            return change
+    return 0.0
+
+
+@kernel
+def descend(tour: Tour, first: int, last: int, longest: int) -> float:
+    """Mutate the tour by improving moves behind positions [first, last); return the gain, <= 0.
+
+    Segments up to `longest` are exchanged. Each position is worked on until
+    nothing improves there.
+    """
+    gain = 0.0
+    for p in range(first, last):
+        better = True
+        while better:
+            better = False
+            c = tour.order[p]
+            near = tour.near[2 * c + 1 - tour.flip[c]]
+            for x in range(len(near)):
+                at = tour.position[near[x] >> 1]
+                if near[x] < 0 or at == p + 1:
+                    continue
+                change = 0.0
+                if tour.flip[near[x] >> 1] == near[x] & 1:
+                    change = _improve_swaps(tour, p, at, longest)
+                if change == 0.0:
+                    change = _improve_turns(tour, p, at)
+                if change < 0.0:
+                    gain += change
+                    better = True
+                    break
+    return gain
