@@ -23,32 +23,39 @@ class Shells:
 def find_shells(layers: Layers, top_layers: int, bottom_layers: int) -> Shells:
     """Return the solid areas.
 
-    A place is solid when one of the `top_layers` layers from its own upwards is
-    not covered there by the next, or likewise downwards. Each layer is compared
-    with its two neighbours only; a shell is the union of such differences.
+    A place is solid unless all of the `top_layers` layers above and the
+    `bottom_layers` layers below have it too. Intersecting one layer after the
+    other is several times faster than uniting what each leaves bare: such
+    slivers lie side by side, the slow case of every overlay.
     """
     regions = layers.regions
-    n = len(regions)
-    covered = [*regions[1:], NOTHING]
-    carried = [NOTHING, *regions[:-1]]
-    up = [_exposed(a, b) for a, b in zip(regions, covered, strict=True)]
-    down = [_exposed(a, b) for a, b in zip(regions, carried, strict=True)]
-    solid = []
-    for i, region in enumerate(regions):
-        first_below = max(0, i - bottom_layers + 1)
-        near = up[i : i + top_layers] + down[first_below : i + 1 if bottom_layers else first_below]
-        solid.append(_within(near, region))
-    return Shells(tuple(solid), tuple(up) if top_layers else (NOTHING,) * n)
+    solid = tuple(
+        _bare(region, _reach(regions, i, top_layers, bottom_layers))
+        for i, region in enumerate(regions)
+    )
+    if not top_layers:
+        return Shells(solid, (NOTHING,) * len(regions))
+    covers = [*regions[1:], NOTHING]
+    top = tuple(_bare(region, [above]) for region, above in zip(regions, covers, strict=True))
+    return Shells(solid, top)
 
 
-def _exposed(region: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
-    if region is other:
+def _reach(
+    regions: tuple[BaseGeometry, ...], layer: int, top_layers: int, bottom_layers: int
+) -> list[BaseGeometry]:
+    """Return the different regions a place must be in to be inside."""
+    low, high = layer - bottom_layers, layer + top_layers
+    if low < 0 or high >= len(regions):
+        return [NOTHING]
+    return list({id(r): r for r in regions[low : high + 1]}.values())
+
+
+def _bare(region: BaseGeometry, needed: list[BaseGeometry]) -> BaseGeometry:
+    """Return what of `region` is not in all of `needed`."""
+    common = region
+    for other in needed:
+        if other is not region:
+            common = common.intersection(other)
+    if common is region:
         return NOTHING
-    return region if other.is_empty else region.difference(other)
-
-
-def _within(parts: list[BaseGeometry], region: BaseGeometry) -> BaseGeometry:
-    if any(part is region for part in parts):
-        return region
-    some = [part for part in parts if not part.is_empty]
-    return shapely.union_all(some).intersection(region) if some else NOTHING
+    return region if common.is_empty else region.difference(common)
