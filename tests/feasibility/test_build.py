@@ -39,6 +39,31 @@ def test_closure_equals_the_definition(oracle: Any, head: str, keep: bool, seed:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("head", ["box", "lopsided", "hollow"])
+def test_long_segments_equal_the_definition(oracle: Any, head: str) -> None:
+    """Long moves past corners of the head, where only the exact convex test decides."""
+    rng = np.random.default_rng(7)
+    for _ in range(400):
+        a, b = rng.uniform(-25.0, 25.0, (2, 2, 3))
+        a[:, 2], b[:, 2] = 0.2, 0.2 + rng.uniform(0.1, 3.0)
+        contours = oracle.make_contours([a.tolist(), b.tolist()])
+        graph = build_graph(contours, [oracle.heads[head]], clearance_mm=0.8)
+        assert graph.n_edges == oracle.hits(a, b, oracle.heads[head], 1.0)
+
+
+@pytest.mark.parametrize(("x", "edges"), [(9.09, 1), (9.11, 0)])
+def test_rounded_corner_of_the_grown_slice(oracle: Any, x: float, edges: int) -> None:
+    """Clearance grows a slice by a disc: diagonally past a corner it is not a larger box."""
+    # the corner is at (7, 7), the bead at (x, 9.1), radius 2.1 * sqrt(2) = 2.97
+    contours = oracle.make_contours(
+        [[(0, 0, 0.2), (0, 0, 0.2)], [(x, 9.1, 0.4), (x + 9, 9.1, 0.4)]], width=0.0
+    )
+    head = oracle.heads["box"]
+    clearance_mm = 2.1 * 2**0.5
+    assert build_graph(contours, [head], clearance_mm=clearance_mm).n_edges == edges
+
+
+@pytest.mark.slow
 def test_two_heads_give_the_union(oracle: Any) -> None:
     """Either head may print a contour, so what blocks one of them counts."""
     contours = oracle.random_print(5)
@@ -88,11 +113,11 @@ def test_no_stored_edge_follows_from_the_others(oracle: Any) -> None:
 
 def test_edges_do_not_depend_on_the_memory_limit(oracle: Any) -> None:
     """Large prints are walked in column blocks; that must not change a single edge."""
-    contours = oracle.random_print(3, n_layers=40, per_layer=12)
+    contours = oracle.random_print(3, n_layers=60, per_layer=12)
     head = [oracle.heads["lopsided"]]
     whole = build_graph(contours, head, clearance_mm=0.0)
-    assert len(contours) > 128
-    for limit in (1, 8 * len(contours) * 2):
+    assert len(contours) > 256
+    for limit in (1, 8 * len(contours) * 2, 8 * len(contours) * 3):
         blocked = _build(contours, head, 0.0, "keep", limit)
         np.testing.assert_array_equal(blocked.pairs(), whole.pairs())
         np.testing.assert_array_equal(blocked.kinds, whole.kinds)
