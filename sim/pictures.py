@@ -162,15 +162,20 @@ def draw_gantt(path: Path | str, document: PlanDocument) -> None:
     save(figure, path)
 
 
-def draw_convergence(path: Path | str, history: Sequence[tuple[float, float]]) -> None:
-    """Draw the best length found over time from (seconds, mm) pairs."""
+def draw_convergence(
+    path: Path | str,
+    history: Sequence[Sequence[float]] | NDArray[np.float64],
+    *,
+    label: str = "extrusionless travel of the best order, mm",
+) -> None:
+    """Draw the best cost found over time; rows of seconds, ..., cost."""
     figure = Figure(figsize=(8, 4.5))
     figure.set_layout_engine("constrained")
     axis = figure.subplots()
-    points = np.array(history, np.float64).reshape(-1, 2)
-    axis.step(points[:, 0], points[:, 1], where="post", color="#1f77b4")
+    points = np.array(history, np.float64)
+    axis.step(points[:, 0], points[:, -1], where="post", color="#1f77b4")
     axis.set_xlabel("seconds of search")
-    axis.set_ylabel("extrusionless travel of the best order, mm")
+    axis.set_ylabel(label)
     axis.grid(alpha=0.3)
     axis.set_ylim(bottom=0)
     save(figure, path)

@@ -25,6 +25,7 @@ from sim.activity import activity
 from sim.canvas import TRAVEL, head_colour
 from sim.report_script import SCRIPT
 
+History = Sequence[Sequence[float]] | NDArray[np.float64]
 POINTS = 200_000  # of one plan in the 3-D view
 
 STYLE = """
@@ -52,7 +53,7 @@ def write_report(
     *,
     before: PlanDocument,
     after: PlanDocument,
-    history: Sequence[tuple[float, float]] = (),
+    history: History = (),
     rows: Sequence[Sequence[Any]] | None = None,
 ) -> None:
     """Write the page.
@@ -61,7 +62,7 @@ def write_report(
     ----------
     path : file to write
     before, after : the source's own order and the plan
-    history : (seconds, mm) pairs of the search, drawn when there are any
+    history : rows of seconds, ..., cost: the search's best so far, drawn when there are any
     rows : of the table, (what, before, after, change); made from the plans when absent
     """
     page, notes = scene_of(before, after)
@@ -73,7 +74,7 @@ def write_report(
         ("Heads over time", _div(plot_gantt(after), 150 + 70 * lanes)),
     ]
     if len(history):
-        sections.append(("Search", _div(plot_convergence(history), 380)))
+        sections.append(("Search", _div(plot_convergence(history, lanes), 380)))
     name = html.escape(f"{len(after.contours):,} contours on machine {after.machine.name}")
     body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
     Path(path).write_text(
@@ -97,7 +98,7 @@ def _table(rows: Sequence[Sequence[Any]]) -> str:
 def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, str, str]]:
     """Return the rows of the table from the metrics both plans carry."""
     names = {
-        "travel_mm": "travel between contours (the paper's metric), mm",
+        "extrusionless_travel_mm": "travel between contours (the paper's metric), mm",
         "emitted_travel_mm": "travel as emitted, lifts included, mm",
         "print_time_s": "print time, s",
         "makespan_s": "makespan, s",
@@ -259,13 +260,13 @@ def plot_gantt(document: PlanDocument) -> go.Figure:
     return figure
 
 
-def plot_convergence(history: Sequence[tuple[float, float]]) -> go.Figure:
-    """Return the best length over the time of the search."""
-    points = np.array(history, np.float64).reshape(-1, 2)
-    figure = go.Figure(go.Scatter(x=points[:, 0], y=points[:, 1], line={"shape": "hv"}))
+def plot_convergence(history: History, heads: int) -> go.Figure:
+    """Return the best cost over the time of the search."""
+    points = np.array(history, np.float64)
+    figure = go.Figure(go.Scatter(x=points[:, 0], y=points[:, -1], line={"shape": "hv"}))
     figure.update_layout(
         xaxis_title="seconds of search",
-        yaxis_title="travel of the best order, mm",
+        yaxis_title="best travel, mm" if heads == 1 else "best makespan, s",
         yaxis_rangemode="tozero",
         margin={"l": 70, "r": 10, "t": 20, "b": 45},
     )

@@ -34,7 +34,7 @@ def test_a_plan_is_drawn_with_travel_in_red(make, name, tmp_path):
 def test_gantt_and_convergence(make, tmp_path):
     """Charts of a two-head plan and of a search that improved once."""
     draw_gantt(tmp_path / "g.png", make.two_head_plan())
-    draw_convergence(tmp_path / "c.png", [(0.0, 100.0), (2.0, 50.0)])
+    draw_convergence(tmp_path / "c.png", [(0.0, 1, 100.0), (2.0, 20, 50.0)])
     assert has_colour(tmp_path / "g.png", RED)
     assert imread(tmp_path / "c.png").shape[0] > 100
 

@@ -18,7 +18,9 @@ from sim.report import gained, lane_polyline, scene_of, write_report
 def test_the_page_needs_no_network(make, tmp_path):
     """A report opened on a print farm without internet must work."""
     document = make.two_head_plan()
-    write_report(tmp_path / "r.html", before=document, after=document, history=[(0, 2.0), (1, 1.0)])
+    write_report(
+        tmp_path / "r.html", before=document, after=document, history=[(0, 9, 2.0), (1, 99, 1.0)]
+    )
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=", page)
     for title in ("What was gained", "Toolpath", "Heads over time", "Search"):
@@ -69,8 +71,10 @@ def test_the_scene_is_plain_json(make):
 def test_the_table_shows_change(make):
     """The first thing a user looks for."""
     document = make.tower_plan()
-    before = replace(document, metrics={"travel_mm": 200.0})
-    after = replace(document, metrics={"travel_mm": 50.0, "planner": "local", "seed": 3})
+    before = replace(document, metrics={"extrusionless_travel_mm": 200.0})
+    after = replace(
+        document, metrics={"extrusionless_travel_mm": 50.0, "planner": "local", "seed": 3}
+    )
     rows = {row[0]: row[1:] for row in gained(before, after)}
     assert rows["travel between contours (the paper's metric), mm"] == ("200", "50", "-75.0 %")
     assert rows["planner"] == ("", "local", "")
