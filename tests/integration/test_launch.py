@@ -157,6 +157,22 @@ def test_ctrl_c_ends_in_the_best_plan_so_far(monkeypatch: pytest.MonkeyPatch) ->
         assert ended(pids)
 
 
+def test_a_stop_asked_for_by_the_caller_ends_in_the_best_plan_so_far(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The command line owns Ctrl-C and asks in its own way."""
+    heard: list[int] = []
+    agreement = run(
+        "left,right",
+        monkeypatch,
+        time_limit_s=60.0,
+        on_progress=lambda status: heard.append(sum(s.rounds for s in status)),
+        should_stop=lambda: bool(heard) and heard[-1] > 100,
+    )
+    assert agreement.live == (0, 1)
+    assert_complete(agreement)
+
+
 def test_agents_do_not_outlive_a_killed_launcher(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody would collect their plan, and they would eat a core each."""
     with launcher(monkeypatch) as (process, pids):
