@@ -65,6 +65,7 @@ class Progress:
     best_makespan_s: float
     elapsed_s: float
     agreeing_s: float | None  # since planning ended
+    stuck: bool  # the live heads cannot print everything
 
 
 class FrontEnd(Interface):
@@ -196,6 +197,7 @@ class Agent:
             self._best_makespan_s(),
             now - self._began,
             None if self._agreeing_since is None else now - self._agreeing_since,
+            self._stuck,
         )
         self._front.progress(progress, self.traffic)
 

@@ -11,21 +11,35 @@ import queue
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Protocol
 
-from agents.processes import AgentProcess, Said
+from agents.processes import Said
 
 START_LIMIT_S = 180.0
 """To load the problem and compile; a head that takes longer is fenced."""
 
-AGREE_LIMIT_S = 30.0
-"""From the end of planning to the release."""
+AGREE_LIMIT_S = 120.0
+"""From the end of planning to the release: a last resort, far above the lease,
+because an agent in a long round on a busy machine is silent too."""
 
 _POLL_S = 0.1
 
 
 class LaunchError(Exception):
     """The agents came to no plan; one line says why."""
+
+
+class Child(Protocol):
+    """What is done to an agent's process here."""
+
+    def tell(self, command: dict[str, Any]) -> None:
+        """Send it a command."""
+
+    def kill(self) -> None:
+        """End it and wait for its end."""
+
+    def last_words(self) -> str:
+        """Return the last line of its errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +60,7 @@ class AgentStatus:
     dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
     history: tuple[tuple[float, float], ...] = ()  # (elapsed s, best makespan s), improvements
     note: str = ""
+    stuck: bool = False  # the heads it hears cannot print everything
     agreeing_s: float | None = None  # from the end of planning, to the release in the end
 
 
@@ -58,13 +73,14 @@ class Supervisor:
 
     def __init__(
         self,
-        agents: Mapping[int, AgentProcess],
+        agents: Mapping[int, Child],
         names: tuple[str, ...],
         heard: queue.Queue[Said],
         *,
         time_limit_s: float,
         on_progress: OnProgress | None = None,
         should_stop: ShouldStop | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.fenced: set[int] = set()
         self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
@@ -73,7 +89,9 @@ class Supervisor:
         self._ready: set[int] = set()
         self._limit_s, self._on_progress = time_limit_s, on_progress
         self._should_stop, self._stopping = should_stop, False
-        self._started = self._all_ready = time.monotonic()
+        self._clock = clock
+        self._started = clock()
+        self._since = self._started  # of the latest change of the team
 
     def run(self) -> dict[str, Any]:
         """Return the `released` line all unfenced agents agree on.
@@ -115,13 +133,17 @@ class Supervisor:
     def _result(self) -> dict[str, Any] | None:
         heads = self._unfenced()
         if not heads:
-            words = dict.fromkeys(status.note for status in self.status if status.note)
-            raise LaunchError(f"every agent ended: {'; '.join(words)}")
+            raise LaunchError(f"every agent ended: {self._notes()}")
+        if all(self.status[head].stuck for head in heads):
+            raise LaunchError(f"the heads that are left cannot print this: {self._notes()}")
         lines = [self._released.get(head) for head in heads]
         first = lines[0]
         if first is None or any(x is None or x["digest"] != first["digest"] for x in lines):
             return None
         return first
+
+    def _notes(self) -> str:
+        return "; ".join(dict.fromkeys(status.note for status in self.status if status.note))
 
     def _listen(self) -> None:
         try:
@@ -139,7 +161,7 @@ class Supervisor:
         match line:
             case {"event": "ready"}:
                 self._ready.add(head)
-                self._all_ready = time.monotonic()
+                self._since = self._clock()
                 self._update(head, phase="waiting")
             case {"event": "progress"}:
                 self._progress(head, line)
@@ -158,7 +180,7 @@ class Supervisor:
         best, history = line["best_makespan_s"], self.status[head].history
         if not history or best != history[-1][1]:
             history = (*history, (line["elapsed_s"], best))
-        named = ("phase", "rounds", "best_makespan_s", "elapsed_s", "agreeing_s")
+        named = ("phase", "rounds", "best_makespan_s", "elapsed_s", "agreeing_s", "stuck")
         told = {name: line[name] for name in named} | line["traffic"]
         self._update(head, live=tuple(line["live"]), history=history, **told)
 
@@ -171,17 +193,17 @@ class Supervisor:
             return
         self._agents[head].kill()
         self.fenced.add(head)
+        self._since = self._clock()
         self._released.pop(head, None)
         note = self._agents[head].last_words() or self.status[head].note or why
         self._update(head, phase="lost", note=note)
         self._tell_all({"command": "fence", "head": head})
 
     def _enforce_limits(self) -> None:
-        now = time.monotonic()
-        if now - self._started > START_LIMIT_S:
-            for head in set(self._unfenced()) - self._ready:
+        now, waiting = self._clock(), set(self._unfenced()) - self._ready
+        if waiting and now - self._started > START_LIMIT_S:
+            for head in waiting:
                 self.fence(head, f"not ready after {START_LIMIT_S:g} s")
-        if now - self._all_ready > self._limit_s + AGREE_LIMIT_S and self._ready:
+        elif not waiting and now - self._since > self._limit_s + AGREE_LIMIT_S:
             for head in set(self._unfenced()) - self._released.keys():
                 self.fence(head, f"no agreement {AGREE_LIMIT_S:g} s after planning")
-            self._all_ready = now

@@ -1,0 +1,174 @@
+"""The launcher's judgement: whom to fence, and when a plan counts."""
+
+from __future__ import annotations
+
+import queue
+from typing import Any
+
+import pytest
+
+from agents.processes import Said
+from agents.supervisor import (
+    AGREE_LIMIT_S,
+    START_LIMIT_S,
+    AgentStatus,
+    LaunchError,
+    Supervisor,
+)
+
+NAMES = ("left", "right")
+PROGRESS = {
+    "event": "progress",
+    "phase": "planning",
+    "live": [0, 1],
+    "rounds": 3,
+    "best_makespan_s": 9.0,
+    "elapsed_s": 1.0,
+    "agreeing_s": None,
+    "stuck": False,
+    "traffic": {},
+}
+
+
+class FakeChild:
+    """Keeps what was done to an agent's process."""
+
+    def __init__(self) -> None:
+        self.told: list[dict[str, Any]] = []
+        self.killed = False
+        self.words = ""
+
+    def tell(self, command: dict[str, Any]) -> None:
+        self.told.append(command)
+
+    def kill(self) -> None:
+        self.killed = True
+
+    def last_words(self) -> str:
+        return self.words
+
+
+class Scene:
+    """A supervisor over two fake agents whose lines are known beforehand."""
+
+    def __init__(self) -> None:
+        self.children = {0: FakeChild(), 1: FakeChild()}
+        self.heard: queue.Queue[Said] = queue.Queue()
+        self.now = 0.0
+        self.seen: list[tuple[AgentStatus, ...]] = []
+
+    def says(self, head: int, line: dict[str, Any] | None) -> None:
+        self.heard.put(Said(head, line))
+
+    def released(self, head: int, digest: str) -> None:
+        self.says(head, {"event": "released", "digest": digest})
+
+    def run(self, should_stop: Any = None) -> dict[str, Any]:
+        def clock() -> float:
+            self.now += 10.0 if self.heard.empty() else 0.0
+            return self.now
+
+        supervisor = Supervisor(
+            self.children,
+            NAMES,
+            self.heard,
+            time_limit_s=5.0,
+            on_progress=self.seen.append,
+            should_stop=should_stop,
+            clock=clock,
+        )
+        self.supervisor = supervisor
+        return supervisor.run()
+
+
+@pytest.fixture
+def scene() -> Scene:
+    made = Scene()
+    for head in (0, 1):
+        made.says(head, {"event": "ready"})
+        made.says(head, PROGRESS)
+    return made
+
+
+def test_a_plan_counts_when_all_released_it(scene: Scene) -> None:
+    """One agent's word is not an agreement."""
+    scene.released(0, "aa")
+    scene.released(1, "aa")
+    assert scene.run()["digest"] == "aa"
+    assert not any(child.killed for child in scene.children.values())
+    assert scene.seen[3][1].history == ((1.0, 9.0),)
+
+
+def test_an_unreachable_agent_is_killed_before_the_others_hear_that_it_is_off(
+    scene: Scene,
+) -> None:
+    """Told the other way round, they would release while it still moves."""
+    scene.says(0, {"event": "unfenced", "heads": [1]})
+    order: list[str] = []
+    scene.children[1].kill = lambda: order.append("killed")  # type: ignore[method-assign]
+    scene.children[0].tell = lambda command: order.append(str(command))  # type: ignore[method-assign]
+    scene.released(0, "bb")
+    assert scene.run()["digest"] == "bb"
+    assert order == ["killed", "{'command': 'fence', 'head': 1}"]
+
+
+def test_what_a_fenced_agent_released_is_void(scene: Scene) -> None:
+    """The others may have agreed on another plan since."""
+    scene.released(1, "aa")
+    scene.says(1, None)
+    scene.released(0, "bb")
+    assert scene.run()["digest"] == "bb"
+
+
+def test_a_refusal_ends_the_launch_with_its_reason(scene: Scene) -> None:
+    """Two problems in one launch is a fault no waiting heals."""
+    scene.says(0, {"event": "refused", "head": 1, "reason": "right holds problem cd"})
+    with pytest.raises(LaunchError, match="right holds problem cd"):
+        scene.run()
+
+
+def test_no_agent_left_says_why(scene: Scene) -> None:
+    """The last words of the dead are what the user needs."""
+    scene.children[0].words = "error: no such port"
+    scene.says(0, None)
+    scene.says(1, None)
+    with pytest.raises(LaunchError, match="every agent ended: error: no such port; its process"):
+        scene.run()
+
+
+def test_heads_that_cannot_print_it_all_end_the_launch(scene: Scene) -> None:
+    """Waiting for a dead head would be for ever."""
+    scene.says(1, None)
+    scene.says(0, {"event": "note", "text": "no head can print contour 7"})
+    scene.says(0, {**PROGRESS, "stuck": True})
+    with pytest.raises(LaunchError, match="cannot print this: no head can print contour 7"):
+        scene.run()
+
+
+@pytest.mark.slow
+def test_an_agent_that_never_gets_ready_is_fenced() -> None:
+    """A process that hangs while loading must not hang the launch."""
+    scene = Scene()
+    scene.says(0, {"event": "ready"})
+    with pytest.raises(LaunchError):
+        scene.run()  # nor does the other agree with anyone
+    assert scene.children[1].killed
+    assert scene.now > START_LIMIT_S + 5.0 + AGREE_LIMIT_S
+    assert f"not ready after {START_LIMIT_S:g} s" in scene.supervisor.status[1].note
+
+
+@pytest.mark.slow
+def test_agents_that_do_not_agree_in_time_are_fenced(scene: Scene) -> None:
+    """The last resort, so that a launch always ends."""
+    scene.released(0, "aa")
+    assert scene.run()["digest"] == "aa"
+    assert scene.children[1].killed
+    assert scene.now > 5.0 + AGREE_LIMIT_S
+
+
+@pytest.mark.slow
+def test_a_stop_is_asked_for_once(scene: Scene) -> None:
+    """Asked again and again, agents would be flooded."""
+    scene.released(0, "aa")
+    scene.run(should_stop=lambda: True)
+    assert scene.children[0].told.count({"command": "stop"}) == 1
