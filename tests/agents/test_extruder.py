@@ -1,0 +1,83 @@
+"""The command line of one agent: what it refuses, and how it says so."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.extruder import arguments, main, options_of
+from tests.agents.toy import ToyPlanner
+
+
+def toy(needed: int | None = None):  # type: ignore[no-untyped-def]
+    return lambda given: ToyPlanner(given.head, names=("left", "right"), needed=needed)
+
+
+@pytest.fixture(autouse=True)
+def _keep_signals(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agents.extruder.signal.signal", lambda *_: None)
+
+
+@pytest.mark.slow
+def test_an_agent_alone_writes_its_plan(tmp_path: Path) -> None:
+    """Single-extruder mode by hand: no ports, no network."""
+    target = tmp_path / "plan.json"
+    given = ["--head", "1", "--time-limit", "0.2", "--output", str(target)]
+    assert main(given, make_planner=toy()) == 0
+    written = json.loads(target.read_text())
+    assert written["live"] == [1]
+    assert sorted(written["plans"]["1"]) == list(range(40))
+
+
+def test_options_are_read() -> None:
+    """The launcher speaks to agents by these words."""
+    words = "--head 1 --ports 7001,7002 --fenced 2,3 --seed 4 --session s --controlled"
+    options = options_of(arguments().parse_args(words.split()))
+    assert (options.head, options.ports, options.fenced) == (1, (7001, 7002), (2, 3))
+    assert (options.seed, options.session, options.controlled) == (4, "s", True)
+    assert options.epoch > 1_700_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("--head 0", "error: no print given; name a file, or a folder with --pack"),
+        ("--head 0 --pack /nowhere", "error: /nowhere: no problem pack: "),
+        ("nowhere.gcode --head 0", "error: nowhere.gcode: no such file"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    words: str, line: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The launcher shows the last line of a dead agent."""
+    assert main(words.split()) == 2
+    shown = capsys.readouterr().err
+    assert shown.startswith(line) and shown.count("\n") == 1
+
+
+def test_another_problem_than_expected_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """A launcher of another version must not get plans of this one."""
+    assert main(["--head", "0", "--expect", "ab" * 16], make_planner=toy()) == 2
+    assert "the launcher's has abababababab" in capsys.readouterr().err
+
+
+def test_a_crash_is_one_line_unless_debugged(capsys: pytest.CaptureFixture[str]) -> None:
+    """A trace of another process helps nobody but us."""
+
+    def crash(_: object) -> ToyPlanner:
+        raise ZeroDivisionError("oops")
+
+    assert main(["--head", "0"], make_planner=crash) == 1
+    assert capsys.readouterr().err == "error: ZeroDivisionError: oops\n"
+    with pytest.raises(ZeroDivisionError):
+        main(["--head", "0", "--debug"], make_planner=crash)
+
+
+def test_toy_digest_depends_on_the_jobs() -> None:
+    """The refusal tests stand on this."""
+    one, other = (ToyPlanner(0, names=("a", "b"), jobs=n) for n in (40, 41))
+    assert one.problem != other.problem
+    assert np.isfinite(one.lengths).all()
