@@ -197,15 +197,17 @@ def choose(
         u = pool.ids[k]
         if policy.key[r, u] == np.inf:
             continue
-        travel, back = nearer_end(u, state.rest[r], visits, policy, floor)
-        seconds = travel + visits.seconds[u] + 1e-9
-        score = policy.knobs[r, KNOB_TRAVEL] * travel / seconds
-        score += policy.knobs[r, KNOB_KEY] * policy.key[r, u]
+        score = policy.knobs[r, KNOB_KEY] * policy.key[r, u]
         score += policy.knobs[r, KNOB_STEP] * out_of_step(r, u, policy, pool)
         if score >= best:
             continue
         unit_box(state.rest[r], visits.boxes[u], box)
         if not is_clear(r, box, state, floor):
+            continue
+        travel, back = nearer_end(u, state.rest[r], visits, policy, floor)
+        seconds = travel + visits.seconds[u] + 1e-9
+        score += policy.knobs[r, KNOB_TRAVEL] * travel / seconds
+        if score >= best:
             continue
         lost = waste(r, u, travel, now, visits, floor, state, policy, pool)
         if lost > patience + policy.knobs[r, KNOB_WAIT] * seconds:

@@ -23,7 +23,7 @@ from decmcts.errors import InputError
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.distribution import PlanDistribution
-from decmcts.team.exchange import exchange
+from decmcts.team.exchange import exchange, exchange_jointly
 from decmcts.team.plans import POLICIES, encode, encode_serial
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
@@ -49,7 +49,7 @@ class Parameters:
     @staticmethod
     def for_contours(n: int) -> Parameters:
         """Return parameters that keep a round to about a second for a print of n contours."""
-        samples = int(np.clip(200_000 // max(n, 1), 4, 200))
+        samples = int(np.clip(100_000 // max(n, 1), 4, 200))
         updates = min(10, max(2, samples // 10))
         return Parameters(updates=updates, samples=max(2, samples // updates), renew=2)
 
@@ -130,6 +130,7 @@ class DecMcts:
         for _ in range(self.parameters.updates):
             for _ in range(self.parameters.samples):
                 self._sample(team)
+                self._improve(team)
             self._update(team)
         if self._rounds % self.parameters.renew == 1 or self.parameters.renew == 1:
             self._choose_plans()
@@ -145,6 +146,17 @@ class DecMcts:
             plan = exchange(self.problem, plan, self._rng)
         reward = self._scaled(self._utility(plan, others, team))
         self._tree.backup(child, reward)
+
+    def _improve(self, team: tuple[int, ...]) -> None:
+        """Try one exchange on the best joint plan known; a better one joins the tree."""
+        best = self.best(team)
+        plans = exchange_jointly(self.problem, best.plans, self._rng)
+        value = self._value(plans, team)
+        if self._best[team].makespan_s < best.makespan_s:
+            child = self._tree.expand(ROOT, plans[self.head])
+            rest = {r: plan for r, plan in plans.items() if r != self.head}
+            baseline = self._value(rest, tuple(rest))
+            self._tree.backup(child, self._scaled(value - baseline))
 
     def _child_plan(self, node: int) -> NDArray[np.int32]:
         """Return the plan of the next child: every policy at the root, then exchanges."""

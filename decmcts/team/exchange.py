@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,8 +21,10 @@ def exchange(
     if move < 0.1 or problem.n_macros == 0:
         policy = int(rng.integers(len(POLICIES)))
     elif move < 0.6 and len(macros) > 1:
+        macros = _shift_part(problem, macros, rng)
+    elif move < 0.75 and len(macros) > 1:
         macros = _shift(macros, rng)
-    elif move < 0.8 and len(macros) > 1:
+    elif move < 0.9 and len(macros) > 1:
         macros = _give_away(macros, rng)
     else:
         macros = _take_over(macros, problem.n_macros, rng)
@@ -41,6 +45,51 @@ def _shift(macros: NDArray[np.int32], rng: np.random.Generator) -> NDArray[np.in
     near = first + round(float(rng.normal(0.0, max(1.0, len(macros) / 8))))
     at = int(np.clip(near, 0, len(rest)))
     return np.insert(rest, at, macros[first:last])
+
+
+def _shift_part(
+    problem: TeamProblem, macros: NDArray[np.int32], rng: np.random.Generator
+) -> NDArray[np.int32]:
+    """Do all of a few parts earlier or later, by any share of the plan."""
+    parts = np.unique(problem.macro_part[macros])
+    chosen = rng.choice(parts, size=min(len(parts), 1 + int(rng.random() < 0.3)))
+    return _delay(problem, macros, chosen, rng.normal(0.0, 0.5, len(chosen)))
+
+
+def _delay(
+    problem: TeamProblem,
+    macros: NDArray[np.int32],
+    parts: NDArray[np.int64],
+    shares: NDArray[np.float64],
+) -> NDArray[np.int32]:
+    """Do each of `parts` later by its share of the plan (earlier if negative)."""
+    when = np.arange(len(macros), dtype=np.float64)
+    for part, share in zip(parts, shares, strict=True):
+        when[problem.macro_part[macros] == part] += share * len(macros)
+    return macros[np.argsort(when, kind="stable")]
+
+
+def exchange_jointly(
+    problem: TeamProblem, plans: Mapping[int, NDArray[np.int32]], rng: np.random.Generator
+) -> dict[int, NDArray[np.int32]]:
+    """Return the plans of all heads after one move of one head, or one they make together."""
+    move = rng.random()
+    if move < 0.4 or problem.n_macros == 0:
+        head = sorted(plans)[int(rng.integers(len(plans)))]
+        return {**plans, head: exchange(problem, plans[head], rng)}
+    intents = {r: decode(p, problem.n_macros, len(problem.macro)) for r, p in plans.items()}
+    policy = int(rng.integers(len(POLICIES))) if move < 0.5 else None
+    parts = np.unique(problem.macro_part)
+    chosen = rng.choice(parts, size=1 + int(rng.random() < 0.3))
+    shares = rng.normal(0.0, 0.5, len(chosen)) if policy is None else np.zeros(len(chosen))
+    return {
+        r: encode(
+            _delay(problem, intent.macros, chosen, shares),
+            intent.policy if policy is None else policy,
+            problem.n_macros,
+        )
+        for r, intent in intents.items()
+    }
 
 
 def _give_away(macros: NDArray[np.int32], rng: np.random.Generator) -> NDArray[np.int32]:

@@ -20,19 +20,23 @@ from numpy.typing import NDArray
 
 from decmcts.print.toolpath import Toolpath
 
-# waste, travel, key, alone, wait, step: see decmcts._kernels.dispatch
+# waste, travel, key, alone, wait, step: see decmcts._kernels.dispatch; then whether
+# the key is the work that must come after (1) or the progress of the part (0)
 POLICIES = np.array(
     [
-        [1.0, 1.0, 10.0, 1.0, 0.3, 10.0],
-        [1.0, 1.0, 1.0, 1.0, 1.0, 0.0],
-        [1.0, 1.0, 100.0, 1.0, 1.0, 100.0],
-        [1.0, 0.3, 10.0, 0.3, 0.3, 10.0],
-        [1.0, 0.3, 0.3, 1.0, 0.1, 0.0],
-        [3.0, 1.0, 10.0, 1.0, 0.3, 30.0],
-        [1.0, 1.0, 10.0, 1.0, 0.3, 0.0],
-        [1.0, 0.3, 10.0, 1.0, 0.1, 3.0],
+        [1.0, 1.0, 10.0, 1.0, 0.3, 10.0, 0.0],
+        [1.0, 1.0, 10.0, 1.0, 0.3, 10.0, 1.0],
+        [1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0],
+        [1.0, 1.0, 100.0, 1.0, 1.0, 100.0, 0.0],
+        [1.0, 1.0, 100.0, 1.0, 1.0, 100.0, 1.0],
+        [1.0, 0.3, 10.0, 0.3, 0.3, 10.0, 0.0],
+        [3.0, 1.0, 10.0, 1.0, 0.3, 30.0, 1.0],
+        [1.0, 1.0, 10.0, 1.0, 0.3, 0.0, 0.0],
+        [1.0, 1.0, 10.0, 3.0, 0.05, 0.0, 1.0],
+        [1.0, 0.3, 10.0, 1.0, 0.1, 3.0, 0.0],
     ]
 )
+BY_URGENCY = 6  # column of POLICIES
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.bound import work_behind
 from decmcts._kernels.schedule import Floor, Visits
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
@@ -39,7 +40,10 @@ class TeamProblem:
     place: NDArray[np.float64]  # (heads, n) where in a head's sweep along the rail, 0..1
     side: NDArray[np.int64]  # (n,) head that should print it; EITHER
     progress: NDArray[np.float64]  # (n,) share of its part's work before it
+    urgency: NDArray[np.float64]  # (n,) 0: most work must come after it, 1: none
+    part: NDArray[np.int64]  # (n,) connected footprint
     macro: NDArray[np.int32]  # (n,) macro-action of each contour, numbered by progress
+    macro_part: NDArray[np.int64]  # (n_macros,)
     n_macros: int
     digest: str
 
@@ -88,10 +92,23 @@ def build_team_problem(job: PrintJob, machine: Machine, graph: DependencyGraph) 
         _places(visits.seconds, space, pairing),
         side,
         progress,
+        _urgency(visits.seconds, graph),
+        part,
         macro,
+        _first_of(macro, part),
         int(macro.max(initial=-1)) + 1,
         problem_digest(job.contours, graph, machine),
     )
+
+
+def _first_of(macro: NDArray[np.int32], part: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the part of each macro-action, which lies within one part."""
+    return part[np.unique(macro, return_index=True)[1]]
+
+
+def _urgency(seconds: NDArray[np.float64], graph: DependencyGraph) -> NDArray[np.float64]:
+    behind = work_behind(seconds, graph.succ_offsets, graph.succs)
+    return np.asarray(1.0 - behind / max(float(behind.max(initial=0.0)), 1e-12))
 
 
 def _pairing(seconds: NDArray[np.float64], space: Space, heads: int) -> Pairing:

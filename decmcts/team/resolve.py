@@ -21,7 +21,7 @@ from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import share_out
 from decmcts.team.order import queues_of
-from decmcts.team.plans import POLICIES, Intent, decode
+from decmcts.team.plans import BY_URGENCY, POLICIES, Intent, decode
 from decmcts.team.problem import EITHER, TeamProblem
 from decmcts.team.space import require_printable
 
@@ -121,7 +121,9 @@ def _keys(
     for r in range(heads):
         later = shift[r] if r in intents else moved
         later = np.where((owner != r) & np.isfinite(rank).any(axis=0), moved + OTHERS, later)
-        keys[r] = problem.progress + later[problem.macro]
+        base = POLICIES[_policy_of(intents, r), BY_URGENCY]
+        keys[r] = problem.progress + base * (problem.urgency - problem.progress)
+        keys[r] += later[problem.macro]
         keys[r, ~eligible[:, r]] = np.inf
     return keys
 
