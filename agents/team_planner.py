@@ -25,7 +25,10 @@ class TeamPlanner:
     def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:
         """Build the problem of a pack and a planner for one head of it."""
         problem = build_team_problem(pack.job, pack.machine, pack.graph)
-        return TeamPlanner(problem, head, seed=seed)
+        planner = TeamPlanner(problem, head, seed=seed)
+        # Compiles the kernels of a round, if no cache has them, before the clock runs.
+        planner.best(range(len(planner.names)))
+        return planner
 
     def iterate(self, live: Sequence[int]) -> None:
         """Do one round of planning for the live heads."""
