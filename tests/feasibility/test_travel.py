@@ -129,6 +129,22 @@ def test_single_long_bead_is_exact_to_a_cell(oracle: Any) -> None:
                 assert oracle.hits(move, bead, needle, CLEARANCE_MM + 0.2 + 2.5 * 0.7072 * 0.5)
 
 
+@pytest.mark.parametrize("cell_mm", [0.25, 0.5, 2.0])
+def test_just_beside_a_bead_is_blocked(oracle: Any, cell_mm: float) -> None:
+    """A cell that a widened bead only grazes must still carry its height."""
+    rng = np.random.default_rng(4)
+    needle = pack_head(oracle.head_of((0.0, [oracle.box(-1e-6, -1e-6, 1e-6, 1e-6)])))
+    radius = CLEARANCE_MM + 0.2 - 1e-9
+    for _ in range(20):
+        bead = rng.uniform(0.0, 60.0, (2, 3))
+        field = full_field(oracle.make_contours([bead.tolist()]), cell_mm)
+        along = (bead[1, :2] - bead[0, :2]) / np.linalg.norm(bead[1, :2] - bead[0, :2])
+        for share, side in zip(rng.random(40), rng.choice([-1, 1], 40), strict=True):
+            beside = bead[0, :2] + share * (bead[1, :2] - bead[0, :2])
+            x, y = beside + side * radius * np.array([-along[1], along[0]])
+            assert travel_height(field, needle, x, y, x, y) == bead[:, 2].max()
+
+
 def two_walls(oracle: Any) -> Contours:
     """A wall 10 mm high at x = 0 and a first layer on both sides of it."""
     return oracle.make_contours(
