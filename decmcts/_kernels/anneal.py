@@ -27,9 +27,11 @@ from decmcts._kernels.moves import (
     turned_entry,
 )
 from decmcts._kernels.random import below, length_up_to, uniform
+from decmcts._kernels.sift import try_sift
 
 LONGEST_TURN = 50  # longer segments rarely turn: some edge lies inside
-SWAP, TURN, CARRY, NOTHING = 0, 1, 2, 3
+SWAP, TURN, CARRY, SIFT, NOTHING = 0, 1, 2, 3, 4
+SIFT_ONE_IN = 16  # a sift costs some twenty exchanges
 
 
 @kernel
@@ -59,6 +61,8 @@ def propose_follow(
         room = at - p if at > p else at + 1
         first = at + 1 - length_up_to(state, min(room, LONGEST_TURN))
         return TURN if first == p + 1 else CARRY, first, at + 1, p
+    if below(state, SIFT_ONE_IN) == 0:
+        return SIFT, p, at, 0
     room = n - at if at > p else p - at
     length = length_up_to(state, room)
     if at > 0 and below(state, 2) == 0:
@@ -151,6 +155,8 @@ def anneal(
         elif kind == CARRY:
             change = carry_change(ports, order, flip, after, turns, i, j, k)
             change = commit_carry(tour, i, j, k, change, slack) if change <= slack else 0.0
+        elif kind == SIFT:
+            change = try_sift(tour, i, j, slack)
         if change != 0.0:
             total += change
             taken += 1

@@ -42,6 +42,7 @@ class Tour(NamedTuple):
     flip: NDArray[np.uint8]  # (n,) by contour
     after: NDArray[np.float64]  # (n,) by contour: travel to the next one, 0 for the last
     scratch: NDArray[np.int32]  # (n,)
+    mark: NDArray[np.bool_]  # (n,) all False between moves
 
 
 @kernel

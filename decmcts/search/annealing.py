@@ -52,6 +52,7 @@ def tour_of(
         incumbent.flip.copy(),
         np.zeros(n),
         np.empty(n, np.int32),
+        np.zeros(n, np.bool_),
     )
     refresh(tour, 0, n)
     return tour

@@ -11,6 +11,7 @@ from decmcts._kernels.anneal import anneal
 from decmcts._kernels.descent import descend
 from decmcts._kernels.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
 from decmcts._kernels.random import seeded
+from decmcts._kernels.sift import try_sift
 from decmcts._kernels.tour import respects, tour_cost
 from decmcts.search.annealing import tour_of
 from decmcts.search.incumbent import Incumbent
@@ -99,3 +100,22 @@ def test_descent_ends_where_a_second_one_finds_nothing(seed: int, n: int) -> Non
     assert after == pytest.approx(before + total, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
     assert not tour.flip[~problem.reversible].any()
+
+
+@settings(max_examples=80, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), density=st.sampled_from([0.02, 0.1, 0.3]))
+def test_a_sift_makes_one_contour_follow_another_feasibly(seed: int, density: float) -> None:
+    """It carries dependent contours along, so nothing checks its feasibility afterwards."""
+    problem = random_problem(seed, 25, density=density)
+    tour = fresh_tour(problem)
+    p, at = np.random.default_rng(seed).choice(25, 2, replace=False).tolist()
+    if at == p + 1:
+        return
+    leader, follower = tour.order[p], tour.order[at]
+    before = tour_cost(tour.ports, tour.order, tour.flip)
+    change = try_sift(tour, p, at, 1e9)
+    assert respects(tour.order, tour.succ_offsets, tour.succs)
+    assert not tour.mark.any()
+    assert tour_cost(tour.ports, tour.order, tour.flip) == pytest.approx(before + change)
+    if (tour.order != np.arange(25)).any():
+        assert tour.position[follower] == tour.position[leader] + 1
