@@ -156,10 +156,13 @@ class Oracle:
     box: Callable[..., NDArray[np.float64]]
     slow_closure: Callable[..., NDArray[np.bool_]]
     hits: Callable[..., bool]
+    blocks: Callable[..., bool]
     segments: Callable[..., list[NDArray[np.float64]]]
     heads: dict[str, Head]
 
 
 @pytest.fixture(scope="session")
 def oracle() -> Oracle:
-    return Oracle(make_contours, random_print, head_of, box, slow_closure, hits, segments, HEADS)
+    return Oracle(
+        make_contours, random_print, head_of, box, slow_closure, hits, blocks, segments, HEADS
+    )

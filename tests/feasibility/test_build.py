@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,8 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.feasibility.build import _build, build_graph, closure_of, explain
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.machine_file import load_machine
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Slice
 
@@ -236,3 +240,27 @@ def test_empty_and_single(oracle: Any) -> None:
     assert build_graph(oracle.make_contours([]), [oracle.heads["box"]], clearance_mm=0.0).n == 0
     one = oracle.make_contours([[(0, 0, 0.2), (0, 0, 0.2)]])
     assert build_graph(one, [oracle.heads["box"]], clearance_mm=0.0).n_edges == 0
+
+
+CORPUS = Path(
+    os.environ.get("DECMCTS_CORPUS", Path(__file__).resolve().parents[2].parent / "shared")
+)
+
+
+@pytest.mark.shared
+@pytest.mark.slow
+@pytest.mark.skipif(not CORPUS.is_dir(), reason=f"no corpus of real prints at {CORPUS}")
+@pytest.mark.parametrize("machine", ["paper", "mk4s"])
+def test_samples_of_a_real_print_equal_the_definition(oracle: Any, machine: str) -> None:
+    """On a real print every stored edge is real and no sampled requirement is missing."""
+    job, _ = read_gcode(CORPUS / "models" / "gcode" / "teaset_chess_7.gcode.gz")
+    contours, head = job.contours, load_machine(machine).heads[0]
+    graph = build_graph(contours, [head], clearance_mm=0.0)
+    closure = as_matrix(graph)
+    rng = np.random.default_rng(0)
+    geometry = graph.pairs()[graph.kinds == EdgeKind.GEOMETRY]
+    for a, b in rng.choice(geometry, 10):
+        assert oracle.blocks(contours, b, a, head, 1e-9)
+    free = np.argwhere(np.tril(~closure, -1))
+    for b, a in rng.choice(free, 30):
+        assert not oracle.blocks(contours, b, a, head, -1e-9)
