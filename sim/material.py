@@ -111,7 +111,27 @@ def find_contacts(
         return []
     order = np.argsort(beads.since, kind="stable")
     parts = parts_of(head)
-    found, total = _candidates(moves, beads, order, parts, tolerance_mm)
+    size = FIRST
+    while True:
+        found, total = _candidates(moves, beads, order, parts, tolerance_mm, size)
+        contacts = _judge_all(moves, beads, order, parts, found, tolerance_mm, limit)
+        if contacts or total <= size:
+            return contacts
+        if size >= MOST:
+            raise UndecidedError(f"over {size} near misses of head and material, too many to judge")
+        size = min(16 * size, MOST)
+
+
+def _judge_all(
+    moves: NDArray[np.float64],
+    beads: Beads,
+    order: NDArray[np.int64],
+    parts: list[Part],
+    found: NDArray[np.int64],
+    tolerance_mm: float,
+    limit: int,
+) -> list[Contact]:
+    """Return what FCL confirms of the candidates, one contact a move, at most `limit`."""
     contacts: dict[int, Contact] = {}
     for move, at, part in found.tolist():
         if len(contacts) >= limit:
@@ -120,8 +140,6 @@ def find_contacts(
             contact = _judge(moves[move], beads, int(order[at]), parts[part], tolerance_mm)
             if contact is not None:
                 contacts[move] = Contact(move, *contact)
-    if total > len(found) and not contacts:
-        raise UndecidedError(f"{total} near misses of head and material, too many to judge")
     return list(contacts.values())
 
 
@@ -131,10 +149,11 @@ def _candidates(
     order: NDArray[np.int64],
     parts: list[Part],
     tolerance_mm: float,
+    size: int,
 ) -> tuple[NDArray[np.int64], int]:
     """Return rows (move, position in `order`, part) that FCL has to look at, and their number.
 
-    Rows beyond the first sixteen million are only counted.
+    With more than `size` the search stops there and the number is above `size`.
     """
     rows = _rectangles(beads, order)
     upto = np.searchsorted(beads.since[order], np.arange(len(moves)), side="right")
@@ -145,13 +164,10 @@ def _candidates(
     low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
     shape = (np.ceil((high - low) / raster.CELL_MM) + 1).astype(np.int64)
     entries = raster.count_entries(rows, low, shape)
-    moves, size = np.ascontiguousarray(moves, np.float64), FIRST
-    while True:
-        found = np.empty((size, 3), np.int64)
-        n = raster.scan(moves, upto, rows, packed, low, shape, entries, found)
-        if n <= size or size == MOST:
-            return found[:n], n
-        size = min(n, MOST)
+    found = np.empty((size, 3), np.int64)
+    moves = np.ascontiguousarray(moves, np.float64)
+    n = int(raster.scan(moves, upto, rows, packed, low, shape, entries, found))
+    return found[: min(n, size)], n
 
 
 def _rectangles(beads: Beads, order: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -223,8 +223,8 @@ def scan(
 ) -> int:  # fmt: skip
     """Grow the material move by move and collect what each move may touch.
 
-    Writes rows (move, bead, part) into `found` and returns how many there are;
-    a number above len(found) means that the rest was only counted.
+    Writes rows (move, bead, part) into `found` and returns how many there are; it
+    stops at the first move for which there is no more room, and returns more than that.
 
     Parameters
     ----------
@@ -246,6 +246,8 @@ def scan(
     planes = np.empty((len(xy) + 2, 3))
     used, grown, n, highest = 0, 0, 0, -np.inf
     for m in range(len(moves)):
+        if n > len(found):
+            break
         while grown < upto[m]:
             used = insert_bead(grown, beads[grown], grid, shape, lists, peaks, used)
             highest = max(highest, beads[grown, 6])
