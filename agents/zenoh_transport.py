@@ -65,13 +65,19 @@ def configuration(endpoints: Endpoints) -> zenoh.Config:
         "mode": "peer",
         "listen/endpoints": [endpoints.listen],  # default: all interfaces
         "connect/endpoints": list(endpoints.connect),
-        "connect/timeout_ms": 0,  # do not wait for peers that start later, ...
+        # Peers may start later: keep trying, in the background. With a timeout
+        # of 0 zenoh tries once and never again.
+        "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
-        "connect/retry": {  # ... keep trying in the background
+        "connect/retry": {
             "period_init_ms": 50,
             "period_max_ms": 500,
             "period_increase_factor": 2,
         },
+        # A stopped process still accepts TCP: give its handshake up after a lease
+        # too (default 10 s), or closing waits for it.
+        "transport/unicast/open_timeout": LEASE_MS,
+        "transport/unicast/accept_timeout": LEASE_MS,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/protocols": ["tcp"],

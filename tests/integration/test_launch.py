@@ -6,16 +6,22 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import msgpack
 import numpy as np
 import pytest
+import zenoh
 
-from agents.spawn import Agreement, run_agents
+from agents.codec import MAX_MESSAGE_BYTES
+from agents.keys import Keys
+from agents.spawn import Agreement, free_ports, run_agents
 from agents.supervisor import AgentStatus, LaunchError
+from agents.zenoh_transport import Endpoints, configuration
 from tests.agents.toy import load_balance
 
 TOY = (sys.executable, str(Path(__file__).with_name("toy_agent.py")))
@@ -89,6 +95,59 @@ def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.Monk
     assert_complete(agreement)
     with pytest.raises(ProcessLookupError):
         os.kill(saboteur.pids[0], 0)
+
+
+def test_an_agent_told_to_end_says_goodbye_and_the_rest_go_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """SIGTERM is a leave, not a crash."""
+    saboteur = Saboteur(1, signal.SIGTERM)
+    agreement = run(
+        "left,right",
+        monkeypatch,
+        time_limit_s=1.0,
+        on_progress=saboteur.on_progress,
+        on_start=saboteur.on_start,
+    )
+    assert agreement.live == (0,)
+    assert_complete(agreement)
+
+
+def shout(ports: Sequence[int], session: str, ended: threading.Event) -> None:
+    """Be a hostile neighbour: garbage, forgeries and giants under both heads' keys."""
+    rng = np.random.default_rng(3)
+    stranger = Endpoints(
+        f"tcp/127.0.0.1:{free_ports(1)[0]}", tuple(f"tcp/127.0.0.1:{port}" for port in ports)
+    )
+    config = configuration(stranger)
+    giant = bytes(MAX_MESSAGE_BYTES + 100_000)
+    with zenoh.open(config) as hostile:
+        while not ended.wait(0.02):
+            for head in (0, 1, 77):
+                key = Keys(session).message(head, "commit")
+                hostile.put(key, rng.bytes(int(rng.integers(0, 2000))))
+                hostile.put(key, msgpack.packb(["commit", head, 1, 2, [0, 1], "zz", 9, 1, [0]]))
+                hostile.put(key.replace("commit", "proposal"), b"\xdd\xff\xff\xff\xff")
+            hostile.put(Keys(session).message(0, "reply"), giant)
+
+
+def test_malformed_and_oversized_messages_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever shares the bus must not stop a print."""
+    ports, ended = free_ports(2), threading.Event()
+    monkeypatch.setattr("agents.spawn.free_ports", lambda n: ports)
+    monkeypatch.setattr("agents.spawn.secrets.token_hex", lambda n: "known")
+    neighbour = threading.Thread(target=shout, args=(ports, "known", ended))
+    neighbour.start()
+    try:
+        agreement = run("left,right", monkeypatch, time_limit_s=1.5)
+    finally:
+        ended.set()
+        neighbour.join()
+    assert agreement.live == (0, 1)
+    assert_complete(agreement)
+    dropped = agreement.agents[0].dropped
+    assert dropped["malformed message of head 1"] > 20
+    assert dropped["bad key"] > 10
 
 
 class Sleeper(Saboteur):

@@ -124,6 +124,16 @@ def test_sessions_of_other_names_do_not_mix() -> None:
         assert first.receive(0.5) == []
 
 
+def test_a_peer_that_starts_later_is_still_connected_to() -> None:
+    """With a connect timeout of 0 zenoh tries once and never again."""
+    a, b = endpoints()
+    silent = Endpoints(b.listen, ())  # leaves the connecting to the other side
+    with ZenohTransport("t", 0, 1, a) as first:
+        assert first.receive(0.3) == []
+        with ZenohTransport("t", 1, 1, silent):
+            until(first, Presence(1, 1, True))
+
+
 def test_a_closed_session_is_seen_to_leave() -> None:
     """The others re-assign its work at once."""
     a, b = endpoints()
