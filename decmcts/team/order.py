@@ -88,9 +88,12 @@ def require_complete(
     require_printable(job.contours, machine, space.eligible)
     order = np.concatenate([toolpath.order for toolpath in toolpaths])
     counts = np.bincount(order, minlength=len(job.contours))
-    if len(counts) > len(job.contours) or (counts != 1).any():
-        wrong = int(np.flatnonzero(counts != 1)[0])
-        raise InputError(f"contour {wrong} is printed {counts[wrong]} times, expected once")
+    wanted = np.arange(len(counts)) < len(job.contours)
+    if (counts != wanted).any():
+        wrong = int(np.flatnonzero(counts != wanted)[0])
+        raise InputError(
+            f"contour {wrong} is printed {counts[wrong]} times, expected {int(wanted[wrong])}"
+        )
     for r, toolpath in enumerate(toolpaths):
         refused = toolpath.order[~space.eligible[toolpath.order, r]]
         if len(refused):
