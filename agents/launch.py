@@ -20,7 +20,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.problem import build_team_problem
+from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve
 
 
@@ -46,16 +46,8 @@ def launch(
 ) -> LaunchResult:
     """Plan a print by one process per head of the machine.
 
-    Parameters
-    ----------
-    job, machine, graph : PrintJob, Machine, DependencyGraph
-        The print; written to a temporary folder for the agents.
-    time_limit_s : float
-        Seconds of planning, counted from when every agent is ready.
-    seed : int
-        Of the agents' searches; each head derives its own.
-    on_progress, on_start, should_stop : callable, optional
-        See `run_agents`.
+    The print goes to the agents in a temporary folder; callbacks and limits are
+    those of `run_agents`.
 
     Raises
     ------
@@ -65,11 +57,10 @@ def launch(
         If no head can print some contour.
     """
     problem = build_team_problem(job, machine, graph)
-    names = [head.name for head in machine.heads]
     with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
         write_pack(Pack(job, machine, graph), Path(folder))
         agreement = run_agents(
-            names,
+            problem.head_names,
             ["--pack", folder, "--expect", problem.digest],
             time_limit_s=time_limit_s,
             seed=seed,
@@ -77,12 +68,16 @@ def launch(
             on_start=on_start,
             should_stop=should_stop,
         )
+    return _checked(problem, agreement)
+
+
+def _checked(problem: TeamProblem, agreement: Agreement) -> LaunchResult:
+    """Resolve the agreed plan once more, here."""
     resolved = resolve(problem, agreement.plans, agreement.live)
     if resolved.digest != agreement.digest:
-        raise LaunchError(
-            f"the agreed plan {agreement.digest[:12]} resolves to {resolved.digest[:12]} here"
-        )
-    return LaunchResult(agreement, tuple(resolved.toolpaths), problem.digest)
+        agreed, here = agreement.digest[:12], resolved.digest[:12]
+        raise LaunchError(f"the agreed plan {agreed} resolves to {here} here")
+    return LaunchResult(agreement, resolved.toolpaths, problem.digest)
 
 
 def main() -> None:

@@ -60,32 +60,18 @@ def run_agents(
 ) -> Agreement:
     """Run one agent process per head and return what they agreed on.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the heads.
-    arguments : sequence of str
-        Passed to every agent, e.g. `--pack DIR`.
-    command : sequence of str
-        The agent's program.
-    on_progress : callable, optional
-        Told the status of all agents whenever something was heard.
-    on_start : callable, optional
-        Told the process id of every head.
-    should_stop : callable, optional
-        Asked ten times a second whether to agree on the best so far.
-
-    Raises
-    ------
-    LaunchError
-        If there is no plan.
+    Every agent runs `command` with `arguments`, e.g. `--pack DIR`, and its own
+    place in the team. `time_limit_s` counts from when all agents are ready;
+    `on_progress` is told the status of all whenever something was heard,
+    `on_start` the process ids, and `should_stop` is asked ten times a second
+    whether to agree on the best so far. Raises LaunchError if there is no plan.
     """
     heard: queue.Queue[Said] = queue.Queue()
-    shared = [*arguments, *_shared_arguments(len(names), time_limit_s, seed)]
+    shared = [*command, *arguments, *_shared_arguments(len(names), time_limit_s, seed)]
     agents: dict[int, AgentProcess] = {}
     try:
         for head in range(len(names)):
-            agents[head] = AgentProcess(head, [*command, *shared, "--head", str(head)], heard)
+            agents[head] = AgentProcess(head, [*shared, "--head", str(head)], heard)
         if on_start is not None:
             on_start({head: agent.pid for head, agent in agents.items()})
         supervisor = Supervisor(

@@ -41,6 +41,7 @@ def test_options_are_read() -> None:
     assert options.epoch > 1_700_000_000_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "line"),
     [
