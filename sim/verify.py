@@ -18,13 +18,14 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
+from sim.epochs import check_epochs, check_file_epochs
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.growth import beads_for, moves_of
 from sim.inventory import compare, contour_segments, match_segments
 from sim.material import UndecidedError, find_contacts
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
-from sim.printed_file import Motions, beads_of, moves_array, moving, segments_of
+from sim.printed_file import Motions, beads_of, laying_moves, moves_array, moving, segments_of
 from sim.replay import (
     Meeting,
     arrivals_of,
@@ -89,6 +90,7 @@ def verify_plan(
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
         faults += check_precedence(document, lanes, order)
+        faults += check_epochs(document.contours, lanes, order)
         faults += check_times(lanes)
         faults += _or_undecided(lambda: check_material(document, lanes, order, counts))
         faults += check_heads(document, lanes, order)
@@ -98,7 +100,9 @@ def verify_plan(
     return Verdict(tuple(faults), counts)
 
 
-def verify_motions(motions: Motions, source: Motions, machine: Machine) -> Verdict:
+def verify_motions(
+    motions: Motions, source: Motions, machine: Machine, *, job: PrintJob | None = None
+) -> Verdict:
     """Check a one-head G-code file against the file it was made from.
 
     Every extrusion of the source once, with its E and feed, nothing else; and
@@ -110,11 +114,17 @@ def verify_motions(motions: Motions, source: Motions, machine: Machine) -> Verdi
         Every move of the two files in their order.
     machine : Machine
         Its first head is moved.
+    job : PrintJob | None
+        The source's print; when given, nothing may have moved across its barriers.
     """
     started = time.perf_counter()
     ours, theirs = segments_of(motions), segments_of(source)
     match = match_segments(ours, theirs)
     faults = compare(ours, theirs, match)
+    if job is not None and len(job.contours):
+        contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
+        epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
+        faults += check_file_epochs(ours.place, match, epoch)
     faults += _or_undecided(lambda: _check_file_material(motions, match, machine))
     counts = {
         "moves": float(len(motions.line)),

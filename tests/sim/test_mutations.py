@@ -192,6 +192,29 @@ def test_cross_head_precedence_needs_an_after(make):
     assert kinds(make.edited(replace(document, precedence=pairs), 1, wait)) == set()
 
 
+def test_a_barrier_holds_without_any_pair(make):
+    """What no contour may be moved across is checked from the epochs, not from the plan's pairs."""
+    document = make.two_head_plan(meet=False)
+    epoch = np.zeros(8, np.int32)
+    epoch[[2, 3, 7]] = 1  # left prints 0..3, right 4..7
+    document = replace(document, contours=replace(document.contours, epoch=epoch))
+    assert kinds(document) == {K.PRECEDENCE}
+
+    def wait_for(other, action, at):
+        def change(rows):
+            rows[at]["after"] = [(other, action)]
+            rows[at:] = [
+                {**row, "begin_s": row["begin_s"] + 9, "end_s": row["end_s"] + 9}
+                for row in rows[at:]
+            ]
+
+        return change
+
+    document = make.edited(document, 0, wait_for(1, 5, 4))
+    assert kinds(document) == {K.PRECEDENCE}
+    assert kinds(make.edited(document, 1, wait_for(0, 3, 6))) == set()
+
+
 def test_two_heads_waiting_for_each_other(make):
     """A cycle through both heads never ends; it is named, not run into."""
     document = make.two_head_plan(meet=False)

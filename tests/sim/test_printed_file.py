@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from decmcts.print.job import PrintJob
 from sim.faults import FaultKind as K
 from sim.verify import verify_motions
 
@@ -146,3 +147,14 @@ def test_a_file_without_any_contour(make):
     empty = file_of([])
     source = file_of([make.square(20.0, 20.0, 0.2)])
     assert kinds(make, empty, source) == {K.MISSING, K.E_TOTAL}
+
+
+def test_nothing_moves_across_a_barrier(make, towers):
+    """A file whose order is safe for the head may still break a temperature change."""
+    source = file_of(towers)
+    swapped = file_of([towers[i] for i in (1, 0, 2, 3, 4, 5, 6, 7)])
+    contours = make.contours_of(towers)
+    for at, due in ((1, {K.PRECEDENCE}), (2, set())):
+        epoch = (np.arange(8) >= at).astype(np.int32)
+        job = PrintJob("source", replace(contours, epoch=epoch))
+        assert verify_motions(swapped, source, make.one_head_machine(), job=job).kinds() == due
