@@ -25,18 +25,3 @@ def conflicts(u: NDArray[np.float64], v: NDArray[np.float64], gap: NDArray[np.fl
     if u[1] + gap[0] <= v[0] + TOUCH or v[1] + gap[1] <= u[0] + TOUCH:
         return False
     return not (u[3] + gap[2] <= v[2] + TOUCH or v[3] + gap[3] <= u[2] + TOUCH)
-
-
-@kernel
-def extend(
-    box: NDArray[np.float64],
-    x: float,
-    y: float,
-    reach: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    """Write to `out` the hull of `box` and the points (x, y) and (reach[0], reach[1])."""
-    out[0] = min(box[0], x, reach[0])
-    out[1] = max(box[1], x, reach[0])
-    out[2] = min(box[2], y, reach[1])
-    out[3] = max(box[3], y, reach[1])

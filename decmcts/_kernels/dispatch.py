@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.conflict import conflicts
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.schedule import (
+from decmcts._kernels.units import (
     NONE,
     NOT_YET,
     OK,

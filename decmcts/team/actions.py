@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.schedule import UNIT_PARK, UNIT_PRINT, Visits, earliest
+from decmcts._kernels.partial_order import earliest
+from decmcts._kernels.units import UNIT_PARK, UNIT_PRINT, Visits
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine

@@ -49,7 +49,7 @@ class Parameters:
     @staticmethod
     def for_contours(n: int) -> Parameters:
         """Return parameters that keep a round to about a second for a print of n contours."""
-        samples = int(np.clip(100_000 // max(n, 1), 4, 200))
+        samples = int(np.clip(60_000 // max(n, 1), 4, 200))
         updates = min(10, max(2, samples // 10))
         return Parameters(updates=updates, samples=max(2, samples // updates), renew=2)
 

@@ -1,6 +1,6 @@
 """The partial order of a joint plan: units, what each must wait for, what comes later.
 
-Front of `decmcts._kernels.schedule`: validates sequences and turns a replay
+Front of `decmcts._kernels.schedule` and `.partial_order`: validates sequences and turns a replay
 into arrays over units. Paths and exact times are `decmcts.team.schedule`'s.
 """
 
@@ -12,7 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.schedule import STUCK, Floor, Queues, Visits, after_edges, first_later, replay
+from decmcts._kernels.partial_order import after_edges, first_later
+from decmcts._kernels.schedule import Queues, replay
+from decmcts._kernels.units import STUCK, Floor, Visits
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.bound import work_behind
-from decmcts._kernels.schedule import Floor, Visits
+from decmcts._kernels.units import Floor, Visits
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.dispatch import Policy, dispatch
-from decmcts._kernels.schedule import OK, Units, replay
+from decmcts._kernels.schedule import replay
+from decmcts._kernels.units import OK, Units
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import share_out
@@ -81,8 +82,9 @@ def _dispatched(
 ) -> Resolved | None:
     """Let the heads choose by their plans; None if they got stuck."""
     contours = problem.job.contours
+    together = eligible.any(axis=0).sum() > 1
     policy = Policy(
-        problem.price,
+        problem.price if together else np.zeros_like(problem.price),  # alone nothing is wasted
         problem.place,
         _keys(problem, intents, eligible),
         contours.reversible & ~contours.closed,
