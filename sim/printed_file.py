@@ -2,45 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.gcode import Motions
 from sim.inventory import Segments, move_segments
 from sim.material import Beads
-
-
-class Motions(Protocol):
-    """Every move of a file in its order; see `decmcts.formats.gcode.read_motions`."""
-
-    @property
-    def points(self) -> NDArray[np.float64]:
-        """Positions, (m + 1, 3)."""
-
-    @property
-    def extrusion(self) -> NDArray[np.float64]:
-        """Filament of each move in mm, (m,)."""
-
-    @property
-    def feed(self) -> NDArray[np.float64]:
-        """Speed of each move in mm/s, (m,)."""
-
-    @property
-    def line(self) -> NDArray[np.int32]:
-        """Source line of each move, (m,)."""
-
-    @property
-    def contour(self) -> NDArray[np.int32]:
-        """Contour each move is part of, negative when none, (m,)."""
-
-    @property
-    def width(self) -> NDArray[np.float64]:
-        """Bead width of each move in mm, (m,)."""
-
-    @property
-    def height(self) -> NDArray[np.float64]:
-        """Bead height of each move in mm, (m,)."""
 
 
 def laying_moves(motions: Motions) -> NDArray[np.int64]:

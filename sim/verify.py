@@ -14,6 +14,7 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
@@ -25,7 +26,7 @@ from sim.inventory import compare, contour_segments, match_segments
 from sim.material import UndecidedError, find_contacts
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
-from sim.printed_file import Motions, beads_of, laying_moves, moves_array, moving, segments_of
+from sim.printed_file import beads_of, laying_moves, moves_array, moving, segments_of
 from sim.replay import (
     Meeting,
     arrivals_of,

@@ -20,6 +20,7 @@ from typing import Annotated
 
 import typer
 
+from agents.supervisor import LaunchError
 from decmcts import __version__
 from decmcts.errors import InputError, VerificationError
 
@@ -102,7 +103,7 @@ def run(arguments: list[str]) -> int:
         app(args=arguments, prog_name="decmcts")
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else 0
-    except (InputError, VerificationError) as error:
+    except (InputError, VerificationError, LaunchError) as error:
         return _failed(error, 2 if isinstance(error, InputError) else 1)
     except KeyboardInterrupt:
         err.print("decmcts: stopped; nothing was written")

@@ -11,11 +11,15 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app, guess_machine
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
+from decmcts.feasibility.digest import problem_digest
+from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
+from decmcts.print.plan import PlanDocument
 from sim.pictures import draw_machine
-from sim.verify import Verdict, verify_motions, verify_plan
+from sim.faults import Verdict
+from sim.verify import verify_motions, verify_plan
 
 
 @app.command()
@@ -54,11 +58,19 @@ def judge(
     if result.name.endswith((".json", ".json.gz")):
         document = read_plan(result)
         job = read_gcode(source)[0] if source is not None else None
-        return verify_plan(document, source=job, trials=trials, seed=seed)
+        digest = digest_of(document)
+        return verify_plan(document, source=job, digest=digest, trials=trials, seed=seed)
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
     chosen = load_machine(machine or guess_machine(source) or "paper")
-    return verify_motions(read_motions(result), read_motions(source), chosen)
+    job = read_gcode(source)[0]
+    return verify_motions(read_motions(result), read_motions(source), chosen, job=job)
+
+
+def digest_of(document: PlanDocument) -> str:
+    """Return the digest the document's own contours, order and machine have."""
+    graph = DependencyGraph.from_pairs(len(document.contours), document.precedence)
+    return problem_digest(document.contours, graph, document.machine)
 
 
 @app.command()

@@ -29,7 +29,8 @@ from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.metrics import plan_metrics
 from decmcts.team.schedule import schedule
-from sim.verify import Verdict, verify_plan
+from sim.faults import Verdict
+from sim.verify import verify_plan
 
 Announce = Callable[[str], None]
 

@@ -72,6 +72,8 @@ def run_team(
         alone = plan_alone(loaded, time_limit_s=min(10.0, time_limit_s / 3), seed=seed)
     started = time.perf_counter()
     result = _planned_by_agents(loaded, time_limit_s, seed, quiet=quiet)
+    for lost in (a for a in result.agreement.agents if a.phase == "lost"):
+        err.print(f"head {lost.name} was lost ({lost.note}); the plan does without it")
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     with steps(quiet=quiet) as (announce, _):
         announce("safe travels, times and order across heads")
@@ -87,7 +89,10 @@ def _planned_by_agents(
     loaded: Loaded, time_limit_s: float, seed: int, *, quiet: bool
 ) -> LaunchResult:
     """Run the agents with a live table of what each is doing."""
-    with interrupt_stops(), Live(console=err, transient=True, refresh_per_second=4) as live:
+    with (
+        interrupt_stops() as stopped,
+        Live(console=err, transient=True, refresh_per_second=4) as live,
+    ):
 
         def show(agents: tuple[AgentStatus, ...]) -> None:
             if not quiet:
@@ -100,6 +105,7 @@ def _planned_by_agents(
             time_limit_s=time_limit_s,
             seed=seed,
             on_progress=show,
+            should_stop=stopped,
         )
 
 
