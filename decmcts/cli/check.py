@@ -17,8 +17,8 @@ from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import PlanDocument
-from sim.pictures import draw_machine
 from sim.faults import Verdict
+from sim.pictures import draw_machine
 from sim.verify import verify_motions, verify_plan
 
 
