@@ -36,16 +36,18 @@ def _improve_turns(tour: Tour, p: int, at: int) -> float:
     after, turns = tour.after, tour.turns
     if p < at <= p + LONGEST_TURN:
         change = turn_change(ports, order, flip, after, turns, p + 1, at + 1)
-        change = commit_turn(tour, p + 1, at + 1, change, _GAIN)
-        if change < 0.0:
-            return change
+        if change < _GAIN:
+            change = commit_turn(tour, p + 1, at + 1, change, _GAIN)
+            if change < 0.0:
+                return change
     room = at - p - 1 if at > p else at + 1
     for length in range(1, min(room, LONGEST_TURN) + 1):
         first = at + 1 - length
         change = carry_change(ports, order, flip, after, turns, first, at + 1, p)
-        change = commit_carry(tour, first, at + 1, p, change, _GAIN)
-        if change < 0.0:
-            return change
+        if change < _GAIN:
+            change = commit_carry(tour, first, at + 1, p, change, _GAIN)
+            if change < 0.0:
+                return change
     return 0.0
 
 

@@ -53,8 +53,6 @@ class Local:
         state: NDArray[np.uint64],
         rounds: tuple[float, ...],
     ) -> None:
-        if descend_fully(incumbent, tour_of(incumbent, near)):
-            return
         for until in rounds:
             mean = incumbent.cost_mm / len(incumbent.problem)
             if mean == 0.0:
@@ -63,5 +61,4 @@ class Local:
             cooling = Cooling(self.hot * mean, self.cold * mean)
             if anneal_until(incumbent, tour, state, cooling, until):
                 return
-            if descend_fully(incumbent, tour):
-                return
+        descend_fully(incumbent, tour_of(incumbent, near))
