@@ -26,11 +26,14 @@ def share_out(
     return head
 
 
-def one_head_toolpaths(job: PrintJob, machine: Machine, toolpath: Toolpath) -> list[Toolpath]:
+def one_head_toolpaths(
+    job: PrintJob, machine: Machine, toolpath: Toolpath, *, live: Sequence[int] | None = None
+) -> list[Toolpath]:
     """Return the toolpaths, one per head, in which one head prints what it can in this order.
 
     The head that may print most does so; contours it can not print go to another.
-    `schedule` then prints them one head at a time where they depend or conflict.
+    `schedule` then prints them one head at a time where they depend or conflict. `live`
+    names the heads that may be used, by default all.
 
     Raises
     ------
@@ -38,9 +41,11 @@ def one_head_toolpaths(job: PrintJob, machine: Machine, toolpath: Toolpath) -> l
         If no head may print some contour.
     """
     eligible = build_space(job.contours, machine).eligible
-    require_printable(job.contours, machine, eligible)
     heads = range(len(machine.heads))
-    head = share_out(toolpath.order, eligible, heads)
+    usable = tuple(heads) if live is None else tuple(live)
+    eligible = eligible & np.isin(heads, usable)
+    require_printable(job.contours, machine, eligible)
+    head = share_out(toolpath.order, eligible, usable)
     return [
         Toolpath(toolpath.order[head == r], toolpath.reversed[head == r], toolpath.entry[head == r])
         for r in heads

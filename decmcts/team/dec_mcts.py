@@ -78,7 +78,7 @@ class DecMcts:
         self._best: dict[tuple[int, ...], Proposal] = {}
         self._known: dict[tuple[tuple[int, ...], bytes], float] = {}
         self._beta = self.parameters.beta
-        self._rounds = 0
+        self._rounds = self._tried = 0
         self._range = (np.inf, -np.inf)
         default = encode(problem.sides_of(head), 0, problem.n_macros)
         self._tree = self._new_tree(default)
@@ -150,13 +150,21 @@ class DecMcts:
     def _improve(self, team: tuple[int, ...]) -> None:
         """Try one exchange on the best joint plan known; a better one joins the tree."""
         best = self.best(team)
-        plans = exchange_jointly(self.problem, best.plans, self._rng)
+        plans = self._next_joint(team, best)
         value = self._value(plans, team)
         if self._best[team].makespan_s < best.makespan_s:
             child = self._tree.expand(ROOT, plans[self.head])
             rest = {r: plan for r, plan in plans.items() if r != self.head}
             baseline = self._value(rest, tuple(rest))
             self._tree.backup(child, self._scaled(value - baseline))
+
+    def _next_joint(self, team: tuple[int, ...], best: Proposal) -> dict[int, NDArray[np.int32]]:
+        """Return the joint plan to try next: each policy for all heads once, then exchanges."""
+        self._tried += 1
+        if self._tried < len(POLICIES):
+            problem = self.problem
+            return {r: encode(problem.sides_of(r), self._tried, problem.n_macros) for r in team}
+        return exchange_jointly(self.problem, best.plans, self._rng)
 
     def _child_plan(self, node: int) -> NDArray[np.int32]:
         """Return the plan of the next child: every policy at the root, then exchanges."""
@@ -197,7 +205,7 @@ class DecMcts:
         self, plans: dict[int, NDArray[np.int32]], team: tuple[int, ...], makespan: float
     ) -> None:
         best = self._best.get(team)
-        if np.isfinite(makespan) and (best is None or makespan < best.makespan_s):
+        if np.isfinite(makespan) and (best is None or makespan <= best.makespan_s):
             self._best[team] = Proposal(dict(plans), makespan)
 
     def _scaled(self, utility: float) -> float:
