@@ -27,6 +27,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
+from decmcts.team.alone import one_head_toolpaths
 from decmcts.team.metrics import plan_metrics
 from decmcts.team.schedule import schedule
 from sim.faults import Verdict
@@ -118,10 +119,10 @@ def document_of(loaded: Loaded, plan: JointPlan, extra: dict[str, Any]) -> PlanD
 def source_plan(loaded: Loaded) -> PlanDocument:
     """Schedule the source's own order, the yardstick every result is compared with.
 
-    On a machine with several heads the first head that may does all the printing.
+    On a machine with several heads one prints all it may, another only the rest.
     """
-    n = len(loaded.job.contours)
-    paths = [Toolpath.as_sliced(n)] + [Toolpath.as_sliced(0)] * (len(loaded.machine.heads) - 1)
+    sliced = Toolpath.as_sliced(len(loaded.job.contours))
+    paths = one_head_toolpaths(loaded.job, loaded.machine, sliced)
     plan = schedule(loaded.job, loaded.machine, loaded.graph, paths)
     return document_of(loaded, plan, {"planner": "slicer", "freedom": "fixed", "seed": 0})
 

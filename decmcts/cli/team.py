@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +24,7 @@ from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, sear
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.alone import one_head_toolpaths
 from decmcts.team.bound import makespan_bound
 from decmcts.team.schedule import schedule
 from sim.pictures import draw_gantt
@@ -69,7 +71,13 @@ def run_team(
         announce("the source's own order, one head")
         before = source_plan(loaded)
         announce("what one head alone reaches")
-        alone = plan_alone(loaded, time_limit_s=min(10.0, time_limit_s / 3), seed=seed)
+        order = search(
+            loaded,
+            planner="local",
+            freedom="reversible",
+            time_limit_s=min(10.0, time_limit_s / 3),
+            seed=seed,
+        ).toolpath
     started = time.perf_counter()
     result = _planned_by_agents(loaded, time_limit_s, seed, quiet=quiet)
     for lost in (a for a in result.agreement.agents if a.phase == "lost"):
@@ -77,7 +85,7 @@ def run_team(
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     with steps(quiet=quiet) as (announce, _):
         announce("safe travels, times and order across heads")
-        after = _best_of(loaded, result, alone, seed=seed, time_limit_s=time_limit_s)
+        after = _best_of(loaded, result, order, seed=seed, time_limit_s=time_limit_s)
         return check(loaded, before, after, _history(result), seconds, announce)
 
 
@@ -128,21 +136,20 @@ def agents_table(agents: tuple[AgentStatus, ...]) -> Table:
     return table
 
 
-def plan_alone(loaded: Loaded, *, time_limit_s: float, seed: int) -> PlanDocument:
-    """Plan for one head of the machine, the others parked: the single-extruder mode."""
-    result = search(
-        loaded, planner="local", freedom="reversible", time_limit_s=time_limit_s, seed=seed
-    )
-    idle = [Toolpath.as_sliced(0)] * (len(loaded.machine.heads) - 1)
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath, *idle])
-    return document_of(loaded, plan, {"planner": "local", "freedom": "reversible", "seed": seed})
+def plan_alone(loaded: Loaded, order: Toolpath, live: Sequence[int], seed: int) -> PlanDocument:
+    """Schedule one order for one of the live heads, the others parked where possible."""
+    paths = one_head_toolpaths(loaded.job, loaded.machine, order, live=live)
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, paths)
+    said = {"planner": "local, one head", "freedom": "reversible", "seed": seed}
+    return document_of(loaded, plan, said)
 
 
 def _best_of(
-    loaded: Loaded, result: LaunchResult, alone: PlanDocument, *, seed: int, time_limit_s: float
+    loaded: Loaded, result: LaunchResult, order: Toolpath, *, seed: int, time_limit_s: float
 ) -> PlanDocument:
-    """Schedule what was agreed; one head alone where that is faster."""
+    """Schedule what was agreed, or one head alone where that is faster."""
     plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths))
+    alone = plan_alone(loaded, order, result.agreement.live, seed)
     bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     extra: dict[str, Any] = {
         "planner": "dec-mcts",
@@ -158,8 +165,7 @@ def _best_of(
     joint = document_of(loaded, plan, extra)
     if joint.metrics["makespan_s"] <= alone.metrics["makespan_s"]:
         return joint
-    metrics = {**extra, **alone.metrics, "planner": "local, one head (the joint plan was slower)"}
-    return dataclasses.replace(alone, metrics=metrics)
+    return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
 
 
 def _traffic(agent: AgentStatus) -> dict[str, Any]:
