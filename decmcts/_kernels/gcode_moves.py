@@ -90,51 +90,39 @@ def interpret(
     values: NDArray[np.float64],
     modes: NDArray[np.int16],
     extruder: NDArray[np.float64],
-    moves_before: NDArray[np.int64],
-    end: NDArray[np.float64],
-    pushed: NDArray[np.float64],
-    feed: NDArray[np.float64],
+    moves: NDArray[np.float64],
     line: NDArray[np.int64],
     placed: NDArray[np.bool_],
     relative_e: bool,
-) -> int:
-    """Fill the move arrays and the state after each line, all in place; return the moves.
+) -> None:
+    """Fill the moves and the state after each line, all in place.
 
     `modes` is (lines, N_MODES), `extruder` (lines, 3): E value, retraction owed
-    by the tool in use, cross-section of volumetric E (0: E is in mm).
+    by the tool in use, cross-section of volumetric E (0: E is in mm). Row m of
+    `moves` is end x, y, z, filament, feed; `line[m]` its line.
     """
-    position = np.zeros(4)
+    position, debt = np.zeros(4), np.zeros(MAX_TOOLS)
     state = np.zeros(N_MODES, np.int16)
     state[RELATIVE_E] = relative_e
-    debt = np.zeros(MAX_TOOLS)
     rate, area, m = 0.0, 0.0, 0
     for n in range(len(letter)):
-        moves_before[n] = m
+        owner = state[TOOL] % MAX_TOOLS
         if letter[n] == 71 and code[n] <= 30:
-            if not math.isnan(values[n, F]):
-                rate = values[n, F] / 60.0
-            pushed[m] = _step(values[n], state, position, area)
-            tool = state[TOOL] % MAX_TOOLS
-            debt[tool] = max(0.0, debt[tool] - pushed[m])
-            end[m] = position[:3]
-            feed[m] = rate
-            line[m] = n
-            m += 1
+            rate = rate if math.isnan(values[n, F]) else values[n, F] / 60.0
+            pushed = _step(values[n], state, position, area)
+            debt[owner] = max(0.0, debt[owner] - pushed)
+            moves[m, 3], moves[m, 4] = pushed, rate
         elif letter[n] == 71 and (code[n] == 920 or code[n] == 280):
-            placed[n] = _place(code[n], values[n], position)
-            if placed[n]:  # an axis stands elsewhere now: a move without feed
-                end[m] = position[:3]
-                line[m] = n
-                m += 1
+            placed[n] = _place(code[n], values[n], position)  # if an axis: a move without feed
         elif letter[n] != 0:
             new_area = _modal(letter[n], code[n], values[n], state)
             area = new_area if new_area >= 0.0 else area
+        if placed[n] or (letter[n] == 71 and code[n] <= 30):
+            moves[m, :3], line[m] = position[:3], n
+            m += 1
         modes[n] = state
-        extruder[n, 0] = position[3]
-        extruder[n, 1] = debt[state[TOOL] % MAX_TOOLS]
+        extruder[n, 0], extruder[n, 1] = position[3], debt[state[TOOL] % MAX_TOOLS]
         extruder[n, 2] = area
-    moves_before[len(letter)] = m
-    return m
 
 
 @kernel

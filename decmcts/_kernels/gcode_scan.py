@@ -179,12 +179,17 @@ def scan_lines(
     values: NDArray[np.float64],
     fault: NDArray[np.uint8],
     decimals: NDArray[np.int64],
+    comment: NDArray[np.int64],
 ) -> None:
-    """Fill letter, code (number times ten), values and fault of every line, in place."""
+    """Fill letter, code (number times ten), values, fault and comment start, in place.
+
+    A comment starts at ``;``, or where the line ends.
+    """
     for n in range(len(starts)):
         end = starts[n]
         while end < ends[n] and text[end] != 59:
             end += 1
+        comment[n] = end
         i = _after_line_number(text, starts[n], end)
         if i >= end or text[i] == 42 or text[i] == 37:  # nothing, a checksum, or %
             continue

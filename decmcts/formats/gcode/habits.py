@@ -15,6 +15,7 @@ from decmcts.formats.gcode.motion import Motion
 from decmcts.print.job import ProcessSettings
 
 PULLED = 0.01  # mm of filament that counts as a retraction
+LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
 _DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*([\d.]+)", re.I)
 
 
@@ -95,14 +96,19 @@ def _firmware(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
 
 
 def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
-    """Return the travel length that best parts retracted from plain travels."""
+    """Return the travel length that best parts retracted from plain travels.
+
+    At most `LONGEST_BARE_MM`: a source that retracts only where it crosses a
+    wall leaves long travels bare inside its own parts; ours lead elsewhere.
+    """
     if not pulled.any():
         return 2.0
     order = np.argsort(length, kind="stable")
     kept = np.concatenate([[0], np.cumsum(pulled[order])])  # retracted but shorter
     wrong = kept + np.concatenate([np.cumsum(~pulled[order][::-1])[::-1], [0]])
     cut = int(np.argmin(wrong))
-    return float(round(length[order[cut]], 3)) if cut < len(length) else float(length.max())
+    best = float(round(length[order[cut]], 3)) if cut < len(length) else np.inf
+    return min(best, LONGEST_BARE_MM)
 
 
 def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:

@@ -5,6 +5,7 @@ The scanning itself is `decmcts._kernels.gcode_scan`; this is its typed front.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,9 @@ from decmcts._kernels import gcode_scan as scan
 from decmcts.errors import InputError
 
 LIMIT_MM = 1e5  # no printer reaches 100 m; larger coordinates are damage
+_NUMBERED = re.compile(
+    rb"^[ \t]*N\d+[ \t]*([^;\r\n]*?)[ \t]*(?:\*\d+)?[ \t]*(?=[;\r\n]|\Z)", re.I | re.M
+)
 _FAULTS = {
     scan.NO_NUMBER: "a parameter without a number (truncated line?)",
     scan.BAD_NUMBER: "a number that cannot be read",
@@ -34,6 +38,7 @@ class Lines:
     letter: NDArray[np.uint8]  # (n,) command letter, 0: none, gcode_scan.OTHER: a macro
     code: NDArray[np.int32]  # (n,) command number times ten
     values: NDArray[np.float64]  # (n, N_PARAMETERS) NaN where absent
+    comment: NDArray[np.int64]  # (n,) byte where a ; comment starts, ends[k] without one
     decimals: NDArray[np.int64]  # (N_PARAMETERS,) most decimals seen
 
     def __len__(self) -> int:
@@ -44,11 +49,15 @@ class Lines:
         return self.text[self.starts[line] : self.ends[line]]
 
     def span(self, first: int, last: int) -> bytes:
-        """Return lines first..last - 1 byte for byte, line ends included."""
+        """Return lines first..last - 1 byte for byte, line ends included.
+
+        Only line numbers and checksums are taken off: they count the source's lines.
+        """
         if last <= first:
             return b""
         stop = int(self.starts[last]) if last < len(self) else len(self.text)
-        return self.text[int(self.starts[first]) : stop]
+        text = self.text[int(self.starts[first]) : stop]
+        return _NUMBERED.sub(rb"\1", text) if _NUMBERED.search(text) else text
 
     def refuse(self, line: int, what: str, advice: str = "") -> InputError:
         """Return the error that names a line of this file (index from 0)."""
@@ -79,8 +88,9 @@ def split_lines(text: bytes, path: Path | str) -> Lines:
     letter, code = np.zeros(n, np.uint8), np.zeros(n, np.int32)
     values = np.full((n, scan.N_PARAMETERS), np.nan)
     fault, decimals = np.zeros(n, np.uint8), np.zeros(scan.N_PARAMETERS, np.int64)
-    scan.scan_lines(raw, starts, ends, letter, code, values, fault, decimals)
-    lines = Lines(str(path), text, starts, ends, letter, code, values, decimals)
+    comment = np.zeros(n, np.int64)
+    scan.scan_lines(raw, starts, ends, letter, code, values, fault, decimals, comment)
+    lines = Lines(str(path), text, starts, ends, letter, code, values, comment, decimals)
     _check(lines, fault)
     return lines
 

@@ -42,22 +42,22 @@ def interpret(lines: Lines) -> Motion:
         On inches, an arc without a centre, or a polar or rotated frame.
     """
     _refuse_frames(lines)
-    is_move = (lines.letter == 71) & np.isin(lines.code, (0, 10, 20, 30, 280, 920))
-    m, n = int(is_move.sum()), len(lines)
-    end, pushed, feed = np.zeros((m, 3)), np.zeros(m), np.zeros(m)
-    line, before = np.zeros(m, np.int64), np.zeros(n + 1, np.int64)
+    n = len(lines)
+    moves, line = np.zeros((n, 5)), np.full(n, n, np.int64)
     modes, extruder = np.zeros((n, kernels.N_MODES), np.int16), np.zeros((n, 3))
     placed = np.zeros(n, np.bool_)
-    m = kernels.interpret(
-        lines.letter, lines.code, lines.values, modes, extruder, before, end, pushed, feed,
-        line, placed, _counts_relative(lines),
+    kernels.interpret(
+        lines.letter, lines.code, lines.values, modes, extruder, moves, line, placed,
+        _counts_relative(lines),
     )  # fmt: skip
-    points = np.concatenate([np.zeros((1, 3)), end[:m]])
-    motion = Motion(
-        points, pushed[:m], feed[:m], line[:m], before, modes, extruder, placed, _decimals(lines)
-    )
+    m = int(np.searchsorted(line, n))
+    moves, line = moves[:m], line[:m]
+    before = np.searchsorted(line, np.arange(n + 1)).astype(np.int64)
+    points = np.concatenate([np.zeros((1, 3)), moves[:, :3]])
+    pushed, feed = np.ascontiguousarray(moves[:, 3]), np.ascontiguousarray(moves[:, 4])
+    motion = Motion(points, pushed, feed, line, before, modes, extruder, placed, _decimals(lines))
     _refuse_far(lines, motion)
-    curved = np.isin(lines.code[line[:m]], (20, 30))
+    curved = np.isin(lines.code[line], (20, 30))
     return _open_arcs(lines, motion) if bool(curved.any()) else motion
 
 

@@ -68,3 +68,8 @@ def is_role_comment(body: str) -> bool:
 def role_of(text: str) -> Role:
     """Return the role a comment names; UNKNOWN for words that are not known."""
     return BY_NAME.get(_name(text.lstrip("; (").rstrip(") ")), Role.UNKNOWN)
+
+
+def trailing_role(comment: str) -> Role:
+    """Return the role a comment behind a move names (Slic3r's ``--gcode-comments``)."""
+    return BY_NAME.get(comment.lstrip("; ").strip().lower(), Role.UNKNOWN)

@@ -16,8 +16,6 @@ from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
 
-SUFFIXES = (".gcode", ".g", ".gco", ".gcode.gz", ".g.gz", ".gco.gz", ".nc", ".ngc")
-
 
 def load_text(path: Path | str) -> bytes:
     """Return the bytes of a G-code file, unpacked.
@@ -66,11 +64,15 @@ def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
     Raises
     ------
     InputError
-        When the path cannot be written; what was there before is untouched.
+        When the path is .bgcode or cannot be written; what was there before is untouched.
     """
     if isinstance(out, io.TextIOBase):
         out.write(text.decode("utf-8", "surrogateescape"))
     elif isinstance(out, (str, os.PathLike)):
+        if Path(out).suffix == ".bgcode":
+            raise InputError(
+                "binary G-code (.bgcode) is not written", path=out, advice="name a .gcode file"
+            )
         _replace(Path(out), text)
     else:
         out.write(text)  # type: ignore[arg-type]  # a binary stream

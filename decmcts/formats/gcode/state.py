@@ -5,6 +5,7 @@ Reads the meaning of lines from `dialect`; knows nothing of contours.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +16,11 @@ from decmcts.formats.gcode.dialect import Event, Kind, classify
 from decmcts.formats.gcode.document import UNSET, StateTable
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
+from decmcts.formats.gcode.roles import CANONICAL, trailing_role
+from decmcts.print.contours import Role
+
+_TYPED = re.compile(rb"^;\s*(TYPE|FEATURE):", re.M)
+_NEXT_LAYER = re.compile(r"; move to next layer \((\d+)\)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +70,13 @@ class _Recorder:
         where = self.slots.get(slot)
         return "" if where is None else list(self.values)[self.current[where]]
 
+    def take(self, event: Event, line: int) -> None:
+        """Set what a line sets, whole or parameter by parameter."""
+        if event.params:
+            self.merge(event, line)
+        else:
+            self.put(event.slot, event.text, line)
+
     def merge(self, event: Event, line: int) -> None:
         """Set the parameters of a command that holds them one by one."""
         held = self.merged.setdefault(event.slot, {})
@@ -92,18 +105,21 @@ class _Recorder:
 
 def track_state(lines: Lines, motion: Motion) -> Track:
     """Return the machine state and the barriers of a file."""
-    recorder, layers, barriers = _Recorder(), [], {}
+    recorder = _Recorder()
+    layers: list[int] = []
+    barriers: dict[int, str] = {}
     sections: list[tuple[int, int]] = []
     splits: list[int] = []
     opened, last_layer = -1, ""
-    for line in _event_lines(lines).tolist():
+    moves = (lines.letter == 71) & (lines.code <= 30)
+    for line in _event_lines(lines, moves).tolist():
+        if moves[line]:
+            _trailing(recorder, lines, line, layers)
+            continue
         event = classify(lines.raw(line))
         kind = event.kind
         if kind == Kind.STATE:
-            if event.params:
-                recorder.merge(event, line)
-            else:
-                recorder.put(event.slot, event.text, line)
+            recorder.take(event, line)
         elif kind == Kind.LAYER:
             layers.append(line)
             last_layer = event.text
@@ -146,10 +162,22 @@ def _note(recorder: _Recorder, event: Event, line: int, last_layer: str) -> None
         recorder.put("object", f"{now}\n{event.text}", line)
 
 
-def _event_lines(lines: Lines) -> NDArray[np.int64]:
-    moves = (lines.letter == 71) & (lines.code <= 30)
-    filled = lines.ends > lines.starts
-    return np.flatnonzero(~moves & filled).astype(np.int64)
+def _event_lines(lines: Lines, moves: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the lines to classify: no moves, unless only their comments name roles."""
+    wanted = ~moves & (lines.ends > lines.starts)
+    if not _TYPED.search(lines.text):
+        wanted |= moves & (lines.comment < lines.ends)
+    return np.flatnonzero(wanted).astype(np.int64)
+
+
+def _trailing(recorder: _Recorder, lines: Lines, line: int, layers: list[int]) -> None:
+    """Take role and layer from the comment behind a move, as if written above it."""
+    comment = lines.text[lines.comment[line] : lines.ends[line]].decode("utf-8", "replace")
+    if (role := trailing_role(comment)) != Role.UNKNOWN:
+        recorder.put("type", f";TYPE:{CANONICAL[role]}", line - 1)
+    elif match := _NEXT_LAYER.match(comment):
+        layers.append(line)
+        recorder.put("layer", f";LAYER:{match.group(1)}", line)
 
 
 def _changes(motion: Motion, line: int) -> bool:
