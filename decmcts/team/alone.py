@@ -26,14 +26,34 @@ def share_out(
     return head
 
 
-def one_head_toolpaths(
-    job: PrintJob, machine: Machine, toolpath: Toolpath, *, live: Sequence[int] | None = None
-) -> list[Toolpath]:
+def split(toolpath: Toolpath, eligible: NDArray[np.bool_], live: Sequence[int]) -> list[Toolpath]:
+    """Return one toolpath per head that together keep the order of `toolpath`."""
+    head = share_out(toolpath.order, eligible, live)
+    parts = []
+    for r in range(eligible.shape[1]):
+        at = np.flatnonzero(head == r)
+        order, backwards, entry = toolpath.order[at], toolpath.reversed[at], toolpath.entry[at]
+        parts.append(Toolpath(order, backwards, entry, at))
+    return parts
+
+
+def hand_over(toolpaths: Sequence[Toolpath], eligible: NDArray[np.bool_]) -> Sequence[Toolpath]:
+    """Let other heads do what the only busy one can not; else return the toolpaths as they are."""
+    busy = [r for r, toolpath in enumerate(toolpaths) if len(toolpath)]
+    if len(busy) != 1 or len(toolpaths) != eligible.shape[1]:
+        return toolpaths
+    order = toolpaths[busy[0]].order
+    known = len(order) == 0 or bool((order >= 0).all() and (order < len(eligible)).all())
+    if not known or eligible[order, busy[0]].all() or not eligible[order].any(axis=1).all():
+        return toolpaths
+    return split(toolpaths[busy[0]], eligible, range(len(toolpaths)))
+
+
+def one_head_toolpaths(job: PrintJob, machine: Machine, toolpath: Toolpath) -> list[Toolpath]:
     """Return the toolpaths, one per head, in which one head prints what it can in this order.
 
-    The head that may print most does so; contours it can not print go to another.
-    `schedule` then prints them one head at a time where they depend or conflict. `live`
-    names the heads that may be used, by default all.
+    The head that may print most does so; contours it can not print go to
+    another, and conflicting ones keep the order.
 
     Raises
     ------
@@ -41,12 +61,5 @@ def one_head_toolpaths(
         If no head may print some contour.
     """
     eligible = build_space(job.contours, machine).eligible
-    heads = range(len(machine.heads))
-    usable = tuple(heads) if live is None else tuple(live)
-    eligible = eligible & np.isin(heads, usable)
     require_printable(job.contours, machine, eligible)
-    head = share_out(toolpath.order, eligible, usable)
-    return [
-        Toolpath(toolpath.order[head == r], toolpath.reversed[head == r], toolpath.entry[head == r])
-        for r in heads
-    ]
+    return split(toolpath, eligible, range(len(machine.heads)))

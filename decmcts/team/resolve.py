@@ -20,7 +20,7 @@ from decmcts._kernels.schedule import replay
 from decmcts._kernels.units import OK, Units
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.alone import share_out
+from decmcts.team.alone import split
 from decmcts.team.order import queues_of
 from decmcts.team.plans import BY_URGENCY, POLICIES, Intent, decode
 from decmcts.team.problem import EITHER, TeamProblem
@@ -134,11 +134,7 @@ def _one_by_one(
     problem: TeamProblem, order: Toolpath, eligible: NDArray[np.bool_], team: Sequence[int]
 ) -> Resolved:
     """Print everything in one order, one head at a time where that matters."""
-    head = share_out(order.order, eligible, team)
-    toolpaths = []
-    for r in range(len(problem.machine.heads)):
-        at = np.flatnonzero(head == r)
-        toolpaths.append(Toolpath(order.order[at], order.reversed[at], order.entry[at], at))
+    toolpaths = split(order, eligible, team)
     backwards = np.zeros(len(order), np.bool_)
     backwards[order.order] = order.reversed
     first, last = problem.visits.first, problem.visits.last

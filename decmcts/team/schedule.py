@@ -15,6 +15,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.actions import join_actions
+from decmcts.team.alone import hand_over
 from decmcts.team.order import floor_of, order_units, require_complete, visits_of
 from decmcts.team.space import build_space
 from decmcts.team.travels import unit_travels
@@ -31,7 +32,8 @@ def schedule(
         The print, the printer and the dependency graph for it.
     toolpaths : Sequence[Toolpath]
         One per head of the machine, in the machine's order; together every
-        contour once. A head may get none.
+        contour once. A head may get none. If all but one get none, that one is
+        an order for everything: contours its head can not print go to one that can.
 
     Returns
     -------
@@ -45,6 +47,7 @@ def schedule(
         head that can not print it, or the sequences contradict the precedence.
     """
     space = build_space(job.contours, machine)
+    toolpaths = hand_over(toolpaths, space.eligible)
     require_complete(job, machine, space, toolpaths)
     visits = visits_of(job, machine, graph, space, toolpaths)
     order = order_units(visits, floor_of(job, machine, space), toolpaths)

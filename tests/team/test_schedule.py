@@ -209,14 +209,26 @@ def test_wide_contours_are_printed_alone(case_of: Callable[..., Any]) -> None:
 
 
 def test_out_of_one_heads_reach(case_of: Callable[..., Any]) -> None:
-    """What the left head can not reach is refused for it and given to the right one."""
+    """What the left head can not reach is refused for it when the right one has work too."""
+    chosen = case_of(
+        [(112, 10, 0.5), (118, 10, 0.5)],
+        [(2, 10, 0.5), (8, 10, 0.5)],
+        [(60, 10, 0.5), (70, 10, 0.5)],
+    )
+    pick = [np.array([0, 1], np.int32), np.array([2], np.int32)]
+    toolpaths = [Toolpath.of(ids, np.zeros(len(ids), np.bool_)) for ids in pick]
+    with pytest.raises(InputError, match="left can not print contour 0"):
+        schedule(chosen.job, chosen.machine, chosen.graph, toolpaths)
+
+
+def test_one_order_for_everything_is_shared_out(case_of: Callable[..., Any]) -> None:
+    """One head's plan stays possible on a machine where no head reaches everything."""
     chosen = case_of([(112, 10, 0.5), (118, 10, 0.5)], [(2, 10, 0.5), (8, 10, 0.5)])
     both = Toolpath.as_sliced(2)
-    with pytest.raises(InputError, match="left can not print contour 0"):
-        schedule(chosen.job, chosen.machine, chosen.graph, [both, Toolpath.as_sliced(0)])
     shared = one_head_toolpaths(chosen.job, chosen.machine, both)
     assert [t.order.tolist() for t in shared] == [[1], [0]]
-    schedule(chosen.job, chosen.machine, chosen.graph, shared)
+    plan = schedule(chosen.job, chosen.machine, chosen.graph, [both, Toolpath.as_sliced(0)])
+    assert [head.contour[head.contour >= 0].tolist() for head in plan.heads] == [[1], [0]]
 
 
 def test_out_of_every_heads_reach(case_of: Callable[..., Any]) -> None:
