@@ -49,17 +49,30 @@ def hand_over(toolpaths: Sequence[Toolpath], eligible: NDArray[np.bool_]) -> Seq
     return split(toolpaths[busy[0]], eligible, range(len(toolpaths)))
 
 
-def one_head_toolpaths(job: PrintJob, machine: Machine, toolpath: Toolpath) -> list[Toolpath]:
+def one_head_toolpaths(
+    job: PrintJob,
+    machine: Machine,
+    toolpath: Toolpath,
+    *,
+    live: Sequence[int] | None = None,
+) -> list[Toolpath]:
     """Return the toolpaths, one per head, in which one head prints what it can in this order.
 
     The head that may print most does so; contours it can not print go to
     another, and conflicting ones keep the order.
 
+    Parameters
+    ----------
+    live : Sequence[int] | None
+        Heads that may be used; None: all.
+
     Raises
     ------
     InputError
-        If no head may print some contour.
+        If none of these heads may print some contour.
     """
-    eligible = build_space(job.contours, machine).eligible
+    team = range(len(machine.heads)) if live is None else sorted(live)
+    eligible = np.zeros((len(job.contours), len(machine.heads)), np.bool_)
+    eligible[:, team] = build_space(job.contours, machine).eligible[:, team]
     require_printable(job.contours, machine, eligible)
-    return split(toolpath, eligible, range(len(machine.heads)))
+    return split(toolpath, eligible, team)
