@@ -1,8 +1,9 @@
-"""One order for everything, printed by one head at a time."""
+"""One head for everything: its order shared out where it must be, and its yardstick."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,3 +77,14 @@ def one_head_toolpaths(
     eligible[:, team] = build_space(job.contours, machine).eligible[:, team]
     require_printable(job.contours, machine, eligible)
     return split(toolpath, eligible, team)
+
+
+def lone_machine(machine: Machine) -> Machine:
+    """Return the yardstick of a team: the first head alone, reaching everything.
+
+    "So many times faster than one head" compares with a plan for this machine:
+    where no head reaches the whole print, `one_head_toolpaths` uses several.
+    """
+    far = 1e6
+    head = replace(machine.heads[0], reach_min=(-far,) * 3, reach_max=(far,) * 3, tools=())
+    return replace(machine, heads=(head,), rail=None)

@@ -31,6 +31,8 @@ from decmcts.team.tree import ROOT, Tree
 
 __all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
 
+REMEMBERED = 50_000  # values of joint plans kept
+
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
@@ -192,6 +194,8 @@ class DecMcts:
         """Return g, 1 for an instant print and 0 for one that takes twice the serial time."""
         key = (team, b"|".join(plans[r].tobytes() for r in team))
         if key not in self._known:
+            if len(self._known) >= REMEMBERED:
+                self._known.clear()
             try:
                 makespan = resolve(self.problem, plans, team).makespan_s
             except InputError:

@@ -28,7 +28,8 @@ def part_of(contours: Contours) -> NDArray[np.int64]:
     starts = np.zeros(len(points), np.bool_)
     starts[contours.offsets[:-1]] = True
     a, b = points[:-1][~starts[1:]], points[1:][~starts[1:]]
-    steps = np.ceil(np.linalg.norm(b - a, axis=1) / (0.5 * CELL_MM)).astype(np.int64) + 1
+    # samples a cell apart lie in cells that touch, if only at a corner
+    steps = np.ceil(np.linalg.norm(b - a, axis=1) / CELL_MM).astype(np.int64) + 1
     segment = np.repeat(np.arange(len(a)), steps)
     along = (np.arange(len(segment)) - np.repeat(np.cumsum(steps) - steps, steps)) / np.repeat(
         steps, steps
