@@ -34,6 +34,10 @@ def load_source(path: Path, machine: str, process_order: Literal["keep", "free"]
     chosen = load_machine(machine)
     check_fits(job.contours, chosen)
     graph = build_graph(
-        job.contours, chosen.heads, clearance_mm=chosen.clearance_mm, process_order=process_order
+        job.contours,
+        chosen.heads,
+        clearance_mm=chosen.clearance_mm,
+        bead_width=chosen.bead_width,
+        process_order=process_order,
     )
     return Pack(job, chosen, graph)

@@ -7,12 +7,12 @@ its polygons from tip + height_k upwards; the carriage's bodies are boxes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.machine import Head
+from decmcts.print.machine import Head, Machine
 from sim import raster
 from sim.collision import (
     HEAD_TOP_MM,
@@ -43,6 +43,17 @@ class Beads:
     height: NDArray[np.float64]  # (n,)
     since: NDArray[np.int64]  # (n,) index of the first move at which it may be there
     label: NDArray[np.int64]  # (n,) what the caller calls it, e.g. the contour
+
+
+CENTRELINE_MM = 1e-3
+"""Width of a bead that counts as its centreline only, after shrinking."""
+
+
+def as_material(beads: Beads, machine: Machine, tolerance_mm: float) -> Beads:
+    """Return the beads as the machine's model counts them: with their width, or as lines."""
+    if machine.bead_width:
+        return beads
+    return replace(beads, width=np.full_like(beads.width, CENTRELINE_MM + 2 * tolerance_mm))
 
 
 @dataclass(frozen=True, slots=True)

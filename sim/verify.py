@@ -23,7 +23,7 @@ from sim.epochs import check_epochs, check_file_epochs
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.growth import beads_for, moves_of
 from sim.inventory import compare, contour_segments, match_segments
-from sim.material import UndecidedError, find_contacts
+from sim.material import UndecidedError, as_material, find_contacts
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
 from sim.printed_file import beads_of, laying_moves, moves_array, moving, segments_of
@@ -144,6 +144,7 @@ def _check_file_material(
     rows = moving(motions)
     beads = beads_of(motions, match)
     beads = replace(beads, since=np.searchsorted(rows, beads.since))
+    beads = as_material(beads, machine, FILE_TOLERANCE_MM)
     moves = moves_array(motions)[rows]
     contacts = find_contacts(
         moves, beads, machine.heads[0], tolerance_mm=FILE_TOLERANCE_MM, limit=10 * LIMIT
@@ -248,6 +249,7 @@ def check_material(
             continue
         moves, owner = moves_of(lane)
         beads = beads_for(document.contours, lanes, order, h)
+        beads = as_material(beads, document.machine, PLAN_TOLERANCE_MM)
         counts["moves"] = counts.get("moves", 0) + len(moves)
         for c in find_contacts(
             moves,

@@ -100,6 +100,7 @@ def load(
             job.contours,
             chosen.heads,
             clearance_mm=chosen.clearance_mm,
+            bead_width=chosen.bead_width,
             process_order=process_order,  # type: ignore[arg-type]  # typer checked the choice
         )
     except InputError as error:  # these know the contours, not the file they came from

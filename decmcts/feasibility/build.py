@@ -40,6 +40,7 @@ def build_graph(
     *,
     clearance_mm: float,
     process_order: Literal["keep", "free"] = "keep",
+    bead_width: bool = True,
 ) -> DependencyGraph:
     """Return the exact dependency graph, transitively reduced.
 
@@ -53,6 +54,8 @@ def build_graph(
         Kept between head slices and printed beads, mm.
     process_order : {"keep", "free"}
         Whether touching contours of different roles on a layer keep their order.
+    bead_width : bool
+        Whether material has its beads' width, or is a centreline as in the paper.
 
     Returns
     -------
@@ -70,7 +73,8 @@ def build_graph(
     ----------
     Lensgraf & Mettu 2016; Yoo et al. 2020, Sec. II (dependency graph).
     """
-    return _build(contours, heads, clearance_mm, process_order, ROWS_BYTES)
+    beads = pack_contours(contours, clearance_mm, bead_width=bead_width)
+    return _build(contours, heads, beads, process_order, ROWS_BYTES)
 
 
 def closure_of(graph: DependencyGraph) -> NDArray[np.uint64]:
@@ -87,7 +91,7 @@ def closure_of(graph: DependencyGraph) -> NDArray[np.uint64]:
 def _build(
     contours: Contours,
     heads: Sequence[Head],
-    clearance_mm: float,
+    beads: Beads,
     process_order: Literal["keep", "free"],
     rows_bytes: int,
 ) -> DependencyGraph:
@@ -96,7 +100,6 @@ def _build(
     if n == 0:
         return DependencyGraph.from_pairs(0, np.empty((0, 2), np.int32))
     head = pack_heads(heads)
-    beads = pack_contours(contours, clearance_mm)
     words = Words(np.empty((-(-n // WORD), 6)), np.empty((-(-n // WORD), 2), np.int32))
     bound_words(beads, contours.layer, words)
     _refuse_violation(contours, beads, words, head)

@@ -15,6 +15,7 @@ from decmcts._kernels.clearance import CHUNK, Beads, PackedHead, fill_boxes
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 
+CENTRELINE_MM = 0.003  # half width of a centreline: the rounding of a file, twice
 TOUCH_EPS = 1e-9  # mm, exactly touching counts as blocked in spite of rounding
 
 
@@ -50,8 +51,12 @@ def pack_heads(heads: Sequence[Head]) -> PackedHead:
     return _pack(kept)
 
 
-def pack_contours(contours: Contours, clearance_mm: float) -> Beads:
-    """Return contours with their boxes; radius is clearance + half the bead width."""
+def pack_contours(contours: Contours, clearance_mm: float, *, bead_width: bool = True) -> Beads:
+    """Return contours with their boxes; radius is clearance + half the bead width.
+
+    Without `bead_width` material is the centreline (the paper's model), plus a hair
+    so that coordinates rounded in a file stay clear.
+    """
     offsets = np.ascontiguousarray(contours.offsets, np.int64)
     points = np.ascontiguousarray(contours.points, np.float64)
     chunks = -(-(np.diff(offsets) - 1) // CHUNK)
@@ -59,7 +64,8 @@ def pack_contours(contours: Contours, clearance_mm: float) -> Beads:
     boxes = np.empty((len(contours), 6))
     chunk_boxes = np.empty((int(chunk_offsets[-1]), 6))
     fill_boxes(points, offsets, boxes, chunk_offsets, chunk_boxes)
-    radius = clearance_mm + contours.width / 2 + TOUCH_EPS
+    half = contours.width / 2 if bead_width else np.full(len(contours), CENTRELINE_MM)
+    radius = clearance_mm + half + TOUCH_EPS
     return Beads(points, offsets, radius, boxes, chunk_offsets, chunk_boxes)
 
 

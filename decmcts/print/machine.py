@@ -80,6 +80,7 @@ class Machine:
     bed_max: tuple[float, float]
     heads: tuple[Head, ...]
     clearance_mm: float = 0.0  # kept between head slices and printed beads
+    bead_width: bool = True  # printed material has its beads' width; False: centrelines only
     head_clearance_mm: float = 1.0  # kept between the bodies of different heads
     lift_mm: float = 0.2  # a travel that must lift clears material by this much
     rail: Rail | None = None

@@ -28,7 +28,7 @@ def unit_travels(
     """
     starts, goals = _starts(order, space), order.target.copy()
     level = np.empty(len(order.head))
-    packed = pack_contours(job.contours, machine.clearance_mm)
+    packed = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     beads = Beads(packed.points, packed.offsets, packed.radius)
     units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
     for r, head in enumerate(machine.heads):

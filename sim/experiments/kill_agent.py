@@ -55,7 +55,12 @@ def run(
     """Plan with a death on the way; returns 0 when the rest brought a faultless plan."""
     job, _ = read_gcode(path)
     machine = load_machine(machine_name)
-    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    graph = build_graph(
+        job.contours,
+        machine.heads,
+        clearance_mm=machine.clearance_mm,
+        bead_width=machine.bead_width,
+    )
     result = launch(
         job,
         machine,

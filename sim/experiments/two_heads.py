@@ -64,7 +64,12 @@ def run(
 ) -> Row:
     """Plan one print for one head and for the team, judge both, draw the team's plan."""
     job, _ = read_gcode(path)
-    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    graph = build_graph(
+        job.contours,
+        machine.heads,
+        clearance_mm=machine.clearance_mm,
+        bead_width=machine.bead_width,
+    )
     alone = plan_alone(job, machine, graph, time_limit_s=time_limit_s, seed=seed)
     started = time.perf_counter()
     team = plan_together(job, machine, graph, time_limit_s=time_limit_s, seed=seed)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.feasibility.build import _build, build_graph, closure_of, explain
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
+from decmcts.feasibility.packed_head import pack_contours
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.contours import Contours
@@ -122,7 +123,7 @@ def test_edges_do_not_depend_on_the_memory_limit(oracle: Any) -> None:
     whole = build_graph(contours, head, clearance_mm=0.0)
     assert len(contours) > 256
     for limit in (1, 8 * len(contours) * 2, 8 * len(contours) * 3):
-        blocked = _build(contours, head, 0.0, "keep", limit)
+        blocked = _build(contours, head, pack_contours(contours, 0.0), "keep", limit)
         np.testing.assert_array_equal(blocked.pairs(), whole.pairs())
         np.testing.assert_array_equal(blocked.kinds, whole.kinds)
 
@@ -264,3 +265,11 @@ def test_samples_of_a_real_print_equal_the_definition(oracle: Any, machine: str)
     free = np.argwhere(np.tril(~closure, -1))
     for b, a in rng.choice(free, 30):
         assert not oracle.blocks(contours, b, a, head, -1e-9)
+
+
+def test_bead_width_counts_unless_the_machine_says_centreline(oracle: Any) -> None:
+    """A bead whose rim, not its middle, lies under the head blocks it only where beads count."""
+    contours = oracle.make_contours([[(0, 0, 0.2), (0, 1, 0.2)], [(7.1, 0, 0.4), (7.1, 1, 0.4)]])
+    head = [oracle.heads["box"]]
+    assert build_graph(contours, head, clearance_mm=0.0).n_edges == 1
+    assert build_graph(contours, head, clearance_mm=0.0, bead_width=False).n_edges == 0
