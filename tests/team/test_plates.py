@@ -1,0 +1,71 @@
+"""Large real plates for two heads: the bound against known figures, and a plan that nears it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from decmcts.feasibility.build import build_graph
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.machine_file import load_machine
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.alone import lone_machine
+from decmcts.team.bound import makespan_bound
+from decmcts.team.problem import build_team_problem
+from decmcts.team.resolve import resolve
+from decmcts.team.schedule import schedule
+
+ROOT = Path(__file__).resolve().parents[2]
+PLATES = (
+    Path(os.environ.get("DECMCTS_CORPUS", ROOT.parent / "shared")) / "models" / "plates" / "gcode"
+)
+POSSIBLE = {  # at 50 mm/s, whole contours, heads 70 mm apart; measured outside this project
+    "same_9": 1.55,
+    "same_4_far": 1.47,
+    "mix_1": 1.50,
+    "mix_2": 1.33,
+    "mix_3": 2.00,
+    "mix_4": 1.74,
+    "mix_5": 1.45,
+    "mix_6": 1.85,
+}
+
+
+def _plate(name: str) -> Path:
+    path = PLATES / f"{name}.gcode.gz"
+    if not path.exists():
+        pytest.skip(f"the corpus of real prints is not at {PLATES}")
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("name", POSSIBLE)
+def test_bound_agrees_with_known_figures(name: str) -> None:
+    """The yardstick everything is measured with must itself be right."""
+    job, _ = read_gcode(_plate(name))
+    contours = job.contours
+    steps = np.linalg.norm(np.diff(contours.points, axis=0, prepend=0.0), axis=1)
+    steps[contours.offsets[:-1]] = 0.0
+    seconds = np.add.reduceat(steps, contours.offsets[:-1]) / 50.0
+    free = DependencyGraph.from_pairs(len(contours), np.empty((0, 2), np.int32))
+    bound = makespan_bound(job, load_machine("dual-gantry"), free, seconds=seconds)
+    assert bound.speedup == pytest.approx(POSSIBLE[name], abs=0.06)
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+def test_two_heads_on_a_real_plate() -> None:
+    """Before any search the joint order is much faster than the slicer's order on one head."""
+    job, _ = read_gcode(_plate("mix_4"))
+    machine = load_machine("dual-gantry")
+    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    found = resolve(build_team_problem(job, machine, graph), {}, [0, 1])
+    joint = schedule(job, machine, graph, found.toolpaths)
+    sliced = [Toolpath.as_sliced(len(job.contours))]
+    one = schedule(job, lone_machine(machine), graph, sliced)
+    assert one.makespan_s > 1.4 * joint.makespan_s
