@@ -111,6 +111,8 @@ def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
 
 def _check_tail(lines: Lines) -> None:
     """Refuse a file that stops in the middle of a move."""
+    if not len(lines):
+        return
     last = len(lines) - 1
     cut = not lines.text.endswith(b"\n") and lines.letter[last] == 71 and lines.code[last] <= 30
     if cut and lines.raw(last)[-1:] in b".-+":

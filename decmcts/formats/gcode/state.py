@@ -106,10 +106,9 @@ class _Recorder:
 def track_state(lines: Lines, motion: Motion) -> Track:
     """Return the machine state and the barriers of a file."""
     recorder = _Recorder()
-    layers: list[int] = []
+    layers, splits = list[int](), list[int]()
     barriers: dict[int, str] = {}
     sections: list[tuple[int, int]] = []
-    splits: list[int] = []
     opened, last_layer = -1, ""
     moves = (lines.letter == 71) & (lines.code <= 30)
     for line in _event_lines(lines, moves).tolist():

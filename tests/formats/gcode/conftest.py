@@ -1,0 +1,76 @@
+"""Small G-code files made here, and the corpus of real prints where present."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from decmcts.formats.gcode import (
+    GcodeDocument,
+    direct_actions,
+    read_gcode,
+    same_extrusions,
+    write_gcode,
+)
+from decmcts.print.job import PrintJob
+from decmcts.print.toolpath import Toolpath
+
+CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
+START = "G28\nG21\nG90\nM82\nG92 E0\n"
+Read = Callable[..., tuple[PrintJob, GcodeDocument]]
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Read:
+    """Read a text, by default behind an absolute-E start and a first-layer mark."""
+
+    def reader(text: str | bytes, *, start: str = START + ";LAYER_CHANGE\n;Z:0.2\n"):
+        path = tmp_path / "in.gcode"
+        raw = text if isinstance(text, bytes) else (start + text).encode()
+        path.write_bytes(raw)
+        return read_gcode(path)
+
+    return reader
+
+
+@pytest.fixture
+def again(tmp_path: Path) -> Callable[..., tuple[PrintJob, GcodeDocument, bytes]]:
+    """Write a job (shuffled within epochs if asked), read it again, and demand the same print."""
+
+    def rewrite(job: PrintJob, document: GcodeDocument, *, seed: int | None = None):
+        out = tmp_path / "out.gcode"
+        path = toolpath_of(job, seed)
+        write_gcode(document, job, direct_actions(job, path), out)
+        job2, document2 = read_gcode(out)
+        assert same_extrusions(job, document, job2, document2) == []
+        assert len(job2.contours) == len(job.contours)
+        return job2, document2, out.read_bytes()
+
+    return rewrite
+
+
+def toolpath_of(job: PrintJob, seed: int | None) -> Toolpath:
+    """Return the source's order, or a random one that keeps epochs and fixed directions."""
+    n = len(job.contours)
+    if seed is None:
+        return Toolpath.as_sliced(n)
+    rng = np.random.default_rng(seed)
+    order = np.lexsort((rng.random(n), job.contours.epoch)).astype(np.int32)
+    return Toolpath.of(order, (rng.random(n) < 0.5) & job.contours.reversible[order])
+
+
+def corpus(folder: str, pattern: str) -> list[Path]:
+    """Return files of the corpus, a missing one when there is no corpus."""
+    found = sorted((CORPUS / folder).glob(pattern))
+    return found or [CORPUS / folder / "absent"]
+
+
+@pytest.fixture
+def needs_corpus() -> None:
+    """Skip with a reason where the corpus is absent."""
+    if not CORPUS.is_dir():
+        pytest.skip("the corpus of real prints is absent (DECMCTS_CORPUS)")
