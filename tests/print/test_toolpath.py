@@ -32,9 +32,7 @@ def contours_of(*polylines: list[tuple[float, float, float]], closed: bool = Fal
 
 def test_travel_is_exit_to_entry_in_three_dimensions() -> None:
     """3-4-5 in the plane, then straight up: 5 + 2."""
-    contours = contours_of(
-        [(0, 0, 0), (1, 0, 0)], [(4, 4, 0), (9, 9, 0)], [(9, 9, 2), (0, 0, 2)]
-    )
+    contours = contours_of([(0, 0, 0), (1, 0, 0)], [(4, 4, 0), (9, 9, 0)], [(9, 9, 2), (0, 0, 2)])
     assert extrusionless_travel(contours, Toolpath.as_sliced(3)) == pytest.approx(7.0)
 
 
