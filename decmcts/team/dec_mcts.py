@@ -245,7 +245,7 @@ class DecMcts:
             planner="local",
             time_limit_s=1e9,
             max_iterations=effort,
-            seed=self._seed,
+            seed=self._seed + self._rounds,
         )
         plan = encode_serial(result.toolpath, problem.n_macros)
         self._value({self.head: plan}, team)
