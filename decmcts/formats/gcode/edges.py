@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.gcode.dialect import MERGED_SLOTS
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
 from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.motion import Motion
@@ -28,14 +29,24 @@ def state_edges(
     for k, slot in enumerate(track.table.slots):
         if slot in _RESTORABLE or slot.startswith(SILENT):
             continue
-        unset = np.flatnonzero(first[:, k] == UNSET)
+        missing = _missing(track, k)
+        unset = np.flatnonzero(missing[first[:, k]])
         if not len(unset) or len(unset) == len(first):
             continue
         edge[unset[-1] + 1] = True
-        if last[unset[-1], k] != UNSET:  # set within this contour: it ends its epoch
+        if not missing[last[unset[-1], k]]:  # set within this contour: it ends its epoch
             edge[unset[-1]] = True
     edge[0] = False
     return edge
+
+
+def _missing(track: Track, slot: int) -> NDArray[np.bool_]:
+    """Tell which values of a slot leave something unset that others set, (n_values,)."""
+    table = track.table
+    words = np.array([len(text.split()) for text in table.values])
+    if table.slots[slot].startswith(MERGED_SLOTS):
+        return np.asarray(words < words[np.unique(table.rows[:, slot])].max())
+    return np.asarray(np.arange(len(words)) == UNSET)
 
 
 def _mark_first_layer(

@@ -75,9 +75,9 @@ def _first_line(lines: Lines, motion: Motion, track: Track) -> int:
     pushes = np.flatnonzero(
         (motion.extrusion > 0) & (np.diff(motion.points[:, :2], axis=0) != 0).any(axis=1)
     )
-    limit = int(motion.line[pushes[PURGE_MOVES]]) if len(pushes) > PURGE_MOVES else (
-        int(motion.line[pushes[0]]) if len(pushes) else len(lines)
-    )  # fmt: skip
+    limit = len(lines)
+    if len(pushes):
+        limit = int(motion.line[pushes[min(PURGE_MOVES, len(pushes) // 2)]])
     early = np.flatnonzero(setup[:limit])
     return int(early[-1]) + 1 if len(early) else 0
 

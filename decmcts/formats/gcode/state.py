@@ -83,6 +83,8 @@ class _Recorder:
         if event.text == "M204" and any(key == "S" for key, _ in event.params):
             held.clear()  # M204 S sets printing and travel acceleration at once
         held.update(event.params)
+        if event.text == "M204" and held.keys() >= {"P", "T"}:
+            held.pop("S", None)  # both parts of it are said anew
         joint = "" if len(next(iter(held))) < 2 else "="
         words = " ".join(f"{key}{joint}{value}" for key, value in held.items())
         self.put(event.slot, f"{event.text} {words}".strip(), line)
@@ -146,8 +148,9 @@ def track_state(lines: Lines, motion: Motion) -> Track:
 
 
 def _code(lines: Lines, line: int) -> str:
-    text = lines.raw(line).decode("utf-8", "surrogateescape")
-    return " ".join(text.split(";", 1)[0].split())
+    """Return the command of a line without comment, line number and checksum."""
+    text = lines.raw(line).decode("utf-8", "surrogateescape").split(";", 1)[0]
+    return " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
 
 
 def _note(recorder: _Recorder, event: Event, line: int, last_layer: str) -> None:

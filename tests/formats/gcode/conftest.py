@@ -63,12 +63,6 @@ def toolpath_of(job: PrintJob, seed: int | None) -> Toolpath:
     return Toolpath.of(order, (rng.random(n) < 0.5) & job.contours.reversible[order])
 
 
-def corpus(folder: str, pattern: str) -> list[Path]:
-    """Return files of the corpus, a missing one when there is no corpus."""
-    found = sorted((CORPUS / folder).glob(pattern))
-    return found or [CORPUS / folder / "absent"]
-
-
 @pytest.fixture
 def needs_corpus() -> None:
     """Skip with a reason where the corpus is absent."""

@@ -37,7 +37,8 @@ def test_a_pause_or_comment_does_not_split(read):
 
 def test_role_is_the_longest_and_width_the_widest(read):
     """A bead that turns into an overhang half way is still one contour."""
-    text = ";TYPE:Perimeter\n;WIDTH:0.4\nG1 X0 Y0\nG1 X5 E1\n;TYPE:Overhang perimeter\n;WIDTH:0.6\nG1 X7 E2\n"
+    first = ";TYPE:Perimeter\n;WIDTH:0.4\nG1 X0 Y0\nG1 X5 E1\n"
+    text = first + ";TYPE:Overhang perimeter\n;WIDTH:0.6\nG1 X7 E2\n"
     job, _ = read(text)
     assert job.contours.role.tolist() == [Role.PERIMETER]
     assert job.contours.width.tolist() == [0.6]
@@ -99,10 +100,14 @@ def test_state_first_set_in_the_print_ends_an_epoch(read):
 
 @pytest.mark.parametrize(
     ("text", "turns"),
-    [(";TYPE:Ironing\nG1 X0 Y0\nG1 X5 E1\n", False), ("G1 X0 Y0 Z.2\nG1 X5 Z.3 E1\n", False),
-     ("G1 X0 Y0\nG1 X5 E1\n", True), ("G1 X0 Y0\nG1 X5 E1\nG1 X4 E0.5\n", True),
-     ("G1 X0 Y0\nG1 X2 E.05\nG1 X9 E1\nG1 Y9 E2\nG1 X0 E3\nG1 Y0 E3.1\n", False)],
-)  # fmt: skip
+    [
+        (";TYPE:Ironing\nG1 X0 Y0\nG1 X5 E1\n", False),
+        ("G1 X0 Y0 Z.2\nG1 X5 Z.3 E1\n", False),
+        ("G1 X0 Y0\nG1 X5 E1\n", True),
+        ("G1 X0 Y0\nG1 X5 E1\nG1 X4 E0.5\n", True),
+        ("G1 X0 Y0\nG1 X2 E.05\nG1 X9 E1\nG1 Y9 E2\nG1 X0 E3\nG1 Y0 E3.1\n", False),
+    ],
+)
 def test_what_may_be_printed_backwards(read, text, turns):
     """Ironing, slopes and flow ramps change when turned; plain beads and wiped ones do not."""
     assert read(text)[0].contours.reversible.tolist() == [turns]
@@ -120,7 +125,8 @@ def test_vase_is_one_contour(read):
 
 def test_retraction_habits(read):
     """Travels are made anew with the source's own retraction."""
-    gap = "G1 E{:.5f} F2400\nG1 Z.6\nG1 X{} Y0 F9000\nG1 Z.2\nG1 E{:.5f} F1800\nG1 X{} E{:.5f} F1200\n"
+    gap = "G1 E{:.5f} F2400\nG1 Z.6\nG1 X{} Y0 F9000\nG1 Z.2\n"
+    gap += "G1 E{:.5f} F1800\nG1 X{} E{:.5f} F1200\n"
     text = "G1 X0 Y0 Z.2\nG1 X5 E1 F1200\n" + "".join(
         gap.format(k - 0.8, 20 * k, k, 20 * k + 5, k + 1) for k in range(1, 6)
     )
@@ -149,12 +155,20 @@ def test_gzip_reads_as_plain(tmp_path):
 
 @pytest.mark.parametrize(
     ("raw", "what"),
-    [(b"", "empty"), (b" \n\n", "empty"), (b"GCDE\1\0\0\0", "bgcode"), (b"\x89PNG\0\0", "binary"),
-     (b"\x1f\x8b\x08broken", "gzip"), (b"G28\nG1 X1 Y1\n", "nothing is extruded"),
-     (b";LAYER:0\nG91\nG1 X1 E1\n", "relative"), (b";LAYER:0\nG1 X1 E1\nG92 X0\nG1 X5 E2\n", "origin"),
-     (b";LAYER:0\nG1 X1 E1\nG55\nG1 X5 E2\n", "work coordinate"), (b";LAYER:0\nG20\nG1 X1 E1\n", "inches"),
-     (b";LAYER:0\nG1 X1 E1\nM200 D2\nG1 X5 E2\n", "M200")],
-)  # fmt: skip
+    [
+        (b"", "empty"),
+        (b" \n\n", "empty"),
+        (b"GCDE\1\0\0\0", "bgcode"),
+        (b"\x89PNG\0\0", "binary"),
+        (b"\x1f\x8b\x08broken", "gzip"),
+        (b"G28\nG1 X1 Y1\n", "nothing is extruded"),
+        (b";LAYER:0\nG91\nG1 X1 E1\n", "relative"),
+        (b";LAYER:0\nG1 X1 E1\nG92 X0\nG1 X5 E2\n", "origin"),
+        (b";LAYER:0\nG1 X1 E1\nG55\nG1 X5 E2\n", "work coordinate"),
+        (b";LAYER:0\nG20\nG1 X1 E1\n", "inches"),
+        (b";LAYER:0\nG1 X1 E1\nM200 D2\nG1 X5 E2\n", "M200"),
+    ],
+)
 def test_unusable_files_are_refused_by_name(read, raw, what):
     """Each refusal names the construct; none is a silent re-interpretation."""
     with pytest.raises(InputError, match=what):

@@ -18,24 +18,84 @@ LINE = "G1 X20 Y0 F6000\nG1 X30 Y0 E4.99 F1500\n"
 M83 = "G28\nM83\n;LAYER_CHANGE\n;Z:0.2\n"
 CASES = {
     "relative E": (M83, "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-1 F2400\nG1 X50\nG1 E1\nG1 X60 E.3\n"),
-    "lower case, no blanks": ("g28\nm83\n;LAYER:0\n", "g1x0y0z.2\ng1x9y1e.5f900\ng1x50\ng1x60e.3\n"),
-    "line numbers": ("N1 G28*18\nN2 M83*7\nN3 ;LAYER:0\n", "N4 G1 X0 Y0 Z.2*9\nN5 G1 X9 E.5*3\nN6 M104 S9*1\nN7 G1 X12 E1*2\n"),
-    "volumetric": ("M83\nM200 D1.75\n;LAYER:0\n", "G1 X0 Y0 Z.2\nG1 X9 E1.2 F900\nG1 X50\nG1 X60 E.7\n"),
-    "arcs": (M83, "G1 X0 Y0 Z.2\nG2 X9 Y0 I4.5 J0 E.7 F900\nG3 X0 Y0 R-6 E1.1\nG1 X50\nG1 X60 E.3\n"),
-    "firmware retraction": (M83, "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG10\nG1 X50\nG11\nG1 X60 E.3\nG10\nG1 X0\nG11\nG1 Y9 E1\n"),
-    "fractional fan": (M83, "M106 S12.75\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\nM106 S127.5\nG1 X12 E.5\nG1 X50\nG1 X60 E.3\nM107\n"),
-    "objects": (M83, "EXCLUDE_OBJECT_START NAME=a\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\nEXCLUDE_OBJECT_END NAME=a\nEXCLUDE_OBJECT_START NAME=b\nG1 X50\nG1 X60 E.3\nEXCLUDE_OBJECT_END NAME=b\n"),
-    "M486": (M83, "M486 S0\nM486 Apart\nG1 X0 Y0 Z.2\nG1 X9 E.5\nM486 S-1\nM486 S1\nG1 X50\nG1 X60 E.3\nM486 S-1\n"),
-    "acceleration": (M83, "M204 P800 T900\nG1 X0 Y0 Z.2\nG1 X9 E.5\nM204 P500\nG1 X50\nG1 X60 E.3\nM204 S700\nG1 X0\nG1 Y5 E1\n"),
-    "pressure advance, flow": (M83, "M900 K0.04\nSET_PRESSURE_ADVANCE ADVANCE=0.1\nM221 S95\nG1 X0 Y0 Z.2\nG1 X9 E.5\nM221 S100\nM900 K0\nG1 X50\nG1 X60 E.3\n"),
-    "non-ASCII": (M83, ";Größe – ä\nM117 Schicht ö\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\nM117 \nG1 X50\nG1 X60 E.3\n"),
-    "wipe while retracting": (M83, "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-.2 F2400\nG1 X7 E-.6 F4000\nG1 X50\nG1 E.8\nG1 X60 E.3\nG1 E-.2\nG1 X57 E-.6\nG1 X0\nG1 E.8\nG1 Y9 E1\n"),
-    "tools": (M83, "T0\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-2\nT1\nM109 S200 T1\nG1 X50\nG1 E2\nG1 X60 E.3\n"),
-    "custom code that moves": (M83, "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-1\nG91\nG1 Z5\nG90\nG1 X200 Y200\nM400\nG1 Z.2\nG1 X50 Y0\nG1 E1\nG1 X60 E.3\n"),
-    "blob": (M83, "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 X20\nG1 E3\nG1 X50\nG1 X60 E.3\nG1 X70\nG1 X80 E.3\nG1 X90\nG1 X99 E.3\n"),
-    "trailing roles": ("G28\nM83\n", "G1 Z.35 F7800 ; move to next layer (0)\nG1 X0 Y0 ; move to first perimeter point\nG1 X9 E.5 F900 ; perimeter\nG1 X50 ; move\nG1 X60 E.3 ; infill\n"),
+    "lower case, no blanks": (
+        "g28\nm83\n;LAYER:0\n",
+        "g1x0y0z.2\ng1x9y1e.5f900\ng1x50\ng1x60e.3\n",
+    ),
+    "line numbers": (
+        "N1 G28*18\nN2 M83*7\nN3 ;LAYER:0\n",
+        "N4 G1 X0 Y0 Z.2*9\nN5 G1 X9 E.5*3\nN6 M104 S9*1\nN7 G1 X12 E1*2\n",
+    ),
+    "volumetric": (
+        "M83\nM200 D1.75\n;LAYER:0\n",
+        "G1 X0 Y0 Z.2\nG1 X9 E1.2 F900\nG1 X50\nG1 X60 E.7\n",
+    ),
+    "arcs": (
+        M83,
+        "G1 X0 Y0 Z.2\nG2 X9 Y0 I4.5 J0 E.7 F900\nG3 X0 Y0 R-6 E1.1\nG1 X50\nG1 X60 E.3\n",
+    ),
+    "firmware retraction": (
+        M83,
+        "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG10\nG1 X50\nG11\nG1 X60 E.3\nG10\nG1 X0\nG11\nG1 Y9 E1\n",
+    ),
+    "fractional fan": (
+        M83,
+        "M106 S12.75\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\nM106 S127.5\n"
+        "G1 X12 E.5\nG1 X50\nG1 X60 E.3\nM107\n",
+    ),
+    "objects": (
+        M83,
+        "EXCLUDE_OBJECT_START NAME=a\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\n"
+        "EXCLUDE_OBJECT_END NAME=a\nEXCLUDE_OBJECT_START NAME=b\nG1 X50\n"
+        "G1 X60 E.3\nEXCLUDE_OBJECT_END NAME=b\n",
+    ),
+    "M486": (
+        M83,
+        "M486 S0\nM486 Apart\nG1 X0 Y0 Z.2\nG1 X9 E.5\nM486 S-1\nM486 S1\n"
+        "G1 X50\nG1 X60 E.3\nM486 S-1\n",
+    ),
+    "acceleration": (
+        M83,
+        "M204 P800 T900\nG1 X0 Y0 Z.2\nG1 X9 E.5\nM204 P500\nG1 X50\n"
+        "G1 X60 E.3\nM204 S700\nG1 X0\nG1 Y5 E1\n",
+    ),
+    "pressure advance, flow": (
+        M83,
+        "M900 K0.04\nSET_PRESSURE_ADVANCE ADVANCE=0.1\nM221 S95\n"
+        "G1 X0 Y0 Z.2\nG1 X9 E.5\nM221 S100\nM900 K0\nG1 X50\nG1 X60 E.3\n",
+    ),
+    "non-ASCII": (
+        M83,
+        ";Größe – ä\nM117 Schicht ö\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\nM117 \nG1 X50\nG1 X60 E.3\n",
+    ),
+    "wipe while retracting": (
+        M83,
+        "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-.2 F2400\nG1 X7 E-.6 F4000\n"
+        "G1 X50\nG1 E.8\nG1 X60 E.3\nG1 E-.2\nG1 X57 E-.6\nG1 X0\nG1 E.8\n"
+        "G1 Y9 E1\n",
+    ),
+    "tools": (
+        M83,
+        "T0\nG1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-2\nT1\nM109 S200 T1\nG1 X50\nG1 E2\nG1 X60 E.3\n",
+    ),
+    "custom code that moves": (
+        M83,
+        "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-1\nG91\nG1 Z5\nG90\n"
+        "G1 X200 Y200\nM400\nG1 Z.2\nG1 X50 Y0\nG1 E1\nG1 X60 E.3\n",
+    ),
+    "blob": (
+        M83,
+        "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 X20\nG1 E3\nG1 X50\nG1 X60 E.3\n"
+        "G1 X70\nG1 X80 E.3\nG1 X90\nG1 X99 E.3\n",
+    ),
+    "trailing roles": (
+        "G28\nM83\n",
+        "G1 Z.35 F7800 ; move to next layer (0)\n"
+        "G1 X0 Y0 ; move to first perimeter point\n"
+        "G1 X9 E.5 F900 ; perimeter\nG1 X50 ; move\nG1 X60 E.3 ; infill\n",
+    ),
     "beads that touch": (M83, "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-1\nG1 E1\nG1 X20 E.5\n"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,0 +1,52 @@
+"""The corpus of real prints: every file round-trips or is refused by name."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import read_gcode
+
+CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
+
+
+def corpus(folder: str, pattern: str) -> list[Path]:
+    """Return files of the corpus, a missing one when there is no corpus."""
+    found = sorted((CORPUS / folder).glob(pattern))
+    return found or [CORPUS / folder / "absent"]
+
+
+pytestmark = [pytest.mark.shared, pytest.mark.slow, pytest.mark.usefixtures("needs_corpus")]
+
+
+@pytest.mark.parametrize("path", corpus("gcode", "*.gcode.gz"), ids=lambda p: p.name)
+def test_files_of_a_dozen_slicers(path, again):
+    """Same segments, feeds and machine state in the source's order and in another."""
+    job, document = read_gcode(path)
+    job2, document2, _ = again(job, document)
+    assert job2.contours.epoch.tolist() == job.contours.epoch.tolist()
+    assert [b.text for b in document2.blocks] == [b.text for b in document.blocks]
+    again(job, document, seed=1)
+
+
+@pytest.mark.parametrize("path", corpus("gcode", "*.bgcode"), ids=lambda p: p.name)
+def test_binary_gcode_is_refused_by_name(path):
+    """It is not text; the message says what to do."""
+    with pytest.raises(InputError, match="bgcode"):
+        read_gcode(path)
+
+
+@pytest.mark.parametrize("path", corpus("models/gcode", "*.gcode.gz"), ids=lambda p: p.name)
+def test_models(path, again):
+    """63 models: contours as counted by another program, and the round trip."""
+    job, document = read_gcode(path)
+    with (CORPUS / "models/manifest.csv").open() as file:
+        rows = {row["name"]: row for row in csv.DictReader(file)}
+    assert len(job.contours) == int(rows[path.name.split(".")[0]]["contours"])
+    job2, _, _ = again(job, document)
+    assert Counter(job2.contours.role.tolist()) == Counter(job.contours.role.tolist())
