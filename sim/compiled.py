@@ -7,13 +7,17 @@ types with the planner, not algorithms.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from typing import Any, TypeVar
 
-import numba
+from decmcts.jit import compiler
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+_compile: Callable[..., Any] = compiler(Path(__file__).parent)
 
 
 def compiled(function: F) -> F:
     """Compile `function` on first use and keep the machine code on disk."""
-    return cast(F, numba.njit(cache=True, nogil=True)(function))
+    machine_code: F = _compile(function)
+    return machine_code

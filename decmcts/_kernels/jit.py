@@ -7,14 +7,17 @@ Kernels take bare numbers and arrays and trust them; their callers validate.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from pathlib import Path
+from typing import Any, TypeVar
 
-import numba
+from decmcts.jit import compiler
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+_compile: Callable[..., Any] = compiler(Path(__file__).parent)
 
 
 def kernel(function: F) -> F:
     """Compile `function` on first use and keep the machine code on disk."""
-    compiled: F = cast(F, numba.njit(cache=True, nogil=True)(function))
+    compiled: F = _compile(function)
     return compiled

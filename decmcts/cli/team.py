@@ -24,7 +24,7 @@ from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, sear
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.alone import one_head_toolpaths
+from decmcts.team.alone import lone_machine, one_head_toolpaths
 from decmcts.team.bound import makespan_bound
 from decmcts.team.schedule import schedule
 from sim.pictures import draw_gantt
@@ -150,6 +150,7 @@ def _best_of(
     """Schedule what was agreed, or one head alone where that is faster."""
     plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths))
     alone = plan_alone(loaded, order, result.agreement.live, seed)
+    lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order])
     bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     extra: dict[str, Any] = {
         "planner": "dec-mcts",
@@ -158,7 +159,7 @@ def _best_of(
         "time_limit_s": time_limit_s,
         "agreed_digest": result.agreement.digest,
         "live_heads": list(result.agreement.live),
-        "one_head_s": alone.metrics["makespan_s"],
+        "one_head_s": lone.makespan_s,
         "bound": dataclasses.asdict(bound),
         "agents": [_traffic(agent) for agent in result.agreement.agents],
     }

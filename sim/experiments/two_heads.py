@@ -28,7 +28,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
-from decmcts.team.alone import one_head_toolpaths
+from decmcts.team.alone import lone_machine
 from decmcts.team.bound import makespan_bound
 from decmcts.team.metrics import plan_metrics
 from decmcts.team.plan import plan_team
@@ -100,11 +100,12 @@ def run(
 def plan_alone(
     job: PrintJob, machine: Machine, graph: DependencyGraph, *, time_limit_s: float, seed: int
 ) -> PlanDocument:
-    """Return the plan in which one head prints all it can."""
+    """Return the plan of one head that reaches everything, the yardstick of the team."""
+    machine = lone_machine(machine)
     problem = OrderProblem.from_job(job, graph, "reversible")
     found = plan_order(problem, planner="local", time_limit_s=time_limit_s, seed=seed)
-    paths = one_head_toolpaths(job, machine, found.toolpath)
-    return _document(job, machine, graph, schedule(job, machine, graph, paths))
+    plan = schedule(job, machine, graph, [found.toolpath])
+    return _document(job, machine, graph, plan)
 
 
 def plan_together(
