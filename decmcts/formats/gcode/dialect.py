@@ -65,7 +65,7 @@ _MERGED = {
     "SET_PRESSURE_ADVANCE": ("pressure advance", "EXTRUDER"),
     "SET_RETRACTION": ("retraction", ""), "SET_FAN_SPEED": ("fan", "FAN"),
 }  # fmt: skip
-MERGED_SLOTS = tuple({slot for slot, _ in _MERGED.values()} - {"acceleration"})  # these only grow
+GROWING = frozenset(_MERGED) - {"M204", "SET_FAN_SPEED"}  # commands whose parameters only add up
 _REASONS = {
     "M600": "filament change", "M0": "pause", "M1": "pause", "M25": "pause", "M226": "pause",
     "M601": "pause", "PAUSE": "pause", "G4": "dwell", "G28": "homing", "G29": "bed probing",

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.gcode.dialect import MERGED_SLOTS
-from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
+from decmcts.formats.gcode.dialect import GROWING
+from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT
 from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.motion import Motion
 from decmcts.formats.gcode.state import Track
@@ -29,24 +29,25 @@ def state_edges(
     for k, slot in enumerate(track.table.slots):
         if slot in _RESTORABLE or slot.startswith(SILENT):
             continue
-        missing = _missing(track, k)
+        missing = _missing(track.table.values, np.unique([first[:, k], last[:, k]]))
         unset = np.flatnonzero(missing[first[:, k]])
-        if not len(unset) or len(unset) == len(first):
+        if not len(unset):
             continue
-        edge[unset[-1] + 1] = True
+        edge[unset[-1] + 1 :][:1] = True
         if not missing[last[unset[-1], k]]:  # set within this contour: it ends its epoch
             edge[unset[-1]] = True
     edge[0] = False
     return edge
 
 
-def _missing(track: Track, slot: int) -> NDArray[np.bool_]:
-    """Tell which values of a slot leave something unset that others set, (n_values,)."""
-    table = track.table
-    words = np.array([len(text.split()) for text in table.values])
-    if table.slots[slot].startswith(MERGED_SLOTS):
-        return np.asarray(words < words[np.unique(table.rows[:, slot])].max())
-    return np.asarray(np.arange(len(words)) == UNSET)
+def _missing(values: tuple[str, ...], used: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Tell which values leave something unset that another of the used ones sets, (n_values,)."""
+    words = [text.split() for text in values]
+    most: dict[str, int] = {}
+    for k in used.tolist():
+        if words[k] and words[k][0] in GROWING:
+            most[words[k][0]] = max(most.get(words[k][0], 0), len(words[k]))
+    return np.array([not w or len(w) < most.get(w[0], 0) for w in words])
 
 
 def _mark_first_layer(

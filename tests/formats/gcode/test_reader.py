@@ -179,3 +179,20 @@ def test_missing_file_is_refused(tmp_path):
     """A wrong path is one clear line."""
     with pytest.raises(InputError, match="cannot be read"):
         read_gcode(tmp_path / "absent.gcode")
+
+
+def test_fan_on_and_off_is_no_epoch(read):
+    """Bridges switch the fan all the time; that state can be put back anywhere."""
+    more = "".join(
+        f"M106 S255\nG1 X{k} Y9\nG1 X{k + 5} E{k}\nM107\nG1 Y11\nG1 X0 E{k + 4}\n" for k in (9, 19)
+    )
+    job, _ = read(
+        "M107\n" + SQUARE + more + ";LAYER_CHANGE\nG1 Z.4\nG1 X5 Y0 E30\nM106 S255\nG1 X9 E31\n"
+    )
+    assert (job.contours.epoch == 0).all()
+
+
+def test_parameter_first_set_in_the_print_ends_an_epoch(read):
+    """M205 Y after M205 X adds to it; before it, Y was the firmware's own, which nobody knows."""
+    job, _ = read("M205 X8\n" + SQUARE + "M205 Y5\n" + LINE)
+    assert job.contours.epoch.tolist() == [0, 1]
