@@ -30,6 +30,7 @@ class Emitter:
         self._scale = document.e_area or 1.0
         self.travel_feed = settings.travel_feed or 100.0
         self.tail: NDArray[np.float64] = np.zeros((0, 3))  # the bead just printed, newest first
+        self.parted = False  # a verbatim block stands between the last bead and the next
         self.top = 0.0  # highest bead so far
         self.take(document.start)
 

@@ -25,6 +25,7 @@ from decmcts.formats.gcode.state import Track, track_state
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 
+PRIMED_MM = 0.01  # filament pushed beyond what is owed
 _SLICERS = re.compile(
     rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
     rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
@@ -126,10 +127,18 @@ def read_motions(path: Path | str) -> Motions:
 
 
 def _preamble_end(parsed: _Parsed) -> int:
-    """Return the first line of the print: below its marker and below any barrier there."""
-    first = int(parsed.motion.line[parsed.runs.first[0]])
-    early = [line for line in parsed.track.barriers if parsed.runs.body <= line < first]
-    return max([parsed.runs.body, *(line + 1 for line in early)])
+    """Return the first line of the print: below its marker and below any barrier there.
+
+    Where the nozzle is primed after that, the first bead begins the print: what
+    is pushed before it belongs to the start, not to a retraction.
+    """
+    motion, runs = parsed.motion, parsed.runs
+    first = int(motion.line[runs.first[0]])
+    early = [line for line in parsed.track.barriers if runs.body <= line < first]
+    top = max([runs.body, *(line + 1 for line in early)])
+    pushed = float(motion.extrusion[motion.before[top] : runs.first[0]].sum())
+    owed = float(motion.extruder[top - 1, 1]) if top else 0.0
+    return first if abs(pushed - owed) > PRIMED_MM else top
 
 
 def _towers(parsed: _Parsed) -> NDArray[np.bool_]:

@@ -130,6 +130,7 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     stood = emitter.at
     emitter.verbatim(block.text)
     emitter.take(block.end)
+    emitter.parted = True  # as it parted the contours in the source
     emitter.tail = emitter.tail[:0]
     if not block.moves:
         emitter.at = stood
@@ -153,9 +154,11 @@ def print_contour(
     emitter.set_state(state[0], before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
-    emitter.owe(0.0)
-    if len(emitter.lines) == written:
+    if len(emitter.lines) > written or not emitter.parted:
+        emitter.owe(0.0)  # else a block left it so: filament cools unloaded in a tool change
+    if len(emitter.lines) == written and not emitter.parted:
         emitter.say(SPLIT_MARK)
+    emitter.parted = False
     filament = job.contours.extrusion[rows][order].tolist()
     feed = job.contours.feed[rows][order].tolist()
     held = -1
@@ -164,6 +167,8 @@ def print_contour(
             emitter.set_state(s)
             held = s
         emitter.move(tuple(to), f, e)
+    if emitter.owed > 0.0:
+        emitter.owed = max(0.0, emitter.owed - float(sum(filament)))
     emitter.tail = points[::-1]
     emitter.top = max(emitter.top, float(points[:, 2].max()))
 
