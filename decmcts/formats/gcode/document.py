@@ -89,6 +89,7 @@ class GcodeDocument:
     blocks: tuple[Block, ...]  # ascending epoch
     states: StateTable
     point_state: NDArray[np.int32]  # (n_points,) state of the segment ending there
+    owed: NDArray[np.float64]  # (n,) filament still retracted when a contour begins, mm
     relative_e: bool
     e_area: float  # mm² when E is volumetric (M200), 0 when it is mm
     decimals: tuple[int, int, int]  # xy, e, feed

@@ -2,7 +2,10 @@
 
 Every file is complete: the source's set-up commands, this head's contours with
 the planned paths as they are, and the end. Heads share the bed, so moves that
-no plan checked are left out: purge lines, wipes at the end, custom travel.
+no plan checked are left out: purge lines, wipes at the end, custom travel. A
+head retracts (and wipes along the bead it printed) before it says that a print
+has ended: what it does afterwards is its next action's path and nothing else.
+The end code, which turns off bed and motors, runs when all heads are done.
 
 Where the plan orders actions of different heads the files hold
 
@@ -26,7 +29,7 @@ from typing import BinaryIO, TextIO
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.formats.gcode.document import Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
@@ -40,6 +43,8 @@ _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 _HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
 _SELECT = re.compile(rb"^\s*T\d+\s*(;.*)?$")
+_E_WORD = re.compile(rb"^[^;(]*?E\s*([-+]?[0-9.]+)", re.I)
+_E_MODE = re.compile(rb"^\s*(?:N\d+\s*)?(M8[23]|G9[01])(?![0-9.])", re.I)
 _FOR_TOOL = re.compile(rb"^(\s*[MG]\d[^;]*?)\s+T(\d+)(?=[\s;]|$)")
 
 
@@ -53,11 +58,15 @@ def write_head_gcode(
     header_lines: Sequence[str] = (),
     signal: str = SIGNAL,
     wait: str = WAIT,
+    park: tuple[float, float, float] | None = None,
 ) -> None:
     """Write the file of one head of a plan.
 
     Parameters
     ----------
+    park : tuple of float | None
+        Where the head stands while it has no action; needed where it has none
+        at all, since homing leaves it where no plan looked.
     signal, wait : str
         The commands of a synchronisation point, ``{number}`` where its number goes.
 
@@ -68,8 +77,9 @@ def write_head_gcode(
         by commands of its own during the print, or when `out` cannot be written.
     """
     text = head_gcode_bytes(
-        document, job, plan, head_index, header_lines=header_lines, signal=signal, wait=wait
-    )
+        document, job, plan, head_index, header_lines=header_lines, signal=signal, wait=wait,
+        park=park,
+    )  # fmt: skip
     save_text(text, out)
 
 
@@ -82,17 +92,21 @@ def head_gcode_bytes(
     header_lines: Sequence[str] = (),
     signal: str = SIGNAL,
     wait: str = WAIT,
+    park: tuple[float, float, float] | None = None,
 ) -> bytes:
     """Return what `write_head_gcode` writes."""
     head = plan.heads[head_index]
     tool = _only_tool(document, job, head)
     _refuse_own_moves(document, job)
+    home = tuple(head.action_path(0)[0].tolist()) if len(head) else park
+    if home is None:
+        raise InputError(f"head {head.head} has nothing to do and no park position is given")
     file = _HeadFile(document, job, head_index, tool, number_sync_points(plan), signal, wait)
     header = [
         *header_lines,
         f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together",
     ]
-    file.begin(header, len(plan.heads), head)
+    file.begin(header, len(plan.heads), home)
     for k in range(len(head)):
         file.act(head, k)
     file.end()
@@ -142,29 +156,33 @@ class _HeadFile:
         self.points, self.signal, self.wait = points, signal, wait
         self.blocks = list(document.blocks)
 
-    def begin(self, header: Sequence[str], n_heads: int, head: HeadActions) -> None:
+    def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
         """Set up and go to the park position, one head after the other."""
         emitter, document = self.emitter, self.document
-        preamble = self._own(document.preamble, keep_homing=True)
+        preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
         first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
         emitter.verbatim(first)
         if self.index > 0:
             self._say(self.wait, self.index)
         emitter.verbatim(rest)
-        emitter.say("G90")
-        if not document.relative_e:
-            emitter.e = np.inf  # lines were left out: what E stands at is not known
-            emitter.set_e(document.start.e)
-        if len(head):
-            x, y, z = head.action_path(0)[0].tolist()
-            emitter.at = (np.nan, np.nan, np.nan)
-            emitter.say(f"G1 Z{z:.3f} F{(document.habits.z_feed or 10.0) * 60:.0f}")
-            emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
-            emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
+        self._resume(document.start)
+        x, y, z = park
+        emitter.say(f"G1 Z{z:.3f} F{(document.habits.z_feed or 10.0) * 60:.0f}")
+        emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
+        emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
         if n_heads > 1:
             self._say(self.signal, self.index + 1)
             if self.index + 1 < n_heads:
                 self._say(self.wait, n_heads)
+
+    def _resume(self, cursor: Cursor) -> None:
+        """Set modes and E as the source has them, after lines of it were left out."""
+        emitter = self.emitter
+        emitter.say("G90")
+        emitter.say("M83" if cursor.relative_e else "M82")  # G90 resets E too in some firmwares
+        if not cursor.relative_e:
+            emitter.e = np.inf  # what E stands at is not known
+            emitter.set_e(cursor.e)
 
     def act(self, head: HeadActions, k: int) -> None:
         """Write one action with what it waits for and what it signals."""
@@ -181,17 +199,35 @@ class _HeadFile:
                 emitter, self.job, contour, [], turned=bool(head.reversed[k]),
                 entry=int(head.entry[k]),
             )  # fmt: skip
+            self._retract_for(head, k + 1)
         if (number := self.points.signals.get((self.index, k), 0)) > 0:
             self._say(self.signal, number)
 
+    def _retract_for(self, head: HeadActions, k: int) -> None:
+        """Retract for action k before others may count on this head's way being clear."""
+        if k < len(head) and head.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
+            way = np.linalg.norm(np.diff(head.action_path(k), axis=0), axis=1).sum()
+            if way >= self.emitter.settings.retract_min_travel_mm:
+                self.emitter.retract()
+
     def end(self) -> None:
-        """Write what the source does at its end, without its moves."""
-        emitter, end = self.emitter, self.document.end
+        """Write what the source does at its end, without its moves, when all heads are done."""
+        emitter, end, points = self.emitter, self.document.end, self.points
+        if len(points.done) > 1:
+            self._say(self.signal, points.done[self.index])
+            for number in points.done[: self.index] + points.done[self.index + 1 :]:
+                self._say(self.wait, number)
+            if self.index > 0:
+                self._say(self.wait, points.ended[self.index - 1])
         self._cross(2**31)
         emitter.owe(end.owed, firmware=end.firmware_retracted)
         emitter.set_state(end.state)
         emitter.set_e(end.e)
-        emitter.verbatim(self._own(self.document.postamble, keep_homing=False))
+        emitter.verbatim(
+            self._own(self.document.postamble, keep_homing=False, relative_e=end.relative_e)
+        )
+        if self.index + 1 < len(points.ended):
+            self._say(self.signal, points.ended[self.index])
 
     def _cross(self, epoch: int) -> None:
         """Write the blocks of all epochs up to `epoch`, without their moves."""
@@ -201,23 +237,29 @@ class _HeadFile:
             self.emitter.owe(block.begin.owed, firmware=block.begin.firmware_retracted)
             self.emitter.set_state(block.begin.state)
             self.emitter.set_e(block.begin.e)
-            self.emitter.verbatim(self._own(block.text, keep_homing=False))
+            self.emitter.verbatim(
+                self._own(block.text, keep_homing=False, relative_e=block.begin.relative_e)
+            )
             self.emitter.take(block.end)
-            if not self.document.relative_e:
-                self.emitter.e = np.inf  # its moves were left out
-                self.emitter.set_e(block.end.e)
+            if block.moves:
+                self._resume(block.end)
             self.emitter.at, self.emitter.feed = stood, -1.0 if block.moves else feed
 
     def _say(self, template: str, number: int) -> None:
         self.emitter.say("M400")
         self.emitter.say(template.format(number=number))
 
-    def _own(self, text: bytes, *, keep_homing: bool) -> bytes:
+    def _own(self, text: bytes, *, keep_homing: bool, relative_e: bool) -> bytes:
         """Return lines as this controller needs them: no unplanned moves, no other tools."""
         kept = []
+        newline = self.document.newline
         for line in text.splitlines(keepends=True):
+            relative_e = _relative_after(line, relative_e)
             if _MOVE.match(line) or (not keep_homing and _HOMING.match(line)):
                 kept.append(b"; left out, heads share the bed: " + line)
+                if (e := _E_WORD.match(line)) and not relative_e:  # later E words count from here
+                    kept.append((b"" if line.endswith(b"\n") else newline) + b"G92 E" + e.group(1))
+                    kept.append(newline)
             elif _SELECT.match(line):
                 kept.append(b"; left out, one tool: " + line)
             elif match := _FOR_TOOL.match(line):
@@ -228,6 +270,12 @@ class _HeadFile:
             else:
                 kept.append(line)
         return b"".join(kept)
+
+
+def _relative_after(line: bytes, relative_e: bool) -> bool:
+    """Return how E counts after a line: M82, M83 and, as in Marlin, G90 and G91 say so."""
+    mode = _E_MODE.match(line)
+    return relative_e if mode is None else mode.group(1).upper() in (b"M83", b"G91")
 
 
 def _split_first(text: bytes, n_header: int) -> tuple[bytes, bytes]:

@@ -154,8 +154,7 @@ def print_contour(
     emitter.set_state(state[0], before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
-    if len(emitter.lines) > written or not emitter.parted:
-        emitter.owe(0.0)  # else a block left it so: filament cools unloaded in a tool change
+    emitter.owe(float(emitter.document.owed[contour]))
     if len(emitter.lines) == written and not emitter.parted:
         emitter.say(SPLIT_MARK)
     emitter.parted = False

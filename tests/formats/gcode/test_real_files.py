@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode import read_gcode, read_motions
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
 
@@ -25,12 +25,14 @@ pytestmark = [pytest.mark.shared, pytest.mark.slow, pytest.mark.usefixtures("nee
 
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.gcode.gz"), ids=lambda p: p.name)
-def test_files_of_a_dozen_slicers(path, again):
+def test_files_of_a_dozen_slicers(path, again, tmp_path):
     """Same segments, feeds and machine state in the source's order and in another."""
     job, document = read_gcode(path)
     job2, document2, _ = again(job, document)
     assert job2.contours.epoch.tolist() == job.contours.epoch.tolist()
     assert [b.text for b in document2.blocks] == [b.text for b in document.blocks]
+    total = read_motions(tmp_path / "out.gcode").extrusion.sum()
+    assert total == pytest.approx(read_motions(path).extrusion.sum(), rel=5e-4)
     again(job, document, seed=1)
 
 

@@ -14,14 +14,6 @@ from decmcts.formats.gcode import read_gcode
 
 pytestmark = [pytest.mark.slicers, pytest.mark.slow]
 CURA = Path("/usr/share/cura/resources/definitions")
-COMMON = [
-    "--layer-height",
-    "0.3",
-    "--nozzle-diameter",
-    "0.4,0.4",
-    "--filament-diameter",
-    "1.75,1.75",
-]
 
 
 @pytest.fixture(scope="module")
@@ -55,12 +47,16 @@ def run(name: str, *arguments: str, env: dict[str, str] | None = None) -> None:
 def test_slic3r_and_prusaslicer(part, tmp_path, again, slicer, tools, relative):
     """Absolute and relative E, one and two extruders, in two orders."""
     out = tmp_path / "a.gcode"
-    words = [*COMMON, "-o", str(out)]
-    if tools == 2:
-        words += ["--infill-extruder", "2", "--solid-infill-extruder", "2"]
-    if relative:
-        words += ["--use-relative-e-distances"]
-    words += ["--gcode-comments"] if slicer == "slic3r" else ["--layer-gcode", "G92 E0", "-g"]
+    words = ["--layer-height", "0.3", "-o", str(out)]
+    words += ["--gcode-comments"] if slicer == "slic3r" else ["-g"]
+    settings = ["nozzle_diameter = " + ",".join(["0.4"] * tools)]
+    settings += ["filament_diameter = " + ",".join(["1.75"] * tools)]
+    settings += [f"use_relative_e_distances = {int(relative)}"]
+    settings += ["layer_gcode = G92 E0"] if relative else []
+    settings += ["infill_extruder = 2", "solid_infill_extruder = 2"] if tools == 2 else []
+    config = tmp_path / "c.ini"
+    config.write_text("\n".join(settings) + "\n")
+    words += ["--load", str(config)]
     run(slicer, *words, str(part))
     job, document = read_gcode(out)
     assert document.relative_e == relative

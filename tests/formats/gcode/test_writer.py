@@ -194,3 +194,21 @@ def test_postamble_begins_where_the_source_ended(read, tmp_path):
     assert after[1, 2] > 0.4 and (after[1, :2] == after[0, :2]).all()  # straight up first
     assert after[3].tolist() == [30, 20, 0.4]  # then down where the source ended
     assert after[-1].tolist() == [30, 20, 10.4]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "G1 X0 Y0 Z.2\nG1 E3\nG1 X9 E.5 F900\n",  # primed before the first bead
+        "G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nG1 E-2\nM103\nG1 X20\nM101\nG1 E2\nG1 X30 E.5\n",
+        "G1 X0 Y0 Z.2\n;TYPE:Wipe tower\nG1 X9 E.5\nG1 E-50\nG1 X20 E3\nT1\nG1 E47\nG1 X0 E1\n",
+    ],
+)
+def test_filament_total_is_the_sources(read, tmp_path, text):
+    """A prime, an unload or a push behind a barrier that goes missing starves the next bead."""
+    job, document = read(text, start=M83)
+    out = tmp_path / "o.gcode"
+    actions = direct_actions(job, Toolpath.as_sliced(len(job.contours)))
+    write_gcode(document, job, actions, out)
+    want = read_motions(tmp_path / "in.gcode")
+    assert read_motions(out).extrusion.sum() == pytest.approx(want.extrusion.sum(), abs=1e-4)
