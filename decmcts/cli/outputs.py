@@ -80,6 +80,7 @@ def write_heads(planned: Planned, stem: Path) -> list[Path]:
             index,
             path,
             header_lines=header_lines(planned),
+            park=planned.loaded.machine.heads[index].park,
         )
         paths.append(path)
     return paths

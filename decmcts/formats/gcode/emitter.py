@@ -41,6 +41,7 @@ class Emitter:
         self.feed = cursor.feed
         self.owed = cursor.owed
         self.firmware_retracted = cursor.firmware_retracted
+        self.relative_e = cursor.relative_e  # M82 and M83 in the print are blocks
         self.row = self.document.states.rows[cursor.state].tolist()
 
     def say(self, text: str) -> None:
@@ -66,7 +67,7 @@ class Emitter:
         """Return the E word of a push and count it."""
         amount = filament * self._scale
         self.e += amount
-        return format(amount if self.document.relative_e else self.e, self._e)
+        return format(amount if self.relative_e else self.e, self._e)
 
     def _feed_word(self, feed: float) -> str:
         text = f"{feed * 60.0:.{max(3, self.document.decimals[2])}f}"
@@ -96,7 +97,7 @@ class Emitter:
 
     def set_e(self, e: float) -> None:
         """Make the controller count E from another value, where it counts at all."""
-        if not self.document.relative_e and abs(self.e - e) > 1e-7:
+        if not self.relative_e and abs(self.e - e) > 1e-7:
             self.say(f"G92 E{e:{self._e}}")
         self.e = e
 

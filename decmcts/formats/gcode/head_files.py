@@ -42,6 +42,7 @@ WAIT = "SYNC_WAIT N={number}"
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 _HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
+_ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
 _SELECT = re.compile(rb"^\s*T\d+\s*(;.*)?$")
 _E_WORD = re.compile(rb"^[^;(]*?E\s*([-+]?[0-9.]+)", re.I)
 _E_MODE = re.compile(rb"^\s*(?:N\d+\s*)?(M8[23]|G9[01])(?![0-9.])", re.I)
@@ -136,6 +137,13 @@ def _refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:
                 line=barrier.line,
                 advice="remove it from the slicer's custom G-code for a machine with several heads",
             )
+    if place := _ORIGIN.search(document.preamble):
+        text = place.group(0).decode("utf-8", "replace").strip()
+        raise InputError(
+            f"'{text}' sets a position that moves left out of a head's file have led to",
+            path=document.path,
+            advice="remove it from the start G-code for a machine with several heads",
+        )
 
 
 class _HeadFile:

@@ -212,3 +212,13 @@ def test_filament_total_is_the_sources(read, tmp_path, text):
     write_gcode(document, job, actions, out)
     want = read_motions(tmp_path / "in.gcode")
     assert read_motions(out).extrusion.sum() == pytest.approx(want.extrusion.sum(), abs=1e-4)
+
+
+def test_the_mode_of_e_is_followed(read, again):
+    """An absolute E written after M83 would push the whole print's filament at once."""
+    text = "G1 X0 Y0 Z.2 F6000\nG1 X9 E.5 F900\nG1 X20\nG1 X30 E1\nM83\n"
+    text += "G1 X40\nG1 X50 E.5\nG1 X60\nG1 X70 E.5\nM82\nG92 E0\nG1 X80\nG1 X90 E.5\n"
+    job, document = read(text)
+    for seed in range(3):
+        _, _, raw = again(job, document, seed=seed)
+        assert raw.count(b"E0.50000") == 4
