@@ -1,0 +1,180 @@
+"""The relaxation behind the certificate: arborescences of travels at prices.
+
+Why its value is a bound is proved in `decmcts.search.certificate`, which also
+looks for good prices. The arithmetic of prices lives in `decmcts._kernels.pricing`,
+sets that must be left often in `decmcts.search.crossings`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.arborescence import cheapest_arborescence
+from decmcts._kernels.pricing import (
+    BLOCK,
+    Places,
+    Precedence,
+    Prices,
+    arc_weights,
+    bound_blocks,
+    cover_mask,
+    price_travels,
+)
+from decmcts.feasibility.build import closure_of
+from decmcts.search.crossings import Crossings, forced_crossings
+from decmcts.search.problem import OrderProblem
+
+WIDTH = 8  # travels taken up per entry port and pricing
+ROUNDING = 1e-9  # of the largest number, times n: what a value is lowered by; see `evaluate`
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """Travels that are looked at, by the contour they lead to; the root's exit port is 2n."""
+
+    offsets: NDArray[np.int64]  # (n + 1,)
+    exits: NDArray[np.int64]  # (m,) port
+    entries: NDArray[np.int64]  # (m,) port
+
+    @staticmethod
+    def of(codes: NDArray[np.int64], n: int) -> Arcs:
+        """Sort distinct arcs, each coded as exit · 2n + entry, by their head."""
+        exits, entries = codes // (2 * n), codes % (2 * n)
+        order = np.argsort(entries >> 1, kind="stable")
+        count = np.bincount(entries >> 1, minlength=n)
+        offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+        return Arcs(offsets, exits[order], entries[order])
+
+
+@dataclass(frozen=True, slots=True)
+class Relaxed:
+    """The value of the relaxation at some prices, and how to raise it."""
+
+    value: float  # mm
+    slope: NDArray[np.float64]  # as the multipliers
+    rounding: float  # what rounding added to the value at the very most, mm
+
+
+class Relaxation:
+    """Arborescences with a way back to the root, at prices: see `ascend`.
+
+    Multipliers are one vector: to leave each contour and the root (n + 1), for the
+    directions (n), for the sets (s).
+    """
+
+    def __init__(self, problem: OrderProblem) -> None:
+        self.n = len(problem)
+        self.problem = problem
+        self.places = _places(problem)
+        self.rule = _precedence(problem)
+        self.crossings: Crossings = forced_crossings(problem)
+        graph = problem.graph
+        self.first = np.flatnonzero(np.diff(graph.pred_offsets) == 0)
+        self.last = np.flatnonzero(np.diff(graph.succ_offsets) == 0)
+        self.codes = self._root_codes()
+        self.arcs = Arcs.of(self.codes, self.n)
+        self.escape = np.full(self.n, np.inf)
+        ports = self.places.ports
+        self.reach = float(np.linalg.norm(ports.max(axis=0) - ports.min(axis=0)))
+
+    @property
+    def size(self) -> int:
+        """Number of multipliers."""
+        return 2 * self.n + 1 + len(self.crossings.exits)
+
+    def prices(self, at: NDArray[np.float64]) -> Prices:
+        """Return the multipliers as prices of travels."""
+        n, member = self.n, self.crossings.member
+        refund = (member * at[2 * n + 1 :]) @ (~member).T.astype(np.float64)
+        return Prices(
+            at[: n + 1], at[n + 1 : 2 * n + 1], self.crossings.zone, np.ascontiguousarray(refund)
+        )
+
+    def allowed(self, at: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the nearest multipliers that keep the value a bound."""
+        sets = 2 * self.n + 1
+        return np.concatenate([at[:sets], np.maximum(at[sets:], 0.0)])
+
+    def take_up(self, at: NDArray[np.float64]) -> None:
+        """Add the travels that are cheapest at these prices; bound what is left out.
+
+        After this `evaluate` at the same multipliers is a valid bound.
+        """
+        exits, self.escape = price_travels(self.places, self.rule, self.prices(at), WIDTH)
+        entries = np.broadcast_to(np.arange(2 * self.n)[:, None], exits.shape)
+        new = (exits * (2 * self.n) + entries)[exits >= 0]
+        self.codes = np.union1d(self.codes, new)
+        self.arcs = Arcs.of(self.codes, self.n)
+
+    def evaluate(self, at: NDArray[np.float64]) -> Relaxed:
+        """Return the relaxation's value at some multipliers.
+
+        No key of the heaps exceeds twice the largest price M, and each undergoes at
+        most n subtractions, so rounding makes the arborescence too dear by no more
+        than some 4 n² · 1.1e-16 · M. `ROUNDING` covers that up to a million contours.
+        """
+        n, arcs = self.n, self.arcs
+        prices = self.prices(at)
+        weight = np.empty(len(arcs.exits) + n)
+        weight[len(arcs.exits) :] = self.escape
+        arc_weights(arcs.exits, arcs.entries, self.places, prices, weight[: len(arcs.exits)])
+        chosen = cheapest_arborescence(
+            arcs.offsets, arcs.exits >> 1, weight[: len(arcs.exits)], self.escape
+        )
+        back = prices.leave[self.last] - np.abs(prices.turn[self.last])
+        home = int(np.argmin(back))
+        value = weight[chosen].sum() + back[home] - prices.leave.sum()
+        value += at[2 * n + 1 :] @ self.crossings.exits
+        largest = self.reach + 4.0 * np.abs(at).max() + prices.crossing.max()
+        slope = self._slope(prices, chosen[chosen < len(arcs.exits)], int(self.last[home]))
+        return Relaxed(float(value), slope, ROUNDING * n * float(largest))
+
+    def _slope(self, prices: Prices, chosen: NDArray[np.int64], home: int) -> NDArray[np.float64]:
+        """Return the subgradient: how far the arborescence is from a path."""
+        n = self.n
+        exits, entries = self.arcs.exits[chosen], self.arcs.entries[chosen]
+        slope = np.zeros(self.size)
+        slope[: n + 1] = np.bincount(exits >> 1, minlength=n + 1) - 1.0
+        slope[home] += 1.0
+        real = exits < 2 * n
+        tails, heads = exits[real] >> 1, entries[real] >> 1
+        turn = np.zeros(n)
+        np.add.at(turn, tails, np.where(exits[real] & 1, 1.0, -1.0))
+        np.add.at(turn, entries >> 1, np.where(entries & 1, 1.0, -1.0))
+        turn[home] -= np.sign(prices.turn[home])
+        slope[n + 1 : 2 * n + 1] = np.where(self.places.turns, turn, 0.0)
+        zone, member = self.crossings.zone, self.crossings.member
+        leaving = member[zone[tails]] & ~member[zone[heads]]
+        slope[2 * n + 1 :] = self.crossings.exits - leaving.sum(axis=0)
+        return slope
+
+    def _root_codes(self) -> NDArray[np.int64]:
+        turning = self.first[self.places.turns[self.first]]
+        entries = np.concatenate([2 * self.first, 2 * turning + 1])
+        return np.unique(2 * self.n * (2 * self.n) + entries)
+
+
+def _places(problem: OrderProblem) -> Places:
+    n = len(problem)
+    corner = problem.start.min(axis=0)
+    size = np.maximum(problem.start.max(axis=0) - corner, 1e-9)
+    side = max(1, round((n / BLOCK) ** (1 / 3)))
+    cell = np.minimum((problem.start - corner) / size * side, side - 1).astype(np.int64)
+    order = np.lexsort((problem.start[:, 0], cell[:, 0], cell[:, 1], cell[:, 2]))
+    places = Places(
+        problem.ports(), problem.reversible, order.astype(np.int64), np.empty((-(-n // BLOCK), 6))
+    )
+    bound_blocks(places)
+    return places
+
+
+def _precedence(problem: OrderProblem) -> Precedence:
+    graph = problem.graph
+    rows = closure_of(graph)
+    kept = cover_mask(rows, graph.pred_offsets, graph.preds)
+    heads = np.repeat(np.arange(graph.n), np.diff(graph.pred_offsets))[kept]
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(heads, minlength=graph.n))])
+    return Precedence(rows, offsets.astype(np.int64), np.ascontiguousarray(graph.preds[kept]))

@@ -1,0 +1,186 @@
+"""The certificate must never exceed the least travel, whatever the problem."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search import certificate
+from decmcts.search.certificate import Ascent, lower_bound
+from decmcts.search.planners import plan_order
+from decmcts.search.problem import OrderProblem
+from decmcts.search.relaxation import Relaxation
+from tests.search.problems import random_problem
+
+
+def optimum(problem: OrderProblem) -> float:
+    """Least travel by depth-first search over all linear extensions and directions."""
+    n = len(problem)
+    before: list[set[int]] = [set() for _ in range(n)]
+    for a, b in problem.graph.pairs():
+        before[b].add(int(a))
+    best = np.inf
+
+    def visit(done: list[int], exit_: np.ndarray | None, travel: float) -> None:
+        nonlocal best
+        if travel >= best:
+            return
+        if len(done) == n:
+            best = travel
+            return
+        for c in set(range(n)) - set(done):
+            if before[c] <= set(done):
+                for turned in (False, True)[: 1 + int(problem.reversible[c])]:
+                    ends = (problem.start[c], problem.end[c])[:: -1 if turned else 1]
+                    step = 0.0 if exit_ is None else float(np.linalg.norm(ends[0] - exit_))
+                    visit([*done, c], ends[1], travel + step)
+
+    visit([], None, 0.0)
+    return float(best)
+
+
+def relaxed_bound(problem: OrderProblem, rounds: int) -> float:
+    """Bound by the relaxation alone, also where the exact path would be taken."""
+    ascent = Ascent(Relaxation(problem), optimum(problem))
+    for _ in range(rounds):
+        ascent.round(lambda: True)
+    return ascent.bound_mm
+
+
+def small_problem(seed: int) -> OrderProblem:
+    """Up to seven contours: sparse to dense graphs, none to all of them turning."""
+    return random_problem(
+        seed,
+        2 + seed % 6,
+        density=(0.0, 0.15, 0.3, 0.6)[seed % 4],
+        turning=(0.0, 0.5, 1.0)[seed % 3],
+    )
+
+
+def towers(seed: int, n: int) -> OrderProblem:
+    """Contours of two towers 20 mm apart that must be served in turns."""
+    rng = np.random.default_rng(seed)
+    start = rng.random((n, 3)) + np.outer(np.arange(n) // 2 % 2, [20.0, 0.0, 0.0])
+    pairs = np.array([(a, b) for b in range(n) for a in range(b) if a // 2 < b // 2], np.int32)
+    graph = DependencyGraph.from_pairs(n, pairs)
+    layer = (np.arange(n) // 2).astype(np.int32)
+    return OrderProblem(start, start.copy(), np.zeros(n, np.bool_), layer, graph)
+
+
+@pytest.mark.slow
+def test_relaxation_never_exceeds_the_optimum() -> None:
+    """The certificate's promise, on hundreds of problems solved by brute force."""
+    close = 0
+    for seed in range(300):
+        problem = small_problem(seed)
+        least, bound = optimum(problem), relaxed_bound(problem, 3)
+        assert bound <= least + 1e-12, seed
+        close += bound >= 0.9 * least - 1e-6
+    assert close > 150  # a bound of zero would be valid too
+
+
+@pytest.mark.slow
+def test_few_contours_are_solved_exactly() -> None:
+    """Tiny prints get the optimum itself."""
+    for seed in range(300):
+        problem = small_problem(seed)
+        least = optimum(problem)
+        found = lower_bound(problem, time_limit_s=0.0)
+        assert found.method == "exact"
+        assert found.bound_mm <= least
+        assert found.bound_mm == pytest.approx(least, rel=1e-9)
+
+
+def test_relaxation_holds_at_any_prices() -> None:
+    """The proof does not depend on good prices: the climb may go anywhere."""
+    rng = np.random.default_rng(0)
+    for seed in range(60):
+        problem = towers(seed, 6) if seed % 2 else small_problem(seed)
+        relaxation = Relaxation(problem)
+        at = relaxation.allowed(rng.normal(0.0, 3.0, relaxation.size))
+        at[len(problem) + 1 : 2 * len(problem) + 1] *= problem.reversible
+        relaxation.take_up(at)
+        found = relaxation.evaluate(at)
+        assert found.value - found.rounding <= optimum(problem)
+
+
+def test_forced_crossings_are_paid() -> None:
+    """Towers served in turns cost their distance each time; single travels do not show it."""
+    problem = towers(1, 12)
+    least = optimum(problem)
+    assert least > 5 * 19.0
+    bound = relaxed_bound(problem, 6)
+    assert 0.97 * least <= bound <= least
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_nothing_to_travel(n: int) -> None:
+    """No contour or a single one needs no travel."""
+    assert lower_bound(random_problem(0, n), time_limit_s=1.0).bound_mm == 0.0
+
+
+def test_contours_on_one_spot_have_a_bound_of_zero() -> None:
+    """Duplicate points must give no bound above the travel of zero."""
+    n = 20
+    spot = np.ones((n, 3))
+    graph = DependencyGraph.from_pairs(n, np.empty((0, 2), np.int32))
+    problem = OrderProblem(spot, spot.copy(), np.ones(n, np.bool_), np.zeros(n, np.int32), graph)
+    found = lower_bound(problem, time_limit_s=1.0, max_iterations=100)
+    assert found.bound_mm == 0.0
+    assert found.gap_percent(0.0) == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_bound_stays_below_what_planners_find(seed: int) -> None:
+    """Beyond the exact size the bound must still lie below any order found, and not far."""
+    problem = random_problem(seed, 60, density=(0.0, 0.02, 0.1)[seed % 3], turning=seed % 2)
+    found = lower_bound(problem, time_limit_s=60.0, max_iterations=600)
+    best = plan_order(problem, planner="local", time_limit_s=60.0, seed=0, max_iterations=300_000)
+    assert found.method == "arborescence"
+    assert 0.5 * best.cost_mm <= found.bound_mm <= best.cost_mm
+
+
+@pytest.mark.slow
+def test_more_iterations_never_lower_the_bound() -> None:
+    """A longer search keeps the best bound of a shorter one."""
+    problem = random_problem(3, 80, density=0.05)
+    bounds = [
+        lower_bound(problem, time_limit_s=60.0, max_iterations=limit).bound_mm
+        for limit in (0, 50, 100, 200, 400)
+    ]
+    assert bounds == sorted(bounds)
+    assert bounds[-1] > 1.05 * bounds[0]
+
+
+def test_time_counts_only_in_whole_rounds() -> None:
+    """A round cut off by the clock leaves the bound of the rounds before, so time never hurts."""
+    problem = random_problem(5, 40, density=0.1)
+    bounds = []
+    for limit in (0.0, 30.0, 70.0, 130.0, 260.0):
+        ticks = itertools.count()
+        found = lower_bound(problem, time_limit_s=limit, clock=lambda: float(next(ticks)))  # noqa: B023 - called before the next turn
+        bounds.append(found.bound_mm)
+    assert bounds == sorted(bounds)
+
+
+def test_equal_iterations_give_equal_bounds() -> None:
+    """Certificates are repeatable."""
+    problem = random_problem(8, 50, density=0.1)
+    one, other = (lower_bound(problem, time_limit_s=60.0, max_iterations=100) for _ in range(2))
+    assert one == other
+
+
+def test_negative_limits_are_refused() -> None:
+    """A negative limit is a caller's mistake, not a short search."""
+    with pytest.raises(ValueError, match="negative"):
+        lower_bound(random_problem(0, 3), time_limit_s=-1.0)
+
+
+def test_gap_of_a_bound_of_zero_is_unknown() -> None:
+    """No share above zero can be said."""
+    assert certificate.Certificate(0.0, 0, "exact", 0).gap_percent(1.0) is None
+    assert certificate.Certificate(80.0, 0, "exact", 0).gap_percent(100.0) == pytest.approx(25.0)
