@@ -16,6 +16,7 @@ from decmcts.print.job import ProcessSettings
 
 PULLED = 0.01  # mm of filament that counts as a retraction
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
+EXTRA_LIMIT_MM = 1.0  # a surplus or lack beyond this is loading or unloading
 _DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*([\d.]+)", re.I)
 
 
@@ -65,13 +66,17 @@ def infer_settings(
     )
     return settings, Habits(
         *_wipe(motion, runs, gap & ~still & pull, across, pulled),
-        restart_extra=float(np.median(extra[pulled]))
-        if pulled.any() and not firmware.any()
-        else 0.0,
+        restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled]),
         z_feed=_usual(motion.feed[upright]),
         resets_e=_occurs(lines, motion, runs, 71, 920),
         progress=_occurs(lines, motion, runs, 77, 730),
     )
+
+
+def _restart_extra(surplus: NDArray[np.float64]) -> float:
+    """Return what is usually pushed back beyond a retraction; tool changes are no habit."""
+    small = surplus[np.abs(surplus) <= EXTRA_LIMIT_MM]
+    return float(np.median(small)) if len(small) else 0.0
 
 
 def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:
