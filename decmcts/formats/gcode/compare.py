@@ -6,10 +6,13 @@ prints the same beads under the same machine state.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
+from decmcts.formats.gcode.reader import cursor_above_end
 from decmcts.print.job import PrintJob
 
 XYZ_MM = 1e-3
@@ -48,6 +51,38 @@ def same_extrusions(
                 f" against {b[k].round(5).tolist()}"
             )
     return faults
+
+
+def same_ending(document: GcodeDocument, path: Path | str) -> list[str]:
+    """Return how a file made from `document` reaches its end G-code otherwise than the source.
+
+    End G-code relies on where the head is, what is retracted, and what is set.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read or does not end with the source's end G-code.
+    """
+    cursor, table = cursor_above_end(path, document)
+    end, faults = document.end, []
+    if max(abs(a - b) for a, b in zip(cursor.position, end.position, strict=True)) > 2 * XYZ_MM:
+        faults.append(f"the head is at {cursor.position}, in the source at {end.position}")
+    if abs(cursor.owed - end.owed) > XYZ_MM or cursor.firmware_retracted != end.firmware_retracted:
+        faults.append(f"{cursor.owed:.3f} mm are retracted, in the source {end.owed:.3f}")
+    if cursor.relative_e != end.relative_e or cursor.tool != end.tool:
+        faults.append("the mode of E or the tool is another")
+    if not end.relative_e and abs(cursor.e - end.e) > XYZ_MM:
+        faults.append(f"E stands at {cursor.e:.5f}, in the source at {end.e:.5f}")
+    ours, theirs = _commands(table, cursor.state), _commands(document.states, end.state)
+    faults += [f"in force is '{a}'" for _, a in sorted(ours - theirs)]
+    faults += [f"not in force is '{a}'" for _, a in sorted(theirs - ours)]
+    return [f"before the end G-code {fault}" for fault in faults]
+
+
+def _commands(table: StateTable, state: int) -> set[tuple[str, str]]:
+    """Return slot and text of all that commands something in a state."""
+    pairs = zip(table.slots, table.rows[state].tolist(), strict=True)
+    return {(slot, table.values[v]) for slot, v in pairs if v and slot not in DESCRIBES}
 
 
 def _rows(job: PrintJob) -> NDArray[np.int64]:

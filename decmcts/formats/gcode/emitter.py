@@ -15,6 +15,7 @@ from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, C
 from decmcts.print.job import ProcessSettings
 
 NEAR_MM = 1e-3  # two positions this near are one
+APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
 BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
 
 
@@ -31,7 +32,7 @@ class Emitter:
         self.travel_feed = settings.travel_feed or 100.0
         self.tail: NDArray[np.float64] = np.zeros((0, 3))  # the bead just printed, newest first
         self.parted = False  # a verbatim block stands between the last bead and the next
-        self.top = 0.0  # highest bead so far
+        self.top = -math.inf  # highest bead so far; none yet
         self.take(document.start)
 
     def take(self, cursor: Cursor) -> None:
@@ -165,6 +166,21 @@ class Emitter:
     def _travel_feed(self, to: tuple[float, float, float]) -> float:
         upright = to[0] == self.at[0] and to[1] == self.at[1]
         return (self.document.habits.z_feed or self.travel_feed) if upright else self.travel_feed
+
+    def approach(self, to: tuple[float, float, float]) -> None:
+        """Go to the first bead: up, across, down.
+
+        Every axis is named, for where homing or a macro left the head is not known.
+        """
+        if math.dist(self.at, to) >= self.settings.retract_min_travel_mm:
+            self.retract()
+        over = max(self.at[2], to[2] + APPROACH_MM)
+        feed = self.document.habits.z_feed or self.travel_feed
+        self.say(f"G1 Z{over:{self._xy}} F{self._feed_word(feed)}")
+        across = f"X{to[0]:{self._xy}} Y{to[1]:{self._xy}}"
+        self.say(f"G1 {across} F{self._feed_word(self.travel_feed)}")
+        self.at, self.feed = (to[0], to[1], over), self.travel_feed
+        self.move(to, feed)
 
     def bridge(self, to: tuple[float, float, float]) -> None:
         """Go over everything printed so far: up, across, down."""

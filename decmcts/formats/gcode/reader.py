@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
+from decmcts.errors import InputError
 from decmcts.formats.gcode.beads import Beads, measure_beads
-from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
 from decmcts.formats.gcode.edges import state_edges
 from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
@@ -47,6 +49,7 @@ class Motions:
     contour: NDArray[np.int64]  # (m,) contour in the order of this file, -1: none
     width: NDArray[np.float64]  # (m,) bead width, mm; 0 where contour is -1
     height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
+    owed: NDArray[np.float64] | None = None  # (m,) mm retracted before the line; inf: by firmware
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +86,34 @@ def read_gcode(path: Path | str) -> tuple[PrintJob, GcodeDocument]:
         When the file is damaged, or holds something that cannot be put in
         another order safely; the message names the line.
     """
+    return _print_of(_parse(path), path)
+
+
+def read_result(path: Path | str) -> tuple[PrintJob, GcodeDocument, Motions]:
+    """Read a file as `read_gcode` and as `read_motions`, parsed once."""
     parsed = _parse(path)
+    return *_print_of(parsed, path), _motions_of(parsed)
+
+
+def cursor_above_end(path: Path | str, document: GcodeDocument) -> tuple[Cursor, StateTable]:
+    """Return how a file made from `document` leaves the controller to the end G-code.
+
+    Raises
+    ------
+    InputError
+        When the file does not end with the end G-code of `document`.
+    """
+    parsed = _parse(path)
+    end = document.postamble
+    if not parsed.lines.text.rstrip().endswith(end.rstrip()):
+        raise InputError("the end G-code is not the source's", path=path)
+    open_line = 1 if end and not end.endswith(b"\n") else 0
+    line = len(parsed.lines) - end.count(b"\n") - open_line
+    return cursor_at(parsed.motion, parsed.track, line), parsed.track.table
+
+
+def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocument]:
+    """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
     edges = state_edges(motion, runs, parsed.track, parsed.beads.layer)
@@ -116,13 +146,20 @@ def read_motions(path: Path | str) -> Motions:
     InputError
         As `read_gcode`.
     """
-    parsed = _parse(path)
+    return _motions_of(_parse(path))
+
+
+def _motions_of(parsed: _Parsed) -> Motions:
+    """Return the moves of a parsed file."""
     motion, contour = parsed.motion, parsed.runs.contour
     width, height = np.zeros(len(contour)), np.zeros(len(contour))
     width[contour >= 0] = parsed.beads.move_width
     height[contour >= 0] = parsed.beads.move_height
+    above = np.maximum(motion.line - 1, 0)
+    firmware = motion.modes[above, FIRMWARE_RETRACTED] > 0
+    owed = np.where(firmware, np.inf, motion.extruder[above, 1])
     return Motions(
-        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height
+        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height, owed
     )
 
 

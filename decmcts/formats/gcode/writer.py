@@ -33,9 +33,9 @@ def write_gcode(
 ) -> None:
     """Write the plan of one head as G-code in the source's dialect.
 
-    The path of the first travel is followed from its second point on (the
-    first is the head's park position, where the preamble does not leave it);
-    after the last contour the head goes over the print to where the source's
+    The path of the first travel is not followed (it starts at the head's park
+    position, where the preamble does not leave it): the head goes a little above
+    the bed; after the last contour the head goes over the print to where the source's
     postamble begins.
 
     Parameters
@@ -183,14 +183,16 @@ def _segments(n_points: int, turned: bool, entry: int) -> NDArray[np.int64]:
 def _go(
     emitter: Emitter, path: list[NDArray[np.float64]], begin: tuple[float, float, float]
 ) -> None:
-    """Follow the planned path if it starts here, else go over the print."""
-    if path:
+    """Follow the planned path if it starts here, else go over the print.
+
+    The first path starts at the park position, where the start G-code does not
+    leave the head; nothing is in the way yet but what was purged.
+    """
+    if emitter.top == -np.inf and np.linalg.norm(np.array(begin) - emitter.at) >= NEAR_MM:
+        emitter.approach(begin)
+    elif path:
         way = np.concatenate(path)
-        if emitter.top == 0.0:  # nothing is printed yet: the first point is the park position
-            way = way[1:] if len(way) > 1 else way
-            x, y, z = emitter.at
-            emitter.travel(np.concatenate([[(x, y, max(z, float(way[:, 2].max())))], way]))
-        elif np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
+        if np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
             emitter.travel(way[1:])
     if np.linalg.norm(np.array(begin) - np.array(emitter.at)) >= NEAR_MM:
         emitter.bridge(begin)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode import direct_actions, read_motions, write_gcode
+from decmcts.formats.gcode import direct_actions, read_motions, same_ending, write_gcode
 from decmcts.print.toolpath import Toolpath
 
 SQUARE = (
@@ -222,3 +223,42 @@ def test_the_mode_of_e_is_followed(read, again):
     for seed in range(3):
         _, _, raw = again(job, document, seed=seed)
         assert raw.count(b"E0.50000") == 4
+
+
+def test_first_approach_is_low_and_names_every_axis(read):
+    """Nobody knows where G28 left the head, and up to the park may be beyond the printer's top."""
+    text = "G1 X0 Y0 Z.2 F6000\nG1 X9 E.5 F900\nG1 X20\nG1 X30 E1\n"
+    job, document = read(text)
+    actions = direct_actions(job, Toolpath.as_sliced(2))
+    park = replace(
+        actions,
+        kind=np.concatenate([[1], actions.kind]).astype(np.int8),
+        contour=np.concatenate([[-1], actions.contour]).astype(np.int32),
+        reversed=np.concatenate([[False], actions.reversed]),
+        entry=np.concatenate([[0], actions.entry]).astype(np.int32),
+        path=np.concatenate([[[0.0, 0.0, 400.0], [0.0, 0.0, 0.2]], actions.path]),
+        path_offsets=np.concatenate([[0], actions.path_offsets + 2]),
+        begin_s=np.zeros(4),
+        end_s=np.zeros(4),
+        after_offsets=np.zeros(5, np.int64),
+    )
+    out = io.StringIO()
+    write_gcode(document, job, park, out)
+    moves = [x for x in out.getvalue().splitlines() if x.startswith("G1")]
+    assert moves[0].startswith("G1 Z5.200 ") and moves[1].startswith("G1 X0.000 Y0.000 ")
+    assert moves[2].startswith("G1 Z0.200")
+
+
+@pytest.mark.parametrize("spoil", ["G1 E-1 F2400\n", "M106 S9\n", "G1 Z9\n", "M83\n"])
+def test_another_way_to_the_end_code_is_found(read, tmp_path, spoil):
+    """End G-code trusts position, retraction and fan: a writer that forgets one must not pass."""
+    text = "M106 S255\nG1 X0 Y0 Z.2 F6000\nG1 X9 E.5 F900\nG1 X20\nG1 X30 E1\nG1 E.5 F2400\n"
+    job, document = read(text + "M84 ; done\n")
+    out = tmp_path / "o.gcode"
+    write_gcode(document, job, direct_actions(job, Toolpath.as_sliced(2)), out)
+    assert same_ending(document, out) == []
+    raw = out.read_text()
+    end = document.postamble.decode()
+    assert raw.endswith(end)
+    out.write_text(raw.removesuffix(end) + spoil + end)
+    assert same_ending(document, out)
