@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from decmcts.formats.atomic import write_whole
 
 TRAVEL = "#d62728"
 HEAD_COLOURS = ("#7f7f7f", "#1f77b4", "#e6a817", "#2ca02c", "#9467bd", "#8c564b")
@@ -20,4 +23,6 @@ def head_colour(index: int, heads: int) -> str:
 def save(figure: Figure, path: Path | str) -> None:
     """Write a figure as PNG."""
     FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=DPI, facecolor="white", format="png")
+    image = io.BytesIO()
+    figure.savefig(image, dpi=DPI, facecolor="white", format="png")
+    write_whole(path, image.getvalue())

@@ -20,6 +20,7 @@ import plotly.io
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
+from decmcts.formats.atomic import write_whole
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.activity import activity
 from sim.canvas import TRAVEL, head_colour
@@ -77,13 +78,13 @@ def write_report(
         sections.append(("Search", _div(plot_convergence(history, lanes), 380)))
     name = html.escape(f"{len(after.contours):,} contours on machine {after.machine.name}")
     body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
-    Path(path).write_text(
+    text = (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{name}</title>"
         f"<style>{STYLE}</style><script>{get_plotlyjs()}</script>"
         f"<body><h1>{name}</h1>{body}"
-        f"<script>const PAGE = {script};{SCRIPT}</script></body></html>",
-        encoding="utf-8",
+        f"<script>const PAGE = {script};{SCRIPT}</script></body></html>"
     )
+    write_whole(path, text.encode())
 
 
 def _table(rows: Sequence[Sequence[Any]]) -> str:

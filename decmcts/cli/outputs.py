@@ -3,38 +3,62 @@
 from __future__ import annotations
 
 import os
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from decmcts import __version__
 from decmcts.cli.pipeline import Planned
-from decmcts.errors import InputError
+from decmcts.errors import InputError, VerificationError
+from decmcts.formats.atomic import refuse_special
 from decmcts.formats.gcode import write_gcode, write_head_gcode
+from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.plan_json import write_plan
+from sim.faults import Verdict
 from sim.pictures import draw_plan
 from sim.report import write_report
+from sim.written import verify_written
 
 
-def refuse_unwritable(paths: list[Path | None], source: Path) -> None:
-    """Fail before the long work: each output needs an existing folder we may write to."""
-    for path in paths:
-        if path is None:
-            continue
-        folder = path.parent if str(path.parent) else Path()
-        if not folder.is_dir():
-            raise InputError(
-                "no such folder", path=folder, advice="make it, or name another output"
-            )
-        if path.is_dir():
-            raise InputError("the output is a folder", path=path, advice="name a file")
-        if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-            raise InputError("cannot write here", path=path, advice="name another output")
+def refuse_unwritable(paths: Sequence[Path | None], source: Path) -> None:
+    """Fail before the long work: each output needs an existing folder we may write to.
+
+    No output may be the input, or another output.
+    """
+    taken: set[Path] = set()
+    for path in (p for p in paths if p is not None):
+        place = Path(os.path.realpath(path))
+        _refuse_place(path)
         if path.exists() and source.exists() and path.samefile(source):
             raise InputError(
                 "the output is the input",
                 path=path,
                 advice="name another file, or use `decmcts post` to edit in place",
             )
+        if place in taken:
+            raise InputError("two outputs have this name", path=path, advice="name another file")
+        taken.add(place)
+
+
+def _refuse_place(path: Path) -> None:
+    """Raise InputError where no file can be written under this name."""
+    folder = Path(os.path.realpath(path)).parent
+    if not folder.is_dir():
+        raise InputError("no such folder", path=folder, advice="make it, or name another output")
+    if path.is_dir():
+        raise InputError("the output is a folder", path=path, advice="name a file")
+    refuse_special(path)
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise InputError("cannot write here", path=path, advice="name another output")
+
+
+def refuse_other_suffix(path: Path | None, *known: str) -> None:
+    """Raise InputError for an output whose name says it is of another kind."""
+    if path is not None and not path.name.lower().endswith(known):
+        raise InputError(
+            f"the name of this output ends in {' or '.join(known)}", path=path, advice="rename it"
+        )
 
 
 def bare(metrics: dict[str, Any]) -> float:
@@ -56,15 +80,35 @@ def header_lines(planned: Planned) -> list[str]:
 
 
 def write_single(planned: Planned, path: Path) -> None:
-    """Write the reordered G-code of a one-head plan."""
+    """Write the reordered G-code of a one-head plan, if it stands up to being read back.
+
+    Raises
+    ------
+    VerificationError
+        When the text differs from the verified plan; what was at `path` is untouched.
+    """
     loaded = planned.loaded
-    write_gcode(
-        loaded.document,
-        loaded.job,
-        planned.after.plan.heads[0],
-        path,
-        header_lines=header_lines(planned),
-    )
+    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
+        draft = Path(folder) / "draft.gcode"
+        write_gcode(
+            loaded.document,
+            loaded.job,
+            planned.after.plan.heads[0],
+            draft,
+            header_lines=header_lines(planned),
+        )
+        require_sound(verify_written(draft, loaded.job, loaded.document, loaded.machine), path)
+        save_text(draft.read_bytes(), path)
+
+
+def require_sound(verdict: Verdict, path: Path) -> None:
+    """Raise VerificationError if a text that was to be written to `path` has faults."""
+    if not verdict.ok:
+        shown = "; ".join(str(fault) for fault in verdict.faults[:3])
+        raise VerificationError(
+            f"{path} was not written: its G-code failed verification with "
+            f"{len(verdict.faults)} faults: {shown}"
+        )
 
 
 def write_heads(planned: Planned, stem: Path) -> list[Path]:

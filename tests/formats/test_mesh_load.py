@@ -136,3 +136,14 @@ def test_absurd_coordinates_are_refused(tmp_path, bad):
     (tmp_path / "far.stl").write_text(text)
     with pytest.raises(InputError, match=r"far\.stl"):
         load_solid(tmp_path / "far.stl", None)
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj"])
+def test_a_corner_that_is_no_number_is_refused(tmp_path, suffix):
+    """Dropping the corner and closing the hole would print another part without a word."""
+    box = trimesh.creation.box((20.0, 10.0, 5.0))
+    corners = box.vertices.copy()
+    corners[0, 0] = np.nan
+    broken = trimesh.Trimesh(corners, box.faces, process=False)
+    with pytest.raises(InputError, match="coordinates"):
+        load_solid(save(broken, tmp_path / f"box.{suffix}"), None)

@@ -172,7 +172,7 @@ def test_parts_finer_than_a_bead_are_refused(tmp_path):
     """A model in metres read as mm is the usual reason; an empty print helps nobody."""
     file = tmp_path / "tiny.stl"
     trimesh.creation.box((0.1, 0.1, 0.1)).export(file)
-    with pytest.raises(InputError, match=r"as wide as a bead of 0\.45 mm; check its units"):
+    with pytest.raises(InputError, match=r"as wide as a bead of 0\.45 mm .*; check its units"):
         slice_mesh(file)
 
 
@@ -247,3 +247,11 @@ def test_joints_never_close_a_loop():
 def test_empty_regions_have_no_infill():
     """Thin layers have walls only."""
     assert zigzags(shapely.MultiPolygon(), distance=1.0, angle_rad=0.0, shortest=0.0) == []
+
+
+def test_a_mesh_lower_than_half_a_layer_is_refused(tmp_path):
+    """A cut above the solid finds no outline; that is the user's units, not our error."""
+    path = tmp_path / "flat.stl"
+    trimesh.creation.box((20.0, 20.0, 0.05)).export(path)
+    with pytest.raises(InputError, match="half a layer"):
+        slice_to_gcode(path)

@@ -1,7 +1,6 @@
 """Bytes in and out: plain or gzipped G-code, and what is refused at the door.
 
-Nothing here looks at a command. Files are written to a temporary name in the
-same folder and put in place in one step, so a failure leaves the old file.
+Nothing here looks at a command.
 """
 
 from __future__ import annotations
@@ -9,12 +8,12 @@ from __future__ import annotations
 import gzip
 import io
 import os
-import tempfile
 import zlib
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
+from decmcts.formats.atomic import write_whole
 
 
 def load_text(path: Path | str) -> bytes:
@@ -73,34 +72,7 @@ def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
             raise InputError(
                 "binary G-code (.bgcode) is not written", path=out, advice="name a .gcode file"
             )
-        _replace(Path(out), text)
+        packed = gzip.compress(text, 6, mtime=0) if Path(out).suffix == ".gz" else text
+        write_whole(out, packed)
     else:
         out.write(text)  # type: ignore[arg-type]  # a binary stream
-
-
-def _replace(path: Path, text: bytes) -> None:
-    packed = gzip.compress(text, 6, mtime=0) if path.suffix == ".gz" else text
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror})", path=path) from error
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(packed)
-        os.chmod(temporary, _mode(path))
-        os.replace(temporary, path)
-    except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
-        raise InputError(f"cannot be written ({error.strerror})", path=path) from error
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-
-
-def _mode(path: Path) -> int:
-    """Return the permissions the file has, or would get from an ordinary open."""
-    if path.exists():
-        return path.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask

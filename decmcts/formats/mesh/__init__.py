@@ -53,7 +53,8 @@ def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str
     lines = list(gcode_lines(layers, chosen))
     if not any(line.startswith(";TYPE:") and line != ";TYPE:Custom" for line in lines):
         raise InputError(
-            f"nothing of the mesh is as wide as a bead of {chosen.bead_width:g} mm",
+            f"nothing of the mesh is as wide as a bead of {chosen.bead_width:g} mm "
+            f"and half a layer of {chosen.first_layer_height:g} mm high",
             path=source,
             advice="check its units, or take a finer nozzle",
         )

@@ -48,7 +48,7 @@ def _read(path: Path) -> trimesh.Scene:
     if path.suffix.lower() == ".stl" and path.exists() and path.stat().st_size == 0:
         raise InputError("is empty", path=path)
     try:
-        return trimesh.load_scene(path)
+        return trimesh.load_scene(path, process=False)  # it would drop what is not finite
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", path=path) from error
     except KeyError as error:  # a 3MF file without items has no root in trimesh's scene

@@ -60,6 +60,8 @@ def _of_cross_section(section: manifold3d.CrossSection) -> BaseGeometry:
     parts = []
     for island in section.decompose():
         rings = [np.asarray(ring) for ring in island.to_polygons()]
+        if not rings:  # a cut above the solid
+            continue
         outer = max(rings, key=_area)
         parts.append(shapely.Polygon(outer, [ring for ring in rings if ring is not outer]))
     return shapely.MultiPolygon(parts)
