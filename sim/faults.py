@@ -26,6 +26,7 @@ class FaultKind(Enum):
     TIMES = "nominal times"
     EXTRUSION = "extrusion"
     FEED = "feed"
+    STATE = "machine state"
     E_TOTAL = "extrusion total"
     DIGEST = "digest"
     MACHINE = "machine"

@@ -209,3 +209,9 @@ def _judge(
         return None
     depth = max(start[2], end[2]) - (min(move[2], move[5]) + part.low)
     return bead, part.name, float(depth)
+
+
+def place_of(move: NDArray[np.float64]) -> str:
+    """Return the words for the middle of a move."""
+    x, y, z = (move[:3] + move[3:]) / 2
+    return f"({x:.2f}, {y:.2f}, {z:.2f})"

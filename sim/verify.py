@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -21,12 +20,13 @@ from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.epochs import check_epochs, check_file_epochs
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
+from sim.file_contacts import check_file_material
 from sim.growth import beads_for, moves_of
 from sim.inventory import compare, contour_segments, match_segments
-from sim.material import UndecidedError, as_material, find_contacts
+from sim.material import UndecidedError, as_material, find_contacts, place_of
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
-from sim.printed_file import beads_of, laying_moves, moves_array, moving, segments_of
+from sim.printed_file import laying_moves, segments_of
 from sim.replay import (
     Meeting,
     arrivals_of,
@@ -38,7 +38,6 @@ from sim.replay import (
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
 TIME_TOLERANCE_S = 1e-3
-FILE_TOLERANCE_MM = 2e-3  # the same in a file: three decimals
 
 
 def verify_plan(
@@ -126,35 +125,13 @@ def verify_motions(
         contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
         epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
         faults += check_file_epochs(ours.place, match, epoch)
-    faults += _or_undecided(lambda: _check_file_material(motions, match, machine))
+    faults += check_file_material(motions, match, machine)
     counts = {
         "moves": float(len(motions.line)),
         "segments": float(len(ours.ends)),
         "seconds": time.perf_counter() - started,
     }
     return Verdict(tuple(faults), counts)
-
-
-def _check_file_material(
-    motions: Motions, match: NDArray[np.int64], machine: Machine
-) -> list[Fault]:
-    """Move the first head of the machine through the file."""
-    if not (np.asarray(motions.contour) >= 0).any():
-        return []
-    rows = moving(motions)
-    beads = beads_of(motions, match)
-    beads = replace(beads, since=np.searchsorted(rows, beads.since))
-    beads = as_material(beads, machine, FILE_TOLERANCE_MM)
-    moves = moves_array(motions)[rows]
-    contacts = find_contacts(
-        moves, beads, machine.heads[0], tolerance_mm=FILE_TOLERANCE_MM, limit=10 * LIMIT
-    )
-    lines = [
-        f"line {motions.line[rows[c.move]]}: {c.part} meets the bead of line "
-        f"{beads.label[c.bead]}, {c.depth_mm:.3f} mm too high, near {_place(moves[c.move])}"
-        for c in contacts
-    ]
-    return listed(FaultKind.HEAD_MATERIAL, lines)
 
 
 def _or_undecided(check: Callable[[], list[Fault]]) -> list[Fault]:
@@ -261,14 +238,9 @@ def check_material(
             action = int(owner[c.move])
             lines.append(
                 f"{describe(lane, action)}: {c.part} meets contour {beads.label[c.bead]}, "
-                f"which is {c.depth_mm:.3f} mm too high, near {_place(moves[c.move])}"
+                f"which is {c.depth_mm:.3f} mm too high, near {place_of(moves[c.move])}"
             )
     return listed(FaultKind.HEAD_MATERIAL, lines)
-
-
-def _place(move: NDArray[np.float64]) -> str:
-    x, y, z = (move[:3] + move[3:]) / 2
-    return f"({x:.2f}, {y:.2f}, {z:.2f})"
 
 
 def check_heads(

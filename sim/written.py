@@ -1,0 +1,89 @@
+"""A file just written, judged against the print it was made from, before anyone may run it.
+
+The plan was checked already; this checks what the writer made of it: every
+extrusion once, in force what should be, nothing retracted where it is laid
+down, the way to the end G-code, and no contact on the moves really written.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import (
+    GcodeDocument,
+    Motions,
+    read_motions,
+    read_result,
+    same_ending,
+    same_extrusions,
+)
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from sim.epochs import check_file_epochs
+from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.file_contacts import check_file_material
+from sim.inventory import NO_MATCH, contour_segments, match_segments
+from sim.printed_file import laying_moves, segments_of
+
+OWED_MM = 1e-3
+
+
+def verify_written(
+    path: Path | str, job: PrintJob, document: GcodeDocument, machine: Machine
+) -> Verdict:
+    """Check a one-head file against the job and the document it was made from.
+
+    Contacts on moves that make the same contact in the source (in its end code,
+    say) are the source's own and are not reported.
+    """
+    try:
+        ours, ours_document, motions = read_result(path)
+        endings = same_ending(document, path)
+    except InputError as error:
+        return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
+    faults = listed(FaultKind.EXTRUSION, same_extrusions(job, document, ours, ours_document))
+    faults += listed(FaultKind.STATE, endings)
+    laid, match = laying_moves(motions), match_job(motions, job)
+    source = contour_of(job)
+    known = match != NO_MATCH
+    epoch = np.asarray(job.contours.epoch, np.int64)[source]
+    faults += check_file_epochs(np.asarray(motions.line)[laid], match, epoch)
+    faults += _check_owed(motions, laid[known], document.owed[source[match[known]]])
+    faults += check_file_material(motions, match, machine, source=lambda: _moves_of(document))
+    return Verdict(tuple(faults), {"moves": float(len(motions.line))})
+
+
+def match_job(motions: Motions, job: PrintJob) -> NDArray[np.int64]:
+    """Return for each laying move the segment of the contours it is, or NO_MATCH, (n,)."""
+    return match_segments(segments_of(motions), contour_segments(job.contours))
+
+
+def contour_of(job: PrintJob) -> NDArray[np.int64]:
+    """Return the contour of each laid segment, in the order of `contour_segments`."""
+    return np.asarray(contour_segments(job.contours).place, np.int64)
+
+
+def _check_owed(motions: Motions, rows: NDArray[np.int64], due: NDArray[np.float64]) -> list[Fault]:
+    """Check that no bead begins with more filament retracted than `due`; rows are its moves."""
+    if motions.owed is None or not len(rows):
+        return []
+    begins = np.concatenate([[True], np.diff(motions.contour[rows]) != 0])
+    owed = motions.owed[rows]
+    short = np.flatnonzero(begins & (owed > due + OWED_MM))
+    line = np.asarray(motions.line)[rows]
+    return listed(
+        FaultKind.EXTRUSION,
+        [f"line {line[k]} begins a bead with {owed[k]:g} mm retracted" for k in short.tolist()],
+    )
+
+
+def _moves_of(document: GcodeDocument) -> Motions | None:
+    """Return the moves of the source; None where it was no G-code file."""
+    try:
+        return read_motions(document.path)
+    except InputError:
+        return None
