@@ -21,6 +21,7 @@ from decmcts.cli.app import app, interrupt_stops
 from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
 from decmcts.cli.outputs import figures, refuse_unwritable, write_extras, write_heads
 from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
+from decmcts.cli.warm import compiling_ahead
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -225,21 +226,22 @@ def agent(context: typer.Context) -> None:
 @app.command()
 def demo(
     folder: Annotated[Path, typer.Option("--out", help="Folder for the results")] = Path("out"),
-    time_limit: opt.TimeOption = 20.0,
+    time_limit: opt.TimeOption = 15.0,
     seed: opt.SeedOption = 0,
 ) -> None:
     """Plan the plate that ships with the project for two heads; leaves files to look at."""
     from examples import example_path
 
     folder.mkdir(parents=True, exist_ok=True)
-    planned = run_team(
-        example_path("plate.gcode.gz"),
-        "dual-gantry",
-        process_order="keep",
-        time_limit_s=time_limit,
-        seed=seed,
-        quiet=False,
-    )
+    with compiling_ahead():
+        planned = run_team(
+            example_path("plate.gcode.gz"),
+            "dual-gantry",
+            process_order="keep",
+            time_limit_s=time_limit,
+            seed=seed,
+            quiet=False,
+        )
     written = write_heads(planned, folder / "plate")
     written += write_extras(
         planned,
