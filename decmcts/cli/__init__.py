@@ -4,6 +4,18 @@
 `outputs` writes what was asked for; `console` shows progress and tables.
 """
 
-from decmcts.cli.app import app, main
+from __future__ import annotations
 
-__all__ = ["app", "main"]
+import sys
+
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Run the command line; every failure is one line on standard error."""
+    try:
+        from decmcts.cli.app import run  # takes a second: Ctrl-C may come in it
+    except KeyboardInterrupt:
+        sys.stderr.write("decmcts: stopped; nothing was written\n")
+        sys.exit(130)
+    sys.exit(run(sys.argv[1:]))

@@ -1,5 +1,5 @@
 """Run the command line as `python -m decmcts.cli`."""
 
-from decmcts.cli.app import main
+from decmcts.cli import main
 
 main()

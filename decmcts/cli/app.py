@@ -1,7 +1,8 @@
 """Declares the commands and turns every failure into one clear line.
 
 Exit codes: 0 done, 1 the result or the checked file has faults, 2 the input
-cannot be used, 70 an internal error (a traceback only with `--debug`).
+cannot be used, 70 an internal error (a traceback only with `--debug`), 130
+stopped by Ctrl-C before there was a result.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import contextlib
 import gzip
 import os
 import signal
-import sys
 import threading
 import traceback
 import zlib
@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.exceptions import TyperException
 
 from agents.supervisor import LaunchError
 from decmcts import __version__
@@ -29,6 +30,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Finds a better, proven-safe order for the extrusions of a 3D print.",
 )
+
+
+STOPPING = b"\ndecmcts: stopping, the best so far is written; Ctrl-C again writes nothing more\n"
+STOPPED = 130  # what typer makes of Ctrl-C
 
 
 def _show_version(value: bool) -> None:
@@ -58,6 +63,7 @@ def interrupt_stops() -> Iterator[Callable[[], bool]]:
         if stopped.is_set():
             raise KeyboardInterrupt
         stopped.set()
+        os.write(2, STOPPING)  # a handler may not wait for the console's lock
 
     if threading.current_thread() is not threading.main_thread():
         yield stopped.is_set
@@ -90,46 +96,44 @@ def printer_model_of(path: Path) -> str:
     return text[at + 18 : text.find(b"\n", at)].decode("latin-1").strip()
 
 
-def main() -> None:
-    """Run the command line; every failure is one line on standard error."""
-    sys.exit(run(sys.argv[1:]))
-
-
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
-    from decmcts.cli.console import err
-
     try:
-        app(args=arguments, prog_name="decmcts")
-    except SystemExit as ended:
-        return ended.code if isinstance(ended.code, int) else 0
+        code = app(args=arguments, prog_name="decmcts", standalone_mode=False)
+    except TyperException as error:
+        usage = _usage(error)
+        return _failed(usage, 2) if usage else 2
     except (InputError, VerificationError, LaunchError) as error:
         return _failed(error, 2 if isinstance(error, InputError) else 1)
-    except KeyboardInterrupt:
-        err.print("decmcts: stopped; nothing was written")
-        return 130
     except OSError as error:
         return _failed(error, 2)
     except Exception as error:
-        if not os.environ.get("DECMCTS_DEBUG"):
-            err.print(
-                f"decmcts: internal error: {type(error).__name__}: {error}; nothing was written; "
-                "run again with --debug for the traceback",
-                soft_wrap=True,
-                markup=False,
-            )
-            return 70
-        traceback.print_exc()
-        return 70
-    return 0
+        return _failed(
+            f"internal error: {type(error).__name__}: {error}; what is not named above was "
+            "not written; run again with --debug for the traceback",
+            70,
+        )
+    if code == STOPPED:
+        return _failed("stopped; what is not named above was not written", code)
+    return code if isinstance(code, int) else 0
 
 
-def _failed(error: Exception, code: int) -> int:
+def _usage(error: TyperException) -> str:
+    """Return what is wrong with the command line, and where help is; '' when that was shown."""
+    if not error.format_message():
+        return ""  # help was shown
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "decmcts"
+    return f"{error.format_message().rstrip('.')}; `{command} --help` lists what there is"
+
+
+def _failed(error: Exception | str, code: int) -> int:
+    """Say what failed in one line; with --debug also where."""
     from decmcts.cli.console import err
 
     if os.environ.get("DECMCTS_DEBUG"):
         traceback.print_exc()
-    err.print(f"decmcts: {error}", soft_wrap=True, markup=False)
+    err.print(" ".join(f"decmcts: {error}".split()), soft_wrap=True, markup=False)
     return code
 
 

@@ -16,8 +16,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-err = Console(stderr=True, highlight=False)
-out = Console(highlight=False)
+err = Console(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
+out = Console(highlight=False, markup=False, emoji=False)
 
 
 @contextmanager
@@ -31,13 +31,14 @@ def steps(
         BarColumn(bar_width=24),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=err, transient=True, disable=quiet) as progress:
+    live = not quiet and err.is_terminal
+    with Progress(*columns, console=err, transient=True, disable=not live) as progress:
         task = progress.add_task("starting", total=None)
 
         def announce(step: str) -> None:
             progress.update(task, description=step, total=None)
-            if not quiet and not err.is_terminal:
-                err.print(step)
+            if not quiet and not live:
+                err.print(step, soft_wrap=True, markup=False)
 
         def searched(state: Any) -> None:
             progress.update(

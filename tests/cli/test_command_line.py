@@ -1,0 +1,114 @@
+"""The command line itself: one line for each mistake, and standard output for results only."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from decmcts.cli import app
+from decmcts.cli.app import interrupt_stops, run
+from decmcts.cli.console import out, steps
+from decmcts.cli.outputs import refuse_unwritable
+from decmcts.errors import InputError
+from tests.cli.test_bad_input import SQUARE, gcode
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (["plan"], "Missing argument"),
+        (["plann"], "plann"),
+        (["plan", "x", "--seed", "-1"], "--seed"),
+        (["plan", "x", "--planner", "tabu"], "tabu"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line(arguments, word, capsys):
+    """Scripts read the last line; a box drawn around it is no line."""
+    assert run(arguments) == 2
+    said = capsys.readouterr()
+    assert len(said.err.splitlines()) == 1
+    assert word in said.err
+    assert said.out == ""
+
+
+def test_no_arguments_show_help(capsys):
+    """Whoever types the bare name wants to know what it can do."""
+    assert run([]) == 2
+    assert "launch" in capsys.readouterr().out
+
+
+def test_json_is_all_there_is_on_standard_output(tmp_path, capsys):
+    """Programs parse standard output as it is."""
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    assert run(["plan", str(source), "--machine", "paper", "--time-limit", "0.1", "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["verified"] is True
+    assert said.err == ""
+
+
+def test_steps_are_lines_where_nobody_watches(capsys):
+    """A log file wants the steps, no blank lines and no spinner."""
+    with steps(quiet=False) as (announce, _):
+        announce("reading [/a].gcode")
+    assert capsys.readouterr().err == "reading [/a].gcode\n"
+
+
+def test_names_with_brackets_are_printed_as_they_are(capsys):
+    """Brackets are no markup here; a name must not be eaten or crash a finished run."""
+    out.print("wrote part[1][/x] :smile:.gcode", soft_wrap=True)
+    assert capsys.readouterr().out == "wrote part[1][/x] :smile:.gcode\n"
+
+
+def test_first_interrupt_asks_and_second_ends(capfd):
+    """Ctrl-C keeps the best so far; who presses twice wants out."""
+    with interrupt_stops() as stop:
+        assert not stop()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stop()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert "Ctrl-C again" in capfd.readouterr().err
+
+
+def test_interrupted_command_says_so(monkeypatch, capsys):
+    """Code 130 without a word leaves the user guessing what was written."""
+    monkeypatch.setattr(app, "app", lambda **_: 130)
+    assert run(["machines"]) == 130
+    assert "stopped" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_interrupt_while_starting_is_one_line():
+    """The libraries load for a second; Ctrl-C then must not print a traceback."""
+    code = (
+        "import sys, os, signal, decmcts.cli as cli\n"
+        "class Stop:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'decmcts.cli.app': os.kill(os.getpid(), signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Stop())\n"
+        "cli.main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert ended.returncode == 130
+    assert len(ended.stderr.splitlines()) == 1
+
+
+def test_outputs_of_one_name_are_refused(tmp_path: Path):
+    """The second would silently replace the first."""
+    one = tmp_path / "out.html"
+    with pytest.raises(InputError, match="two outputs"):
+        refuse_unwritable([one, None, tmp_path / "." / "out.html"], tmp_path / "in.gcode")
+
+
+def test_a_pipe_is_no_output(tmp_path: Path):
+    """Known before the search, not after it."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="device or pipe"):
+        refuse_unwritable([tmp_path / "pipe"], tmp_path / "in.gcode")
