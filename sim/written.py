@@ -1,4 +1,4 @@
-"""A file just written, judged against the print it was made from, before anyone may run it.
+"""A G-code file judged against the print it was made from, before anyone may run it.
 
 The plan was checked already; this checks what the writer made of it: every
 extrusion once, in force what should be, nothing retracted where it is laid
@@ -45,7 +45,7 @@ def verify_written(
         endings = same_ending(document, path)
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
-    faults = listed(FaultKind.EXTRUSION, same_extrusions(job, document, ours, ours_document))
+    faults = listed(FaultKind.STATE, same_extrusions(job, document, ours, ours_document))
     faults += listed(FaultKind.STATE, endings)
     laid, match = laying_moves(motions), match_job(motions, job)
     source = contour_of(job)
@@ -76,7 +76,7 @@ def _check_owed(motions: Motions, rows: NDArray[np.int64], due: NDArray[np.float
     short = np.flatnonzero(begins & (owed > due + OWED_MM))
     line = np.asarray(motions.line)[rows]
     return listed(
-        FaultKind.EXTRUSION,
+        FaultKind.STATE,
         [f"line {line[k]} begins a bead with {owed[k]:g} mm retracted" for k in short.tolist()],
     )
 

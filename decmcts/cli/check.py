@@ -17,9 +17,10 @@ from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import PlanDocument
-from sim.faults import Verdict
+from sim.faults import FaultKind, Verdict
 from sim.pictures import draw_machine
 from sim.verify import verify_motions, verify_plan
+from sim.written import verify_written
 
 
 @app.command()
@@ -63,8 +64,11 @@ def judge(
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
     chosen = load_machine(machine or guess_machine(source) or "paper")
-    job = read_gcode(source)[0]
-    return verify_motions(read_motions(result), read_motions(source), chosen, job=job)
+    job, print_text = read_gcode(source)
+    verdict = verify_motions(read_motions(result), read_motions(source), chosen, job=job)
+    written = verify_written(result, job, print_text, chosen)
+    more = [fault for fault in written.faults if fault.kind == FaultKind.STATE]
+    return Verdict((*verdict.faults, *more), verdict.counts)
 
 
 def digest_of(document: PlanDocument) -> str:

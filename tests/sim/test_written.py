@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.cli import outputs
+from decmcts.cli.check import judge
 from decmcts.cli.pipeline import load, plan_single
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
@@ -50,10 +51,10 @@ def test_an_honest_file_passes(made):
 @pytest.mark.parametrize(
     ("old", "new", "kind"),
     [
-        ("E0.40000", "E0.41000", FaultKind.EXTRUSION),
-        ("G1 E1.00000 F2400", "G1 E0.20000 F2400", FaultKind.EXTRUSION),
-        ("M106 S60", "M106 S61", FaultKind.EXTRUSION),
-        ("G1 X160.000", "G1 X161.000", FaultKind.EXTRUSION),
+        ("E0.40000", "E0.41000", FaultKind.STATE),
+        ("G1 E1.00000 F2400", "G1 E0.20000 F2400", FaultKind.STATE),
+        ("M106 S60", "M106 S61", FaultKind.STATE),
+        ("G1 X160.000", "G1 X161.000", FaultKind.STATE),
         ("M104 S0", "M104 S1", FaultKind.STATE),
         ("G1 E-2 F2400", "G1 X5\nG1 E-2 F2400", FaultKind.STATE),
     ],
@@ -108,3 +109,12 @@ def test_a_file_that_fails_is_not_written(tmp_path, monkeypatch):
     with pytest.raises(VerificationError, match=r"out\.gcode was not written"):
         outputs.write_single(planned, out)
     assert out.read_text() == "old"
+
+
+def test_verify_sees_what_is_in_force(made):
+    """`decmcts verify` is asked about files that were edited since: fan and retraction too."""
+    _, document, out = made
+    source = Path(document.path)
+    assert judge(out, source, "mk4s", seed=0, trials=1).ok
+    out.write_text(out.read_text().replace("M106 S60", "M106 S61"))
+    assert FaultKind.STATE in judge(out, source, "mk4s", seed=0, trials=1).kinds()
