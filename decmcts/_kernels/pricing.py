@@ -1,8 +1,8 @@
 """Which travels precedence leaves possible, and which of them cost least at given prices.
 
 A travel leads from an exit port to an entry port; port 2c is the start of contour
-c and 2c + 1 its end. The search for the cheapest is exact: blocks of contours are
-skipped only when nothing in them can be among the cheapest.
+c and 2c + 1 its end. The search for the cheapest is exact: runs of 64 contours
+are skipped only when nothing in them can be among the cheapest.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 
-BLOCK = 32  # contours looked at or skipped together
+WORD = 64  # contours looked at or skipped together
+ALL = np.uint64(2**64 - 1)
 
 
 class Places(NamedTuple):
-    """Where contours begin and end, in blocks of near ones."""
+    """Where contours begin and end."""
 
     ports: NDArray[np.float64]  # (2n, 3)
     turns: NDArray[np.bool_]  # (n,)
-    order: NDArray[np.int64]  # (n,) contours, near ones together
-    boxes: NDArray[np.float64]  # (ceil(n / BLOCK), 6) bounds of their exit ports
+    boxes: NDArray[np.float64]  # (ceil(n / 64), 6) bounds of the exit ports of 64 contours
 
 
 class Precedence(NamedTuple):
-    """What must come before what."""
+    """Which contours may be neighbours in an order."""
 
-    rows: NDArray[np.uint64]  # (n, ceil(n / 64)) ancestors as bits
+    related: NDArray[np.uint64]  # (n, ceil(n / 64)) bits: itself, before, after, or no contour
     offsets: NDArray[np.int64]  # (n + 1,)
-    covers: NDArray[np.int32]  # direct predecessors, sorted; no contour is forced between
+    covers: NDArray[np.int32]  # direct predecessors; no contour is forced between
 
 
 class Prices(NamedTuple):
@@ -65,45 +65,44 @@ def cover_mask(
 
 
 @kernel
-def may_follow(rule: Precedence, i: int, j: int) -> bool:
-    """Tell whether some linear extension has j right after i."""
-    if i == j or is_before(rule.rows, j, i):
-        return False
-    if not is_before(rule.rows, i, j):
-        return True
-    low, high = rule.offsets[j], rule.offsets[j + 1]
-    while low < high:
-        middle = (low + high) // 2
-        if rule.covers[middle] < i:
-            low = middle + 1
-        else:
-            high = middle
-    return bool(low < rule.offsets[j + 1] and rule.covers[low] == i)
+def add_descendants(
+    succ_offsets: NDArray[np.int64], succs: NDArray[np.int32], rows: NDArray[np.uint64]
+) -> None:
+    """Make of ancestors (n, ceil(n / 64)) all that is related, and bar bits of no contour."""
+    n, words = rows.shape
+    after = np.zeros((n, words), np.uint64)
+    for a in range(n - 1, -1, -1):
+        own = a // WORD
+        after[a, own] |= np.uint64(1) << np.uint64(a % WORD)
+        for e in range(succ_offsets[a], succ_offsets[a + 1]):
+            for w in range(own, words):
+                after[a, w] |= after[succs[e], w]
+        for w in range(own, words):
+            rows[a, w] |= after[a, w]
+        if n % WORD:
+            rows[a, words - 1] |= ALL << np.uint64(n % WORD)
 
 
 @kernel
-def bound_blocks(places: Places) -> None:
-    """Write the bounds of each block into `places`."""
-    n = len(places.order)
-    for block in range(len(places.boxes)):
-        places.boxes[block, :3] = np.inf
-        places.boxes[block, 3:] = -np.inf
-        for x in range(block * BLOCK, min(n, (block + 1) * BLOCK)):
-            c = places.order[x]
+def bound_words(places: Places) -> None:
+    """Write the bounds of each 64 contours into `places`."""
+    for w in range(len(places.boxes)):
+        places.boxes[w, :3] = np.inf
+        places.boxes[w, 3:] = -np.inf
+        for c in range(w * WORD, min(len(places.turns), (w + 1) * WORD)):
             for port in range(2 * c if places.turns[c] else 2 * c + 1, 2 * c + 2):
                 for axis in range(3):
                     value = places.ports[port, axis]
-                    places.boxes[block, axis] = min(places.boxes[block, axis], value)
-                    places.boxes[block, 3 + axis] = max(places.boxes[block, 3 + axis], value)
+                    places.boxes[w, axis] = min(places.boxes[w, axis], value)
+                    places.boxes[w, 3 + axis] = max(places.boxes[w, 3 + axis], value)
 
 
 @kernel
-def block_prices(places: Places, prices: Prices) -> NDArray[np.float64]:
-    """Return the least that leaving any contour of each block costs, without refunds."""
+def word_prices(places: Places, prices: Prices) -> NDArray[np.float64]:
+    """Return the least that leaving any of each 64 contours costs, without refunds."""
     least = np.full(len(places.boxes), np.inf)
-    for x in range(len(places.order)):
-        c = places.order[x]
-        least[x // BLOCK] = min(least[x // BLOCK], prices.leave[c] - abs(prices.turn[c]))
+    for c in range(len(places.turns)):
+        least[c // WORD] = min(least[c // WORD], prices.leave[c] - abs(prices.turn[c]))
     return least
 
 
@@ -151,6 +150,22 @@ def insert(cost: NDArray[np.float64], exits: NDArray[np.int64], value: float, po
 
 
 @kernel
+def offer(
+    places: Places,
+    prices: Prices,
+    i: int,
+    entry: int,
+    cost: NDArray[np.float64],
+    exits: NDArray[np.int64],
+) -> None:
+    """Mutate the sorted lists: enter the travels from contour i if they are cheap enough."""
+    for port in range(2 * i if places.turns[i] else 2 * i + 1, 2 * i + 2):
+        price = travel_price(places, prices, port, entry)
+        if price < cost[-1]:
+            insert(cost, exits, price, port)
+
+
+@kernel
 def cheapest_exits(
     places: Places,
     rule: Precedence,
@@ -160,19 +175,25 @@ def cheapest_exits(
     cost: NDArray[np.float64],
     exits: NDArray[np.int64],
 ) -> None:
-    """Fill `cost` (infinite) and `exits` with the cheapest possible travels into a port, sorted."""
+    """Fill `cost` (infinite) and `exits` with the cheapest possible travels into a port, sorted.
+
+    Possible are travels from direct predecessors and from unrelated contours.
+    """
     j = entry >> 1
     got = abs(prices.turn[j]) + prices.crossing[:, prices.zone[j]].max()
-    for block in range(len(places.boxes)):
-        near = distance_to_box(places.ports, entry, places.boxes, block)
-        if near + least[block] - got >= cost[-1]:
+    for e in range(rule.offsets[j], rule.offsets[j + 1]):
+        offer(places, prices, rule.covers[e], entry, cost, exits)
+    for step in range(2 * len(places.boxes)):  # own word first: near ones soon rule out others
+        w = j // WORD + ((step + 1) // 2 if step % 2 else -(step // 2))
+        if w < 0 or w >= len(places.boxes) or rule.related[j, w] == ALL:
             continue
-        for x in range(block * BLOCK, min(len(places.order), (block + 1) * BLOCK)):
-            i = places.order[x]
-            for port in range(2 * i if places.turns[i] else 2 * i + 1, 2 * i + 2):
-                price = travel_price(places, prices, port, entry)
-                if price < cost[-1] and may_follow(rule, i, j):
-                    insert(cost, exits, price, port)
+        related = rule.related[j, w]
+        near = distance_to_box(places.ports, entry, places.boxes, w)
+        if near + least[w] - got >= cost[-1]:
+            continue
+        for x in range(WORD):
+            if not (related >> np.uint64(x)) & np.uint64(1):
+                offer(places, prices, w * WORD + x, entry, cost, exits)
 
 
 @kernel
@@ -189,11 +210,11 @@ def price_travels(
         No possible travel into the contour that is not listed costs less;
         infinite if all are listed.
     """
-    n = len(places.order)
+    n = len(places.turns)
     exits = np.full((2 * n, width), -1, np.int64)
     rest = np.full(n, np.inf)
     cost = np.empty(width)
-    least = block_prices(places, prices)
+    least = word_prices(places, prices)
     for entry in range(2 * n):
         j = entry >> 1
         if entry & 1 and not places.turns[j]:
@@ -213,7 +234,7 @@ def arc_weights(
     weight: NDArray[np.float64],
 ) -> None:
     """Write what each arc costs; one from the root has the exit port 2n."""
-    root = 2 * len(places.order)
+    root = 2 * len(places.turns)
     for e in range(len(exits)):
         a, b = exits[e], entries[e]
         if a == root:

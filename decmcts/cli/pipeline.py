@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from decmcts import __version__
+from decmcts.cli.bound import certify
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.digest import problem_digest
@@ -155,9 +156,10 @@ def plan_single(
     time_limit_s: float,
     seed: int,
     announce: Announce,
+    certificate: bool = False,
     **hooks: Any,
 ) -> Planned:
-    """Plan one head: search, schedule, verify."""
+    """Plan one head: search, bound the travel if `certificate`, schedule, verify."""
     announce("the source's own order")
     before = source_plan(loaded)
     announce(f"searching ({planner}, {time_limit_s:g} s)")
@@ -166,6 +168,13 @@ def plan_single(
         loaded, planner=planner, freedom=freedom, time_limit_s=time_limit_s, seed=seed, **hooks
     )
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
+    bound: dict[str, Any] = {}
+    if certificate:
+        announce("proving how far from optimal this is at most")
+        started = time.perf_counter()
+        problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
+        bound = certify(problem, result.cost_mm, time_limit_s=time_limit_s)
+        seconds["bound"] = time.perf_counter() - started
     announce("safe travels and times")
     plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
     extra = {
@@ -174,6 +183,7 @@ def plan_single(
         "seed": seed,
         "time_limit_s": time_limit_s,
         "iterations": result.iterations,
+        **bound,
     }
     after = document_of(loaded, plan, extra)
     return check(loaded, before, after, result.history, seconds, announce)

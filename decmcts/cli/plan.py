@@ -10,6 +10,7 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app, guess_machine, interrupt_stops
+from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
 from decmcts.cli.outputs import figures, refuse_unwritable, write_extras, write_single
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
@@ -27,6 +28,9 @@ def plan(
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
+    certificate: Annotated[
+        bool, typer.Option(help="Prove how far from optimal the travel is at most")
+    ] = True,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
@@ -51,6 +55,7 @@ def plan(
         seed=seed,
         slicing=slicing,
         quiet=as_json,
+        certificate=certificate,
     )
     started = time.perf_counter()
     if output is not None:
@@ -71,6 +76,7 @@ def run_single(
     seed: int,
     slicing: SliceOptions,
     quiet: bool,
+    certificate: bool = False,
 ) -> Planned:
     """Load, plan and verify for one head (the first, where the machine has several)."""
     name = machine or guess_machine(source) or "paper"
@@ -93,6 +99,7 @@ def run_single(
             time_limit_s=time_limit_s,
             seed=seed,
             announce=announce,
+            certificate=certificate,
             progress=searched,
             stop=stop,
         )
@@ -115,6 +122,8 @@ def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
         f"planner {after['planner']}, seed {after['seed']}, verified"
     )
     out.print(gain_table(before, after, title))
+    if line := bound_line(after):
+        out.print(line, soft_wrap=True)
     for path in written:
         out.print(f"wrote {path}", soft_wrap=True)
 

@@ -145,8 +145,8 @@ class Ascent:
 
     def __init__(self, relaxation: Relaxation, target_mm: float) -> None:
         self.relaxation, self.target_mm = relaxation, target_mm
-        self.round_length = max(5, min(50, 100_000 // relaxation.n))
         self.iterations = 0
+        self._rounds = 0
         self._at = np.zeros(relaxation.size)
         self._step = np.zeros(relaxation.size)
         self._share, self._stale = 1.0, 0
@@ -154,6 +154,12 @@ class Ascent:
         self._best: Relaxed
         self._best_at: NDArray[np.float64]
         self._certify(self._at)
+
+    @property
+    def round_length(self) -> int:
+        """Steps of the next round: few at first, while the listed travels are still poor."""
+        longest = max(5, min(50, 100_000 // self.relaxation.n))
+        return min(longest, 5 + 5 * self._rounds)
 
     def may_go_on(self, max_iterations: int | None) -> bool:
         """Tell whether another round fits into the limit and may still gain."""
@@ -167,6 +173,7 @@ class Ascent:
                 return False
             self.iterations += 1
             self._climb(self.relaxation.evaluate(self._at))
+        self._rounds += 1
         if self._certify(self._best_at):
             self._at = self._best_at.copy()
         return True

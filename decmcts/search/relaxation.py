@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.arborescence import cheapest_arborescence
 from decmcts._kernels.pricing import (
-    BLOCK,
+    WORD,
     Places,
     Precedence,
     Prices,
+    add_descendants,
     arc_weights,
-    bound_blocks,
+    bound_words,
     cover_mask,
     price_travels,
 )
@@ -158,16 +159,9 @@ class Relaxation:
 
 
 def _places(problem: OrderProblem) -> Places:
-    n = len(problem)
-    corner = problem.start.min(axis=0)
-    size = np.maximum(problem.start.max(axis=0) - corner, 1e-9)
-    side = max(1, round((n / BLOCK) ** (1 / 3)))
-    cell = np.minimum((problem.start - corner) / size * side, side - 1).astype(np.int64)
-    order = np.lexsort((problem.start[:, 0], cell[:, 0], cell[:, 1], cell[:, 2]))
-    places = Places(
-        problem.ports(), problem.reversible, order.astype(np.int64), np.empty((-(-n // BLOCK), 6))
-    )
-    bound_blocks(places)
+    boxes = np.empty((-(-len(problem) // WORD), 6))
+    places = Places(problem.ports(), problem.reversible, boxes)
+    bound_words(places)
     return places
 
 
@@ -175,6 +169,7 @@ def _precedence(problem: OrderProblem) -> Precedence:
     graph = problem.graph
     rows = closure_of(graph)
     kept = cover_mask(rows, graph.pred_offsets, graph.preds)
+    add_descendants(graph.succ_offsets, graph.succs, rows)
     heads = np.repeat(np.arange(graph.n), np.diff(graph.pred_offsets))[kept]
     offsets = np.concatenate([[0], np.cumsum(np.bincount(heads, minlength=graph.n))])
     return Precedence(rows, offsets.astype(np.int64), np.ascontiguousarray(graph.preds[kept]))

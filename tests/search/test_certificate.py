@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import itertools
+import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.machine_file import load_machine
 from decmcts.search import certificate
 from decmcts.search.certificate import Ascent, lower_bound
 from decmcts.search.planners import plan_order
-from decmcts.search.problem import OrderProblem
+from decmcts.search.problem import Freedom, OrderProblem
 from decmcts.search.relaxation import Relaxation
 from tests.search.problems import random_problem
+
+CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[2].parent / "shared"))
 
 
 def optimum(problem: OrderProblem) -> float:
@@ -44,9 +51,10 @@ def optimum(problem: OrderProblem) -> float:
 
 def relaxed_bound(problem: OrderProblem, rounds: int) -> float:
     """Bound by the relaxation alone, also where the exact path would be taken."""
-    ascent = Ascent(Relaxation(problem), optimum(problem))
+    ascent = Ascent(Relaxation(problem), 1.05 * optimum(problem) + 0.1)
     for _ in range(rounds):
-        ascent.round(lambda: True)
+        if ascent.may_go_on(None):
+            ascent.round(lambda: True)
     return ascent.bound_mm
 
 
@@ -74,12 +82,12 @@ def towers(seed: int, n: int) -> OrderProblem:
 def test_relaxation_never_exceeds_the_optimum() -> None:
     """The certificate's promise, on hundreds of problems solved by brute force."""
     close = 0
-    for seed in range(300):
+    for seed in range(240):
         problem = small_problem(seed)
-        least, bound = optimum(problem), relaxed_bound(problem, 3)
+        least, bound = optimum(problem), relaxed_bound(problem, 8)
         assert bound <= least + 1e-12, seed
         close += bound >= 0.9 * least - 1e-6
-    assert close > 150  # a bound of zero would be valid too
+    assert close > 120  # a bound of zero would be valid too
 
 
 @pytest.mark.slow
@@ -112,7 +120,7 @@ def test_forced_crossings_are_paid() -> None:
     problem = towers(1, 12)
     least = optimum(problem)
     assert least > 5 * 19.0
-    bound = relaxed_bound(problem, 6)
+    bound = relaxed_bound(problem, 12)
     assert 0.97 * least <= bound <= least
 
 
@@ -150,7 +158,7 @@ def test_more_iterations_never_lower_the_bound() -> None:
     problem = random_problem(3, 80, density=0.05)
     bounds = [
         lower_bound(problem, time_limit_s=60.0, max_iterations=limit).bound_mm
-        for limit in (0, 50, 100, 200, 400)
+        for limit in (0, 5, 30, 100, 400)
     ]
     assert bounds == sorted(bounds)
     assert bounds[-1] > 1.05 * bounds[0]
@@ -184,3 +192,27 @@ def test_gap_of_a_bound_of_zero_is_unknown() -> None:
     """No share above zero can be said."""
     assert certificate.Certificate(0.0, 0, "exact", 0).gap_percent(1.0) is None
     assert certificate.Certificate(80.0, 0, "exact", 0).gap_percent(100.0) == pytest.approx(25.0)
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("freedom", ["fixed", "reversible"])
+def test_bound_of_a_real_print(freedom: Freedom) -> None:
+    """On a real print the bound holds against the search and is near enough to be of use."""
+    path = CORPUS / "models" / "gcode" / "stained_glass_3.gcode.gz"
+    if not path.exists():
+        pytest.skip(f"no corpus of real prints at {CORPUS}")
+    job, _ = read_gcode(path)
+    machine = load_machine("paper")
+    graph = build_graph(
+        job.contours,
+        machine.heads,
+        clearance_mm=machine.clearance_mm,
+        bead_width=machine.bead_width,
+        process_order="free",
+    )
+    problem = OrderProblem.from_job(job, graph, freedom)
+    best = plan_order(problem, planner="local", time_limit_s=60.0, seed=0, max_iterations=3_000_000)
+    found = lower_bound(problem, time_limit_s=60.0, max_iterations=500)
+    assert found.bound_mm <= best.cost_mm
+    assert best.cost_mm < {"fixed": 1.15, "reversible": 1.7}[freedom] * found.bound_mm
