@@ -24,6 +24,7 @@ class Planner(StrEnum):
     GREEDY = "greedy"
     LOCAL = "local"
     MCTS = "mcts"
+    HYBRID = "hybrid"
 
 
 class ProcessOrder(StrEnum):

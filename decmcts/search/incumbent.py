@@ -48,6 +48,7 @@ class Incumbent:
         self.source_cost_mm = tour_cost(self.ports, self.order, self.flip)
         self.cost_mm = self.source_cost_mm
         self.iterations = 0
+        self.notes: dict[str, float] = {}  # what a planner chose, by name
         self._clock, self._criterion, self._report = clock, criterion, report
         self._started, self._improved_at_s = clock(), 0.0
         self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost_mm)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Protocol
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.greedy import Greedy
+from decmcts.search.hybrid import Hybrid
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.layerwise import Layerwise
 from decmcts.search.local import Local
@@ -41,6 +42,7 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
         "greedy": Greedy(),
         "local": Local(),
         "mcts": Mcts(),
+        "hybrid": Hybrid(),
     }
 )
 
@@ -56,6 +58,7 @@ class SearchResult:
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
     planner: str
     seed: int
+    notes: Mapping[str, float] = field(default_factory=dict)  # what the planner chose, by name
 
 
 def plan_order(
@@ -111,4 +114,5 @@ def plan_order(
         incumbent.history,
         planner,
         seed,
+        MappingProxyType(incumbent.notes),
     )

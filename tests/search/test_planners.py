@@ -64,13 +64,31 @@ def cheapest_by_brute_force(problem: OrderProblem) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("planner", ["local", "hybrid"])
 @pytest.mark.parametrize("seed", range(12))
-def test_local_finds_the_optimum_of_small_problems(seed: int) -> None:
+def test_annealing_finds_the_optimum_of_small_problems(planner: str, seed: int) -> None:
     """Whatever it does on large prints, it must be exact where exactness can be checked."""
     problem = random_problem(seed, 4 + seed % 3, density=0.2)
-    assert run(problem, "local", iterations=50_000).cost_mm == pytest.approx(
+    assert run(problem, planner, iterations=50_000).cost_mm == pytest.approx(
         cheapest_by_brute_force(problem)
     )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [300, 900])
+def test_threads_do_not_make_hybrid_unrepeatable(n: int) -> None:
+    """Two threads share the work; which is faster must not matter. Cuts need larger prints."""
+    problem = random_problem(5, n, density=0.01)
+    first = run(problem, "hybrid", iterations=400_000)
+    second = run(problem, "hybrid", iterations=400_000)
+    assert (first.toolpath.order == second.toolpath.order).all()
+    assert (first.history[:, 1:] == second.history[:, 1:]).all()
+    assert first.cost_mm < 0.8 * first.source_cost_mm
+
+
+def test_hybrid_says_which_gamma_it_chose() -> None:
+    """The paper leaves the choice open; users and benchmarks want to see it."""
+    assert 0.0 < run(random_problem(3, 60, density=0.05), "hybrid").notes["gamma"] < 1.0
 
 
 @pytest.mark.slow

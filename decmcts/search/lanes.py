@@ -1,0 +1,151 @@
+"""Annealing on several threads at once: rivals on whole sequences, or pieces of one.
+
+Rivals anneal a sequence each and the better one is taken: right for the hot
+part, where long moves decide the large structure. Pieces share one sequence out:
+it is cut at places that change with every cut, so that no contour stays beside a
+cut for long; as many steps are made together as threads allow. Each thread has a
+generator of its own and results are joined in a fixed order: equal seeds and
+equal iterations give equal sequences, whatever the threads' pace.
+
+References
+----------
+Taillard & Helsgaun 2019, "POPMUSIC for the travelling salesman problem" (parts
+of a solution improved one by one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.anneal import anneal
+from decmcts._kernels.random import seeded, uniform
+from decmcts.search.annealing import Cooling
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.pieces import Piece, Sequence, cut
+
+_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_LARGEST_SLICE = 4_000_000
+_SLICES = 400  # of a search that is limited by iterations
+_SLICES_A_CUT = 4
+_LEAST_PIECE = 100  # contours
+_PIECES_A_LANE = 4  # more, smaller pieces stay in the processor's cache
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """The threads, a generator for each, and one more that places the cuts."""
+
+    pool: ThreadPoolExecutor
+    states: list[NDArray[np.uint64]]  # (1,) each, mutated
+    cutting: NDArray[np.uint64]  # (1,) mutated
+
+    def fresh(self, count: int) -> list[NDArray[np.uint64]]:
+        """Mutate `cutting`; return `count` new generators."""
+        return [seeded(int(uniform(self.cutting) * 2**53)) for _ in range(count)]
+
+
+@contextmanager
+def open_lanes(count: int, seed: int) -> Iterator[Lanes]:
+    """Yield `count` threads with unrelated generators."""
+    states = [seeded(seed * (count + 1) + lane) for lane in range(count + 1)]
+    with ThreadPoolExecutor(count) as pool:
+        yield Lanes(pool, states[:count], states[count])
+
+
+def anneal_rivals(
+    incumbent: Incumbent,
+    rivals: list[Sequence],
+    lanes: Lanes,
+    coolings: list[Cooling],
+    until: float,
+) -> bool:
+    """Anneal one whole sequence a lane until the share `until` is spent; return whether to stop.
+
+    Mutates the sequences and the generators; the incumbent gets what is best.
+    """
+    tours = [cut(rival, 0, len(rival.order)) for rival in rivals]
+
+    def slice_of(share: float, proposals: int) -> int:
+        def work(lane: int) -> None:
+            heat = coolings[lane].at(share)
+            anneal(tours[lane].tour, lanes.states[lane], heat, proposals)
+
+        list(lanes.pool.map(work, range(len(rivals))))
+        for rival, tour in zip(rivals, tours, strict=True):
+            tour.put_back(rival)
+            incumbent.offer(rival.order, rival.flip)
+        return proposals * len(rivals)
+
+    return _in_slices(incumbent, slice_of, until)
+
+
+def anneal_pieces(
+    incumbent: Incumbent, sequence: Sequence, lanes: Lanes, cooling: Cooling, until: float
+) -> bool:
+    """Anneal one sequence on all lanes until the share `until` is spent; return whether to stop.
+
+    Mutates the sequence and the generators; offers what it passes to the incumbent.
+    """
+    shares: list[list[Piece]] = []
+    done = 0
+
+    def slice_of(share: float, proposals: int) -> int:
+        nonlocal shares, done
+        if done % _SLICES_A_CUT == 0:
+            shares = _shared_out(sequence, lanes)
+        done += 1
+        heat = cooling.at(share)
+        rate = proposals * len(lanes.states) / len(sequence.order)
+
+        def work(lane: int) -> int:
+            steps = [max(1, int(rate * len(piece.ids))) for piece in shares[lane]]
+            for piece, step in zip(shares[lane], steps, strict=True):
+                anneal(piece.tour, lanes.states[lane], heat, step)
+            return sum(steps)
+
+        steps = sum(lanes.pool.map(work, range(len(shares))))
+        for piece in (piece for pieces in shares for piece in pieces):
+            piece.put_back(sequence)
+        incumbent.offer(sequence.order, sequence.flip)
+        return steps
+
+    return _in_slices(incumbent, slice_of, until)
+
+
+def _in_slices(incumbent: Incumbent, work: Callable[[float, int], int], until: float) -> bool:
+    """Call `work(share done, proposals a lane)` until the budget's share `until` is spent.
+
+    `work` returns how many proposals there were. Returns whether to stop.
+    """
+    began, proposals = incumbent.spent, 2000
+    if incumbent.budget.iterations is not None:
+        proposals = int(min(max(incumbent.budget.iterations / _SLICES, 1.0), _LARGEST_SLICE))
+    while (spent := incumbent.spent) < until:
+        before = incumbent.seconds
+        made = work((spent - began) / (until - began), proposals)
+        if incumbent.tick(made):
+            return True
+        if incumbent.budget.iterations is None:
+            speed = proposals / max(incumbent.seconds - before, 1e-6)
+            proposals = int(min(max(_POLL_S * speed, 1000.0), 4.0 * proposals, _LARGEST_SLICE))
+    return False
+
+
+def _shared_out(sequence: Sequence, lanes: Lanes) -> list[list[Piece]]:
+    """Return the pieces of each lane, about as many contours for each."""
+    n, count = len(sequence.order), len(lanes.states)
+    parts = min(n // (_LEAST_PIECE * count), _PIECES_A_LANE) * count
+    shift = uniform(lanes.cutting)
+    places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n] if parts else [0, n]
+    pieces = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
+    shares: list[list[Piece]] = [[] for _ in range(count)]
+    for piece in sorted(pieces, key=lambda piece: (-len(piece.ids), piece.first)):
+        min(shares, key=lambda share: sum(len(p.ids) for p in share)).append(piece)
+    return shares

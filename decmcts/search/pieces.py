@@ -1,0 +1,111 @@
+"""A stretch of a sequence as a small search problem of its own.
+
+The contours next to it stay as guards at its ends, so that what is gained inside
+is gained in the whole sequence, to the bit. Since the stretch is contiguous in a
+linear extension, the stored edges inside it have the closure of all edges inside
+it: any chain between two of its contours stays within. Nothing is searched here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.moves import Tour, refresh
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.problem import OrderProblem
+
+
+@dataclass(slots=True)
+class Sequence:
+    """A complete sequence that pieces are taken from and put back into; mutable."""
+
+    problem: OrderProblem
+    ports: NDArray[np.float64]  # (2n, 3)
+    near: NDArray[np.int32]  # (2n, k) entry ports near each exit port, -1 padded
+    order: NDArray[np.int32]  # (n,)
+    flip: NDArray[np.uint8]  # (n,) by contour
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Positions [first, last) of a sequence, with a guard on each side that has one."""
+
+    first: int
+    ids: NDArray[np.int32]  # (k,) contour of each local number, guards included
+    guards: tuple[int, int]  # 0 or 1 before and behind
+    tour: Tour  # local numbers are positions at the time of cutting
+
+    def put_back(self, sequence: Sequence) -> None:
+        """Mutate the sequence: print these positions as the piece does now."""
+        inner = self.tour.order[self.guards[0] : len(self.ids) - self.guards[1]]
+        sequence.order[self.first : self.first + len(inner)] = self.ids[inner]
+        sequence.flip[self.ids] = self.tour.flip
+
+
+def cut(sequence: Sequence, first: int, last: int) -> Piece:
+    """Return positions [first, last) as a piece. O(contours and edges of the piece)."""
+    n = len(sequence.order)
+    guards = (int(first > 0), int(last < n))
+    ids = sequence.order[first - guards[0] : last + guards[1]].copy()
+    k, rows = len(ids), np.stack([2 * ids, 2 * ids + 1], axis=1).ravel()
+    local = np.full(n, -1, np.int32)
+    local[ids] = np.arange(k, dtype=np.int32)
+    graph = DependencyGraph.from_pairs(k, _inner_pairs(sequence.problem.graph, ids, local, guards))
+    turns = sequence.problem.reversible[ids]
+    turns[: guards[0]] = turns[k - guards[1] :] = False
+    tour = Tour(
+        sequence.ports[rows],
+        turns,
+        np.zeros(k, np.int32),
+        graph.pred_offsets,
+        graph.preds,
+        graph.succ_offsets,
+        graph.succs,
+        _inner_near(sequence.near[rows], local),
+        np.arange(k, dtype=np.int32),
+        np.arange(k, dtype=np.int32),
+        sequence.flip[ids],
+        np.zeros(k),
+        np.empty(k, np.int32),
+        np.zeros(k, np.bool_),
+    )
+    refresh(tour, 0, k)
+    return Piece(first, ids, guards, tour)
+
+
+def _inner_pairs(
+    graph: DependencyGraph,
+    ids: NDArray[np.int32],
+    local: NDArray[np.int32],
+    guards: tuple[int, int],
+) -> NDArray[np.int32]:
+    """Return the edges inside the piece, and those that hold the guards at the ends."""
+    k, counts = len(ids), np.diff(graph.pred_offsets)[ids]
+    starts = np.repeat(graph.pred_offsets[ids] - np.cumsum(counts) + counts, counts)
+    before = local[graph.preds[starts + np.arange(len(starts))]]
+    after = np.repeat(np.arange(k, dtype=np.int32), counts)
+    low, high = guards[0], k - guards[1]
+    inner = (before >= low) & (after >= low) & (after < high) & (before < high)
+    pairs = [np.stack([before[inner], after[inner]], axis=1)]
+    if guards[0]:
+        free = np.setdiff1d(np.arange(low, high), after[inner])
+        pairs.append(np.stack([np.zeros_like(free), free], axis=1))
+    if guards[1]:
+        free = np.setdiff1d(np.arange(low, high), before[inner])
+        pairs.append(np.stack([free, np.full_like(free, k - 1)], axis=1))
+    return np.concatenate(pairs).astype(np.int32)
+
+
+def _inner_near(near: NDArray[np.int32], local: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the near ports in local numbers; those inside are repeated to fill the lists.
+
+    A proposal drawn from a list then never falls outside the piece.
+    """
+    inside = np.where(near >= 0, local[near >> 1], -1)
+    ports = np.where(inside >= 0, 2 * inside + (near & 1), -1).astype(np.int32)
+    ports = np.take_along_axis(ports, np.argsort(ports < 0, axis=1, kind="stable"), axis=1)
+    width = np.maximum((ports >= 0).sum(axis=1), 1)
+    return np.take_along_axis(ports, np.arange(near.shape[1]) % width[:, None], axis=1)

@@ -1,0 +1,70 @@
+"""A piece of a sequence must be a true picture of it: same order constraints, same cost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from decmcts._kernels.anneal import anneal
+from decmcts._kernels.random import seeded
+from decmcts._kernels.tour import respects, tour_cost
+from decmcts.search.neighbours import near_ports
+from decmcts.search.pieces import Sequence, cut
+from decmcts.search.problem import OrderProblem
+from tests.search.problems import random_problem
+
+
+def as_sliced(problem: OrderProblem) -> Sequence:
+    n = len(problem)
+    order, flip = np.arange(n, dtype=np.int32), np.zeros(n, np.uint8)
+    return Sequence(problem, problem.ports(), near_ports(problem), order, flip)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), density=st.sampled_from([0.0, 0.05, 0.2]))
+def test_what_a_piece_gains_the_whole_sequence_gains(seed: int, density: float) -> None:
+    """Threads work on pieces and trust that nothing outside changes."""
+    problem = random_problem(seed, 30, density=density)
+    sequence = as_sliced(problem)
+    first, last = np.sort(np.random.default_rng(seed).choice(31, 2, replace=False)).tolist()
+    before = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    piece = cut(sequence, first, last)
+    change, _ = anneal(piece.tour, seeded(seed), 2.0, 2000)
+    piece.put_back(sequence)
+    after = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    assert after == pytest.approx(before + change, abs=1e-6)
+    assert respects(sequence.order, problem.graph.succ_offsets, problem.graph.succs)
+    assert not sequence.flip[~problem.reversible].any()
+    outside = np.r_[0:first, last:30]
+    assert (sequence.order[outside] == outside).all()
+    assert (sequence.flip[outside] == 0).all()
+
+
+def test_two_pieces_of_one_sequence_are_joined_without_loss() -> None:
+    """Two threads put their halves back one after the other."""
+    problem = random_problem(3, 40, density=0.05)
+    sequence = as_sliced(problem)
+    before = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    halves = [cut(sequence, 0, 17), cut(sequence, 17, 40)]
+    gains = [anneal(half.tour, seeded(k), 0.1, 5000)[0] for k, half in enumerate(halves)]
+    for half in halves:
+        half.put_back(sequence)
+    after = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    assert max(gains) < 0.0
+    assert respects(sequence.order, problem.graph.succ_offsets, problem.graph.succs)
+    # each half kept the other's old contour as its guard, so the hop between them may differ
+    hop = np.linalg.norm(problem.ports().max(axis=0) - problem.ports().min(axis=0))
+    assert abs(after - (before + sum(gains))) <= 2.0 * hop
+
+
+def test_near_lists_of_a_piece_name_only_what_is_inside() -> None:
+    """A port outside would be an index error in the kernels, which do not check."""
+    problem = random_problem(8, 30, density=0.05)
+    piece = cut(as_sliced(problem), 10, 20)
+    ports = piece.tour.near[piece.tour.near >= 0]
+    assert len(ports) > 0
+    assert ports.max() < 2 * len(piece.ids)
+    assert piece.guards == (1, 1)
+    assert piece.ids.tolist() == list(range(9, 21))
