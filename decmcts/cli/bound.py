@@ -17,7 +17,7 @@ from decmcts.search.problem import OrderProblem
 
 MOST_S = 10.0  # for the bound
 SHARE = 0.5  # of the search time, at most, for the bound
-WORDS_PER_S = 4e6  # words of 64 relations handled in a second, on a slow computer
+WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow computer
 MOST_BYTES = 2 * 2**30  # of relations
 
 
