@@ -1,11 +1,12 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
 The tree search over clusters and the annealing take turns: the best sequence
-guides the trees, the trees' best sequence enters a race of two annealed
-sequences against the best so far, and the winner is the next guide. The end is
-annealed from a low temperature on all threads at once, a piece each. On prints
-too large for a whole sequence to converge in the time, pieces are annealed
-from the beginning.
+guides the trees, and the trees' best sequence races against it. In the hot part
+of the annealing, where long moves decide the large structure, each thread anneals
+a whole sequence; the better one is cooled further on all threads at once, a
+piece each. Small prints race to the end, in several rounds; on prints too large
+for a whole sequence to converge in the time, pieces are annealed from the
+beginning.
 
 References
 ----------
@@ -35,15 +36,15 @@ _LANES = 2  # fixed, so that results do not depend on the machine
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    rounds: tuple[float, ...] = (0.1, 0.75)  # shares of the budget at which races end
-    rounds_if_small: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.85)
+    rounds: tuple[float, ...] = (0.1, 0.97)  # shares of the budget at which rounds end
+    rounds_if_small: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.97)
     small: int = 400  # contours up to which several rounds beat one long one
     large: int = 6000  # contours from which pieces beat rivals
-    end: float = 0.97  # share at which annealing ends
+    race: float = 0.4  # share of a round in which whole sequences race
     for_structure: float = 0.02  # share of the budget for the trees before each race
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
     hot: float = 1.5
-    warm: float = 0.4  # keeps the structure
+    warm: float = 0.25  # from here on the structure stays
     cold: float = 0.03
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
 
@@ -72,10 +73,7 @@ class Hybrid:
                 return True
             if number + 1 < len(rounds) and self._found(incumbent, lanes, guest):
                 return True
-        sequence = _sequence(incumbent, near)
-        return incumbent.cost_mm == 0.0 or anneal_pieces(
-            incumbent, sequence, lanes, self._cooling(incumbent, self.warm), self.end
-        )
+        return False
 
     def _race(
         self,
@@ -86,10 +84,18 @@ class Hybrid:
         until: float,
     ) -> bool:
         """Anneal the best sequence, and the guest beside it; return whether to stop."""
-        best, hot = _sequence(incumbent, near), self._cooling(incumbent, self.hot)
-        if len(best.order) >= self.large:
-            return anneal_pieces(incumbent, best, lanes, hot, until)
-        return anneal_rivals(incumbent, [best, guest], lanes, [hot, hot], until)
+        n, began = len(guest.order), incumbent.spent
+        mean, best = incumbent.cost_mm / n, _sequence(incumbent, near)
+        hot, warm, cold = self.hot * mean, self.warm * mean, self.cold * mean
+        if n >= self.large:
+            return anneal_pieces(incumbent, best, lanes, Cooling(hot, cold), until)
+        if n <= self.small:
+            return anneal_rivals(incumbent, [best, guest], lanes, Cooling(hot, cold), until)
+        half = began + self.race * (until - began)
+        if anneal_rivals(incumbent, [best, guest], lanes, Cooling(hot, warm), half):
+            return True
+        winner = min((best, guest), key=lambda sequence: sequence.cost_mm)
+        return anneal_pieces(incumbent, winner, lanes, Cooling(warm, cold), until)
 
     def _found(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""
@@ -102,10 +108,6 @@ class Hybrid:
         guest.order[:], guest.flip[:] = best.order, best.flip
         incumbent.notes["gamma"] = best.gamma
         return stop
-
-    def _cooling(self, incumbent: Incumbent, hot: float) -> Cooling:
-        mean = incumbent.cost_mm / len(incumbent.problem)
-        return Cooling(hot * mean, self.cold * mean)
 
 
 def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:

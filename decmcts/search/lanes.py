@@ -63,7 +63,7 @@ def anneal_rivals(
     incumbent: Incumbent,
     rivals: list[Sequence],
     lanes: Lanes,
-    coolings: list[Cooling],
+    cooling: Cooling,
     until: float,
 ) -> bool:
     """Anneal one whole sequence a lane until the share `until` is spent; return whether to stop.
@@ -74,7 +74,7 @@ def anneal_rivals(
 
     def slice_of(share: float, proposals: int) -> int:
         def work(lane: int) -> None:
-            heat = coolings[lane].at(share)
+            heat = cooling.at(share)
             anneal(tours[lane].tour, lanes.states[lane], heat, proposals)
 
         list(lanes.pool.map(work, range(len(rivals))))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.moves import Tour, refresh
+from decmcts._kernels.tour import tour_cost
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.problem import OrderProblem
 
@@ -27,6 +28,11 @@ class Sequence:
     near: NDArray[np.int32]  # (2n, k) entry ports near each exit port, -1 padded
     order: NDArray[np.int32]  # (n,)
     flip: NDArray[np.uint8]  # (n,) by contour
+
+    @property
+    def cost_mm(self) -> float:
+        """Extrusionless travel."""
+        return float(tour_cost(self.ports, self.order, self.flip))
 
 
 @dataclass(frozen=True, slots=True)
