@@ -35,7 +35,26 @@ def unit_travels(
         field = new_height_field(job.contours, clearance_mm=machine.clearance_mm)
         shape = pack_head(head)
         travel_levels(r, units, starts, goals, beads, field, shape, machine.lift_mm, level)
+    np.maximum(level, _hops(job, machine, order, starts, goals), out=level)
     return _paths(starts, goals, level)
+
+
+def _hops(
+    job: PrintJob,
+    machine: Machine,
+    order: UnitOrder,
+    starts: NDArray[np.float64],
+    goals: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how high the source's own habit lifts retracted travels, as far as heads reach, (m,).
+
+    Beads curl up, so a source that lifts over them has a reason.
+    """
+    ends = np.maximum(starts[:, 2], goals[:, 2])
+    far = np.hypot(*(goals - starts)[:, :2].T) >= job.settings.retract_min_travel_mm
+    top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
+    lifted = np.minimum(ends + job.settings.hop_mm, np.maximum(top, ends))
+    return np.where(far, lifted, ends)
 
 
 def _starts(order: UnitOrder, space: Space) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise, product
 from typing import Any
 
@@ -156,6 +157,23 @@ def test_one_head_prints_everything(case: Callable[..., Any]) -> None:
         range(len(chosen.job.contours))
     )
     assert plan.makespan_s == plan.heads[0].end_s[-1]
+
+
+def test_long_travels_hop_as_the_source_does(case: Callable[..., Any]) -> None:
+    """Beads curl up: a source that lifts over them knows its material."""
+    chosen = case(3)
+    job, machine = chosen.job, chosen.machine
+    settings = replace(job.settings, hop_mm=0.4, retract_mm=1.0, retract_min_travel_mm=2.0)
+    paths = one_head_toolpaths(job, machine, Toolpath.as_sliced(len(job.contours)))
+    plan = schedule(replace(job, settings=settings), machine, chosen.graph, paths)
+    hopped = 0
+    for head in plan.heads:
+        for k in np.flatnonzero(head.kind == ActionKind.TRAVEL).tolist():
+            path = head.action_path(k)
+            if np.linalg.norm((path[-1] - path[0])[:2]) >= 2.0:
+                assert path[:, 2].max() >= path[[0, -1], 2].max() + 0.4 - 1e-9
+                hopped += 1
+    assert hopped > len(job.contours) // 4
 
 
 def test_nothing_to_print(case_of: Callable[..., Any]) -> None:
