@@ -14,6 +14,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, read_motions
+from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import PlanDocument
@@ -21,6 +22,8 @@ from sim.faults import FaultKind, Verdict
 from sim.pictures import draw_machine
 from sim.verify import verify_motions, verify_plan
 from sim.written import verify_written
+
+HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 
 
 @app.command()
@@ -63,12 +66,27 @@ def judge(
         return verify_plan(document, source=job, digest=digest, trials=trials, seed=seed)
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
+    refuse_head_file(result)
     chosen = load_machine(machine or guess_machine(source) or "paper")
     job, print_text = read_gcode(source)
     verdict = verify_motions(read_motions(result), read_motions(source), chosen, job=job)
     written = verify_written(result, job, print_text, chosen)
     more = [fault for fault in written.faults if fault.kind == FaultKind.STATE]
     return Verdict((*verdict.faults, *more), verdict.counts)
+
+
+def refuse_head_file(path: Path) -> None:
+    """Raise InputError for the file of one head of several: alone it proves nothing.
+
+    Such a file says so among its first lines.
+    """
+    for line in load_text(path).splitlines()[:HEADER_LINES]:
+        if line.startswith(b"; head ") and line.rstrip().endswith(b": to be run together"):
+            raise InputError(
+                f"this is the file of one head of several ({line[2:].decode().strip()})",
+                path=path,
+                advice="write the joint plan with --plan plan.json and verify that",
+            )
 
 
 def digest_of(document: PlanDocument) -> str:

@@ -53,12 +53,16 @@ def _refuse_place(path: Path) -> None:
         raise InputError("cannot write here", path=path, advice="name another output")
 
 
-def refuse_other_suffix(path: Path | None, *known: str) -> None:
+def refuse_other_suffixes(plan: Path | None, report: Path | None, picture: Path | None) -> None:
     """Raise InputError for an output whose name says it is of another kind."""
-    if path is not None and not path.name.lower().endswith(known):
-        raise InputError(
-            f"the name of this output ends in {' or '.join(known)}", path=path, advice="rename it"
-        )
+    known = ((plan, (".json", ".json.gz")), (report, (".html", ".htm")), (picture, (".png",)))
+    for path, ends in known:
+        if path is not None and not path.name.lower().endswith(ends):
+            raise InputError(
+                f"the name of this output must end in {' or '.join(ends)}",
+                path=path,
+                advice="rename it",
+            )
 
 
 def bare(metrics: dict[str, Any]) -> float:

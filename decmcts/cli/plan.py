@@ -12,7 +12,13 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app, guess_machine, interrupt_stops
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
-from decmcts.cli.outputs import figures, refuse_unwritable, write_extras, write_single
+from decmcts.cli.outputs import (
+    figures,
+    refuse_other_suffixes,
+    refuse_unwritable,
+    write_extras,
+    write_single,
+)
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
@@ -42,6 +48,7 @@ def plan(
 ) -> None:
     """Find a better order for one head and write it, verified."""
     refuse_unwritable([output, plan_file, report, picture], source)
+    refuse_other_suffixes(plan_file, report, picture)
     slicing = SliceOptions(
         layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters
     )
@@ -84,6 +91,12 @@ def run_single(
         err.print(f"machine {name} (name yours with --machine; `decmcts machines` lists them)")
     chosen = load_machine(name)
     if len(chosen.heads) > 1:
+        head, n = chosen.heads[0].name, len(chosen.heads)
+        if not quiet:
+            err.print(
+                f"{name} has {n} heads; planned for {head} alone, `decmcts launch` uses all",
+                soft_wrap=True,
+            )
         chosen = single_head_machine(chosen, 0)
     with (
         interrupt_stops() as stop,

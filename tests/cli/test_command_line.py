@@ -112,3 +112,33 @@ def test_a_pipe_is_no_output(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="device or pipe"):
         refuse_unwritable([tmp_path / "pipe"], tmp_path / "in.gcode")
+
+
+@pytest.mark.parametrize("option", ["--plan", "--report", "--picture"])
+def test_an_output_of_another_kind_is_refused(option, tmp_path, capsys):
+    """A PNG called .jpg, or a plan that `verify` takes for G-code, helps nobody."""
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    assert run(["plan", str(source), option, str(tmp_path / "out.gcode")]) == 2
+    assert "must end in" in capsys.readouterr().err
+
+
+def test_file_of_one_head_is_not_judged_alone(tmp_path, capsys):
+    """Thousands of missing beads would be reported; the joint plan is what can be checked."""
+    source, half = tmp_path / "part.gcode", tmp_path / "part_left.gcode"
+    source.write_text(gcode(SQUARE))
+    half.write_text("; made\n; head left, file 1 of 2: to be run together\n" + gcode(SQUARE))
+    assert run(["verify", str(half), "--source", str(source)]) == 2
+    said = capsys.readouterr().err
+    assert "head left, file 1 of 2" in said
+    assert "plan.json" in said
+
+
+def test_one_head_of_several_is_named(tmp_path, capsys):
+    """`plan` on a machine with two heads uses one; which one must be said."""
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    assert run(["plan", str(source), "--machine", "dual-gantry", "--time-limit", "0.1"]) == 0
+    said = capsys.readouterr().err
+    assert "left alone" in said
+    assert "decmcts launch" in said
