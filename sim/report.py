@@ -209,8 +209,7 @@ def scene_layout(documents: Sequence[PlanDocument]) -> dict[str, Any]:
         "margin": {"l": 0, "r": 0, "t": 50, "b": 0},
         "legend": {
             "orientation": "h",
-            "x": 0.5,
-            "xanchor": "center",
+            "x": 0.0,  # the buttons are on the right
             "y": 1.02,
             "yanchor": "bottom",
         },

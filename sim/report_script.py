@@ -60,6 +60,7 @@ const show = () => {
   const all = ids.concat(PAGE.nozzles.map((_, i) => curves.length + i));
   return Plotly.restyle(scene, place, all);
 };
+label.textContent = `${clock(PAGE.end)} of ${clock(PAGE.end)}`;
 slider.addEventListener('input', show);
 let running = false;
 const step = async () => {

@@ -103,21 +103,18 @@ def machines(
     machine: opt.MachineOption = None,
 ) -> None:
     """List the machines; with --draw, draw their heads."""
-    from rich.table import Table
+    from rich.padding import Padding
 
     if draw is not None and not draw.is_dir():
         raise InputError("no such folder", path=draw, advice="make it first")
-    table = Table()
-    for name in ("name", "heads", "bed", "head slices at, mm", "source"):
-        table.add_column(name, no_wrap=name != "source", overflow="ellipsis")
     for name in [machine] if machine else preset_names():
         m = load_machine(name)
         bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
         slices = ", ".join(f"{s.height_mm:g}" for s in m.heads[0].slices)
         heads = " ".join(h.name for h in m.heads)
-        table.add_row(m.name, heads, bed, slices, m.source.split(";")[0])
+        out.print(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm", soft_wrap=True)
+        out.print(Padding(m.source.split(";")[0], (0, 0, 0, 4)))
         if draw is not None:
             draw_machine(m, draw / f"{m.name}.png")
-    out.print(table)
     if draw is not None:
         out.print(f"wrote a PNG a machine to {draw}", soft_wrap=True)

@@ -15,6 +15,7 @@ from decmcts.formats.atomic import refuse_special
 from decmcts.formats.gcode import write_gcode, write_head_gcode
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.plan_json import write_plan
+from decmcts.print.machine import Machine
 from sim.faults import Verdict
 from sim.pictures import draw_plan
 from sim.report import write_report
@@ -113,6 +114,13 @@ def require_sound(verdict: Verdict, path: Path) -> None:
             f"{path} was not written: its G-code failed verification with "
             f"{len(verdict.faults)} faults: {shown}"
         )
+
+
+def head_files(stem: Path, machine: Machine) -> list[Path]:
+    """Return the names of the files of the machine's heads, `STEM_HEAD.gcode`."""
+    if not stem.name:
+        raise InputError("the output is a folder", path=stem, advice="name a stem in it")
+    return [stem.with_name(f"{stem.name}_{head.name}.gcode") for head in machine.heads]
 
 
 def write_heads(planned: Planned, stem: Path) -> list[Path]:

@@ -19,9 +19,17 @@ from agents.supervisor import AgentStatus
 from decmcts.cli import options as opt
 from decmcts.cli.app import app, interrupt_stops
 from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
-from decmcts.cli.outputs import figures, refuse_unwritable, write_extras, write_heads
+from decmcts.cli.outputs import (
+    figures,
+    head_files,
+    refuse_other_suffixes,
+    refuse_unwritable,
+    write_extras,
+    write_heads,
+)
 from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
 from decmcts.cli.warm import compiling_ahead
+from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -47,7 +55,9 @@ def launch(
     as_json: opt.JsonOption = False,
 ) -> None:
     """Plan for several heads: one process each, agreeing over zenoh on one joint plan."""
-    refuse_unwritable([output, plan_file, report, picture], source)
+    heads = head_files(output, load_machine(machine)) if output is not None else []
+    refuse_unwritable([*heads, plan_file, report, picture], source)
+    refuse_other_suffixes(plan_file, report, picture)
     planned = run_team(
         source,
         machine,

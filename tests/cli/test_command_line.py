@@ -142,3 +142,29 @@ def test_one_head_of_several_is_named(tmp_path, capsys):
     said = capsys.readouterr().err
     assert "left alone" in said
     assert "decmcts launch" in said
+
+
+def test_the_file_of_a_head_may_not_be_the_input(tmp_path, capsys):
+    """`-o part` writes part_left.gcode; when that is the input, it must survive."""
+    source = tmp_path / "part_left.gcode"
+    source.write_text(gcode(SQUARE))
+    assert run(["launch", str(source), "-o", str(tmp_path / "part"), "--time-limit", "0.1"]) == 2
+    assert "the output is the input" in capsys.readouterr().err
+    assert source.read_text() == gcode(SQUARE)
+
+
+def test_a_bare_folder_is_no_stem(tmp_path, capsys):
+    """`-o .` has no name to put heads' names behind."""
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    assert run(["launch", str(source), "-o", "."]) == 2
+    assert "folder" in capsys.readouterr().err
+
+
+def test_machines_are_readable_in_a_narrow_terminal(monkeypatch, capsys):
+    """A column squeezed to seven letters is ten lines a machine and still cut off."""
+    monkeypatch.setattr(out, "width", 80, raising=False)
+    assert run(["machines"]) == 0
+    said = capsys.readouterr().out
+    assert "slices of Prusa's own gantry model" in " ".join(said.split())
+    assert len(said.splitlines()) < 60
