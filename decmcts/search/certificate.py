@@ -139,6 +139,7 @@ class Ascent:
     were not listed are bounded at its best prices.
     """
 
+    first_share = 0.5  # of the step that would reach the target were the slope constant
     patience = 15  # steps without a better value before steps get shorter
     shorten = 0.7
     memory = 0.3  # share of the last direction in the next
@@ -149,7 +150,7 @@ class Ascent:
         self._rounds = 0
         self._at = np.zeros(relaxation.size)
         self._step = np.zeros(relaxation.size)
-        self._share, self._stale = 1.0, 0
+        self._share, self._stale = self.first_share, 0
         self.bound_mm = -np.inf
         self._best: Relaxed
         self._best_at: NDArray[np.float64]
