@@ -81,12 +81,17 @@ class Rows:
     def __init__(self, path: Path, key: tuple[str, ...]) -> None:
         self.path, self.key = path, key
         self.rows: list[dict[str, str]] = []
-        if path.exists():
-            with path.open(newline="") as file:
+        self.read()
+
+    def read(self) -> None:
+        """Read the rows there are; several benchmarks may append to one file."""
+        if self.path.exists():
+            with self.path.open(newline="") as file:
                 self.rows = list(csv.DictReader(file))
 
     def has(self, **key: Any) -> bool:
-        """Say whether a run with this key was made already."""
+        """Say whether a run with this key was made already, by this process or another."""
+        self.read()
         wanted = tuple(str(key[name]) for name in self.key)
         return any(tuple(row[name] for name in self.key) == wanted for row in self.rows)
 
