@@ -109,12 +109,12 @@ def run(arguments: list[str]) -> int:
         return _failed(error, 2)
     except Exception as error:
         return _failed(
-            f"internal error: {type(error).__name__}: {error}; what is not named above was "
-            "not written; run again with --debug for the traceback",
+            f"internal error: {type(error).__name__}: {error}; no file was left "
+            "half written; run again with --debug for the traceback",
             70,
         )
     if code == STOPPED:
-        return _failed("stopped; what is not named above was not written", code)
+        return _failed("stopped; no file was left half written", code)
     return code if isinstance(code, int) else 0
 
 

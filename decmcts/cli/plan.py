@@ -65,10 +65,11 @@ def plan(
         certificate=certificate,
     )
     started = time.perf_counter()
-    if output is not None:
-        write_single(planned, output)
-    planned.seconds["write"] = time.perf_counter() - started
-    written = write_extras(planned, plan=plan_file, report=report, picture=picture)
+    with interrupt_stops():  # a first Ctrl-C lets everything be written
+        if output is not None:
+            write_single(planned, output)
+        planned.seconds["write"] = time.perf_counter() - started
+        written = write_extras(planned, plan=plan_file, report=report, picture=picture)
     show(planned, [*([output] if output else []), *written], as_json=as_json)
 
 

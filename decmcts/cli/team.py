@@ -66,8 +66,9 @@ def launch(
         seed=seed,
         quiet=as_json,
     )
-    written = write_heads(planned, output) if output is not None else []
-    written += write_extras(planned, plan=plan_file, report=report, picture=picture)
+    with interrupt_stops():  # a first Ctrl-C lets everything be written
+        written = write_heads(planned, output) if output is not None else []
+        written += write_extras(planned, plan=plan_file, report=report, picture=picture)
     show_team(planned, written, as_json=as_json)
 
 
