@@ -35,7 +35,7 @@ def _modal(letter: int, code: int, values: NDArray[np.float64], modes: NDArray[n
             modes[RELATIVE_E] = 1 if code == 830 else 0
             modes[MODE_SET] = 1
         elif code == 2000 and not math.isnan(values[D]):
-            return math.pi * values[D] * values[D] / 4.0
+            return float(math.pi * values[D] * values[D] / 4.0)
     elif letter == 84:
         modes[TOOL] = min(code // 10, 32000)
     return -1.0
@@ -80,7 +80,7 @@ def _step(
     else:
         pushed = values[E] - position[3]
         position[3] = values[E]
-    return pushed / area if area > 0.0 else pushed
+    return float(pushed / area if area > 0.0 else pushed)
 
 
 @kernel
