@@ -141,7 +141,7 @@ class Ascent:
 
     first_share = 0.5  # of the step that would reach the target were the slope constant
     patience = 15  # steps without a better value before steps get shorter
-    shorten = 0.7
+    shorten = 0.8
     memory = 0.3  # share of the last direction in the next
 
     def __init__(self, relaxation: Relaxation, target_mm: float) -> None:
