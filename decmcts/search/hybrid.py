@@ -1,12 +1,10 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
 The tree search over clusters and the annealing take turns: the best sequence
-guides the trees, and the trees' best sequence races against it. In the hot part
-of the annealing, where long moves decide the large structure, each thread anneals
-a whole sequence; the better one is cooled further on all threads at once, a
-piece each. Small prints race to the end, in several rounds; on prints too large
-for a whole sequence to converge in the time, pieces are annealed from the
-beginning.
+guides the trees, and the trees' best sequence races against it, a whole sequence
+a thread. After a few short races the winner is annealed for most of the time by
+all threads together: in a few long pieces while hot, where long moves decide the
+large structure, in many short ones while cold. Small prints race to the end.
 
 References
 ----------
@@ -36,15 +34,15 @@ _LANES = 2  # fixed, so that results do not depend on the machine
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    rounds: tuple[float, ...] = (0.1, 0.97)  # shares of the budget at which rounds end
+    rounds: tuple[float, ...] = (0.07, 0.16, 0.97)  # shares of the budget at which rounds end
     rounds_if_small: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.97)
-    small: int = 400  # contours up to which several rounds beat one long one
-    large: int = 6000  # contours from which pieces beat rivals
-    race: float = 0.4  # share of a round in which whole sequences race
+    small: int = 400  # contours up to which races beat one long round
+    large: int = 6000  # contours from which one Γ is all that time allows
+    long_pieces: float = 0.5  # share of the last round
     for_structure: float = 0.02  # share of the budget for the trees before each race
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
     hot: float = 1.5
-    warm: float = 0.25  # from here on the structure stays
+    warm: float = 0.2  # from here on the structure stays
     cold: float = 0.03
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
 
@@ -68,34 +66,33 @@ class Hybrid:
         n = len(incumbent.problem)
         rounds = self.rounds_if_small if n <= self.small else self.rounds
         guest = _sequence(incumbent, near)
-        for number, until in enumerate(rounds):
-            if incumbent.cost_mm == 0.0 or self._race(incumbent, near, lanes, guest, until):
+        races = rounds if n <= self.small else rounds[:-1]
+        for number, until in enumerate(races):
+            if number > 0 and self._found(incumbent, lanes, guest):
                 return True
-            if number + 1 < len(rounds) and self._found(incumbent, lanes, guest):
+            rivals = [_sequence(incumbent, near), guest]
+            hot, _, cold = self._heats(incumbent)
+            if hot == 0.0 or anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), until):
                 return True
-        return False
+        return n > self.small and self._share_out(incumbent, near, lanes, rounds[-1])
 
-    def _race(
-        self,
-        incumbent: Incumbent,
-        near: NDArray[np.int32],
-        lanes: Lanes,
-        guest: Sequence,
-        until: float,
+    def _share_out(
+        self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes, until: float
     ) -> bool:
-        """Anneal the best sequence, and the guest beside it; return whether to stop."""
-        n, began = len(guest.order), incumbent.spent
-        mean, best = incumbent.cost_mm / n, _sequence(incumbent, near)
-        hot, warm, cold = self.hot * mean, self.warm * mean, self.cold * mean
-        if n >= self.large:
-            return anneal_pieces(incumbent, best, lanes, Cooling(hot, cold), until)
-        if n <= self.small:
-            return anneal_rivals(incumbent, [best, guest], lanes, Cooling(hot, cold), until)
-        half = began + self.race * (until - began)
-        if anneal_rivals(incumbent, [best, guest], lanes, Cooling(hot, warm), half):
-            return True
-        winner = min((best, guest), key=lambda sequence: sequence.cost_mm)
-        return anneal_pieces(incumbent, winner, lanes, Cooling(warm, cold), until)
+        """Anneal the best sequence on all threads together; return whether to stop."""
+        hot, warm, cold = self._heats(incumbent)
+        sequence, began = _sequence(incumbent, near), incumbent.spent
+        half = began + self.long_pieces * (until - began)
+        return (
+            hot == 0.0
+            or anneal_pieces(incumbent, sequence, lanes, Cooling(hot, warm), half, a_lane=1)
+            or anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), until, a_lane=4)
+        )
+
+    def _heats(self, incumbent: Incumbent) -> tuple[float, float, float]:
+        """Return the hot, the warm and the cold temperature for the best sequence, mm."""
+        mean = incumbent.cost_mm / len(incumbent.problem)
+        return self.hot * mean, self.warm * mean, self.cold * mean
 
     def _found(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""

@@ -35,7 +35,6 @@ _LARGEST_SLICE = 4_000_000
 _SLICES = 400  # of a search that is limited by iterations
 _SLICES_A_CUT = 4
 _LEAST_PIECE = 100  # contours
-_PIECES_A_LANE = 4  # more, smaller pieces stay in the processor's cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,10 +86,17 @@ def anneal_rivals(
 
 
 def anneal_pieces(
-    incumbent: Incumbent, sequence: Sequence, lanes: Lanes, cooling: Cooling, until: float
+    incumbent: Incumbent,
+    sequence: Sequence,
+    lanes: Lanes,
+    cooling: Cooling,
+    until: float,
+    *,
+    a_lane: int,
 ) -> bool:
     """Anneal one sequence on all lanes until the share `until` is spent; return whether to stop.
 
+    There are `a_lane` pieces for each lane, fewer where they would be too small.
     Mutates the sequence and the generators; offers what it passes to the incumbent.
     """
     shares: list[list[Piece]] = []
@@ -99,7 +105,7 @@ def anneal_pieces(
     def slice_of(share: float, proposals: int) -> int:
         nonlocal shares, done
         if done % _SLICES_A_CUT == 0:
-            shares = _shared_out(sequence, lanes)
+            shares = _shared_out(sequence, lanes, a_lane)
         done += 1
         heat = cooling.at(share)
         rate = proposals * len(lanes.states) / len(sequence.order)
@@ -138,10 +144,10 @@ def _in_slices(incumbent: Incumbent, work: Callable[[float, int], int], until: f
     return False
 
 
-def _shared_out(sequence: Sequence, lanes: Lanes) -> list[list[Piece]]:
+def _shared_out(sequence: Sequence, lanes: Lanes, a_lane: int) -> list[list[Piece]]:
     """Return the pieces of each lane, about as many contours for each."""
     n, count = len(sequence.order), len(lanes.states)
-    parts = min(n // (_LEAST_PIECE * count), _PIECES_A_LANE) * count
+    parts = min(n // (_LEAST_PIECE * count), a_lane) * count
     shift = uniform(lanes.cutting)
     places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n] if parts else [0, n]
     pieces = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
