@@ -36,7 +36,7 @@ def setting(**chosen: Any) -> str:
     """Return one line that says what was run, where and with which versions."""
     names = ("decmcts", "numpy", "numba", "eclipse-zenoh", "python-fcl")
     versions = ", ".join(f"{name} {version(name)}" for name in names)
-    told = ", ".join(f"{key} {value}" for key, value in chosen.items())
+    told = ", ".join(f"{key} {value}" for key, value in chosen.items() if value != "")
     return (
         f"{told}; {versions}; Python {platform.python_version()}, {os.cpu_count()} cores, "
         f"{platform.machine()}, {time.strftime('%Y-%m-%d')}"

@@ -51,6 +51,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--time-limit", type=float, default=20.0)
     parser.add_argument("--files", default="")
+    parser.add_argument("--note", default="", help="said beside the setting")
     options = parser.parse_args()
     folder = corpus() / "gcode"
     rows = Rows(RESULTS / "dialects.csv", KEY)
@@ -72,7 +73,9 @@ def main() -> None:
         lines.append([r["file"], slicer, outcome, r["machine"], r["contours"], gain,
                       r["barriers"], r["reason"]])  # fmt: skip
     head = ["file", "slicer", "outcome", "machine", "contours", "travel less %", "barriers", "why"]
-    said = setting(planner="local", time_limit=f"{options.time_limit:g} s", seed=0)
+    said = setting(
+        note=options.note, planner="local", time_limit=f"{options.time_limit:g} s", seed=0
+    )
     text = f"# Dialects: real files of many slicers\n\n{said}\n\nRepeat: "
     text += "`python benchmarks/dialects.py`. A refused file is refused with the line shown; "
     text += "nothing is written.\n\n" + markdown(lines, head)

@@ -119,6 +119,7 @@ def main() -> None:
     parser.add_argument("--machines", default="paper,mk4s")
     parser.add_argument("--models", default="")
     parser.add_argument("--table-only", action="store_true")
+    parser.add_argument("--note", default="", help="said beside the setting")
     options = parser.parse_args()
     machines = options.machines.split(",")
     rows = Rows(RESULTS / "models.csv", KEY)
@@ -137,7 +138,8 @@ def main() -> None:
                 rows.append(run(path, key))
                 print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
     done = sorted(rows.rows, key=lambda r: (int(r["contours"] or 0), r["machine"]))
-    said = setting(planner="local", freedom="reversible", process_order="keep",
+    said = setting(note=options.note,
+                   planner="local", freedom="reversible", process_order="keep",
                    time_limit=f"{options.time_limit:g} s", seed=0)  # fmt: skip
     text = f"# All models, one head\n\n{said}\n\nRepeat: `python benchmarks/models.py`. "
     text += "Gains are against PrusaSlicer 2.5.0 with aligned seam.\n\n"

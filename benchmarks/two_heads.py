@@ -43,7 +43,6 @@ def figures_of(two: dict[str, Any], replay: dict[str, Any]) -> dict[str, Any]:
     agents = after["agents"]
     return {
         "contours": after["contours"],
-        "slicer_s": two["before"]["makespan_s"],
         "one_head_s": alone,
         "two_heads_s": after["makespan_s"],
         "speedup": round(speedup, 3),
@@ -60,18 +59,18 @@ def figures_of(two: dict[str, Any], replay: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-FIGURES = ("contours", "slicer_s", "one_head_s", "two_heads_s", "speedup", "possible",
+FIGURES = ("contours", "one_head_s", "two_heads_s", "speedup", "possible",
            "of_possible", "of_gain", "messages", "bytes", "planner", "faults", "plan_s",
            "peak_mib", "error")  # fmt: skip
 
 
 def report(rows: list[dict[str, str]], said: str) -> str:
-    head = ["plate", "contours", "slicer's order, one head s", "one head s", "two heads s",
+    head = ["plate", "contours", "one head s", "two heads s",
             "speed-up", "at most possible", "of the possible", "of the possible gain",
             "messages", "KiB", "faults in replay", "wall s"]  # fmt: skip
     done = [r for r in rows if not r["error"]]
     lines = [
-        [r["plate"], r["contours"], *(f"{float(r[k]):.0f}" for k in ("slicer_s", "one_head_s"))]
+        [r["plate"], r["contours"], f"{float(r['one_head_s']):.0f}"]
         + [f"{float(r['two_heads_s']):.0f}", f"{r['speedup']}×", f"{r['possible']}×"]
         + [f"{100 * float(r[k]):.0f} %" for k in ("of_possible", "of_gain")]
         + [r["messages"], f"{int(r['bytes']) / 1024:.0f}", r["faults"], r["plan_s"]]
@@ -96,6 +95,7 @@ def main() -> None:
     parser.add_argument("--time-limit", type=float, default=60.0)
     parser.add_argument("--trials", type=int, default=5)
     parser.add_argument("--plates", default="")
+    parser.add_argument("--note", default="", help="said beside the setting")
     options = parser.parse_args()
     rows = Rows(RESULTS / "two_heads.csv", KEY)
     for path in sorted((corpus() / "models" / "plates" / "gcode").glob("*.gcode.gz")):
@@ -108,7 +108,8 @@ def main() -> None:
         if wanted and not rows.has(**key):
             rows.append(run(path, key, options.trials))
             print(rows.rows[-1], flush=True)
-    said = setting(machine="dual-gantry", time_limit=f"{options.time_limit:g} s", seed=0,
+    said = setting(note=options.note,
+                   machine="dual-gantry", time_limit=f"{options.time_limit:g} s", seed=0,
                    timing_trials=options.trials)  # fmt: skip
     (RESULTS / "two_heads.md").write_text(report(rows.rows, said))
 

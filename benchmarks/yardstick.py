@@ -34,6 +34,7 @@ def main() -> None:
     parser.add_argument("--time-limit", type=float, default=60.0)
     parser.add_argument("--models", default=",".join(YARDSTICK))
     parser.add_argument("--process", default="free,keep")
+    parser.add_argument("--note", default="", help="said beside the setting")
     options = parser.parse_args()
     rows = Rows(RESULTS / "yardstick.csv", KEY)
     for process in options.process.split(","):
@@ -56,7 +57,13 @@ def main() -> None:
             reached = "" if free == "" else ("yes" if round(float(free)) >= target else "NO")
             lines.append([name, freedom, str(target), free, reached, keep])
     head = ["model", "freedom", "annealing %", "local, free %", "reached", "local, keep %"]
-    said = setting(planner="local", machine="paper", time_limit=f"{options.time_limit:g} s", seed=0)
+    said = setting(
+        note=options.note or None,
+        planner="local",
+        machine="paper",
+        time_limit=f"{options.time_limit:g} s",
+        seed=0,
+    )
     text = f"# `local` against plain annealing\n\n{said}\n\n"
     text += "Repeat: `python benchmarks/yardstick.py`. Reduction of extrusionless travel "
     text += "against the source's order; the yardstick is known to whole per cent only. The "

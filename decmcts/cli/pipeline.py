@@ -30,7 +30,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
-from decmcts.team.alone import one_head_toolpaths
+from decmcts.team.alone import lone_machine
 from decmcts.team.metrics import plan_metrics
 from decmcts.team.schedule import schedule
 from sim.faults import Verdict
@@ -123,12 +123,13 @@ def document_of(loaded: Loaded, plan: JointPlan, extra: dict[str, Any]) -> PlanD
 def source_plan(loaded: Loaded) -> PlanDocument:
     """Schedule the source's own order, the yardstick every result is compared with.
 
-    On a machine with several heads one prints all it may, another only the rest.
+    Of a machine with several heads the first prints it alone, as if it reached everything.
     """
+    machine = loaded.machine if len(loaded.machine.heads) == 1 else lone_machine(loaded.machine)
     sliced = Toolpath.as_sliced(len(loaded.job.contours))
-    paths = one_head_toolpaths(loaded.job, loaded.machine, sliced)
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, paths)
-    return document_of(loaded, plan, {"planner": "slicer", "freedom": "fixed", "seed": 0})
+    plan = schedule(loaded.job, machine, loaded.graph, [sliced])
+    extra = {"planner": "slicer", "freedom": "fixed", "seed": 0}
+    return document_of(replace(loaded, machine=machine), plan, extra)
 
 
 def search(
