@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from agents.spawn import run_agents
 from agents.supervisor import AgentStatus
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # CI may start us ignoring it
     names = os.environ["TOY_HEADS"].split(",")
     toy = (sys.executable, str(Path(__file__).with_name("toy_agent.py")))
     told = False
