@@ -188,3 +188,15 @@ def test_post_leaves_the_file_untouched_on_error(
     source.write_text(gcode("G20\n" + SQUARE))
     refused(["post", str(source), "--machine", "paper"], capsys)
     assert source.read_text() == gcode("G20\n" + SQUARE)
+
+
+def test_missing_layer_comments_are_made_up_for_by_z(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Plain Slic3r writes no layer marks; the heights of the moves tell as much."""
+    source = tmp_path / "part.gcode"
+    second = SQUARE.replace("F7800", "Z.4 F7800", 1)
+    source.write_text(HEAD + "G1 Z.2 F7800\n" + SQUARE + second + TAIL)
+    code = run(["plan", str(source), "--machine", "paper", "--time-limit", "0.1", "--json"])
+    assert code == 0
+    assert json.loads(capsys.readouterr().out)["after"]["contours"] == 2
