@@ -30,6 +30,7 @@ from sim.inventory import NO_MATCH, contour_segments, match_segments
 from sim.printed_file import laying_moves, segments_of
 
 OWED_MM = 1e-3
+SURPLUS_MM = 0.01  # of filament pushed on the spot
 
 
 def verify_written(
@@ -53,6 +54,7 @@ def verify_written(
     epoch = np.asarray(job.contours.epoch, np.int64)[source]
     faults += check_file_epochs(np.asarray(motions.line)[laid], match, epoch)
     faults += _check_owed(motions, laid[known], document.owed[source[match[known]]])
+    faults += _check_surplus(motions, _moves_of(document))
     faults += check_file_material(motions, match, machine, source=lambda: _moves_of(document))
     return Verdict(tuple(faults), {"moves": float(len(motions.line))})
 
@@ -79,6 +81,32 @@ def _check_owed(motions: Motions, rows: NDArray[np.int64], due: NDArray[np.float
         FaultKind.STATE,
         [f"line {line[k]} begins a bead with {owed[k]:g} mm retracted" for k in short.tolist()],
     )
+
+
+def _check_surplus(motions: Motions, source: Motions | None) -> list[Fault]:
+    """Check that no more filament is pushed on the spot than the source ever does at once."""
+    pushed = _surplus(motions)
+    most = 0.0 if source is None else float(_surplus(source).max(initial=0.0))
+    over = np.flatnonzero(pushed > most + SURPLUS_MM)
+    line = np.asarray(motions.line)
+    return listed(
+        FaultKind.STATE,
+        [f"line {line[k]} pushes {pushed[k]:.3f} mm of filament on the spot" for k in over.tolist()],
+    )
+
+
+def _surplus(motions: Motions) -> NDArray[np.float64]:
+    """Return the filament each move pushes standing still, beyond what is retracted, (m,) mm.
+
+    Counted from the first bead to the last; what primes the nozzle before is the source's.
+    """
+    if motions.owed is None:
+        return np.zeros(len(motions.line))
+    still = (motions.points[1:] == motions.points[:-1]).all(axis=1)
+    beads = np.flatnonzero(motions.contour >= 0)
+    rows = np.arange(len(still))
+    within = (rows >= beads.min(initial=len(rows))) & (rows <= beads.max(initial=-1))
+    return np.where(still & within, motions.extrusion - motions.owed, 0.0)
 
 
 def _moves_of(document: GcodeDocument) -> Motions | None:

@@ -118,3 +118,14 @@ def test_verify_sees_what_is_in_force(made):
     assert judge(out, source, "mk4s", seed=0, trials=1).ok
     out.write_text(out.read_text().replace("M106 S60", "M106 S61"))
     assert FaultKind.STATE in judge(out, source, "mk4s", seed=0, trials=1).kinds()
+
+
+def test_a_line_written_twice_is_seen(made):
+    """The second one pushes its filament on the spot: a blob on the part."""
+    *_, out = made
+    text = out.read_text()
+    line = next(line for line in text.splitlines() if line.startswith("G1 X160"))
+    out.write_text(text.replace(line, f"{line}\n{line}", 1))
+    verdict = judged(made)
+    assert FaultKind.STATE in verdict.kinds()
+    assert any("on the spot" in str(fault) for fault in verdict.faults)
