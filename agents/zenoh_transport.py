@@ -40,6 +40,7 @@ the protocol says again what matters."""
 
 QUEUE = 1024
 POLL_S = 0.001
+WATCH_S = 0.1
 FLUSH_S = 1.0
 """What waits is still sent so long after closing began."""
 
@@ -130,9 +131,19 @@ class ZenohTransport:
         self._latest: dict[str, bytes] = {}  # unreliable kinds: only the newest waits
         self._ready = threading.Condition()
         self._closing_until: float | None = None
+        self._using = threading.Lock()  # a put, or closing and opening the session
+        self._was_stopped = False  # for longer than the lease: all peers dropped us
+        self._seen: set[tuple[int, int]] = set()  # (head, epoch) said to be here
 
     def __enter__(self) -> Self:
         """Open the session, subscribe, then announce this head."""
+        self._open()
+        self._sender = threading.Thread(target=self._send_all, name="zenoh-put", daemon=True)
+        self._sender.start()
+        threading.Thread(target=self._watch, name="zenoh-watch", daemon=True).start()
+        return self
+
+    def _open(self) -> None:
         with ExitStack() as stack:
             # Always `with`: a session left open by an exception hangs the exit.
             self._session = stack.enter_context(zenoh.open(configuration(self._endpoints)))
@@ -144,10 +155,13 @@ class ZenohTransport:
             )
             token = self._keys.alive(self._head, self._epoch)
             self._token = self._session.liveliness().declare_token(token)
-            self._sender = threading.Thread(target=self._send_all, name="zenoh-put", daemon=True)
-            self._sender.start()
             self._stack = stack.pop_all()
-        return self
+
+    def _close(self) -> None:
+        try:
+            self._stack.close()
+        except zenoh.ZError as failed:  # a hung peer; the session is given up all the same
+            LOG.warning("zenoh did not close in time: %s", failed)
 
     def __exit__(
         self,
@@ -161,10 +175,21 @@ class ZenohTransport:
             self._ready.notify()
         # zenoh raises "Already borrowed" when closed during a put: wait for it.
         self._sender.join(JOIN_S)
-        try:
-            self._stack.__exit__(kind, error, trace)
-        except zenoh.ZError as failed:  # a hung peer; the process ends all the same
-            LOG.warning("zenoh did not close in time: %s", failed)
+        self._close()
+
+    def _begin_again(self) -> list[Arrival]:
+        """Open a new session after a stop; all peers are gone until they are seen again.
+
+        Peers closed their links when the lease ran out, and zenoh does not always
+        find back to them: half-open handshakes of both sides can keep refusing each other.
+        """
+        gone: list[Arrival] = [Presence(head, epoch, False) for head, epoch in sorted(self._seen)]
+        self._seen.clear()
+        with self._using:
+            self._was_stopped = False
+            self._close()
+            self._open()
+        return gone
 
     def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
         """Queue bytes for all peers; a full queue drops the oldest."""
@@ -182,7 +207,8 @@ class ZenohTransport:
         """Return what arrived, waiting at most `timeout_s` for the first."""
         deadline = time.monotonic() + timeout_s
         while True:
-            arrivals = self._presences() + self._packets()
+            arrivals = self._begin_again() if self._was_stopped else []
+            arrivals += self._presences() + self._packets()
             left = deadline - time.monotonic()
             if arrivals or left <= 0:
                 return arrivals
@@ -197,7 +223,9 @@ class ZenohTransport:
                 self._on_drop("bad key")
                 continue
             if head != self._head:
-                found.append(Presence(head, epoch, sample.kind == zenoh.SampleKind.PUT))
+                here = sample.kind == zenoh.SampleKind.PUT
+                (self._seen.add if here else self._seen.discard)((head, epoch))
+                found.append(Presence(head, epoch, here))
         return found
 
     def _packets(self) -> list[Arrival]:
@@ -218,6 +246,14 @@ class ZenohTransport:
                 if self._closing_until is None or time.monotonic() < self._closing_until:
                     self._put(kind, payload, reliable=reliable)
 
+    def _watch(self) -> None:
+        """Notice that this process was stopped: a short sleep took longer than the lease."""
+        while self._closing_until is None:
+            began = time.monotonic()
+            time.sleep(WATCH_S)
+            if time.monotonic() - began > WATCH_S + LEASE_MS / 1000:
+                self._was_stopped = True  # `receive` opens a new session
+
     def _next_batch(self) -> list[tuple[str, bytes, bool]] | None:
         with self._ready:
             self._ready.wait_for(
@@ -232,6 +268,7 @@ class ZenohTransport:
     def _put(self, kind: str, payload: bytes, *, reliable: bool) -> None:
         control = zenoh.CongestionControl
         priority = zenoh.Priority
+        self._using.acquire()
         try:
             # BLOCK waits up to 5 s for a hung peer, here and not in planning.
             # Its own priority has its own queue, so bulk never delays commits.
@@ -244,3 +281,5 @@ class ZenohTransport:
             )
         except zenoh.ZError as error:
             self._on_drop(f"put failed: {error}")
+        finally:
+            self._using.release()
