@@ -15,7 +15,7 @@ from rich.table import Table
 from agents import extruder
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
-from agents.supervisor import AgentStatus
+from agents.supervisor import AgentStatus, LaunchError
 from decmcts.cli import options as opt
 from decmcts.cli.app import app, interrupt_stops
 from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
@@ -91,14 +91,25 @@ def run_team(
             seed=seed,
         ).toolpath
     started = time.perf_counter()
-    result = _planned_by_agents(loaded, time_limit_s, seed, quiet=quiet)
-    for lost in (a for a in result.agreement.agents if a.phase == "lost"):
-        err.print(f"head {lost.name} was lost ({lost.note}); the plan does without it")
+    result = _agreed(loaded, time_limit_s, seed, quiet=quiet)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     with steps(quiet=quiet) as (announce, _):
         announce("safe travels, times and order across heads")
         after = _best_of(loaded, result, order, seed=seed, time_limit_s=time_limit_s)
-        return check(loaded, before, after, _history(result), seconds, announce)
+        history = [] if result is None else _history(result)
+        return check(loaded, before, after, history, seconds, announce)
+
+
+def _agreed(loaded: Loaded, time_limit_s: float, seed: int, *, quiet: bool) -> LaunchResult | None:
+    """Return what the agents agreed on, or None: one head alone is always left."""
+    try:
+        result = _planned_by_agents(loaded, time_limit_s, seed, quiet=quiet)
+    except LaunchError as error:
+        err.print(f"{error}; one head prints alone", markup=False)
+        return None
+    for lost in (a for a in result.agreement.agents if a.phase == "lost"):
+        err.print(f"head {lost.name} was lost ({lost.note}); the plan does without it")
+    return result
 
 
 def _slicing() -> SliceOptions:
@@ -157,11 +168,12 @@ def plan_alone(loaded: Loaded, order: Toolpath, live: Sequence[int], seed: int) 
 
 
 def _best_of(
-    loaded: Loaded, result: LaunchResult, order: Toolpath, *, seed: int, time_limit_s: float
+    loaded: Loaded, result: LaunchResult | None, order: Toolpath, *, seed: int, time_limit_s: float
 ) -> PlanDocument:
     """Schedule what was agreed, or one head alone where that is faster."""
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths))
-    alone = plan_alone(loaded, order, result.agreement.live, seed)
+    agreement = None if result is None else result.agreement
+    heads = range(len(loaded.machine.heads)) if agreement is None else agreement.live
+    alone = plan_alone(loaded, order, heads, seed)
     lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order])
     bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     extra: dict[str, Any] = {
@@ -169,15 +181,17 @@ def _best_of(
         "freedom": "reversible",
         "seed": seed,
         "time_limit_s": time_limit_s,
-        "agreed_digest": result.agreement.digest,
-        "live_heads": list(result.agreement.live),
+        "agreed_digest": "" if agreement is None else agreement.digest,
+        "live_heads": list(heads),
         "one_head_s": lone.makespan_s,
         "bound": dataclasses.asdict(bound),
-        "agents": [_traffic(agent) for agent in result.agreement.agents],
+        "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
     }
-    joint = document_of(loaded, plan, extra)
-    if joint.metrics["makespan_s"] <= alone.metrics["makespan_s"]:
-        return joint
+    if result is not None:
+        plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths))
+        joint = document_of(loaded, plan, extra)
+        if joint.metrics["makespan_s"] <= alone.metrics["makespan_s"]:
+            return joint
     return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
 
 
