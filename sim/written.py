@@ -87,11 +87,11 @@ def _check_surplus(motions: Motions, source: Motions | None) -> list[Fault]:
     """Check that no more filament is pushed on the spot than the source ever does at once."""
     pushed = _surplus(motions)
     most = 0.0 if source is None else float(_surplus(source).max(initial=0.0))
-    over = np.flatnonzero(pushed > most + SURPLUS_MM)
+    over = np.flatnonzero(pushed > most + SURPLUS_MM).tolist()
     line = np.asarray(motions.line)
     return listed(
         FaultKind.STATE,
-        [f"line {line[k]} pushes {pushed[k]:.3f} mm of filament on the spot" for k in over.tolist()],
+        [f"line {line[k]} pushes {pushed[k]:.3f} mm of filament on the spot" for k in over],
     )
 
 
