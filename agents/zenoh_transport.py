@@ -268,18 +268,16 @@ class ZenohTransport:
     def _put(self, kind: str, payload: bytes, *, reliable: bool) -> None:
         control = zenoh.CongestionControl
         priority = zenoh.Priority
-        self._using.acquire()
         try:
             # BLOCK waits up to 5 s for a hung peer, here and not in planning.
             # Its own priority has its own queue, so bulk never delays commits.
-            self._session.put(
-                self._keys.message(self._head, kind),
-                payload,
-                congestion_control=control.BLOCK if reliable else control.DROP,
-                priority=priority.INTERACTIVE_HIGH if reliable else priority.DATA,
-                express=reliable,
-            )
+            with self._using:
+                self._session.put(
+                    self._keys.message(self._head, kind),
+                    payload,
+                    congestion_control=control.BLOCK if reliable else control.DROP,
+                    priority=priority.INTERACTIVE_HIGH if reliable else priority.DATA,
+                    express=reliable,
+                )
         except zenoh.ZError as error:
             self._on_drop(f"put failed: {error}")
-        finally:
-            self._using.release()

@@ -7,6 +7,7 @@ down, the way to the end G-code, and no contact on the moves really written.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ def verify_written(
     epoch = np.asarray(job.contours.epoch, np.int64)[source]
     faults += check_file_epochs(np.asarray(motions.line)[laid], match, epoch)
     faults += _check_owed(motions, laid[known], document.owed[source[match[known]]])
-    faults += _check_surplus(motions, _moves_of(document))
+    faults += _check_surplus(motions, lambda: _moves_of(document))
     faults += check_file_material(motions, match, machine, source=lambda: _moves_of(document))
     return Verdict(tuple(faults), {"moves": float(len(motions.line))})
 
@@ -83,10 +84,16 @@ def _check_owed(motions: Motions, rows: NDArray[np.int64], due: NDArray[np.float
     )
 
 
-def _check_surplus(motions: Motions, source: Motions | None) -> list[Fault]:
-    """Check that no more filament is pushed on the spot than the source ever does at once."""
+def _check_surplus(motions: Motions, source: Callable[[], Motions | None]) -> list[Fault]:
+    """Check that no more filament is pushed on the spot than the source ever does at once.
+
+    The source is read only when something is pushed.
+    """
     pushed = _surplus(motions)
-    most = 0.0 if source is None else float(_surplus(source).max(initial=0.0))
+    if pushed.max(initial=0.0) <= SURPLUS_MM:
+        return []
+    theirs = source()
+    most = 0.0 if theirs is None else float(_surplus(theirs).max(initial=0.0))
     over = np.flatnonzero(pushed > most + SURPLUS_MM).tolist()
     line = np.asarray(motions.line)
     return listed(

@@ -124,7 +124,11 @@ def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
     before, after = planned.before.metrics, planned.after.metrics
     if as_json:
         print_json(
-            {**figures(planned), "gain": summary_of(before, after), "written": map_str(written)}
+            {
+                **figures(planned),
+                "gain": summary_of(before, after),
+                "written": [str(path) for path in written],
+            }
         )
         return
     for barrier in planned.loaded.job.barriers:
@@ -140,8 +144,3 @@ def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
         out.print(line, soft_wrap=True)
     for path in written:
         out.print(f"wrote {path}", soft_wrap=True)
-
-
-def map_str(paths: list[Path]) -> list[str]:
-    """Return paths as text, for JSON."""
-    return [str(path) for path in paths]
