@@ -41,6 +41,7 @@ the protocol says again what matters."""
 QUEUE = 1024
 POLL_S = 0.001
 WATCH_S = 0.1
+CLOSE_S = 1.5
 FLUSH_S = 1.0
 """What waits is still sent so long after closing began."""
 
@@ -163,6 +164,12 @@ class ZenohTransport:
         except zenoh.ZError as failed:  # a hung peer; the session is given up all the same
             LOG.warning("zenoh did not close in time: %s", failed)
 
+    def _close_soon(self) -> None:
+        """Close beside the caller: with a hung peer zenoh may take its 10 s."""
+        closing = threading.Thread(target=self._close, name="zenoh-close", daemon=True)
+        closing.start()
+        closing.join(CLOSE_S)
+
     def __exit__(
         self,
         kind: type[BaseException] | None,
@@ -175,7 +182,7 @@ class ZenohTransport:
             self._ready.notify()
         # zenoh raises "Already borrowed" when closed during a put: wait for it.
         self._sender.join(JOIN_S)
-        self._close()
+        self._close_soon()
 
     def _begin_again(self) -> list[Arrival]:
         """Open a new session after a stop; all peers are gone until they are seen again.
