@@ -100,8 +100,8 @@ def commit_swap(tour: Tour, i: int, j: int, k: int, change: float) -> float:
 @kernel
 def commit_turn(tour: Tour, i: int, k: int, change: float, slack: float) -> float:
     """Mutate the tour if turning is allowed and within slack; return the change."""
-    ports, order, flip, after, turns = tour.ports, tour.order, tour.flip, tour.after, tour.turns
-    change += inner_change(ports, order, flip, after, turns, i, k)
+    metric, order, flip, after, turns = tour.metric, tour.order, tour.flip, tour.after, tour.turns
+    change += inner_change(metric, order, flip, after, turns, i, k)
     if change > slack or not turn_allowed(tour, i, k):
         return 0.0
     apply_turn(tour, i, k)
@@ -111,8 +111,8 @@ def commit_turn(tour: Tour, i: int, k: int, change: float, slack: float) -> floa
 @kernel
 def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float) -> float:
     """Mutate the tour if carrying is allowed and within slack; return the change."""
-    ports, order, flip, after, turns = tour.ports, tour.order, tour.flip, tour.after, tour.turns
-    change += inner_change(ports, order, flip, after, turns, i, k)
+    metric, order, flip, after, turns = tour.metric, tour.order, tour.flip, tour.after, tour.turns
+    change += inner_change(metric, order, flip, after, turns, i, k)
     if change > slack or not turn_allowed(tour, i, k):
         return 0.0
     if p < i:
@@ -136,7 +136,7 @@ def anneal(
 
     `temperature` is in mm.
     """
-    ports, order, position, flip = tour.ports, tour.order, tour.position, tour.flip
+    metric, order, position, flip = tour.metric, tour.order, tour.position, tour.flip
     after, turns, near, n = tour.after, tour.turns, tour.near, len(tour.order)
     total, taken = 0.0, 0
     for _ in range(proposals):
@@ -147,13 +147,13 @@ def anneal(
             kind, i, j, k = propose_follow(order, position, flip, turns, near, state)
         change = 0.0
         if kind == SWAP:
-            change = swap_change(ports, order, flip, after, i, j, k)
+            change = swap_change(metric, order, flip, after, i, j, k)
             change = commit_swap(tour, i, j, k, change) if change <= slack else 0.0
         elif kind == TURN:
-            change = turn_change(ports, order, flip, after, turns, i, j)
+            change = turn_change(metric, order, flip, after, turns, i, j)
             change = commit_turn(tour, i, j, change, slack) if change <= slack else 0.0
         elif kind == CARRY:
-            change = carry_change(ports, order, flip, after, turns, i, j, k)
+            change = carry_change(metric, order, flip, after, turns, i, j, k)
             change = commit_carry(tour, i, j, k, change, slack) if change <= slack else 0.0
         elif kind == SIFT:
             change = try_sift(tour, i, j, slack)

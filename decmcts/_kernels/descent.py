@@ -17,11 +17,11 @@ _GAIN = -1e-9  # mm; smaller gains are rounding
 @kernel
 def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
     """Mutate the tour by the first improving exchange that lets `at` follow p; return the gain."""
-    ports, order, flip, after = tour.ports, tour.order, tour.flip, tour.after
+    metric, order, flip, after = tour.metric, tour.order, tour.flip, tour.after
     room = len(order) - at if at > p else p - at
     for length in range(1, min(room, longest) + 1):
         i, j, k = (p + 1, at, at + length) if at > p else (at, at + length, p + 1)
-        change = swap_change(ports, order, flip, after, i, j, k)
+        change = swap_change(metric, order, flip, after, i, j, k)
         if change < _GAIN:
             change = commit_swap(tour, i, j, k, change)
             if change < 0.0:
@@ -32,10 +32,10 @@ def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
 @kernel
 def _improve_turns(tour: Tour, p: int, at: int) -> float:
     """Mutate the tour by the first improving turn or carry of `at` to p; return the gain."""
-    ports, order, flip = tour.ports, tour.order, tour.flip
+    metric, order, flip = tour.metric, tour.order, tour.flip
     after, turns = tour.after, tour.turns
     if p < at <= p + LONGEST_TURN:
-        change = turn_change(ports, order, flip, after, turns, p + 1, at + 1)
+        change = turn_change(metric, order, flip, after, turns, p + 1, at + 1)
         if change < _GAIN:
             change = commit_turn(tour, p + 1, at + 1, change, _GAIN)
             if change < 0.0:
@@ -43,7 +43,7 @@ def _improve_turns(tour: Tour, p: int, at: int) -> float:
     room = at - p - 1 if at > p else at + 1
     for length in range(1, min(room, LONGEST_TURN) + 1):
         first = at + 1 - length
-        change = carry_change(ports, order, flip, after, turns, first, at + 1, p)
+        change = carry_change(metric, order, flip, after, turns, first, at + 1, p)
         if change < _GAIN:
             change = commit_carry(tour, first, at + 1, p, change, _GAIN)
             if change < 0.0:

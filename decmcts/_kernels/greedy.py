@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.tour import distance
+from decmcts._kernels.metric import Metric, distance
 
 
 @kernel
@@ -34,7 +34,7 @@ def _release(
 
 @kernel
 def _nearest_ready(
-    ports: NDArray[np.float64],
+    metric: Metric,
     reversible: NDArray[np.bool_],
     ready: NDArray[np.int32],
     n_ready: int,
@@ -53,7 +53,7 @@ def _nearest_ready(
         if key[c] > limit:
             continue
         for f in range(2 if reversible[c] else 1):
-            d = 0.0 if at < 0 else distance(ports, at, 2 * c + f)
+            d = 0.0 if at < 0 else distance(metric, at, 2 * c + f)
             if d < shortest or (d == shortest and c < ready[slot]):
                 slot, turned, shortest = k, f, d
     return slot, turned
@@ -61,7 +61,7 @@ def _nearest_ready(
 
 @kernel
 def greedy_order(
-    ports: NDArray[np.float64],
+    metric: Metric,
     reversible: NDArray[np.bool_],
     pred_offsets: NDArray[np.int64],
     succ_offsets: NDArray[np.int64],
@@ -93,9 +93,9 @@ def greedy_order(
         floor = key[by_key[low]]
         if slab > 0.0:
             floor = np.floor(floor / slab) * slab
-        slot, f = _nearest_ready(ports, reversible, ready, n_ready, at, key, floor + buffer)
+        slot, f = _nearest_ready(metric, reversible, ready, n_ready, at, key, floor + buffer)
         if slot < 0:
-            slot, f = _nearest_ready(ports, reversible, ready, n_ready, at, key, np.inf)
+            slot, f = _nearest_ready(metric, reversible, ready, n_ready, at, key, np.inf)
         c = ready[slot]
         ready[slot] = ready[n_ready - 1]
         waiting[c] = -1

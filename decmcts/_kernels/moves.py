@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.tour import distance
+from decmcts._kernels.metric import Metric, distance
 
 
 class Tour(NamedTuple):
     """A complete sequence and all that moves on it need, as arrays."""
 
-    ports: NDArray[np.float64]  # (2n, 3) start and end of each contour
+    metric: Metric  # prices travels between ports
     turns: NDArray[np.bool_]  # (n,) may be printed backwards
     group: NDArray[np.int32]  # (n,) moves stay within one group; non-decreasing along the order
     pred_offsets: NDArray[np.int64]  # (n + 1,)
@@ -70,13 +70,13 @@ def refresh(tour: Tour, i: int, k: int) -> None:
     for p in range(max(i, 0), min(k, n)):
         travel = 0.0
         if p + 1 < n:
-            travel = distance(tour.ports, leave(flip, order[p]), entry(flip, order[p + 1]))
+            travel = distance(tour.metric, leave(flip, order[p]), entry(flip, order[p + 1]))
         tour.after[order[p]] = travel
 
 
 @kernel
 def swap_change(
-    ports: NDArray[np.float64],
+    metric: Metric,
     order: NDArray[np.int32],
     flip: NDArray[np.uint8],
     after: NDArray[np.float64],
@@ -84,14 +84,14 @@ def swap_change(
     j: int,
     k: int,
 ) -> float:
-    """Return the cost change of exchanging [i, j) and [j, k), mm. O(1)."""
+    """Return the cost change of exchanging [i, j) and [j, k). O(1)."""
     first, middle, last = order[i], order[j - 1], order[k - 1]
-    change = distance(ports, leave(flip, last), entry(flip, first)) - after[middle] - after[last]
+    change = distance(metric, leave(flip, last), entry(flip, first)) - after[middle] - after[last]
     if i > 0:
         before = order[i - 1]
-        change += distance(ports, leave(flip, before), entry(flip, order[j])) - after[before]
+        change += distance(metric, leave(flip, before), entry(flip, order[j])) - after[before]
     if k < len(order):
-        change += distance(ports, leave(flip, middle), entry(flip, order[k]))
+        change += distance(metric, leave(flip, middle), entry(flip, order[k]))
     return float(change)
 
 
@@ -140,7 +140,7 @@ def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
 
 @kernel
 def inner_change(
-    ports: NDArray[np.float64],
+    metric: Metric,
     order: NDArray[np.int32],
     flip: NDArray[np.uint8],
     after: NDArray[np.float64],
@@ -148,20 +148,20 @@ def inner_change(
     i: int,
     k: int,
 ) -> float:
-    """Return what turning [i, k) changes inside it, mm: 0 where all contours turn."""
+    """Return what turning [i, k) changes inside it: 0 where all contours turn."""
     change = 0.0
     for p in range(i, k - 1):
         a, b = order[p], order[p + 1]
         if turns[a] and turns[b]:
             continue
         there = turned_entry(flip, turns, b) ^ 1
-        change += distance(ports, there, turned_entry(flip, turns, a)) - after[a]
+        change += distance(metric, there, turned_entry(flip, turns, a)) - after[a]
     return float(change)
 
 
 @kernel
 def turn_change(
-    ports: NDArray[np.float64],
+    metric: Metric,
     order: NDArray[np.int32],
     flip: NDArray[np.uint8],
     after: NDArray[np.float64],
@@ -169,16 +169,16 @@ def turn_change(
     i: int,
     k: int,
 ) -> float:
-    """Return the cost change of turning [i, k) without what changes inside, mm. O(1)."""
+    """Return the cost change of turning [i, k) without what changes inside. O(1)."""
     first, last = order[i], order[k - 1]
     change = -after[last]
     if i > 0:
         before = order[i - 1]
         into = turned_entry(flip, turns, last)
-        change += distance(ports, leave(flip, before), into) - after[before]
+        change += distance(metric, leave(flip, before), into) - after[before]
     if k < len(order):
         out = turned_entry(flip, turns, first) ^ 1
-        change += distance(ports, out, entry(flip, order[k]))
+        change += distance(metric, out, entry(flip, order[k]))
     return float(change)
 
 
@@ -215,7 +215,7 @@ def apply_turn(tour: Tour, i: int, k: int) -> None:
 
 @kernel
 def carry_change(
-    ports: NDArray[np.float64],
+    metric: Metric,
     order: NDArray[np.int32],
     flip: NDArray[np.uint8],
     after: NDArray[np.float64],
@@ -224,19 +224,19 @@ def carry_change(
     k: int,
     p: int,
 ) -> float:
-    """Return the cost change of moving [i, k) turned to follow position p, outside it, mm. O(1).
+    """Return the cost change of moving [i, k) turned to follow position p, outside it. O(1).
 
     As with `turn_change`, what changes inside the segment is not counted.
     """
     first, last, anchor = order[i], order[k - 1], order[p]
-    change = distance(ports, leave(flip, anchor), turned_entry(flip, turns, last))
+    change = distance(metric, leave(flip, anchor), turned_entry(flip, turns, last))
     change -= after[anchor] + after[last]
     if p + 1 < len(order):
         out = turned_entry(flip, turns, first) ^ 1
-        change += distance(ports, out, entry(flip, order[p + 1]))
+        change += distance(metric, out, entry(flip, order[p + 1]))
     if i > 0:
         before = order[i - 1]
         change -= after[before]
         if k < len(order):
-            change += distance(ports, leave(flip, before), entry(flip, order[k]))
+            change += distance(metric, leave(flip, before), entry(flip, order[k]))
     return float(change)

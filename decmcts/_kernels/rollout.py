@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.tour import distance
+from decmcts._kernels.metric import Metric, distance
 
 NOWHERE = -1  # the nozzle before the first contour: any start is free
 
@@ -26,7 +26,7 @@ NOWHERE = -1  # the nozzle before the first contour: any start is free
 class Clustered(NamedTuple):
     """A print and its clusters; the cluster graph has no cycle."""
 
-    ports: NDArray[np.float64]  # (2n, 3)
+    metric: Metric
     turns: NDArray[np.bool_]  # (n,)
     pred_offsets: NDArray[np.int64]  # (n + 1,)
     succ_offsets: NDArray[np.int64]  # (n + 1,)
@@ -67,7 +67,7 @@ def restart(clustered: Clustered, rollout: Rollout) -> None:
 
 @kernel
 def _nearest(
-    ports: NDArray[np.float64],
+    metric: Metric,
     turns: NDArray[np.bool_],
     local: NDArray[np.int32],
     n_local: int,
@@ -78,7 +78,7 @@ def _nearest(
     for k in range(n_local):
         c = local[k]
         for f in range(2 if turns[c] else 1):
-            d = 0.0 if at == NOWHERE else distance(ports, at, 2 * c + f)
+            d = 0.0 if at == NOWHERE else distance(metric, at, 2 * c + f)
             if d < shortest or (d == shortest and c < local[slot]):
                 slot, turned, shortest = k, f, d
     return slot, turned, shortest
@@ -106,7 +106,7 @@ def _release(clustered: Clustered, rollout: Rollout, c: int, n_local: int) -> in
 @kernel
 def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
     """Mutate the rollout: print cluster h, which must be ready, nearest feasible first."""
-    ports, turns, local = clustered.ports, clustered.turns, rollout.local
+    metric, turns, local = clustered.metric, clustered.turns, rollout.local
     slot = 0
     while rollout.ready[slot] != h:
         slot += 1
@@ -118,7 +118,7 @@ def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
             local[n_local] = clustered.members[x]
             n_local += 1
     while n_local > 0:
-        slot, f, d = _nearest(ports, turns, local, n_local, rollout.tally[2])
+        slot, f, d = _nearest(metric, turns, local, n_local, rollout.tally[2])
         c = local[slot]
         local[slot] = local[n_local - 1]
         n_local = _release(clustered, rollout, c, n_local - 1)

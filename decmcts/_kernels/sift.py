@@ -9,8 +9,8 @@ order. It is feasible by construction and costs O(window).
 from __future__ import annotations
 
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.metric import distance
 from decmcts._kernels.moves import Tour, entry, leave, refresh
-from decmcts._kernels.tour import distance
 
 LONGEST_SIFT = 200  # positions; longer windows rarely keep their cost
 
@@ -76,17 +76,17 @@ def _sort_window(tour: Tour, first: int, last: int, marked_first: bool) -> None:
 @kernel
 def _window_change(tour: Tour, first: int, last: int) -> float:
     """Return the cost change of putting `tour.scratch` in place of [first, last), mm."""
-    ports, order, flip, scratch = tour.ports, tour.order, tour.flip, tour.scratch
+    metric, order, flip, scratch = tour.metric, tour.order, tour.flip, tour.scratch
     change = 0.0
     for q in range(max(first - 1, 0), last):
         change -= tour.after[order[q]]
     for x in range(1, last - first):
-        change += distance(ports, leave(flip, scratch[x - 1]), entry(flip, scratch[x]))
+        change += distance(metric, leave(flip, scratch[x - 1]), entry(flip, scratch[x]))
     if first > 0:
-        change += distance(ports, leave(flip, order[first - 1]), entry(flip, scratch[0]))
+        change += distance(metric, leave(flip, order[first - 1]), entry(flip, scratch[0]))
     if last < len(order):
         end = scratch[last - first - 1]
-        change += distance(ports, leave(flip, end), entry(flip, order[last]))
+        change += distance(metric, leave(flip, end), entry(flip, order[last]))
     return change
 
 

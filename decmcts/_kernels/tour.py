@@ -6,32 +6,20 @@ is printed backwards: it is entered at port 2c + flip and left at 2c + 1 - flip.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.metric import Metric, distance
 
 
 @kernel
-def distance(ports: NDArray[np.float64], a: int, b: int) -> float:
-    """Return the straight distance between two ports, mm."""
-    dx = ports[a, 0] - ports[b, 0]
-    dy = ports[a, 1] - ports[b, 1]
-    dz = ports[a, 2] - ports[b, 2]
-    return math.sqrt(dx * dx + dy * dy + dz * dz)
-
-
-@kernel
-def tour_cost(
-    ports: NDArray[np.float64], order: NDArray[np.int32], flip: NDArray[np.uint8]
-) -> float:
-    """Return the extrusionless travel of a sequence, mm."""
+def tour_cost(metric: Metric, order: NDArray[np.int32], flip: NDArray[np.uint8]) -> float:
+    """Return what the travels of a sequence cost together, in the metric's unit."""
     total = 0.0
     for k in range(1, len(order)):
         a, b = order[k - 1], order[k]
-        total += distance(ports, 2 * a + 1 - flip[a], 2 * b + flip[b])
+        total += distance(metric, 2 * a + 1 - flip[a], 2 * b + flip[b])
     return total
 
 
@@ -57,7 +45,7 @@ def respects(
 
 @kernel
 def choose_directions(
-    ports: NDArray[np.float64], order: NDArray[np.int32], reversible: NDArray[np.bool_]
+    metric: Metric, order: NDArray[np.int32], reversible: NDArray[np.bool_]
 ) -> NDArray[np.uint8]:
     """Return the flips, by contour, that are cheapest for a fixed order.
 
@@ -73,7 +61,7 @@ def choose_directions(
         step = np.full(2, np.inf)
         for f in range(2 if reversible[b] else 1):
             for g in range(2 if reversible[a] else 1):
-                cost = best[g] + distance(ports, 2 * a + 1 - g, 2 * b + f)
+                cost = best[g] + distance(metric, 2 * a + 1 - g, 2 * b + f)
                 if cost < step[f]:
                     step[f] = cost
                     came[k, f] = g
@@ -86,15 +74,15 @@ def choose_directions(
 
 
 @kernel
-def longest_hop(ports: NDArray[np.float64], reversible: NDArray[np.bool_]) -> float:
+def longest_hop(points: NDArray[np.float64], reversible: NDArray[np.bool_]) -> float:
     """Return the longest travel from an exit of one contour to an entry of another, mm.
 
     Pairs are tried from the farthest from the centre inwards and cut off by the
     triangle inequality: near linear on real prints, O(n²) at worst.
     """
     n = len(reversible)
-    centre = np.array([ports[:, 0].mean(), ports[:, 1].mean(), ports[:, 2].mean()])
-    radius = np.sqrt(((ports - centre) ** 2).sum(axis=1))
+    centre = np.array([points[:, 0].mean(), points[:, 1].mean(), points[:, 2].mean()])
+    radius = np.sqrt(((points - centre) ** 2).sum(axis=1))
     outward = np.argsort(-radius)
     longest = 0.0
     for x in range(2 * n):
@@ -106,5 +94,5 @@ def longest_hop(ports: NDArray[np.float64], reversible: NDArray[np.bool_]) -> fl
             if radius[a] + radius[b] <= longest:
                 break
             if a // 2 != b // 2 and (b % 2 == 0 or reversible[b // 2]):
-                longest = max(longest, distance(ports, a, b))
+                longest = max(longest, distance(points, a, b))
     return longest

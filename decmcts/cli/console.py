@@ -45,7 +45,7 @@ def steps(
                 task,
                 total=time_limit_s,
                 completed=min(state.seconds, time_limit_s),
-                description=f"searching: travel {state.cost_mm:,.0f} mm",
+                description=f"searching: travel {state.cost:,.0f} mm",
             )
 
         yield announce, searched

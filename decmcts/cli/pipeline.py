@@ -174,7 +174,7 @@ def plan_single(
         announce("proving how far from optimal this is at most")
         started = time.perf_counter()
         problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
-        bound = certify(problem, result.cost_mm, time_limit_s=time_limit_s)
+        bound = certify(problem, result.cost, time_limit_s=time_limit_s)
         seconds["bound"] = time.perf_counter() - started
     announce("safe travels and times")
     plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])

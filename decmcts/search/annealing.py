@@ -39,7 +39,7 @@ def tour_of(
     position = np.empty(n, np.int32)
     position[incumbent.order] = np.arange(n, dtype=np.int32)
     tour = Tour(
-        incumbent.ports,
+        incumbent.metric,
         problem.reversible,
         np.zeros(n, np.int32) if group is None else group,
         graph.pred_offsets,

@@ -23,7 +23,7 @@ def clustered_problem(problem: OrderProblem, labels: NDArray[np.int32]) -> Clust
     outer = pairs[pairs[:, 0] != pairs[:, 1], 1]
     sizes = np.bincount(labels, minlength=n_clusters)
     return Clustered(
-        problem.ports(),
+        problem.metric(),
         problem.reversible,
         graph.pred_offsets,
         graph.succ_offsets,

@@ -58,7 +58,7 @@ def nearest_feasible(
     """Return order and flips of the nearest-feasible rule, see `greedy_order`."""
     problem, graph = incumbent.problem, incumbent.problem.graph
     return greedy_order(
-        incumbent.ports,
+        incumbent.metric,
         problem.reversible,
         graph.pred_offsets,
         graph.succ_offsets,

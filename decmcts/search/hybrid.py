@@ -91,7 +91,7 @@ class Hybrid:
 
     def _heats(self, incumbent: Incumbent) -> tuple[float, float, float]:
         """Return the hot, the warm and the cold temperature for the best sequence, mm."""
-        mean = incumbent.cost_mm / len(incumbent.problem)
+        mean = incumbent.cost / len(incumbent.problem)
         return self.hot * mean, self.warm * mean, self.cold * mean
 
     def _found(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
@@ -111,7 +111,7 @@ def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:
     """Return a mutable copy of the best sequence."""
     return Sequence(
         incumbent.problem,
-        incumbent.ports,
+        incumbent.metric,
         near,
         incumbent.order.copy(),
         incumbent.flip.copy(),

@@ -42,16 +42,16 @@ class Incumbent:
     ) -> None:
         self.problem = problem
         self.budget = budget
-        self.ports = problem.ports()
+        self.metric = problem.metric()
         self.order: NDArray[np.int32] = np.arange(len(problem), dtype=np.int32)
         self.flip: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
-        self.source_cost_mm = tour_cost(self.ports, self.order, self.flip)
-        self.cost_mm = self.source_cost_mm
+        self.source_cost = tour_cost(self.metric, self.order, self.flip)
+        self.cost = self.source_cost
         self.iterations = 0
         self.notes: dict[str, float] = {}  # what a planner chose, by name
         self._clock, self._criterion, self._report = clock, criterion, report
         self._started, self._improved_at_s = clock(), 0.0
-        self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost_mm)]
+        self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
 
     @property
     def seconds(self) -> float:
@@ -61,7 +61,7 @@ class Incumbent:
     @property
     def progress(self) -> Progress:
         """Where the search stands now."""
-        return Progress(self.seconds, self.iterations, self.cost_mm, self._improved_at_s)
+        return Progress(self.seconds, self.iterations, self.cost, self._improved_at_s)
 
     @property
     def spent(self) -> float:
@@ -81,22 +81,22 @@ class Incumbent:
         RuntimeError
             If a better sequence breaks the dependency graph: a fault of the planner.
         """
-        cost = tour_cost(self.ports, order, flip)
-        if cost >= self.cost_mm:
+        cost = tour_cost(self.metric, order, flip)
+        if cost >= self.cost:
             return False
         graph = self.problem.graph
         if not respects(order, graph.succ_offsets, graph.succs):
             raise RuntimeError("a planner offered a sequence that is no linear extension")
         if (flip.astype(np.bool_) & ~self.problem.reversible).any():
             raise RuntimeError("a planner turned a contour that may not turn")
-        self.order, self.flip, self.cost_mm = order.copy(), flip.copy(), cost
+        self.order, self.flip, self.cost = order.copy(), flip.copy(), cost
         self._improved_at_s = self.seconds
         self._history.append((self._improved_at_s, self.iterations, cost))
         return True
 
     def offer_order(self, order: NDArray[np.int32]) -> bool:
         """Offer an order with the directions that suit it best."""
-        return self.offer(order, choose_directions(self.ports, order, self.problem.reversible))
+        return self.offer(order, choose_directions(self.metric, order, self.problem.reversible))
 
     def tick(self, iterations: int = 0) -> bool:
         """Count `iterations`, report, and return whether to stop."""

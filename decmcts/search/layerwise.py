@@ -35,7 +35,7 @@ class Layerwise:
         if incumbent.tick(1):
             return
         tour = tour_of(incumbent, near_ports(incumbent.problem), group)
-        mean = incumbent.cost_mm / len(incumbent.problem)
+        mean = incumbent.cost / len(incumbent.problem)
         if mean == 0.0:
             return
         cooling = Cooling(self.hot * mean, self.cold * mean)

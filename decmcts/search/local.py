@@ -54,7 +54,7 @@ class Local:
         rounds: tuple[float, ...],
     ) -> None:
         for until in rounds:
-            mean = incumbent.cost_mm / len(incumbent.problem)
+            mean = incumbent.cost / len(incumbent.problem)
             if mean == 0.0:
                 return
             tour = tour_of(incumbent, near)

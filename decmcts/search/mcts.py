@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.tour import longest_hop
 from decmcts._kernels.tree import grown, new_tree, simulate_many
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
@@ -46,7 +45,7 @@ class Mcts:
         clustered = clustered_problem(incumbent.problem, self.labels(incumbent.problem.graph))
         rollout, state = fresh_rollout(clustered), seeded(seed)
         tried = np.zeros(len(clustered.outer_preds), np.bool_)
-        longest = longest_hop(incumbent.ports, incumbent.problem.reversible) * len(rollout.order)
+        longest = incumbent.problem.longest_hop() * len(rollout.order)
         tree, chunk, patience = new_tree(1024), 1, NoImprovement(self.patience_s)
         order, flip, best = rollout.order.copy(), rollout.flip.copy(), math.inf
         while True:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.metric import Metric, restricted
 from decmcts._kernels.moves import Tour, refresh
 from decmcts._kernels.tour import tour_cost
 from decmcts.feasibility.graph import DependencyGraph
@@ -24,15 +25,15 @@ class Sequence:
     """A complete sequence that pieces are taken from and put back into; mutable."""
 
     problem: OrderProblem
-    ports: NDArray[np.float64]  # (2n, 3)
+    metric: Metric
     near: NDArray[np.int32]  # (2n, k) entry ports near each exit port, -1 padded
     order: NDArray[np.int32]  # (n,)
     flip: NDArray[np.uint8]  # (n,) by contour
 
     @property
-    def cost_mm(self) -> float:
-        """Extrusionless travel."""
-        return float(tour_cost(self.ports, self.order, self.flip))
+    def cost(self) -> float:
+        """What its travels cost together."""
+        return float(tour_cost(self.metric, self.order, self.flip))
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ def cut(sequence: Sequence, first: int, last: int) -> Piece:
     turns = sequence.problem.reversible[ids]
     turns[: guards[0]] = turns[k - guards[1] :] = False
     tour = Tour(
-        sequence.ports[rows],
+        restricted(sequence.metric, ids),
         turns,
         np.zeros(k, np.int32),
         graph.pred_offsets,

@@ -52,8 +52,9 @@ class SearchResult:
     """What a search found; never worse than the source."""
 
     toolpath: Toolpath
-    cost_mm: float  # extrusionless travel of the toolpath
-    source_cost_mm: float  # extrusionless travel of the source
+    cost: float  # of the travels of the toolpath, in `unit`
+    source_cost: float  # of the travels of the source
+    unit: str  # "mm", "s", or "" for bare costs
     iterations: int
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
     planner: str
@@ -72,7 +73,7 @@ def plan_order(
     progress: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> SearchResult:
-    """Search for a sequence with little extrusionless travel.
+    """Search for a sequence whose travels cost little, in mm, seconds or bare costs.
 
     Equal seeds and equal `max_iterations` give equal results, provided the time
     limit is not what ends the search.
@@ -108,8 +109,9 @@ def plan_order(
     PLANNERS[planner].plan(incumbent, seed=seed)
     return SearchResult(
         Toolpath.of(incumbent.order, incumbent.flip[incumbent.order].astype(np.bool_)),
-        incumbent.cost_mm,
-        incumbent.source_cost_mm,
+        incumbent.cost,
+        incumbent.source_cost,
+        problem.unit,
         incumbent.iterations,
         incumbent.history,
         planner,

@@ -13,10 +13,28 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.metric import Matrix, Metric, Timed, distance
+from decmcts._kernels.tour import longest_hop
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 
 Freedom = Literal["fixed", "reversible"]
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast travels go, for searches that minimise time."""
+
+    speed: float  # mm/s
+    acceleration: float  # mm/s², from rest and to rest
+    hop_s: float = 0.0  # retraction, lift and their undoing
+    free_mm: float = 0.0  # travels up to this length go without them
+
+    def __post_init__(self) -> None:
+        if not (self.speed > 0.0 and self.acceleration > 0.0):
+            raise ValueError(f"{self.speed} mm/s, {self.acceleration} mm/s²: expected above 0")
+        if not (self.hop_s >= 0.0 and self.free_mm >= 0.0):
+            raise ValueError(f"hop {self.hop_s} s, free {self.free_mm} mm: expected 0 or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +50,8 @@ class OrderProblem:
     reversible: NDArray[np.bool_]  # (n,) may be printed backwards
     layer: NDArray[np.int32]  # (n,) layer index of the source
     graph: DependencyGraph
+    pace: Pace | None = None  # travels cost seconds instead of mm
+    costs: NDArray[np.float64] | None = None  # (n, n) bare costs instead of both
 
     def __post_init__(self) -> None:
         n = self.graph.n
@@ -43,6 +63,11 @@ class OrderProblem:
             array.setflags(write=False)
         if not (np.isfinite(self.start).all() and np.isfinite(self.end).all()):
             raise ValueError("an endpoint is not finite")
+        if self.costs is not None:
+            if self.costs.shape != (n, n) or self.reversible.any():
+                raise ValueError("bare costs need an (n, n) matrix and contours that never turn")
+            if np.isnan(self.costs).any():
+                raise ValueError("a cost is not a number")
 
     def __len__(self) -> int:
         return self.graph.n
@@ -76,6 +101,31 @@ class OrderProblem:
             np.ascontiguousarray(contours.layer, np.int32),
             graph,
         )
+
+    @property
+    def unit(self) -> str:
+        """Unit of costs: "mm", "s", or "" for bare costs."""
+        return "" if self.costs is not None else "mm" if self.pace is None else "s"
+
+    def metric(self) -> Metric:
+        """Return what prices travels, made anew: its points may be changed."""
+        if self.costs is not None:
+            return Matrix(np.ascontiguousarray(self.costs, np.float64))
+        if self.pace is None:
+            return self.ports()
+        pace = self.pace
+        return Timed(self.ports(), pace.speed, pace.acceleration, pace.hop_s, pace.free_mm)
+
+    def longest_hop(self) -> float:
+        """Return the cost of the longest travel there can be."""
+        if self.costs is not None:
+            return float(self.costs.max(initial=0.0))
+        length = float(longest_hop(self.ports(), self.reversible))
+        if self.pace is None:
+            return length
+        pace, ends = self.pace, np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]])
+        timed = Timed(ends, pace.speed, pace.acceleration, pace.hop_s, pace.free_mm)
+        return float(distance(timed, 0, 1))
 
     def ports(self) -> NDArray[np.float64]:
         """Return the endpoints as (2n, 3): port 2c is the start of contour c, 2c + 1 its end."""

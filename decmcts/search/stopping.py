@@ -13,7 +13,7 @@ class Progress:
 
     seconds: float  # since the start of the search
     iterations: int
-    cost_mm: float  # of the best sequence so far
+    cost: float  # of the best sequence so far, in the problem's unit
     improved_at_s: float  # when that sequence was found
 
 

@@ -92,7 +92,7 @@ def search_structure(
         share = max(until - incumbent.spent, 0.0) * limit / (n * len(searches) * _ROUNDS)
         rollouts = int(min(max(share, 1.0), _MOST_ROLLOUTS))
     while True:
-        before, reference, step = incumbent.seconds, incumbent.cost_mm, rollouts
+        before, reference, step = incumbent.seconds, incumbent.cost, rollouts
         growing = (searches, repeat(step), repeat(reference), repeat(exploration))
         list(lanes.pool.map(GammaSearch.grow, *growing))
         best = min(searches, key=lambda search: search.best_mm)

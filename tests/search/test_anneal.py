@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,7 +19,7 @@ from decmcts._kernels.tour import respects, tour_cost
 from decmcts.search.annealing import tour_of
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
-from decmcts.search.problem import OrderProblem
+from decmcts.search.problem import OrderProblem, Pace
 from decmcts.search.stopping import Budget, IterationLimit
 from tests.search.problems import random_problem
 
@@ -37,14 +40,50 @@ def test_summed_changes_equal_the_recomputed_cost(
     """Annealing that believes wrong changes walks away from good sequences."""
     problem = random_problem(seed, n, density=density)
     tour = fresh_tour(problem)
-    before = tour_cost(tour.ports, tour.order, tour.flip)
+    before = tour_cost(tour.metric, tour.order, tour.flip)
     total, _ = anneal(tour, seeded(seed), temperature, 500)
-    after = tour_cost(tour.ports, tour.order, tour.flip)
+    after = tour_cost(tour.metric, tour.order, tour.flip)
     assert after == pytest.approx(before + total, abs=1e-6)
     assert tour.after.sum() == pytest.approx(after, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
     assert (tour.position[tour.order] == np.arange(n)).all()
     assert not tour.flip[~problem.reversible].any()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 30), timed=st.booleans())
+def test_changes_are_true_for_seconds_and_bare_costs(seed: int, n: int, timed: bool) -> None:
+    """The same moves serve other objectives; a formula mixed up would mislead them."""
+    problem = random_problem(seed, n, density=0.1)
+    if timed:
+        problem = replace(problem, pace=Pace(100.0, 1500.0, hop_s=0.3, free_mm=2.0))
+    else:
+        costs = np.random.default_rng(seed).integers(0, 100, (n, n)).astype(np.float64)
+        problem = replace(problem, costs=costs, reversible=np.zeros(n, np.bool_))
+    tour = fresh_tour(problem)
+    before = plain_cost(problem, tour)
+    total, _ = anneal(tour, seeded(seed), 1.0, 500)
+    assert plain_cost(problem, tour) == pytest.approx(before + total, abs=1e-6)
+    assert respects(tour.order, tour.succ_offsets, tour.succs)
+
+
+def plain_cost(problem: OrderProblem, tour: Tour) -> float:
+    """Price a sequence by formulas of the test's own."""
+    total = 0.0
+    for a, b in pairwise(tour.order.tolist()):
+        if problem.costs is not None:
+            total += problem.costs[a, b]
+            continue
+        leave = problem.start[a] if tour.flip[a] else problem.end[a]
+        enter = problem.end[b] if tour.flip[b] else problem.start[b]
+        length, pace = float(np.linalg.norm(enter - leave)), problem.pace
+        assert pace is not None
+        peak = min(pace.speed, (length * pace.acceleration) ** 0.5)
+        if length > 0.0:
+            total += 2 * peak / pace.acceleration
+            total += (length - peak**2 / pace.acceleration) / peak
+            total += pace.hop_s * (length > pace.free_mm)
+    return total
 
 
 @settings(max_examples=60, deadline=None)
@@ -91,12 +130,12 @@ def test_descent_ends_where_a_second_one_finds_nothing(seed: int, n: int) -> Non
     """It is the last word of the search: its books must balance and it must finish."""
     problem = random_problem(seed, n, density=0.1)
     tour = fresh_tour(problem)
-    before = tour_cost(tour.ports, tour.order, tour.flip)
+    before = tour_cost(tour.metric, tour.order, tour.flip)
     gain = total = descend(tour, 0, n, 50)
     while gain < 0.0:
         gain = descend(tour, 0, n, 50)
         total += gain
-    after = tour_cost(tour.ports, tour.order, tour.flip)
+    after = tour_cost(tour.metric, tour.order, tour.flip)
     assert after == pytest.approx(before + total, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
     assert not tour.flip[~problem.reversible].any()
@@ -112,10 +151,10 @@ def test_a_sift_makes_one_contour_follow_another_feasibly(seed: int, density: fl
     if at == p + 1:
         return
     leader, follower = tour.order[p], tour.order[at]
-    before = tour_cost(tour.ports, tour.order, tour.flip)
+    before = tour_cost(tour.metric, tour.order, tour.flip)
     change = try_sift(tour, p, at, 1e9)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
     assert not tour.mark.any()
-    assert tour_cost(tour.ports, tour.order, tour.flip) == pytest.approx(before + change)
+    assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(before + change)
     if (tour.order != np.arange(25)).any():
         assert tour.position[follower] == tour.position[leader] + 1

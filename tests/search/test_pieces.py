@@ -29,11 +29,11 @@ def test_what_a_piece_gains_the_whole_sequence_gains(seed: int, density: float) 
     problem = random_problem(seed, 30, density=density)
     sequence = as_sliced(problem)
     first, last = np.sort(np.random.default_rng(seed).choice(31, 2, replace=False)).tolist()
-    before = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    before = tour_cost(sequence.metric, sequence.order, sequence.flip)
     piece = cut(sequence, first, last)
     change, _ = anneal(piece.tour, seeded(seed), 2.0, 2000)
     piece.put_back(sequence)
-    after = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    after = tour_cost(sequence.metric, sequence.order, sequence.flip)
     assert after == pytest.approx(before + change, abs=1e-6)
     assert respects(sequence.order, problem.graph.succ_offsets, problem.graph.succs)
     assert not sequence.flip[~problem.reversible].any()
@@ -46,12 +46,12 @@ def test_two_pieces_of_one_sequence_are_joined_without_loss() -> None:
     """Two threads put their halves back one after the other."""
     problem = random_problem(3, 40, density=0.05)
     sequence = as_sliced(problem)
-    before = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    before = tour_cost(sequence.metric, sequence.order, sequence.flip)
     halves = [cut(sequence, 0, 17), cut(sequence, 17, 40)]
     gains = [anneal(half.tour, seeded(k), 0.1, 5000)[0] for k, half in enumerate(halves)]
     for half in halves:
         half.put_back(sequence)
-    after = tour_cost(sequence.ports, sequence.order, sequence.flip)
+    after = tour_cost(sequence.metric, sequence.order, sequence.flip)
     assert max(gains) < 0.0
     assert respects(sequence.order, problem.graph.succ_offsets, problem.graph.succs)
     # each half kept the other's old contour as its guard, so the hop between them may differ

@@ -41,8 +41,8 @@ def test_result_is_a_linear_extension_no_worse_than_the_source(
     entries = np.where(path.reversed[:, None], problem.end[path.order], problem.start[path.order])
     exits = np.where(path.reversed[:, None], problem.start[path.order], problem.end[path.order])
     travel = float(np.linalg.norm(entries[1:] - exits[:-1], axis=1).sum())
-    assert result.cost_mm == pytest.approx(travel)
-    assert result.cost_mm <= result.source_cost_mm
+    assert result.cost == pytest.approx(travel)
+    assert result.cost <= result.source_cost
 
 
 def cheapest_by_brute_force(problem: OrderProblem) -> float:
@@ -69,7 +69,7 @@ def cheapest_by_brute_force(problem: OrderProblem) -> float:
 def test_annealing_finds_the_optimum_of_small_problems(planner: str, seed: int) -> None:
     """Whatever it does on large prints, it must be exact where exactness can be checked."""
     problem = random_problem(seed, 4 + seed % 3, density=0.2)
-    assert run(problem, planner, iterations=50_000).cost_mm == pytest.approx(
+    assert run(problem, planner, iterations=50_000).cost == pytest.approx(
         cheapest_by_brute_force(problem)
     )
 
@@ -83,7 +83,7 @@ def test_threads_do_not_make_hybrid_unrepeatable(n: int) -> None:
     second = run(problem, "hybrid", iterations=400_000)
     assert (first.toolpath.order == second.toolpath.order).all()
     assert (first.history[:, 1:] == second.history[:, 1:]).all()
-    assert first.cost_mm < 0.8 * first.source_cost_mm
+    assert first.cost < 0.8 * first.source_cost
 
 
 def test_hybrid_says_which_gamma_it_chose() -> None:
@@ -104,7 +104,7 @@ def test_mcts_finds_the_optimum_when_every_contour_is_a_cluster(seed: int) -> No
         criterion=IterationLimit(20_000),
     )
     planner.plan(incumbent, seed=seed)
-    assert incumbent.cost_mm == pytest.approx(cheapest_by_brute_force(problem))
+    assert incumbent.cost == pytest.approx(cheapest_by_brute_force(problem))
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
@@ -133,7 +133,7 @@ def test_empty_and_single_prints_end_at_once(planner: str, n: int) -> None:
     """There is nothing to search; the time limit must not be waited for."""
     result = plan_order(random_problem(1, n), planner=planner, time_limit_s=1e9, seed=1)
     assert len(result.toolpath) == n
-    assert result.cost_mm == 0.0
+    assert result.cost == 0.0
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
@@ -154,8 +154,8 @@ def test_the_time_limit_is_kept(planner: str) -> None:
 def test_history_ends_at_the_result_and_only_improves() -> None:
     """The convergence plots are drawn from it."""
     result = run(random_problem(2, 40, density=0.1), "local")
-    assert result.history[0].tolist() == [0.0, 0.0, result.source_cost_mm]
-    assert result.history[-1, 2] == result.cost_mm
+    assert result.history[0].tolist() == [0.0, 0.0, result.source_cost]
+    assert result.history[-1, 2] == result.cost
     assert (np.diff(result.history[:, 2]) < 0).all()
 
 
@@ -163,7 +163,7 @@ def test_layerwise_prints_layer_after_layer() -> None:
     """It is the yardstick for what can be had without looking across layers."""
     problem = random_problem(6, 40, density=0.02)
     result = run(problem, "layerwise")
-    assert result.cost_mm < result.source_cost_mm
+    assert result.cost < result.source_cost
     assert (np.diff(problem.layer[result.toolpath.order]) >= 0).all()
 
 

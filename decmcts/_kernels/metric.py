@@ -1,0 +1,114 @@
+"""What a travel costs: length, time, or an entry of a matrix.
+
+Kernels price a travel from port a to port b by `distance(metric, a, b)`. Port 2c
+is the start of contour c and port 2c + 1 its end. The metric's type chooses the
+formula when a kernel is compiled, so the common case, plain points, costs
+nothing for the others.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload, register_jitable
+from numpy.typing import NDArray
+
+
+class Timed(NamedTuple):
+    """Travels priced in seconds: from rest to rest, and what a travel costs beyond its length."""
+
+    points: NDArray[np.float64]  # (2n, 3) mm
+    speed: float  # mm/s
+    acceleration: float  # mm/s²
+    hop_s: float  # for retraction, lift and their undoing, where the travel is long
+    free_mm: float  # up to this length a travel goes without them
+
+
+class Matrix(NamedTuple):
+    """Costs given pair by pair; contours have no ends of their own."""
+
+    costs: NDArray[np.float64]  # (n, n) from row to column
+
+
+Metric = NDArray[np.float64] | Timed | Matrix  # an array is (2n, 3) points, priced in mm
+
+
+@register_jitable
+def _length(points: Any, a: Any, b: Any) -> Any:
+    dx = points[a, 0] - points[b, 0]
+    dy = points[a, 1] - points[b, 1]
+    dz = points[a, 2] - points[b, 2]
+    return math.sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@register_jitable
+def _seconds(metric: Any, a: Any, b: Any) -> Any:
+    length = _length(metric.points, a, b)
+    if length <= 0.0:
+        return 0.0
+    ramp = metric.speed * metric.speed / metric.acceleration
+    if length < ramp:
+        moving = 2.0 * math.sqrt(length / metric.acceleration)
+    else:
+        moving = length / metric.speed + metric.speed / metric.acceleration
+    return moving + metric.hop_s if length > metric.free_mm else moving
+
+
+@register_jitable
+def _entry(metric: Any, a: Any, b: Any) -> Any:
+    return metric.costs[a >> 1, b >> 1]
+
+
+def distance(metric: Metric, a: int, b: int) -> float:
+    """Return what a travel from port a to port b costs, in the metric's unit."""
+    if isinstance(metric, Matrix):
+        return float(_entry(metric, a, b))
+    if isinstance(metric, Timed):
+        return float(_seconds(metric, a, b))
+    return float(_length(metric, a, b))
+
+
+@overload(distance, strict=False)
+def _distance(metric: Any, a: Any, b: Any) -> Any:
+    """Choose the formula for the metric's type."""
+    if isinstance(metric, types.Array):
+        return lambda metric, a, b: _length(metric, a, b)
+    if getattr(metric, "instance_class", None) is Timed:
+        return lambda metric, a, b: _seconds(metric, a, b)
+    if getattr(metric, "instance_class", None) is Matrix:
+        return lambda metric, a, b: _entry(metric, a, b)
+    return None
+
+
+def restricted(metric: Metric, contours: NDArray[np.int32]) -> Metric:
+    """Return the metric of a selection of contours, renumbered from 0."""
+    if isinstance(metric, Matrix):
+        return Matrix(np.ascontiguousarray(metric.costs[np.ix_(contours, contours)]))
+    rows = np.stack([2 * contours, 2 * contours + 1], axis=1).ravel()
+    if isinstance(metric, Timed):
+        return metric._replace(points=metric.points[rows])
+    return metric[rows]
+
+
+def points_of(metric: Metric) -> NDArray[np.float64]:
+    """Return the metric's points, (2n, 3); empty for a matrix."""
+    if isinstance(metric, Timed):
+        return metric.points
+    if isinstance(metric, Matrix):
+        return np.empty((0, 3))
+    return metric
+
+
+@overload(points_of, strict=False)
+def _points_of(metric: Any) -> Any:
+    """Choose the access for the metric's type."""
+    if isinstance(metric, types.Array):
+        return lambda metric: metric
+    if getattr(metric, "instance_class", None) is Timed:
+        return lambda metric: metric.points
+    if getattr(metric, "instance_class", None) is Matrix:
+        return lambda metric: np.empty((0, 3))
+    return None
