@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
+from decmcts.print.loops import exits_of, traversal
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +51,11 @@ class Toolpath:
 def visit_points(
     contours: Contours, index: int, *, reversed_: bool = False, entry: int = 0
 ) -> NDArray[np.float64]:
-    """Return the (k, 3) polyline of one contour in the chosen traversal."""
-    points = contours.polyline(index)
-    if entry and contours.closed[index]:
-        points = np.concatenate([points[entry:], points[1 : entry + 1]])
+    """Return the (k, 3) polyline of one contour in the chosen traversal.
+
+    A reversed one runs the way back from where the traversal of its entry ends.
+    """
+    points = traversal(contours, index, entry).points if entry else contours.polyline(index)
     return points[::-1] if reversed_ else points
 
 
@@ -65,9 +67,9 @@ def endpoints(
     seam = toolpath.entry > 0
     if seam.any():
         first, last = first.copy(), last.copy()
-        at = contours.points[contours.offsets[toolpath.order[seam]] + toolpath.entry[seam]]
-        first[seam] = at
-        last[seam] = at
+        order, entry = toolpath.order[seam], toolpath.entry[seam]
+        first[seam] = contours.points[contours.offsets[order] + entry]
+        last[seam] = exits_of(contours, order, entry)
     flip = toolpath.reversed[:, None]
     return np.where(flip, last, first), np.where(flip, first, last)
 

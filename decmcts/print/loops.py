@@ -1,0 +1,117 @@
+"""Closed contours that are entered at another vertex than the slicer's.
+
+Which contours may, how they run then, and what material that can make. The
+rule of the seam's gap stands at `decmcts._kernels.loops`. Which vertex to
+choose is `decmcts.print.seam`'s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.loops import Turned, entries_allowed, exit_points, turn_loop, turn_loops
+from decmcts.print.contours import Contours, Role
+
+FLAT_MM = 1e-6
+CLIPPED = 0.25  # widths: how far the ends of any loop may be apart
+LOOPS = (
+    Role.EXTERNAL_PERIMETER,
+    Role.PERIMETER,
+    Role.OVERHANG_PERIMETER,
+    Role.SKIRT_BRIM,
+)  # their ends may be a whole width apart: what these roles close is a loop
+STAYS = (Role.IRONING, Role.WIPE_TOWER)
+
+
+def movable(contours: Contours) -> NDArray[np.bool_]:
+    """Tell which contours may be entered at another vertex, (n,).
+
+    Closed ones at one height that the source lets turn: not ironing, wipe
+    towers, slopes, scarf seams or parts of a verbatim block.
+    """
+    gap = np.linalg.norm(contours.end - contours.start, axis=1)
+    near = np.where(np.isin(contours.role, LOOPS), 1.0, CLIPPED) * contours.width
+    able = contours.closed & contours.reversible & ~np.isin(contours.role, STAYS)
+    flat = contours.top - contours.bottom <= FLAT_MM if len(contours) else able
+    return np.asarray(able & flat & (gap <= near) & (np.diff(contours.offsets) >= 4))
+
+
+def allowed_entries(contours: Contours) -> NDArray[np.bool_]:
+    """Tell for each point whether its contour may be entered there, (n_points,).
+
+    The first point of a contour always may: that is as sliced.
+    """
+    allowed = np.zeros(len(contours.points), np.bool_)
+    entries_allowed(
+        contours.points, contours.extrusion, contours.offsets, movable(contours), allowed
+    )
+    return allowed
+
+
+def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
+    """Return the contours as they run when each is entered at its vertex `entry[c]`.
+
+    Numbering and all values of a contour stay; only points and segments change.
+    """
+    if not entry.any():
+        return contours
+    room = len(contours.points) + int((entry > 0).sum())
+    out, offsets = _room(room), np.empty(len(contours) + 1, np.int64)
+    turn_loops(
+        contours.points, contours.extrusion, contours.feed, contours.offsets,
+        np.ascontiguousarray(entry, np.int32), out, offsets,
+    )  # fmt: skip
+    m = int(offsets[-1])
+    return replace(
+        contours, points=out.points[:m], extrusion=out.extrusion[:m], feed=out.feed[:m],
+        offsets=offsets,
+    )  # fmt: skip
+
+
+def traversal(contours: Contours, contour: int, entry: int) -> Turned:
+    """Return one contour as it runs when entered at vertex `entry`.
+
+    The `rows` of its segments say whose feed and machine state each one has.
+    """
+    first, last = int(contours.offsets[contour]), int(contours.offsets[contour + 1]) - 1
+    out = _room(last - first + 2)
+    end = turn_loop(contours.points, contours.extrusion, contours.feed, first, last, entry, out, 0)
+    return Turned(out.points[:end], out.extrusion[:end], out.feed[:end], out.rows[:end])
+
+
+def exits_of(
+    contours: Contours, contour: NDArray[np.int32], vertex: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Return where each of these contours ends if it is entered at that vertex, (k, 3)."""
+    out = np.empty((len(contour), 3))
+    exit_points(
+        contours.points, contours.extrusion, contours.offsets,
+        np.ascontiguousarray(contour, np.int32), np.ascontiguousarray(vertex, np.int32), out,
+    )  # fmt: skip
+    return out
+
+
+def close_gaps(contours: Contours) -> Contours:
+    """Return the contours with every movable loop closed.
+
+    That is all the material a loop can have, whatever vertex it is entered at.
+    Its filament is not right and must not be used.
+    """
+    loops = np.flatnonzero(movable(contours) & (contours.start != contours.end).any(axis=1))
+    behind = contours.offsets[loops + 1]
+    sizes = np.diff(contours.offsets)
+    sizes[loops] += 1
+    return replace(
+        contours,
+        points=np.insert(contours.points, behind, contours.start[loops], axis=0),
+        extrusion=np.insert(contours.extrusion, behind, 0.0),
+        feed=np.insert(contours.feed, behind, contours.feed[behind - 1]),
+        offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+    )
+
+
+def _room(rows: int) -> Turned:
+    return Turned(np.empty((rows, 3)), np.empty(rows), np.empty(rows), np.empty(rows, np.int64))

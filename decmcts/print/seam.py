@@ -1,0 +1,108 @@
+"""Where closed contours may be entered: the seam policies, as slicers name them.
+
+`nearest` leaves a choice to whoever shortens the travel; the others say where
+the seam is. How a contour runs from there is `decmcts.print.loops`'s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.seams import align, rearmost, sharpest, spread
+from decmcts.print.contours import Contours
+from decmcts.print.loops import allowed_entries, exits_of, movable
+
+SeamPolicy = Literal["nearest", "aligned", "rear", "corner"]
+MOST_ENTRIES = 32  # of one contour
+
+
+@dataclass(frozen=True, slots=True)
+class SeamEntries:
+    """The vertices each contour may be entered at.
+
+    Contour c owns vertices[offsets[c]:offsets[c + 1]], at least one, ascending.
+    A contour that may not be entered elsewhere has 0 alone: as sliced.
+    """
+
+    offsets: NDArray[np.int64]  # (n + 1,)
+    vertices: NDArray[np.int32]  # (m,) numbers of points within the contour, from 0
+
+    def contour(self) -> NDArray[np.int32]:
+        """Return the contour of each vertex, (m,)."""
+        n = len(self.offsets) - 1
+        return np.repeat(np.arange(n, dtype=np.int32), np.diff(self.offsets))
+
+
+def seam_entries(contours: Contours, policy: SeamPolicy = "nearest") -> SeamEntries:
+    """Return where each contour may be entered.
+
+    Parameters
+    ----------
+    policy : {"nearest", "aligned", "rear", "corner"}
+        nearest: any of at most `MOST_ENTRIES` vertices, the slicer's own (0), the
+        sharpest corners and others evenly along the loop. The rest name one vertex:
+        rear the one with the largest y; corner the sharpest, concave ones first;
+        aligned the one nearest to the seam of the loop below, and the corner where
+        nothing is below.
+
+    Raises
+    ------
+    ValueError
+        If the policy is unknown.
+    """
+    if policy not in get_args(SeamPolicy):
+        raise ValueError(
+            f"seam policy is {policy!r}, expected one of {', '.join(get_args(SeamPolicy))}"
+        )
+    points, offsets = contours.points, contours.offsets
+    allowed = allowed_entries(contours)
+    if policy == "nearest":
+        chosen = np.zeros(len(points), np.bool_)
+        spread(points, offsets, allowed, contours.width, MOST_ENTRIES, chosen)
+        rows = np.flatnonzero(chosen)
+        owner = np.searchsorted(offsets, rows, side="right") - 1
+        counts = np.bincount(owner, minlength=len(contours))
+        vertices = rows - offsets[owner]
+    else:
+        counts = np.ones(len(contours), np.int64)
+        vertices = _one_each(contours, allowed, policy)
+    return SeamEntries(
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), vertices.astype(np.int32)
+    )
+
+
+def entry_points(contours: Contours, entries: SeamEntries) -> NDArray[np.float64]:
+    """Return where the nozzle enters at each vertex, (m, 3)."""
+    return np.asarray(contours.points[contours.offsets[entries.contour()] + entries.vertices])
+
+
+def exit_points(contours: Contours, entries: SeamEntries) -> NDArray[np.float64]:
+    """Return where a contour entered at each vertex ends, (m, 3): a seam's gap before it."""
+    return exits_of(contours, entries.contour(), entries.vertices)
+
+
+def _one_each(
+    contours: Contours, allowed: NDArray[np.bool_], policy: SeamPolicy
+) -> NDArray[np.int32]:
+    """Return the one vertex a policy names for each contour, (n,)."""
+    points, offsets = contours.points, contours.offsets
+    vertices = np.zeros(len(contours), np.int32)
+    if policy == "rear":
+        rearmost(points, offsets, allowed, vertices)
+        return vertices
+    sharpest(points, offsets, allowed, contours.width, vertices)
+    if policy == "aligned" and len(contours):
+        order = np.argsort(contours.layer, kind="stable").astype(np.int64)
+        begins = np.flatnonzero(np.diff(contours.layer[order], prepend=-1))
+        layers = np.append(begins, len(order)).astype(np.int64)
+        flat, rows = points[:, :2], offsets[:-1]
+        boxes = np.hstack([np.minimum.reduceat(flat, rows), np.maximum.reduceat(flat, rows)])
+        align(
+            points, offsets, allowed, movable(contours), contours.role, layers, order, boxes,
+            vertices,
+        )  # fmt: skip
+    return vertices
