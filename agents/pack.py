@@ -24,6 +24,7 @@ from decmcts.print.machine import Machine
 
 _ARRAYS = "problem.npz"
 _REST = "problem.json"
+_ACCELERATION = "acceleration"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,8 @@ def write_pack(pack: Pack, folder: Path) -> None:
         for room, owner in (("contours", pack.job.contours), ("graph", pack.graph))
         for f in fields(owner)
     }
+    if pack.job.acceleration is not None:
+        arrays[_ACCELERATION] = pack.job.acceleration
     np.savez(folder / _ARRAYS, allow_pickle=False, **arrays)
     rest = {
         "name": pack.job.name,
@@ -75,6 +78,7 @@ def read_pack(folder: Path) -> Pack:
             tuple(Barrier(**barrier) for barrier in rest["barriers"]),
             rest["slicer"],
             tuple(rest["notes"]),
+            acceleration=arrays.get(_ACCELERATION),
         )
         graph = DependencyGraph(**_room(arrays, "graph"))
         return Pack(job, machine_from_dict(rest["machine"]), graph, rest["options"])

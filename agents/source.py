@@ -6,6 +6,7 @@ dependency graph. Either way the agents compare digests before they talk.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -32,6 +33,7 @@ def load_source(path: Path, machine: str, process_order: Literal["keep", "free"]
     else:
         job, _ = read_gcode(path)
     chosen = load_machine(machine)
+    chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     check_fits(job.contours, chosen)
     graph = build_graph(
         job.contours,

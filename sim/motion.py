@@ -1,7 +1,7 @@
 """The judge's own motion model: when a head is where.
 
 Speed along each segment is a trapezoid under the machine's limits; at a corner
-the velocity may jump by at most the jerk; every action starts and ends at rest.
+the speed of no axis may jump by more than its jerk; every action starts and ends at rest.
 The planner's model is in `decmcts.print.motion` and is not used here.
 """
 
@@ -17,7 +17,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def arrival_times(path: Floats, offsets: Ints, feed: Floats, limits: MotionLimits) -> Floats:
+def arrival_times(
+    path: Floats, offsets: Ints, feed: Floats, prints: NDArray[np.bool_], limits: MotionLimits
+) -> Floats:
     """Return the seconds from the start of each polyline to each of its points, (n,).
 
     Parameters
@@ -25,6 +27,7 @@ def arrival_times(path: Floats, offsets: Ints, feed: Floats, limits: MotionLimit
     path : (n, 3) mm, all polylines one after the other
     offsets : (k + 1,) polyline i is path[offsets[i]:offsets[i + 1]], from rest to rest
     feed : (n,) mm/s of the segment that ends at each point; at a first point not used
+    prints : (n,) whether that segment prints: printing has an acceleration of its own
     limits : MotionLimits
     """
     if len(path) < 2:
@@ -32,17 +35,20 @@ def arrival_times(path: Floats, offsets: Ints, feed: Floats, limits: MotionLimit
     step = np.diff(path, axis=0, prepend=path[:1])
     length = np.linalg.norm(step, axis=1)
     unit = step / np.maximum(length, 1e-12)[:, None]
-    flat, steep = np.hypot(unit[:, 0], unit[:, 1]), np.abs(unit[:, 2])
-    speed = np.minimum(feed, _share(limits.max_feed, limits.z_feed, flat, steep))
-    acceleration = _share(limits.acceleration, limits.z_acceleration, flat, steep)
+    speed = np.minimum(feed, _share(limits.max_feed, unit))
+    wanted = np.where(prints, limits.acceleration, limits.travel_acceleration)
+    acceleration = np.minimum(wanted, _share(limits.max_acceleration, unit))
     seconds = np.zeros(len(path))
-    for_each_path(offsets, length, unit, speed, acceleration, limits.jerk, seconds)
+    jerk = np.array(limits.jerk[:3])
+    if limits.junction_deviation > 0.0:  # the corner of a right angle is as fast
+        jerk[:] = np.sqrt(limits.acceleration * limits.junction_deviation / (np.sqrt(2.0) - 1.0))
+    for_each_path(offsets, length, unit, speed, acceleration, jerk, seconds)
     return seconds
 
 
 @compiled
 def for_each_path(
-    offsets: Ints, length: Floats, unit: Floats, speed: Floats, acceleration: Floats, jerk: float,
+    offsets: Ints, length: Floats, unit: Floats, speed: Floats, acceleration: Floats, jerk: Floats,
     seconds: Floats,
 ) -> None:  # fmt: skip
     """Write the arrival times of every polyline into `seconds`."""
@@ -53,21 +59,25 @@ def for_each_path(
             seconds[a:b] = np.cumsum(times)
 
 
-def _share(level: float, vertical: float, flat: Floats, steep: Floats) -> Floats:
-    """Return the largest value along a direction whose parts keep both limits."""
-    return np.minimum(level / np.maximum(flat, 1e-9), vertical / np.maximum(steep, 1e-9))
+def _share(limits: tuple[float, float, float, float], unit: Floats) -> Floats:
+    """Return the largest value along each direction whose parts keep the limits of x, y and z."""
+    return np.asarray((np.array(limits[:3]) / np.maximum(np.abs(unit), 1e-9)).min(axis=1))
 
 
 @compiled
-def corner_speed(before: Floats, after: Floats, jerk: float) -> float:
-    """Return the speed at which the velocity jumps by `jerk` from one direction to the next."""
-    turn = np.sqrt(((after - before) ** 2).sum())
-    return float(jerk / turn) if turn > 1e-9 else np.inf
+def corner_speed(before: Floats, after: Floats, jerk: Floats) -> float:
+    """Return the speed at which an axis jumps by its jerk from one direction to the next."""
+    speed = np.inf
+    for axis in range(3):
+        turn = abs(after[axis] - before[axis])
+        if turn > 1e-9:
+            speed = min(speed, jerk[axis] / turn)
+    return speed
 
 
 @compiled
 def segment_times(
-    length: Floats, unit: Floats, speed: Floats, acceleration: Floats, jerk: float
+    length: Floats, unit: Floats, speed: Floats, acceleration: Floats, jerk: Floats
 ) -> Floats:
     """Return the seconds of each segment of one path, (m,)."""
     m = len(length)

@@ -54,12 +54,13 @@ def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
     """Return for each point of a head's path the seconds since its action began."""
     limits = document.machine.limits
     feed = np.full(len(lane.path), limits.travel_feed)
+    prints = np.repeat(lane.kind == ActionKind.PRINT, np.diff(lane.path_offsets))
     for a in np.nonzero(lane.kind == ActionKind.PRINT)[0].tolist():
         due = _print_feed(document.contours, lane, a)
         first, last = int(lane.path_offsets[a]), int(lane.path_offsets[a + 1])
         if len(due) == last - first - 1:  # a wrong path is reported elsewhere
             feed[first + 1 : last] = np.where(due > 0, due, limits.travel_feed)
-    return arrival_times(lane.path, lane.path_offsets, feed, limits)
+    return arrival_times(lane.path, lane.path_offsets, feed, prints, limits)
 
 
 def _print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:

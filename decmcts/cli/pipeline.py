@@ -94,6 +94,7 @@ def load(
     job, document = read_input(path, options)
     seconds["read"] = time.perf_counter() - started
     chosen = load_machine(machine) if isinstance(machine, str) else machine
+    chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     started = time.perf_counter()
     announce(f"dependency graph of {len(job.contours)} contours for {chosen.name}")
     try:

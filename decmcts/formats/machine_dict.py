@@ -19,6 +19,7 @@ from decmcts.formats.head_polygon import check_polygon, covers_nozzle
 from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Slice
 
 _AXES = ("x", "y")
+_MAY_BE_ZERO = ("jerk", "junction_deviation")
 _UNREACHED = 1e6  # the types' "no limit"
 _MACHINE_KEYS = (
     "name",
@@ -45,7 +46,7 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
         "bead_width": machine.bead_width,
         "head_clearance_mm": machine.head_clearance_mm,
         "lift_mm": machine.lift_mm,
-        "limits": asdict(machine.limits),
+        "limits": _limits_to_dict(machine.limits),
         "heads": [_head_to_dict(head) for head in machine.heads],
     }
     if machine.rail is not None:
@@ -56,6 +57,13 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
             "separation_mm": rail.separation_mm,
         }
     return written
+
+
+def _limits_to_dict(limits: MotionLimits) -> dict[str, Any]:
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in asdict(limits).items()
+    }
 
 
 def _head_to_dict(head: Head) -> dict[str, Any]:
@@ -120,11 +128,21 @@ def _limits(given: Fields) -> MotionLimits:
     names = [f.name for f in fields(MotionLimits)]
     table.only(*names)
     usual = MotionLimits()
-    read = {name: table.number(name, getattr(usual, name), least=0.0) for name in names}
-    for name, value in read.items():
-        if value == 0.0 and name != "jerk":
-            table.fail(name, "0 would never arrive")
+    read = {name: _limit(table, name, getattr(usual, name)) for name in names}
     return MotionLimits(**read)
+
+
+def _limit(table: Fields, name: str, usual: Any) -> Any:
+    """Return one limit; those of axes are four numbers, x, y, z and e."""
+    if name not in table.values:
+        return usual
+    value: Any = table.point(name, 4) if isinstance(usual, tuple) else table.number(name)
+    least = float(np.min(value))
+    if least < 0.0:
+        table.fail(name, f"{least:g} is below 0")
+    if least == 0.0 and name not in _MAY_BE_ZERO:
+        table.fail(name, "0 would never arrive")
+    return value
 
 
 def _rail(table: Fields) -> Rail:

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from decmcts.print.contours import Contours
+from decmcts.print.machine import MotionLimits
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,6 +26,11 @@ class ProcessSettings:
     hop_mm: float = 0.0  # lift of the source's retracted travels
     firmware_retraction: bool = False  # G10/G11 instead of E moves
     filament_diameter_mm: float = 1.75
+    wipe_mm: float = 0.0  # length of the wipe while retracting, 0: none
+    wipe_filament_mm: float = 0.0  # retracted during it
+    wipe_feed: float = 0.0  # mm/s
+    z_feed: float = 0.0  # mm/s of moves in Z alone; 0: as travel
+    travel_acceleration: float = 0.0  # mm/s²; 0: take the machine's
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,3 +52,6 @@ class PrintJob:
     barriers: tuple[Barrier, ...] = ()
     slicer: str = ""  # e.g. "PrusaSlicer 2.5.0"
     notes: tuple[str, ...] = ()  # one line each, shown in the summary
+    limits: MotionLimits = field(default_factory=MotionLimits.unsaid)  # as the source states them
+    acceleration: NDArray[np.float64] | None = None  # (n_points,) mm/s² set for the segment
+    # ending at each point of the contours, NaN where nothing sets it; None: nowhere

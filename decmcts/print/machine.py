@@ -6,10 +6,14 @@ Units mm, mm/s, mm/s².
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+Axes = tuple[float, float, float, float]  # x, y, z and the filament e
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +65,33 @@ class Rail:
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """Limits of the time model."""
+    """Limits of the time model, as firmware knows them; NaN: a source does not say."""
 
     travel_feed: float = 150.0  # mm/s, when the source names none
-    z_feed: float = 20.0  # mm/s, limit of lifts
-    max_feed: float = 300.0  # mm/s, XY
-    acceleration: float = 1500.0  # mm/s², printing and travel
-    z_acceleration: float = 300.0  # mm/s²
-    jerk: float = 8.0  # mm/s, instantaneous speed change allowed at a corner
+    max_feed: Axes = (300.0, 300.0, 20.0, 60.0)  # mm/s
+    max_acceleration: Axes = (1500.0, 1500.0, 300.0, 5000.0)  # mm/s²
+    jerk: Axes = (8.0, 8.0, 2.0, 5.0)  # mm/s, change of an axis' speed allowed at once
+    acceleration: float = 1500.0  # mm/s² of printing, unless the source sets it
+    retract_acceleration: float = 1500.0  # mm/s² of filament alone
+    travel_acceleration: float = 1500.0  # mm/s², unless the source sets it
+    junction_deviation: float = 0.0  # mm; above 0 it limits corners in the place of jerk
+
+    @staticmethod
+    def unsaid() -> MotionLimits:
+        """Return limits that say nothing."""
+        four = (math.nan,) * 4
+        return MotionLimits(math.nan, four, four, four, *(math.nan,) * 4)
+
+    def under(self, said: MotionLimits) -> MotionLimits:
+        """Return these limits with what `said` says (where it is not NaN) in their place."""
+        both = {f.name: (getattr(self, f.name), getattr(said, f.name)) for f in fields(self)}
+        return MotionLimits(**{name: _said(*pair) for name, pair in both.items()})
+
+
+def _said(usual: Any, said: Any) -> Any:
+    if isinstance(said, tuple):
+        return tuple(_said(u, s) for u, s in zip(usual, said, strict=True))
+    return usual if math.isnan(said) else said
 
 
 @dataclass(frozen=True, slots=True)

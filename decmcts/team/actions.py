@@ -7,88 +7,105 @@ when the one before it on its head and those it comes after have ended.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.partial_order import earliest
-from decmcts._kernels.units import UNIT_PARK, UNIT_PRINT, Visits
+from decmcts._kernels.units import UNIT_PARK, UNIT_PRINT
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import path_times, retraction_time, travel_feed
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.order import UnitOrder
+from decmcts.team.timing import action_seconds
 
 
 def join_actions(
     job: PrintJob,
     machine: Machine,
     order: UnitOrder,
-    visits: Visits,
     travels: Sequence[NDArray[np.float64]],
     toolpaths: Sequence[Toolpath],
 ) -> JointPlan:
     """Return the joint plan of these units; `travels` are the paths of those that do not print."""
-    seconds = _unit_seconds(job, machine, order, visits, travels)
+    lanes = [
+        _lane(job, order, rows, travels, toolpath)
+        for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
+    ]
+    seconds = np.zeros(len(order.head))
+    for rows, lane in zip(_rows(order), lanes, strict=True):
+        seconds[rows] = action_seconds(
+            job, machine.limits, lane.path, lane.offsets, lane.contour, lane.flipped, lane.entry,
+            rests=len(lanes) > 1,
+        )  # fmt: skip
     begin = earliest(order.head, order.own, order.rows, order.after, seconds)
     return JointPlan(
         tuple(
-            _head_actions(machine.heads[r].name, r, job, order, begin, seconds, travels, toolpath)
-            for r, toolpath in enumerate(toolpaths)
+            _head_actions(head.name, order, rows, lane, begin, seconds)
+            for head, rows, lane in zip(machine.heads, _rows(order), lanes, strict=True)
         )
     )
 
 
-def _unit_seconds(
-    job: PrintJob,
-    machine: Machine,
-    order: UnitOrder,
-    visits: Visits,
-    travels: Sequence[NDArray[np.float64]],
-) -> NDArray[np.float64]:
-    """Return how long each unit takes, (m,)."""
-    feed = travel_feed(job.settings, machine.limits)
-    offsets = np.cumsum([0, *(len(path) for path in travels)]).astype(np.int64)
-    points = np.concatenate(travels) if travels else np.empty((0, 3))
-    seconds = path_times(points, offsets, np.full(len(points), feed), machine.limits)
-    flat = np.linalg.norm(points[offsets[1:] - 1, :2] - points[offsets[:-1], :2], axis=1)
-    long = flat >= job.settings.retract_min_travel_mm
-    seconds[long] += retraction_time(job.settings, np.inf)
-    prints = order.kind == UNIT_PRINT
-    seconds[prints] = visits.seconds[order.contour[prints]]
-    return seconds
+@dataclass(frozen=True, slots=True)
+class _Lane:
+    """What one head does, without times."""
+
+    contour: NDArray[np.int32]  # (k,) NO_CONTOUR where it travels
+    flipped: NDArray[np.bool_]  # (k,)
+    entry: NDArray[np.int32]  # (k,)
+    path: NDArray[np.float64]  # (offsets[-1], 3)
+    offsets: NDArray[np.int64]  # (k + 1,)
 
 
-def _head_actions(
-    name: str,
-    r: int,
+def _rows(order: UnitOrder) -> list[NDArray[np.int64]]:
+    """Return the units of each head in its order."""
+    return [order.rows[r, : order.counts[r]] for r in range(len(order.counts))]
+
+
+def _lane(
     job: PrintJob,
     order: UnitOrder,
-    begin: NDArray[np.float64],
-    seconds: NDArray[np.float64],
+    rows: NDArray[np.int64],
     travels: Sequence[NDArray[np.float64]],
     toolpath: Toolpath,
-) -> HeadActions:
-    """Write down the actions of head r."""
-    rows = order.rows[r, : order.counts[r]]
+) -> _Lane:
+    """Return contours and paths of one head's actions."""
     prints = order.kind[rows] == UNIT_PRINT
-    kind = np.where(order.kind[rows] == UNIT_PARK, ActionKind.PARK, ActionKind.TRAVEL)
     contour = np.full(len(rows), NO_CONTOUR, np.int32)
     contour[prints] = order.contour[rows[prints]]
     flipped, entry = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int32)
     flipped[prints], entry[prints] = toolpath.reversed, toolpath.entry
     paths = _paths(job.contours, contour, flipped, entry, [travels[row] for row in rows])
+    return _Lane(
+        contour, flipped, entry, np.concatenate(paths) if paths else np.empty((0, 3)),
+        np.cumsum([0, *(len(path) for path in paths)]).astype(np.int64),
+    )  # fmt: skip
+
+
+def _head_actions(
+    name: str,
+    order: UnitOrder,
+    rows: NDArray[np.int64],
+    lane: _Lane,
+    begin: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+) -> HeadActions:
+    """Write down the actions of one head."""
+    kind = np.where(order.kind[rows] == UNIT_PARK, ActionKind.PARK, ActionKind.TRAVEL)
+    kind = np.where(lane.contour != NO_CONTOUR, ActionKind.PRINT, kind)
     waiting, head = np.nonzero(order.after[rows] >= 0)
     return HeadActions(
         head=name,
-        kind=np.where(prints, ActionKind.PRINT, kind).astype(np.int8),
-        contour=contour,
-        reversed=flipped,
-        entry=entry,
-        path_offsets=np.cumsum([0, *(len(path) for path in paths)]).astype(np.int64),
-        path=np.concatenate(paths) if paths else np.empty((0, 3)),
+        kind=kind.astype(np.int8),
+        contour=lane.contour,
+        reversed=lane.flipped,
+        entry=lane.entry,
+        path_offsets=lane.offsets,
+        path=lane.path,
         begin_s=begin[rows],
         end_s=begin[rows] + seconds[rows],
         after_offsets=np.searchsorted(waiting, np.arange(len(rows) + 1)).astype(np.int64),

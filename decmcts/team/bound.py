@@ -17,7 +17,7 @@ from decmcts._kernels.bound import longest_chain
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import contour_times
+from decmcts.print.motion import job_times
 from decmcts.team.pairing import pair_work
 from decmcts.team.space import build_space
 
@@ -51,7 +51,7 @@ def makespan_bound(
         Printing time of each contour; None: the machine's time model.
     """
     space = build_space(job.contours, machine)
-    time = contour_times(job.contours, machine.limits) if seconds is None else seconds
+    time = job_times(job, machine.limits) if seconds is None else seconds
     serial, heads = float(time.sum()), len(machine.heads)
     chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
     alone = space.eligible.sum(axis=1) == 1

@@ -19,9 +19,10 @@ from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import contour_times, travel_feed
+from decmcts.print.motion import job_times, retraction_time, travel_feed
 from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.team.space import Space, require_printable
+from decmcts.team.timing import travel_acceleration
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,18 +46,15 @@ class UnitOrder:
 def floor_of(job: PrintJob, machine: Machine, space: Space) -> Floor:
     """Return the machine as the scheduling kernels take it."""
     settings, limits = job.settings, machine.limits
-    retract = 0.0
-    if settings.retract_mm > 0.0:
-        retract = settings.retract_mm / settings.retract_feed
-        retract += settings.retract_mm / settings.unretract_feed
-    feed = min(travel_feed(settings, limits), limits.max_feed)
+    feed = travel_feed(settings, limits)
+    acceleration = travel_acceleration(settings, limits)
     travel = np.array(
         [
-            feed,
-            limits.acceleration,
-            min(feed, limits.z_feed),
-            limits.z_acceleration,
-            retract,
+            min(feed, *limits.max_feed[:2]),
+            min(acceleration, *limits.max_acceleration[:2]),
+            min(settings.z_feed or feed, limits.max_feed[2]),
+            min(acceleration, limits.max_acceleration[2]),
+            retraction_time(settings, limits, np.inf),
             settings.retract_min_travel_mm,
         ]
     )
@@ -75,7 +73,7 @@ def visits_of(
     first, last = contours.start.copy(), contours.end.copy()
     for toolpath in toolpaths:
         first[toolpath.order], last[toolpath.order] = endpoints(contours, toolpath)
-    seconds = contour_times(contours, machine.limits)
+    seconds = job_times(job, machine.limits)
     return Visits(first, last, space.boxes, seconds, graph.pred_offsets, graph.preds)
 
 

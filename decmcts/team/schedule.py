@@ -52,4 +52,4 @@ def schedule(
     visits = visits_of(job, machine, graph, space, toolpaths)
     order = order_units(visits, floor_of(job, machine, space), toolpaths)
     travels = unit_travels(job, machine, order, space)
-    return join_actions(job, machine, order, visits, travels, toolpaths)
+    return join_actions(job, machine, order, travels, toolpaths)

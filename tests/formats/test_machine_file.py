@@ -181,7 +181,7 @@ def test_unknown_machine_lists_the_known():
         ('name = "mine"', 'name = "mine"\nclearance_mm = true', "expected a finite number"),
         ('name = "mine"', "", "name: missing"),
         ('name = "mine"', 'name = "mine"\nlimits = { jirk = 1 }', "limits.jirk: unknown key"),
-        ('name = "mine"', 'name = "mine"\nlimits = { z_feed = 0 }', "0 would never arrive"),
+        ('name = "mine"', 'name = "mine"\nlimits = { travel_feed = 0 }', "0 would never arrive"),
         ('name = "a"', 'name = "a"\ntools = [-1]', "tool numbers"),
         (
             'name = "a"',

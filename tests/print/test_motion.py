@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,14 +12,17 @@ from decmcts.print.job import ProcessSettings
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import contour_times, path_time, retraction_time, travel_feed
 
+NO_JERK = (0.0, 0.0, 0.0, 0.0)
 LIMITS = MotionLimits(
     travel_feed=150.0,
-    z_feed=10.0,
-    max_feed=200.0,
+    max_feed=(200.0, 200.0, 10.0, 40.0),
+    max_acceleration=(5000.0, 5000.0, 100.0, 5000.0),
+    jerk=NO_JERK,
     acceleration=1000.0,
-    z_acceleration=100.0,
-    jerk=10.0,
+    retract_acceleration=800.0,
+    travel_acceleration=1000.0,
 )
+JERKY = replace(LIMITS, jerk=(10.0, 10.0, 1.0, 5.0))
 
 
 def _time(points: list[tuple[float, float, float]], feed: float) -> float:
@@ -41,12 +46,43 @@ def test_collinear_points_cost_nothing() -> None:
     assert split == pytest.approx(whole)
 
 
-def test_reversal_stops_to_the_jerk() -> None:
-    """Turning back leaves a corner speed of half the jerk on each side."""
-    there = _time([(0, 0, 0), (50, 0, 0), (0, 0, 0)], 50.0)
-    corner = LIMITS.jerk / 2.0
-    leg = 50 / 50 + (50.0**2 / (2 * 1000 * 50)) + (50 - corner) ** 2 / (2 * 1000 * 50)
-    assert there == pytest.approx(2 * leg)
+def test_rest_begins_and_ends_at_the_jerk() -> None:
+    """Firmware starts and stops a move at the axis' jerk, not at zero: 100 mm at 60, 10 at ends."""
+    ramps = 2 * (60 - 10) / 1000
+    flat = 100 - 2 * (60**2 - 10**2) / 2000
+    path = np.array([[0.0, 0, 0], [100, 0, 0]])
+    assert path_time(path, 60.0, JERKY) == pytest.approx(ramps + flat / 60)
+
+
+def test_a_right_angle_is_taken_at_the_jerk() -> None:
+    """From X to Y both axes jump by the corner's speed, so that is the jerk: 10 mm/s."""
+    path = np.array([[0.0, 0, 0], [50, 0, 0], [50, 50, 0]])
+    leg = 2 * (60 - 10) / 1000 + (50 - (60**2 - 10**2) / 1000) / 60
+    assert path_time(path, 60.0, JERKY) == pytest.approx(2 * leg)
+
+
+def test_an_axis_that_turns_back_passes_through_zero() -> None:
+    """Marlin lets each side of a reversal have the whole jerk."""
+    path = np.array([[0.0, 0, 0], [50, 0, 0], [0, 0, 0]])
+    leg = 2 * (60 - 10) / 1000 + (50 - (60**2 - 10**2) / 1000) / 60
+    assert path_time(path, 60.0, JERKY) == pytest.approx(2 * leg)
+
+
+def test_junction_deviation_limits_a_right_angle() -> None:
+    """v² = a·d·s/(1 - s) with s = sin 45°, from rest to rest (Marlin, Klipper)."""
+    limits = replace(JERKY, junction_deviation=0.05)
+    half = np.sqrt(0.5)
+    corner = np.sqrt(1000 * 0.05 * half / (1 - half))
+    path = np.array([[0.0, 0, 0], [50, 0, 0], [50, 50, 0]])
+    leg = (60 + 60 - corner) / 1000 + (50 - (2 * 60**2 - corner**2) / 2000) / 60
+    assert path_time(path, 60.0, limits) == pytest.approx(2 * leg)
+
+
+def test_the_slowest_axis_limits_a_slope() -> None:
+    """45° up: Z at 10 mm/s and 100 mm/s² allows √2 of each along the path."""
+    path = np.array([[0.0, 0, 0], [20, 0, 20]])
+    top, rate, length = 10 * np.sqrt(2), 100 * np.sqrt(2), 20 * np.sqrt(2)
+    assert path_time(path, 150.0, LIMITS) == pytest.approx(length / top + top / rate)
 
 
 def test_lift_is_limited_by_the_z_axis() -> None:
@@ -103,14 +139,38 @@ def test_contour_times_use_each_segments_feed() -> None:
         line=np.zeros(n, np.int32),
     )
     assert contour_times(contours, LIMITS) == pytest.approx([2.0 + 0.05, 4.0 + 0.025])
+    set_500 = np.array([np.nan, 500.0, np.nan, np.nan])  # M204 P500 in the first
+    assert contour_times(contours, LIMITS, set_500) == pytest.approx([2.0 + 0.1, 4.0 + 0.025])
 
 
 def test_only_long_travels_pay_for_retraction() -> None:
     """Short travels are not retracted by the source either."""
     settings = ProcessSettings(retract_mm=2.0, retract_feed=40.0, unretract_feed=20.0)
-    assert retraction_time(settings, 1.0) == 0.0
-    assert retraction_time(settings, 3.0) == pytest.approx(0.05 + 0.1)
-    assert retraction_time(ProcessSettings(), 100.0) == 0.0
+    assert retraction_time(settings, LIMITS, 1.0) == 0.0
+    due = 2 / 40 + 40 / 800 + 2 / 20 + 20 / 800
+    assert retraction_time(settings, LIMITS, 3.0) == pytest.approx(due)
+    assert retraction_time(ProcessSettings(), LIMITS, 100.0) == 0.0
+
+
+def test_a_wipe_takes_its_part_of_the_retraction() -> None:
+    """A wipe there and back adds its way and takes its filament off the pull at rest."""
+    settings = ProcessSettings(
+        retract_mm=2.0, retract_feed=40.0, unretract_feed=20.0,
+        wipe_mm=4.0, wipe_filament_mm=1.0, wipe_feed=10.0,
+    )  # fmt: skip
+    pull, push = 2 * np.sqrt(1 / 800), 2 / 20 + 20 / 800  # 1 mm is too short to reach 40 mm/s
+    wipe = 2 * (2 / 10 + 10 / 1000)
+    assert retraction_time(settings, LIMITS, 9.0) == pytest.approx(pull + push + wipe)
+
+
+def test_limits_that_say_nothing_change_nothing() -> None:
+    """A source without limits leaves the machine's; one with some wins where it speaks."""
+    assert LIMITS.under(MotionLimits.unsaid()) == LIMITS
+    nan = float("nan")
+    said = replace(MotionLimits.unsaid(), max_feed=(nan, nan, 12.0, nan), acceleration=700.0)
+    both = LIMITS.under(said)
+    assert both.max_feed == (200.0, 200.0, 12.0, 40.0)
+    assert both.acceleration == 700.0 and both.jerk == LIMITS.jerk
 
 
 def test_travel_feed_prefers_the_source() -> None:

@@ -9,13 +9,18 @@ from decmcts.print.machine import MotionLimits
 from sim.motion import arrival_times
 
 LIMITS = MotionLimits(
-    max_feed=100.0, z_feed=10.0, acceleration=1000.0, z_acceleration=100.0, jerk=0.0
+    max_feed=(100.0, 100.0, 10.0, 50.0),
+    max_acceleration=(1000.0, 1000.0, 100.0, 1000.0),
+    jerk=(0.0, 0.0, 0.0, 0.0),
+    acceleration=1000.0,
+    travel_acceleration=1000.0,
 )
 
 
 def seconds(points, feed=100.0, limits=LIMITS):
     path = np.array(points, float)
-    return arrival_times(path, np.array([0, len(path)]), np.full(len(path), feed), limits)
+    full, prints = np.full(len(path), feed), np.ones(len(path), bool)
+    return arrival_times(path, np.array([0, len(path)]), full, prints, limits)
 
 
 def test_a_trapezoid():
@@ -59,7 +64,7 @@ def test_paths_without_length_take_no_time():
 def test_each_path_starts_at_rest():
     """Two paths after each other take as long as each alone."""
     path = np.array([[0, 0, 0], [50, 0, 0], [50, 0, 0], [100, 0, 0]], float)
-    times = arrival_times(path, np.array([0, 2, 4]), np.full(4, 100.0), LIMITS)
+    times = arrival_times(path, np.array([0, 2, 4]), np.full(4, 100.0), np.ones(4, bool), LIMITS)
     assert times[1] == pytest.approx(times[3])
     assert times[2] == 0.0
 
@@ -69,6 +74,6 @@ def test_time_runs_forward_and_limits_hold():
     rng = np.random.default_rng(0)
     path = np.cumsum(rng.normal(size=(60, 3)) * [3, 3, 0.1], axis=0)
     feed = rng.uniform(5, 80, 60)
-    times = arrival_times(path, np.array([0, 60]), feed, MotionLimits())
+    times = arrival_times(path, np.array([0, 60]), feed, np.ones(60, bool), MotionLimits())
     length = np.linalg.norm(np.diff(path, axis=0), axis=1)
     assert (np.diff(times) >= length / feed[1:] - 1e-9).all()

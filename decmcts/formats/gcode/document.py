@@ -67,11 +67,7 @@ class Block:
 class Habits:
     """How the source does what is regenerated, beyond `ProcessSettings`."""
 
-    wipe_mm: float = 0.0  # length of the wipe while retracting, 0: none
-    wipe_filament: float = 0.0  # mm retracted during it
-    wipe_feed: float = 0.0  # mm/s
     restart_extra: float = 0.0  # mm pushed back more than was retracted
-    z_feed: float = 0.0  # mm/s of moves in Z alone; 0: as travel
     resets_e: bool = False  # G92 E0 occurs in the print
     progress: bool = False  # M73 occurs in the print
 

@@ -125,8 +125,8 @@ class Emitter:
             return
         if self.owed >= settings.retract_mm - 1e-6:
             return
-        wiped = min(habits.wipe_filament, settings.retract_mm - self.owed)
-        if habits.wipe_mm > 0.0 and len(self.tail) > 1 and wiped > 0.0:
+        wiped = min(settings.wipe_filament_mm, settings.retract_mm - self.owed)
+        if settings.wipe_mm > 0.0 and len(self.tail) > 1 and wiped > 0.0:
             self.owe(settings.retract_mm - wiped)
             self._wipe(wiped)
         self.owe(settings.retract_mm)
@@ -138,7 +138,7 @@ class Emitter:
 
         The head ends where the bead ends, so the planned travel starts there.
         """
-        half = self.document.habits.wipe_mm / 2.0
+        half = self.settings.wipe_mm / 2.0
         way = _cut(self.tail, half)
         length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         if length < NEAR_MM:
@@ -146,7 +146,7 @@ class Emitter:
         there = [tuple(p) for p in way.tolist()]
         for to in there[1:] + there[-2::-1]:
             share = math.dist(self.at, to) / (2.0 * length) * filament
-            self.move(to, self.document.habits.wipe_feed or self.travel_feed, -share)
+            self.move(to, self.settings.wipe_feed or self.travel_feed, -share)
             self.owed += share
 
     # -- travel -----------------------------------------------------------------
@@ -165,7 +165,7 @@ class Emitter:
 
     def _travel_feed(self, to: tuple[float, float, float]) -> float:
         upright = to[0] == self.at[0] and to[1] == self.at[1]
-        return (self.document.habits.z_feed or self.travel_feed) if upright else self.travel_feed
+        return (self.settings.z_feed or self.travel_feed) if upright else self.travel_feed
 
     def approach(self, to: tuple[float, float, float]) -> None:
         """Go to the first bead: up, across, down.
@@ -175,7 +175,7 @@ class Emitter:
         if math.dist(self.at, to) >= self.settings.retract_min_travel_mm:
             self.retract()
         over = max(self.at[2], to[2] + APPROACH_MM)
-        feed = self.document.habits.z_feed or self.travel_feed
+        feed = self.settings.z_feed or self.travel_feed
         self.say(f"G1 Z{over:{self._xy}} F{self._feed_word(feed)}")
         across = f"X{to[0]:{self._xy}} Y{to[1]:{self._xy}}"
         self.say(f"G1 {across} F{self._feed_word(self.travel_feed)}")

@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
+from decmcts._kernels.motion import TRAVELLING
 from decmcts.formats.gcode.document import Habits
 from decmcts.formats.gcode.grouping import Runs
+from decmcts.formats.gcode.limits import commanded
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
+from decmcts.formats.gcode.state import Track
 from decmcts.print.job import ProcessSettings
 
 PULLED = 0.01  # mm of filament that counts as a retraction
@@ -36,7 +39,7 @@ def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = No
 
 
 def infer_settings(
-    lines: Lines, motion: Motion, runs: Runs, filament_mm: float
+    lines: Lines, motion: Motion, runs: Runs, track: Track, filament_mm: float
 ) -> tuple[ProcessSettings, Habits]:
     """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
     gap = np.zeros(len(motion.extrusion), np.bool_)
@@ -63,14 +66,26 @@ def infer_settings(
         hop_mm=_hop(motion, runs, pulled),
         firmware_retraction=bool(firmware.sum() * 2 > max(1, pulled.sum())),
         filament_diameter_mm=filament_mm,
+        **_wipe(motion, runs, gap & ~still & pull, across, pulled),
+        z_feed=_usual(motion.feed[upright]),
+        travel_acceleration=_usual_acceleration(
+            motion, track, travel, np.linalg.norm(delta, axis=1)
+        ),
     )
     return settings, Habits(
-        *_wipe(motion, runs, gap & ~still & pull, across, pulled),
         restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled]),
-        z_feed=_usual(motion.feed[upright]),
         resets_e=_occurs(lines, motion, runs, 71, 920),
         progress=_occurs(lines, motion, runs, 77, 730),
     )
+
+
+def _usual_acceleration(
+    motion: Motion, track: Track, travel: NDArray[np.bool_], length: NDArray[np.float64]
+) -> float:
+    """Return the acceleration most travel is made with as commands set it, 0 for none."""
+    said = commanded(track.table, TRAVELLING)[track.at(motion.line[travel])]
+    known = ~np.isnan(said)
+    return _usual(said[known], length[travel][known])
 
 
 def _restart_extra(surplus: NDArray[np.float64]) -> float:
@@ -131,16 +146,17 @@ def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:
 def _wipe(
     motion: Motion, runs: Runs, wiping: NDArray[np.bool_], across: NDArray[np.float64],
     pulled: NDArray[np.bool_],
-) -> tuple[float, float, float]:  # fmt: skip
-    """Return length, filament and feed of the usual wipe; zeros when most gaps have none."""
+) -> dict[str, float]:  # fmt: skip
+    """Return the settings of the usual wipe; none when most gaps have none."""
     run = np.concatenate([[0.0], np.cumsum(np.where(wiping, across, 0.0))])
     taken = np.concatenate([[0.0], np.cumsum(np.where(wiping, -motion.extrusion, 0.0))])
     begin, end = runs.last[:-1] + 1, runs.first[1:]
     length, filament = run[end] - run[begin], taken[end] - taken[begin]
     has = length > 1e-3
     if not has.any() or has.sum() * 2 < pulled.sum():
-        return 0.0, 0.0, 0.0
-    return (
-        float(np.median(length[has])), float(np.median(filament[has])),
-        _usual(motion.feed[wiping], across[wiping]),
-    )  # fmt: skip
+        return {}
+    return {
+        "wipe_mm": float(np.median(length[has])),
+        "wipe_filament_mm": float(np.median(filament[has])),
+        "wipe_feed": _usual(motion.feed[wiping], across[wiping]),
+    }

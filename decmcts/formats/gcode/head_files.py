@@ -175,7 +175,7 @@ class _HeadFile:
         emitter.verbatim(rest)
         self._resume(document.start)
         x, y, z = park
-        emitter.say(f"G1 Z{z:.3f} F{(document.habits.z_feed or 10.0) * 60:.0f}")
+        emitter.say(f"G1 Z{z:.3f} F{(emitter.settings.z_feed or 10.0) * 60:.0f}")
         emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
         emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
         if n_heads > 1:

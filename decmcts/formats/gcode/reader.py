@@ -5,14 +5,16 @@ Composes the modules beside it; the meaning of lines is in `dialect`.
 
 from __future__ import annotations
 
+import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
+from decmcts._kernels.motion import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.beads import Beads, measure_beads
 from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
@@ -20,12 +22,15 @@ from decmcts.formats.gcode.edges import state_edges
 from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
 from decmcts.formats.gcode.habits import filament_diameter, infer_settings
+from decmcts.formats.gcode.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.lines import Lines, split_lines
 from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import MotionLimits
+from decmcts.print.motion import limits_of
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
 _SLICERS = re.compile(
@@ -119,7 +124,7 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
     edges = state_edges(motion, runs, parsed.track, parsed.beads.layer)
     blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
     contours, point_state = _contours(parsed, blocks)
-    settings, habits = infer_settings(lines, motion, runs, parsed.filament_mm)
+    settings, habits = infer_settings(lines, motion, runs, parsed.track, parsed.filament_mm)
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
     start = cursor_at(motion, parsed.track, top)
@@ -132,10 +137,25 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         float(motion.extruder[first, 2]), motion.decimals, habits,
     )  # fmt: skip
     name = Path(path).name.removesuffix(".gz").rsplit(".", 1)[0]
+    said = commanded(parsed.track.table, PRINTING)[point_state]
+    unsaid = bool(np.isnan(said).all())
+    usual = math.nan if unsaid else float(np.nanmedian(said))
+    limits = replace(
+        _limits(parsed, first),
+        acceleration=usual, travel_acceleration=settings.travel_acceleration or math.nan,
+    )  # fmt: skip
     job = PrintJob(
-        name, contours, settings, blocks.barriers, _slicer(lines.text), _notes(parsed, blocks)
-    )
+        name, contours, settings, blocks.barriers, _slicer(lines.text), _notes(parsed, blocks),
+        limits, None if unsaid else said,
+    )  # fmt: skip
     return job, document
+
+
+def _limits(parsed: _Parsed, line: int) -> MotionLimits:
+    """Return the limits the file states: its settings, and its commands above `line`."""
+    stated = stated_limits(parsed.lines.text)
+    row = state_limits(parsed.track.table, stated, stated)[int(parsed.track.at(line))]
+    return limits_of(row)
 
 
 def read_motions(path: Path | str) -> Motions:

@@ -183,7 +183,7 @@ def test_wipe_is_over_before_the_signal(read):
     )
     plan = JointPlan(heads)
     left = written(document, job, plan, PARKS)[0].splitlines()
-    assert document.habits.wipe_mm > 0
+    assert job.settings.wipe_mm > 0
     pulls = [k for k, line in enumerate(left) if " E-0" in line and line.startswith("G1 X")]
     given = [k for k, line in enumerate(left) if line.startswith("SYNC_SIGNAL")]
     assert pulls and pulls[0] < given[1]
