@@ -75,7 +75,7 @@ def write_report(
         ("Heads over time", _div(plot_gantt(after), 150 + 70 * lanes)),
     ]
     if len(history):
-        sections.append(("Search", _div(plot_convergence(history, lanes), 380)))
+        sections.append(("Search", _div(plot_convergence(history, _minimised(after, lanes)), 380)))
     name = html.escape(f"{len(after.contours):,} contours on machine {after.machine.name}")
     body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
     text = (
@@ -260,13 +260,21 @@ def plot_gantt(document: PlanDocument) -> go.Figure:
     return figure
 
 
-def plot_convergence(history: History, heads: int) -> go.Figure:
+def _minimised(document: PlanDocument, heads: int) -> str:
+    """Return what the search of a plan minimised."""
+    if heads > 1:
+        return "makespan, s"
+    timed = document.metrics.get("objective") == "time"
+    return "time of travels, s" if timed else "travel, mm"
+
+
+def plot_convergence(history: History, minimised: str) -> go.Figure:
     """Return the best cost over the time of the search."""
     points = np.array(history, np.float64)
     figure = go.Figure(go.Scatter(x=points[:, 0], y=points[:, -1], line={"shape": "hv"}))
     figure.update_layout(
         xaxis_title="seconds of search",
-        yaxis_title="best travel, mm" if heads == 1 else "best makespan, s",
+        yaxis_title=f"best {minimised}",
         yaxis_rangemode="tozero",
         margin={"l": 70, "r": 10, "t": 20, "b": 45},
     )

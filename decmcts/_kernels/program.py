@@ -17,13 +17,12 @@ EXTRA = 6  # moves a travel may need beside its path
 
 
 class Segments(NamedTuple):
-    """The contours' segments, by the point each ends at."""
+    """The contours' segments in their traversal, by the point each ends at."""
 
     offsets: NDArray[np.int64]  # (n + 1,)
     filament: NDArray[np.float64]  # (n_points,)
     feed: NDArray[np.float64]  # (n_points,)
     row: NDArray[np.int32]  # (n_points,) of the limits
-    closed: NDArray[np.bool_]  # (n,)
 
 
 class Habit(NamedTuple):
@@ -66,15 +65,14 @@ def add_move(
 
 @kernel
 def add_print(
-    path: NDArray[np.float64], contour: int, flipped: bool, entry: int, action: int,
+    path: NDArray[np.float64], contour: int, flipped: bool, action: int,
     segments: Segments, moves: Moves,
 ) -> None:  # fmt: skip
     """Append the segments of a contour in its traversal (mutates moves)."""
     first = segments.offsets[contour] + 1
     n = segments.offsets[contour + 1] - first
-    turn = entry if segments.closed[contour] else 0
     for s in range(min(n, len(path) - 1)):
-        at = first + (turn + (n - 1 - s if flipped else s)) % n
+        at = first + (n - 1 - s if flipped else s)
         x, y, z = path[s + 1]
         add_move(x, y, z, segments.filament[at], segments.feed[at], segments.row[at], action, moves)
 
@@ -108,7 +106,7 @@ def add_travel(
 @kernel
 def write_moves(
     path: NDArray[np.float64], offsets: NDArray[np.int64], contour: NDArray[np.int32],
-    flipped: NDArray[np.bool_], entry: NDArray[np.int32], segments: Segments, habit: Habit,
+    flipped: NDArray[np.bool_], segments: Segments, habit: Habit,
 ) -> Moves:  # fmt: skip
     """Return the moves of a head's actions; `contour` is -1 where an action prints nothing."""
     k = len(contour)
@@ -122,7 +120,7 @@ def write_moves(
     for a in range(k):
         way = path[offsets[a] : offsets[a + 1]]
         if contour[a] >= 0:
-            add_print(way, contour[a], flipped[a], entry[a], a, segments, moves)
+            add_print(way, contour[a], flipped[a], a, segments, moves)
         elif len(way):
             add_travel(way, a > 0 and contour[a - 1] >= 0, a, habit, moves)
     return moves

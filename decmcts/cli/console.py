@@ -22,7 +22,7 @@ out = Console(highlight=False, markup=False, emoji=False)
 
 @contextmanager
 def steps(
-    *, quiet: bool, time_limit_s: float = 0.0
+    *, quiet: bool, time_limit_s: float = 0.0, unit: str = "mm"
 ) -> Iterator[tuple[Callable[[str], None], Callable[[Any], None]]]:
     """Show the current step with a spinner; yields (announce, search progress) callbacks."""
     columns = (
@@ -45,10 +45,15 @@ def steps(
                 task,
                 total=time_limit_s,
                 completed=min(state.seconds, time_limit_s),
-                description=f"searching: travel {state.cost:,.0f} mm",
+                description=f"searching: {amount(state.cost, unit)}",
             )
 
         yield announce, searched
+
+
+def amount(cost: float, unit: str) -> str:
+    """Return what a search minimises as words: a travel in mm, or the time of all travels in s."""
+    return f"travels {cost:,.1f} s" if unit == "s" else f"travel {cost:,.0f} mm"
 
 
 ROWS = (

@@ -27,6 +27,20 @@ class Planner(StrEnum):
     HYBRID = "hybrid"
 
 
+class Objective(StrEnum):
+    """What the search minimises."""
+
+    TRAVEL = "travel"
+    TIME = "time"
+
+
+class Limits(StrEnum):
+    """Whose motion limits count where both state some."""
+
+    SOURCE = "source"
+    MACHINE = "machine"
+
+
 class ProcessOrder(StrEnum):
     """Whether touching contours of different roles keep the slicer's order."""
 
@@ -53,6 +67,17 @@ ProcessOption = Annotated[
     typer.Option(
         "--process-order", help="keep: perimeters before the infill they anchor; free: the paper's"
     ),
+]
+ObjectiveOption = Annotated[
+    Objective,
+    typer.Option(
+        "--objective",
+        help="travel: the length of travels; time: their time with retraction, lift and wipe",
+    ),
+]
+LimitsOption = Annotated[
+    Limits,
+    typer.Option("--limits", help="Motion limits: the source's where it states them, or ours"),
 ]
 TimeOption = Annotated[float, typer.Option("--time-limit", min=0.0, help="Search time, seconds")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Equal seeds give equal searches")]

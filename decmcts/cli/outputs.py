@@ -77,7 +77,8 @@ def header_lines(planned: Planned) -> list[str]:
     machine = planned.after.machine
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
-        f"planner {now['planner']}, freedom {now['freedom']}, seed {now['seed']}",
+        f"planner {now['planner']} for {now.get('objective', 'makespan')},"
+        f" freedom {now['freedom']}, seed {now['seed']}",
         f"extrusionless travel {bare(was):.1f} mm -> {bare(now):.1f} mm",
         f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
         "verified: every extrusion exactly once, no contact of head and print",

@@ -32,6 +32,8 @@ def plan(
     planner: opt.PlannerOption = opt.Planner.LOCAL,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
+    objective: opt.ObjectiveOption = opt.Objective.TRAVEL,
+    limits: opt.LimitsOption = opt.Limits.SOURCE,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     certificate: Annotated[
@@ -58,6 +60,8 @@ def plan(
         planner=planner.value,
         freedom=freedom.value,
         process_order=process_order.value,
+        objective=objective.value,
+        limits=limits.value,
         time_limit_s=time_limit,
         seed=seed,
         slicing=slicing,
@@ -85,6 +89,8 @@ def run_single(
     slicing: SliceOptions,
     quiet: bool,
     certificate: bool = False,
+    objective: str = "travel",
+    limits: str = "source",
 ) -> Planned:
     """Load, plan and verify for one head (the first, where the machine has several)."""
     name = machine or guess_machine(source) or "paper"
@@ -101,10 +107,17 @@ def run_single(
         chosen = single_head_machine(chosen, 0)
     with (
         interrupt_stops() as stop,
-        steps(quiet=quiet, time_limit_s=time_limit_s) as (announce, searched),
+        steps(
+            quiet=quiet, time_limit_s=time_limit_s, unit="s" if objective == "time" else "mm"
+        ) as (announce, searched),
     ):
         loaded = load(
-            source, chosen, process_order=process_order, options=slicing, announce=announce
+            source,
+            chosen,
+            process_order=process_order,
+            options=slicing,
+            announce=announce,
+            own_limits=limits == "source",
         )
         return plan_single(
             loaded,
@@ -114,6 +127,7 @@ def run_single(
             seed=seed,
             announce=announce,
             certificate=certificate,
+            objective=objective,
             progress=searched,
             stop=stop,
         )
@@ -137,7 +151,7 @@ def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
         err.print(note)
     title = (
         f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
-        f"planner {after['planner']}, seed {after['seed']}, verified"
+        f"planner {after['planner']} for {after['objective']}, seed {after['seed']}, verified"
     )
     out.print(gain_table(before, after, title))
     if line := bound_line(after):

@@ -26,6 +26,8 @@ def post(
     planner: opt.PlannerOption = opt.Planner.LOCAL,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
+    objective: opt.ObjectiveOption = opt.Objective.TRAVEL,
+    limits: opt.LimitsOption = opt.Limits.SOURCE,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
 ) -> None:
@@ -45,6 +47,8 @@ def post(
         planner=planner.value,
         freedom=freedom.value,
         process_order=process_order.value,
+        objective=objective.value,
+        limits=limits.value,
         time_limit_s=time_limit,
         seed=seed,
         slicing=SliceOptions(),

@@ -58,6 +58,14 @@ def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
     """
     if not entry.any():
         return contours
+    out, offsets = turned(contours, entry)
+    return replace(
+        contours, points=out.points, extrusion=out.extrusion, feed=out.feed, offsets=offsets
+    )
+
+
+def turned(contours: Contours, entry: NDArray[np.int32]) -> tuple[Turned, NDArray[np.int64]]:
+    """Return the arrays of `enter_at` with the source row of each segment, and the offsets."""
     room = len(contours.points) + int((entry > 0).sum())
     out, offsets = _room(room), np.empty(len(contours) + 1, np.int64)
     turn_loops(
@@ -65,10 +73,7 @@ def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
         np.ascontiguousarray(entry, np.int32), out, offsets,
     )  # fmt: skip
     m = int(offsets[-1])
-    return replace(
-        contours, points=out.points[:m], extrusion=out.extrusion[:m], feed=out.feed[:m],
-        offsets=offsets,
-    )  # fmt: skip
+    return Turned(out.points[:m], out.extrusion[:m], out.feed[:m], out.rows[:m]), offsets
 
 
 def traversal(contours: Contours, contour: int, entry: int) -> Turned:

@@ -169,6 +169,17 @@ def travel_feed(settings: ProcessSettings, limits: MotionLimits) -> float:
     return settings.travel_feed if settings.travel_feed > 0.0 else limits.travel_feed
 
 
+def travel_acceleration(settings: ProcessSettings, limits: MotionLimits) -> float:
+    """Return the acceleration of travels in mm/s²: the source's own, or the machine's."""
+    return settings.travel_acceleration or limits.travel_acceleration
+
+
+def level_travel(settings: ProcessSettings, limits: MotionLimits) -> tuple[float, float]:
+    """Return speed and acceleration that a level travel in any direction may have."""
+    feed, rate = travel_feed(settings, limits), travel_acceleration(settings, limits)
+    return min(feed, *limits.max_feed[:2]), min(rate, *limits.max_acceleration[:2])
+
+
 def filament_time(length_mm: float, feed: float, limits: MotionLimits) -> float:
     """Return the seconds it takes to push or pull filament at rest."""
     if length_mm <= 0.0:

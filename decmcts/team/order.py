@@ -19,10 +19,9 @@ from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times, retraction_time, travel_feed
+from decmcts.print.motion import job_times, level_travel, retraction_time
 from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.team.space import Space, require_printable
-from decmcts.team.timing import travel_acceleration
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +45,11 @@ class UnitOrder:
 def floor_of(job: PrintJob, machine: Machine, space: Space) -> Floor:
     """Return the machine as the scheduling kernels take it."""
     settings, limits = job.settings, machine.limits
-    feed = travel_feed(settings, limits)
-    acceleration = travel_acceleration(settings, limits)
+    feed, acceleration = level_travel(settings, limits)
     travel = np.array(
         [
-            min(feed, *limits.max_feed[:2]),
-            min(acceleration, *limits.max_acceleration[:2]),
+            feed,
+            acceleration,
             min(settings.z_feed or feed, limits.max_feed[2]),
             min(acceleration, limits.max_acceleration[2]),
             retraction_time(settings, limits, np.inf),

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.program import Habit, Segments, write_moves
 from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.loops import turned
 from decmcts.print.machine import MotionLimits
-from decmcts.print.motion import Program, limit_rows, travel_feed
+from decmcts.print.motion import Program, limit_rows, travel_acceleration, travel_feed
 
 
 def action_seconds(
@@ -43,8 +44,11 @@ def action_seconds(
     said = np.full(len(c.points), np.nan) if job.acceleration is None else job.acceleration
     rows, row = limit_rows(travelling, said)
     habit = habit_of(settings, limits)
-    segments = Segments(c.offsets, c.extrusion, c.feed, row, c.closed)
-    moves = write_moves(path, offsets, contour, flipped, entry, segments, habit)
+    entries = np.zeros(len(c), np.int32)
+    entries[contour[contour >= 0]] = entry[contour >= 0]
+    run, first = turned(c, entries)
+    segments = Segments(first, run.extrusion, run.feed, row[run.rows])
+    moves = write_moves(path, offsets, contour, flipped, segments, habit)
     m = int(moves.used[0])
     action = moves.action[:m]
     rest = np.diff(action, prepend=-1) != 0 if rests else np.zeros(m, np.bool_)
@@ -63,8 +67,3 @@ def habit_of(settings: ProcessSettings, limits: MotionLimits) -> Habit:
         settings.retract_mm - wiped, settings.retract_feed, settings.retract_mm,
         settings.unretract_feed, settings.wipe_mm, wiped, settings.wipe_feed or feed,
     )  # fmt: skip
-
-
-def travel_acceleration(settings: ProcessSettings, limits: MotionLimits) -> float:
-    """Return the acceleration of travels in mm/s²: the source's own, or the machine's."""
-    return settings.travel_acceleration or limits.travel_acceleration
