@@ -51,6 +51,19 @@ def steps(
         yield announce, searched
 
 
+def clock_time(seconds: float) -> str:
+    """Return a time as people read it.
+
+    Examples
+    --------
+    >>> clock_time(3725.4)
+    '1 h 02 min 05 s'
+    """
+    hours, rest = divmod(round(seconds), 3600)
+    minutes, left = divmod(rest, 60)
+    return f"{hours} h {minutes:02d} min {left:02d} s" if hours else f"{minutes} min {left:02d} s"
+
+
 def amount(cost: float, unit: str) -> str:
     """Return what a search minimises as words: a travel in mm, or the time of all travels in s."""
     return f"travels {cost:,.1f} s" if unit == "s" else f"travel {cost:,.0f} mm"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,9 @@ from decmcts.cli.pipeline import Planned
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.atomic import refuse_special
 from decmcts.formats.gcode import write_gcode, write_head_gcode
+from decmcts.formats.gcode.duration import print_time
 from decmcts.formats.gcode.source_text import save_text
+from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import write_plan
 from decmcts.print.machine import Machine
 from sim.faults import Verdict
@@ -85,7 +88,15 @@ def header_lines(planned: Planned) -> list[str]:
     ]
 
 
-def write_single(planned: Planned, path: Path) -> None:
+@dataclass(frozen=True, slots=True)
+class FileTimes:
+    """Estimated print times of whole files, start and end G-code included, in seconds."""
+
+    before_s: float | None  # of the source; None: it is no G-code
+    after_s: float
+
+
+def write_single(planned: Planned, path: Path) -> FileTimes:
     """Write the reordered G-code of a one-head plan, if it stands up to being read back.
 
     Raises
@@ -104,7 +115,19 @@ def write_single(planned: Planned, path: Path) -> None:
             header_lines=header_lines(planned),
         )
         require_sound(verify_written(draft, loaded.job, loaded.document, loaded.machine), path)
+        times = _file_times(planned, draft)
         save_text(draft.read_bytes(), path)
+    return times
+
+
+def _file_times(planned: Planned, draft: Path) -> FileTimes:
+    """Estimate what the source takes and what was made of it takes."""
+    source, limits = planned.loaded.path, planned.loaded.machine.limits
+    before = None
+    if source.suffix.lower() not in MESH_SUFFIXES:
+        before = print_time(source, limits, own_limits=planned.loaded.own_limits).total_s
+    after = print_time(draft, limits, own_limits=planned.loaded.own_limits).total_s
+    return FileTimes(before, after)
 
 
 def require_sound(verdict: Verdict, path: Path) -> None:

@@ -52,6 +52,7 @@ class Loaded:
     machine: Machine
     graph: DependencyGraph
     seconds: dict[str, float]  # time of each step
+    own_limits: bool = True  # the motion limits the source states count, not the machine's
 
     @property
     def problem(self) -> str:
@@ -116,7 +117,7 @@ def load(
     except InputError as error:  # these know the contours, not the file they came from
         raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
     seconds["graph"] = time.perf_counter() - started
-    return Loaded(path, job, document, chosen, graph, seconds)
+    return Loaded(path, job, document, chosen, graph, seconds, own_limits)
 
 
 def document_of(loaded: Loaded, plan: JointPlan, extra: dict[str, Any]) -> PlanDocument:

@@ -11,8 +11,9 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app, guess_machine, interrupt_stops
 from decmcts.cli.bound import bound_line
-from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
+from decmcts.cli.console import clock_time, err, gain_table, out, print_json, steps, summary_of
 from decmcts.cli.outputs import (
+    FileTimes,
     figures,
     refuse_other_suffixes,
     refuse_unwritable,
@@ -69,12 +70,13 @@ def plan(
         certificate=certificate,
     )
     started = time.perf_counter()
+    times: FileTimes | None = None
     with interrupt_stops():  # a first Ctrl-C lets everything be written
         if output is not None:
-            write_single(planned, output)
+            times = write_single(planned, output)
         planned.seconds["write"] = time.perf_counter() - started
         written = write_extras(planned, plan=plan_file, report=report, picture=picture)
-    show(planned, [*([output] if output else []), *written], as_json=as_json)
+    show(planned, [*([output] if output else []), *written], times, as_json=as_json)
 
 
 def run_single(
@@ -133,7 +135,9 @@ def run_single(
         )
 
 
-def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
+def show(
+    planned: Planned, written: list[Path], times: FileTimes | None = None, *, as_json: bool
+) -> None:
     """Print the summary, for a person or for a program."""
     before, after = planned.before.metrics, planned.after.metrics
     if as_json:
@@ -141,6 +145,11 @@ def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
             {
                 **figures(planned),
                 "gain": summary_of(before, after),
+                **(
+                    {"file_time_s": {"before": times.before_s, "after": times.after_s}}
+                    if times
+                    else {}
+                ),
                 "written": [str(path) for path in written],
             }
         )
@@ -156,5 +165,8 @@ def show(planned: Planned, written: list[Path], *, as_json: bool) -> None:
     out.print(gain_table(before, after, title))
     if line := bound_line(after):
         out.print(line, soft_wrap=True)
+    if times is not None and times.before_s is not None:
+        was, now = clock_time(times.before_s), clock_time(times.after_s)
+        out.print(f"print time of the whole file: {was} → {now}", soft_wrap=True)
     for path in written:
         out.print(f"wrote {path}", soft_wrap=True)

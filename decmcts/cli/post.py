@@ -54,5 +54,5 @@ def post(
         slicing=SliceOptions(),
         quiet=False,
     )
-    write_single(planned, path)
-    show(planned, [path], as_json=False)
+    times = write_single(planned, path)
+    show(planned, [path], times, as_json=False)
