@@ -138,9 +138,10 @@ def saved_table(rows: list[dict[str, str]]) -> str:
         was, now = float(r["time_before_s"]), float(r["time_after_s"])
         length = 1 - float(r["travel_after_mm"]) / float(r["travel_before_mm"])
         lines.append(
-            [r["model"], r["machine"], r["objective"], r["contours"], f"{100 * length:.1f}"]
-            + [f"{was:.0f}", f"{now:.0f}", f"{was - now:.0f}", f"{100 * (1 - now / was):.2f}"]
-            + [f"{float(r['file_before_s']):.0f}", f"{float(r['file_after_s']):.0f}"]
+            [r["model"], r["machine"], r["objective"], r["contours"]]
+            + [f"{100 * length:.1f}", *(f"{value:.0f}" for value in (was, now, was - now))]
+            + [f"{100 * (1 - now / was):.2f}"]
+            + [f"{float(r[k]):.0f}" for k in ("file_before_s", "file_after_s")]
         )
     head = ["model", "machine", "objective", "contours", "travel less %", "time before s",
             "after s", "saved s", "saved %", "file before s", "file after s"]  # fmt: skip

@@ -6,7 +6,6 @@ temperatures, homing and probing takes no time, as in the slicers' own estimates
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED, TOOL
-from decmcts.formats.gcode.limits import parameters, state_limits, stated_limits
+from decmcts.formats.gcode.limits import (
+    firmware_retraction,
+    parameters,
+    setting,
+    state_limits,
+    stated_limits,
+)
 from decmcts.formats.gcode.lines import Lines, split_lines
 from decmcts.formats.gcode.motion import Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
@@ -22,10 +27,8 @@ from decmcts.formats.gcode.state import Track, track_state
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program
 
-RETRACT_MM, RETRACT_FEED = 1.0, 40.0  # of firmware retraction nobody states
 _STOPS_G = (40, 280, 290, 920)  # G4, G28, G29, G92: moves end before them
 _STOPS_M = (0, 10, 250, 1090, 1160, 1900, 2260, 4000, 6000, 6010)
-_SETTING = rb"^; %s[ \t]*=[ \t]*([-+\d.,]+)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +96,7 @@ def file_program(
     place = motion.before[at]
     length, feed = np.zeros(len(at)), np.zeros(len(at))
     for k, n in enumerate(at.tolist()):
-        length[k], feed[k] = _firmware_retraction(lines, track, n, pull=bool(turned[n] > 0))
+        length[k], feed[k] = firmware_retraction(lines, track, n, pull=bool(turned[n] > 0))
     line = np.insert(motion.line, place, at)
     walls = np.sort(
         np.concatenate([_lines_of(lines, 71, _STOPS_G), _lines_of(lines, 77, _STOPS_M)])
@@ -112,31 +115,6 @@ def _lines_of(lines: Lines, letter: int, codes: tuple[int, ...]) -> NDArray[np.i
     return np.flatnonzero((lines.letter == letter) & np.isin(lines.code, codes)).astype(np.int64)
 
 
-def _firmware_retraction(
-    lines: Lines, track: Track, line: int, *, pull: bool
-) -> tuple[float, float]:
-    """Return filament moved (mm) and feed (mm/s) of a G10 or G11."""
-    state = int(track.at(line))
-    back = parameters(track.table.text(state, "retraction"))
-    forth = parameters(track.table.text(state, "unretraction"))
-    length = back.get("S", back.get("RETRACT_LENGTH", _setting(lines.text, b"retract_length")))
-    feed = back.get("F", 0.0) / 60.0 or back.get("RETRACT_SPEED", 0.0)
-    feed = feed or _setting(lines.text, b"retract_speed") or RETRACT_FEED
-    if not pull:
-        again = forth.get("F", 0.0) / 60.0 or back.get("UNRETRACT_SPEED", 0.0)
-        feed = again or _setting(lines.text, b"deretract_speed") or feed
-    return (-1.0 if pull else 1.0) * (length or RETRACT_MM), feed
-
-
-def _setting(text: bytes, name: bytes) -> float:
-    """Return the first value of a slicer's setting, 0 for none."""
-    match = re.search(_SETTING % name, text, re.M)
-    try:
-        return float(match[1].split(b",")[0]) if match else 0.0
-    except ValueError:
-        return 0.0
-
-
 def _dwell(lines: Lines, line: int) -> float:
     """Return the seconds of a G4: P in milliseconds or S in seconds."""
     given = parameters(lines.raw(line).decode("latin-1").split(";", 1)[0])
@@ -148,10 +126,10 @@ def _change_seconds(lines: Lines, motion: Motion) -> float:
 
     The first tool is loaded only: nothing is in the nozzle before.
     """
-    if not _setting(lines.text, b"single_extruder_multi_material"):
+    if not setting(lines.text, b"single_extruder_multi_material"):
         return 0.0  # a tool that keeps its filament loads nothing
-    load = _setting(lines.text, b"filament_load_time")
-    unload = _setting(lines.text, b"filament_unload_time")
+    load = setting(lines.text, b"filament_load_time")
+    unload = setting(lines.text, b"filament_unload_time")
     used = motion.modes[motion.line, TOOL][motion.extrusion > 0]
     changes = int(np.count_nonzero(np.diff(used)))
     return (changes + 1) * load + changes * unload

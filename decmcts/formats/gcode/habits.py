@@ -11,7 +11,7 @@ from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
 from decmcts._kernels.motion import TRAVELLING
 from decmcts.formats.gcode.document import Habits
 from decmcts.formats.gcode.grouping import Runs
-from decmcts.formats.gcode.limits import commanded
+from decmcts.formats.gcode.limits import commanded, firmware_retraction
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
 from decmcts.formats.gcode.state import Track
@@ -57,14 +57,21 @@ def infer_settings(
     length = np.linalg.norm(
         motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
     )
+    by_firmware = bool(firmware.sum() * 2 > max(1, pulled.sum()))
+    amount = float(np.median(owed[owed > PULLED])) if (owed > PULLED).any() else 0.0
+    feed, back = (_usual(motion.feed[gap & still & way]) for way in (pull, push))
+    if by_firmware:  # nothing is written of it; what the firmware was told counts
+        last = int(motion.line[runs.last[-1]])
+        amount, feed = firmware_retraction(lines, track, last, pull=True)
+        amount, back = -amount, firmware_retraction(lines, track, last, pull=False)[1]
     settings = ProcessSettings(
         travel_feed=_usual(motion.feed[travel], across[travel]),
-        retract_mm=float(np.median(owed[owed > PULLED])) if (owed > PULLED).any() else 0.0,
-        retract_feed=_usual(motion.feed[gap & still & pull]) or 40.0,
-        unretract_feed=_usual(motion.feed[gap & still & push]) or 40.0,
+        retract_mm=amount,
+        retract_feed=feed or 40.0,
+        unretract_feed=back or 40.0,
         retract_min_travel_mm=_threshold(length, pulled),
         hop_mm=_hop(motion, runs, pulled),
-        firmware_retraction=bool(firmware.sum() * 2 > max(1, pulled.sum())),
+        firmware_retraction=by_firmware,
         filament_diameter_mm=filament_mm,
         **_wipe(motion, runs, gap & ~still & pull, across, pulled),
         z_feed=_usual(motion.feed[upright]),

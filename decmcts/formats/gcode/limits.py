@@ -25,11 +25,15 @@ from decmcts._kernels.motion import (
     TRAVELLING,
 )
 from decmcts.formats.gcode.document import StateTable
+from decmcts.formats.gcode.lines import Lines
+from decmcts.formats.gcode.state import Track
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limit_row
 
 FASTEST = 2000.0  # mm/s; M203 beyond it counts in mm/min (RepRapFirmware)
 _SETTING = re.compile(rb"^; ((?:machine_|gcode_flavor)\w*)[ \t]*=[ \t]*([^\r\n]*)", re.M)
+RETRACT_MM, RETRACT_FEED = 1.0, 40.0  # of firmware retraction nobody states
+_ONE = rb"^; %s[ \t]*=[ \t]*([-+\d.,]+)"
 _PARAMETER = re.compile(r"([A-Z_]+)\s*=?\s*([-+]?\d*\.?\d+)")
 _AXES = "XYZE"
 _CORNER = math.sqrt(2.0) - 1.0  # square corner velocity to junction deviation (Klipper)
@@ -117,6 +121,31 @@ def parameters(text: str) -> dict[str, float]:
     words = text.split(maxsplit=1)
     found = _PARAMETER.findall(words[1].upper()) if len(words) > 1 else []
     return {key: float(value) for key, value in found}
+
+
+def firmware_retraction(
+    lines: Lines, track: Track, line: int, *, pull: bool
+) -> tuple[float, float]:
+    """Return filament moved (mm) and feed (mm/s) of a G10 or G11."""
+    state = int(track.at(line))
+    back = parameters(track.table.text(state, "retraction"))
+    forth = parameters(track.table.text(state, "unretraction"))
+    length = back.get("S", back.get("RETRACT_LENGTH", setting(lines.text, b"retract_length")))
+    feed = back.get("F", 0.0) / 60.0 or back.get("RETRACT_SPEED", 0.0)
+    feed = feed or setting(lines.text, b"retract_speed") or RETRACT_FEED
+    if not pull:
+        again = forth.get("F", 0.0) / 60.0 or back.get("UNRETRACT_SPEED", 0.0)
+        feed = again or setting(lines.text, b"deretract_speed") or feed
+    return (-1.0 if pull else 1.0) * (length or RETRACT_MM), feed
+
+
+def setting(text: bytes, name: bytes) -> float:
+    """Return the first value of a slicer's setting, 0 for none."""
+    match = re.search(_ONE % name, text, re.M)
+    try:
+        return float(match[1].split(b",")[0]) if match else 0.0
+    except ValueError:
+        return 0.0
 
 
 def _set(row: NDArray[np.float64], column: int, value: float, least: float = 1e-6) -> None:
