@@ -13,6 +13,7 @@ from shapely import LineString, MultiPoint
 from shapely.affinity import translate
 
 from decmcts.errors import InputError
+from decmcts.print.motion import filament_time
 from decmcts.print.plan import ActionKind, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.alone import one_head_toolpaths
@@ -184,14 +185,15 @@ def test_nothing_to_print(case_of: Callable[..., Any]) -> None:
 
 
 def test_one_contour_of_no_length(case_of: Callable[..., Any]) -> None:
-    """A dot of zero length is reached, printed in no time and left."""
+    """A dot of zero length is reached, its filament pushed, and left."""
     chosen = case_of([(50, 30, 0.5), (50, 30, 0.5)])
     plan = schedule(
         chosen.job, chosen.machine, chosen.graph, [Toolpath.as_sliced(1), Toolpath.as_sliced(0)]
     )
     kinds = [ActionKind.TRAVEL, ActionKind.PRINT, ActionKind.PARK]
     assert plan.heads[0].kind.tolist() == kinds
-    assert plan.heads[0].begin_s[1] == plan.heads[0].end_s[1]
+    pushed = filament_time(0.1, 40.0, chosen.machine.limits)
+    assert plan.heads[0].end_s[1] - plan.heads[0].begin_s[1] == pytest.approx(pushed)
 
 
 def test_a_head_in_the_way_steps_aside(case_of: Callable[..., Any]) -> None:
