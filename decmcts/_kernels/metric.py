@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 
 
 class Timed(NamedTuple):
-    """Travels priced in seconds: from rest to rest, and what a travel costs beyond its length."""
+    """Travels priced in seconds: upright and across, each from rest to rest, and what is extra."""
 
     points: NDArray[np.float64]  # (2n, 3) mm
-    speed: float  # mm/s
+    speed: float  # mm/s, level
     acceleration: float  # mm/s²
+    z_speed: float  # mm/s, upright
+    z_acceleration: float  # mm/s²
     hop_s: float  # for retraction, lift and their undoing, where the travel is long
-    free_mm: float  # up to this length a travel goes without them
+    free_mm: float  # up to this length (across and upright together) a travel goes without them
 
 
 class Matrix(NamedTuple):
@@ -45,16 +47,23 @@ def _length(points: Any, a: Any, b: Any) -> Any:
 
 
 @register_jitable
+def _ramped(length: Any, speed: Any, acceleration: Any) -> Any:
+    if length < speed * speed / acceleration:
+        return 2.0 * math.sqrt(length / acceleration)
+    return length / speed + speed / acceleration
+
+
+@register_jitable
 def _seconds(metric: Any, a: Any, b: Any) -> Any:
-    length = _length(metric.points, a, b)
-    if length <= 0.0:
-        return 0.0
-    ramp = metric.speed * metric.speed / metric.acceleration
-    if length < ramp:
-        moving = 2.0 * math.sqrt(length / metric.acceleration)
-    else:
-        moving = length / metric.speed + metric.speed / metric.acceleration
-    return moving + metric.hop_s if length > metric.free_mm else moving
+    points = metric.points
+    dx, dy = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1]
+    level, rise = math.sqrt(dx * dx + dy * dy), abs(points[a, 2] - points[b, 2])
+    seconds = 0.0
+    if level > 0.0:
+        seconds += _ramped(level, metric.speed, metric.acceleration)
+    if rise > 0.0:
+        seconds += _ramped(rise, metric.z_speed, metric.z_acceleration)
+    return seconds + metric.hop_s if level + rise > metric.free_mm else seconds
 
 
 @register_jitable

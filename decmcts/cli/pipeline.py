@@ -207,6 +207,8 @@ def plan_single(
         seconds["bound"] = time.perf_counter() - started
     announce("safe travels and times")
     plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
+    if objective == "time" and plan.makespan_s > before.plan.makespan_s:
+        plan = before.plan  # lifts the search does not see; never worse than the source
     extra = {
         "planner": planner,
         "objective": objective,

@@ -180,6 +180,13 @@ def level_travel(settings: ProcessSettings, limits: MotionLimits) -> tuple[float
     return min(feed, *limits.max_feed[:2]), min(rate, *limits.max_acceleration[:2])
 
 
+def upright_travel(settings: ProcessSettings, limits: MotionLimits) -> tuple[float, float]:
+    """Return speed and acceleration of travels in Z alone."""
+    feed = settings.z_feed or travel_feed(settings, limits)
+    rate = travel_acceleration(settings, limits)
+    return min(feed, limits.max_feed[2]), min(rate, limits.max_acceleration[2])
+
+
 def filament_time(length_mm: float, feed: float, limits: MotionLimits) -> float:
     """Return the seconds it takes to push or pull filament at rest."""
     if length_mm <= 0.0:

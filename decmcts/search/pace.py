@@ -1,6 +1,6 @@
 """What a travel costs in seconds: the source's habits under the machine's limits.
 
-The search prices a travel by its straight length alone (`decmcts._kernels.metric`);
+The search prices a travel by its two ends alone (`decmcts._kernels.metric`);
 how long a whole plan takes is `decmcts.team.timing`'s.
 """
 
@@ -10,7 +10,13 @@ import numpy as np
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import MotionLimits
-from decmcts.print.motion import level_travel, path_time, retraction_time, travel_feed
+from decmcts.print.motion import (
+    level_travel,
+    path_time,
+    retraction_time,
+    travel_feed,
+    upright_travel,
+)
 from decmcts.search.problem import Pace
 
 
@@ -22,9 +28,11 @@ def pace_of(job: PrintJob, limits: MotionLimits) -> Pace:
     not known before there is an order.
     """
     settings = job.settings
-    speed, acceleration = level_travel(settings, limits)
     hop_s = retraction_time(settings, limits, np.inf)
     if settings.hop_mm > 0.0:
         lift = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, settings.hop_mm]])
         hop_s += 2.0 * path_time(lift, settings.z_feed or travel_feed(settings, limits), limits)
-    return Pace(speed, acceleration, hop_s, settings.retract_min_travel_mm)
+    return Pace(
+        *level_travel(settings, limits), *upright_travel(settings, limits), hop_s,
+        settings.retract_min_travel_mm,
+    )  # fmt: skip

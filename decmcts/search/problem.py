@@ -25,14 +25,17 @@ Freedom = Literal["fixed", "reversible"]
 class Pace:
     """How fast travels go, for searches that minimise time."""
 
-    speed: float  # mm/s
+    speed: float  # mm/s, level
     acceleration: float  # mm/s², from rest and to rest
+    z_speed: float  # mm/s, upright; travels go up or down and across one after the other
+    z_acceleration: float  # mm/s²
     hop_s: float = 0.0  # retraction, lift and their undoing
     free_mm: float = 0.0  # travels up to this length go without them
 
     def __post_init__(self) -> None:
-        if not (self.speed > 0.0 and self.acceleration > 0.0):
-            raise ValueError(f"{self.speed} mm/s, {self.acceleration} mm/s²: expected above 0")
+        rates = (self.speed, self.acceleration, self.z_speed, self.z_acceleration)
+        if not min(rates) > 0.0:
+            raise ValueError(f"speeds and accelerations {rates}: expected above 0")
         if not (self.hop_s >= 0.0 and self.free_mm >= 0.0):
             raise ValueError(f"hop {self.hop_s} s, free {self.free_mm} mm: expected 0 or more")
 
@@ -113,20 +116,28 @@ class OrderProblem:
             return Matrix(np.ascontiguousarray(self.costs, np.float64))
         if self.pace is None:
             return self.ports()
-        pace = self.pace
-        return Timed(self.ports(), pace.speed, pace.acceleration, pace.hop_s, pace.free_mm)
+        return _timed(self.ports(), self.pace)
 
     def longest_hop(self) -> float:
         """Return the cost of the longest travel there can be."""
         if self.costs is not None:
             return float(self.costs.max(initial=0.0))
-        length = float(longest_hop(self.ports(), self.reversible))
+        ports = self.ports()
         if self.pace is None:
-            return length
-        pace, ends = self.pace, np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]])
-        timed = Timed(ends, pace.speed, pace.acceleration, pace.hop_s, pace.free_mm)
-        return float(distance(timed, 0, 1))
+            return float(longest_hop(ports, self.reversible))
+        rise = float(np.ptp(ports[:, 2])) if len(ports) else 0.0
+        ports[:, 2] = 0.0
+        level = float(longest_hop(ports, self.reversible))
+        ends = np.array([[0.0, 0.0, 0.0], [level, 0.0, rise]])
+        return float(distance(_timed(ends, self.pace), 0, 1))
 
     def ports(self) -> NDArray[np.float64]:
         """Return the endpoints as (2n, 3): port 2c is the start of contour c, 2c + 1 its end."""
         return np.ascontiguousarray(np.stack([self.start, self.end], axis=1).reshape(-1, 3))
+
+
+def _timed(points: NDArray[np.float64], pace: Pace) -> Timed:
+    return Timed(
+        points, pace.speed, pace.acceleration, pace.z_speed, pace.z_acceleration, pace.hop_s,
+        pace.free_mm,
+    )  # fmt: skip

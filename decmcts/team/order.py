@@ -19,7 +19,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times, level_travel, retraction_time
+from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
 from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.team.space import Space, require_printable
 
@@ -50,8 +50,7 @@ def floor_of(job: PrintJob, machine: Machine, space: Space) -> Floor:
         [
             feed,
             acceleration,
-            min(settings.z_feed or feed, limits.max_feed[2]),
-            min(acceleration, limits.max_acceleration[2]),
+            *upright_travel(settings, limits),
             retraction_time(settings, limits, np.inf),
             settings.retract_min_travel_mm,
         ]

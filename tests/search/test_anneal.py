@@ -56,7 +56,7 @@ def test_changes_are_true_for_seconds_and_bare_costs(seed: int, n: int, timed: b
     """The same moves serve other objectives; a formula mixed up would mislead them."""
     problem = random_problem(seed, n, density=0.1)
     if timed:
-        problem = replace(problem, pace=Pace(100.0, 1500.0, hop_s=0.3, free_mm=2.0))
+        problem = replace(problem, pace=Pace(100.0, 1500.0, 20.0, 300.0, hop_s=0.3, free_mm=2.0))
     else:
         costs = np.random.default_rng(seed).integers(0, 100, (n, n)).astype(np.float64)
         problem = replace(problem, costs=costs, reversible=np.zeros(n, np.bool_))
@@ -76,13 +76,14 @@ def plain_cost(problem: OrderProblem, tour: Tour) -> float:
             continue
         leave = problem.start[a] if tour.flip[a] else problem.end[a]
         enter = problem.end[b] if tour.flip[b] else problem.start[b]
-        length, pace = float(np.linalg.norm(enter - leave)), problem.pace
+        pace = problem.pace
         assert pace is not None
-        peak = min(pace.speed, (length * pace.acceleration) ** 0.5)
-        if length > 0.0:
-            total += 2 * peak / pace.acceleration
-            total += (length - peak**2 / pace.acceleration) / peak
-            total += pace.hop_s * (length > pace.free_mm)
+        level, rise = float(np.hypot(*(enter - leave)[:2])), float(abs(enter - leave)[2])
+        upright = (pace.z_speed, pace.z_acceleration)
+        for length, speed, rate in ((level, pace.speed, pace.acceleration), (rise, *upright)):
+            peak = min(speed, (length * rate) ** 0.5)
+            total += 2 * peak / rate + (length / peak - peak / rate if peak else 0.0)
+        total += pace.hop_s * (level + rise > pace.free_mm)
     return total
 
 
