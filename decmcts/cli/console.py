@@ -65,7 +65,9 @@ def clock_time(seconds: float) -> str:
 
 
 def amount(cost: float, unit: str) -> str:
-    """Return what a search minimises as words: a travel in mm, or the time of all travels in s."""
+    """Return what a search minimises as words: a travel in mm, times in s, or bare costs ("")."""
+    if unit == "":
+        return f"cost {cost:,.10g}"
     return f"travels {cost:,.1f} s" if unit == "s" else f"travel {cost:,.0f} mm"
 
 

@@ -49,7 +49,10 @@ class ProcessOrder(StrEnum):
 
 
 Input = Annotated[
-    Path, typer.Argument(help="G-code (.gcode, .gcode.gz) or mesh (.stl, .3mf, .obj)")
+    Path,
+    typer.Argument(
+        help="G-code (.gcode, .gcode.gz), mesh (.stl, .3mf, .obj); `plan`: SOP (.sop, .sop.gz)"
+    ),
 ]
 MachineOption = Annotated[
     str | None,

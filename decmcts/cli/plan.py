@@ -21,8 +21,10 @@ from decmcts.cli.outputs import (
     write_single,
 )
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
+from decmcts.cli.sop import plan_sop, refuse_for_sop
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
+from decmcts.formats.sop import is_sop
 
 
 @app.command()
@@ -49,7 +51,11 @@ def plan(
     density: opt.Density = 0.2,
     perimeters: opt.Perimeters = 2,
 ) -> None:
-    """Find a better order for one head and write it, verified."""
+    """Find a better order for one head and write it, verified; or solve a bare SOP."""
+    if is_sop(source):
+        refuse_for_sop(machine=machine, plan=plan_file, report=report, picture=picture)
+        plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        return
     refuse_unwritable([output, plan_file, report, picture], source)
     refuse_other_suffixes(plan_file, report, picture)
     slicing = SliceOptions(

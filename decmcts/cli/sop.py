@@ -1,0 +1,131 @@
+"""`decmcts plan X.sop`: a bare sequential ordering problem, from file to tour."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from decmcts.cli.app import interrupt_stops
+from decmcts.cli.console import out, print_json, steps
+from decmcts.cli.outputs import refuse_unwritable
+from decmcts.errors import InputError, VerificationError
+from decmcts.formats.sop import SopInstance, read_sop, write_tour
+from decmcts.search.sop import SopResult, solve_sop
+
+
+def refuse_for_sop(**given: Any) -> None:
+    """Raise InputError for an option that means nothing to a bare problem."""
+    for name, value in given.items():
+        if value is not None:
+            raise InputError(
+                f"--{name} means nothing for a .sop file: it has costs, but no contours or heads",
+                advice="leave it out",
+            )
+
+
+def plan_sop(
+    source: Path, output: Path | None, *, time_limit_s: float, seed: int, as_json: bool
+) -> None:
+    """Solve `source` and write the tour to `output`, or to X.tour beside X.sop."""
+    target = output or source.with_name(re.sub(r"\.sop(\.gz)?$", "", source.name, flags=re.I))
+    if output is None:
+        target = target.with_name(target.name + ".tour")
+    refuse_unwritable([target], source)
+    seconds: dict[str, float] = {}
+    with (
+        interrupt_stops() as stop,
+        steps(quiet=as_json, time_limit_s=time_limit_s, unit="") as (announce, told),
+    ):
+        announce(f"reading {source.name}")
+        started = time.perf_counter()
+        instance = read_sop(source)
+        seconds["read"] = time.perf_counter() - started
+        announce(f"searching ({len(instance)} nodes, {time_limit_s:g} s)")
+        compile_search()
+        started = time.perf_counter()
+        try:
+            found = solve_sop(
+                instance.costs,
+                instance.precedence,
+                time_limit_s=time_limit_s,
+                seed=seed,
+                progress=told,
+                stop=stop,
+            )
+        except InputError as error:  # it knows the nodes, not the file they came from
+            raise InputError(error.what, path=source, advice=error.advice) from error
+        seconds["plan"] = time.perf_counter() - started
+        require_sound(instance, found)
+        write_tour(target, name=instance.name, order=found.order, cost=found.cost)
+    show(source, instance, found, seconds, target, as_json=as_json)
+
+
+def compile_search() -> None:
+    """Solve a small problem, so that compiling is off the clock."""
+    rng = np.random.default_rng(0)
+    costs = rng.integers(1, 100, (12, 12)).astype(np.float64)
+    nothing = np.empty((0, 2), np.int32)
+    solve_sop(costs, nothing, time_limit_s=60.0, max_iterations=20_000)
+
+
+def require_sound(instance: SopInstance, found: SopResult) -> None:
+    """Raise VerificationError unless the result is what it says it is.
+
+    The instance as read is the measure: each node once, no constraint broken, the
+    cost as claimed.
+    """
+    position = np.empty(len(instance), np.int64)
+    position[found.order] = np.arange(len(instance))
+    a, b = instance.precedence.T
+    cost = float(instance.costs[found.order[:-1], found.order[1:]].sum())
+    if not (
+        np.array_equal(np.sort(found.order), np.arange(len(instance)))
+        and (position[a] < position[b]).all()
+        and abs(cost - found.cost) <= 1e-6 * (1.0 + cost)
+    ):
+        raise VerificationError("the search returned a wrong sequence; nothing was written")
+
+
+def show(
+    source: Path,
+    instance: SopInstance,
+    found: SopResult,
+    seconds: dict[str, float],
+    target: Path,
+    *,
+    as_json: bool,
+) -> None:
+    """Print the result, for a person or for a program."""
+    if as_json:
+        print_json(
+            {
+                "input": str(source),
+                "nodes": len(instance),
+                "cost": found.cost,
+                "bound": found.bound,
+                "optimal": found.optimal,
+                "found_by": found.found_by,
+                "found_at_s": float(found.history[-1, 0]),
+                "iterations": found.iterations,
+                "seconds": {name: round(value, 3) for name, value in seconds.items()},
+                "seed": found.seed,
+                "verified": True,
+                "written": [str(target)],
+            }
+        )
+        return
+    if found.optimal:
+        proven = "proven optimal"
+    else:
+        above = f", at most {100 * (found.cost / found.bound - 1):.1f} % above optimal"
+        proven = f"bound {found.bound:,.10g}" + (above if found.bound > 0.0 else "")
+    out.print(
+        f"{source.name}: {len(instance)} nodes, cost {found.cost:,.10g}, {proven} "
+        f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified",
+        soft_wrap=True,
+    )
+    out.print(f"wrote {target}", soft_wrap=True)

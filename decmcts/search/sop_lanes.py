@@ -1,0 +1,233 @@
+"""Beam search and annealing side by side: who does what on which of two threads.
+
+Work comes in slices. Within one the threads share nothing; between them, on the
+calling thread, what was found goes to the incumbent and roles may change. So
+results depend on the seed and the sizes of the slices only, not on the pace of
+the threads.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.anneal import anneal
+from decmcts._kernels.moves import Tour
+from decmcts._kernels.random import seeded
+from decmcts.search.annealing import Cooling, tour_of
+from decmcts.search.assignment import Assignment
+from decmcts.search.beam import Beam
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.neighbours import near_ports
+from decmcts.search.precedence import Precedence
+
+FOUND_BY = ("start", "beam", "annealing")
+_SLICE_S = 0.15
+_SLICES = 400  # of a search that is limited by iterations
+_LARGEST_SLICE = 4_000_000
+_LAG = 4  # the beam from the worse end is so many times narrower
+_CYCLES = (0.03, 0.08, 0.15, 0.25, 0.4, 0.55, 0.75, 0.98)  # ends of annealings, shares
+_HOT = (1.0, 0.3, 2.0)  # in turn; multiples of the mean reduced cost of near steps
+_COLD = 0.01
+_NEAR = 12
+_CHANGES = ((0.15, 0.05), (0.35, 0.005))  # share spent, lead with which annealing gets both threads
+
+
+@dataclass(slots=True)
+class BeamLane:
+    """Beams from one end or both; the one that found less goes on narrower."""
+
+    beams: list[Beam]
+    bound: float  # what to add to reduced costs
+    least_gain: float  # costs differ by more than this
+    best: float = np.inf  # cost of the best sequence this lane has found
+    exhausted: bool = False  # nothing better is left
+    below: float = np.inf  # sequences have to cost less
+    name: str = "beam"
+    _found: list[NDArray[np.int64]] = field(default_factory=list)  # since the last meeting
+    _bests: list[float] = field(default_factory=list)  # by beam
+
+    def __post_init__(self) -> None:
+        self._bests = [np.inf for _ in self.beams]
+
+    @property
+    def leader(self) -> Beam:
+        """The beam that found the cheapest sequence."""
+        return self.beams[int(np.argmin(self._bests))]
+
+    def work(self, quota: int, spent: float) -> int:
+        """Step the beams whose turn it is; return how many beginnings were looked at."""
+        seen = 0
+        while seen < quota and not self.exhausted:
+            turn = self._turn()
+            beam = self.beams[turn]
+            seen += beam.step(quota - seen, self.below - self.bound - self.least_gain)
+            self.exhausted = beam.exhausted
+            if beam.found is not None:
+                cost = beam.found_cost + self.bound
+                self._bests[turn] = min(self._bests[turn], cost)
+                self.best, self.below = min(self.best, cost), min(self.below, cost)
+                self._found.append(beam.found)
+        return seen
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer what runs have found; from now on look below the incumbent only."""
+        for order in self._found:
+            _offer(incumbent, order.astype(np.int32), self.name)
+        self._found = []
+        self.below = min(self.below, incumbent.cost)
+
+    def _turn(self) -> int:
+        """Return which beam goes on: the narrowest, with a handicap for the worse."""
+        least = min(self._bests)
+        widths = [
+            beam.width * (_LAG if best > least else 1)
+            for beam, best in zip(self.beams, self._bests, strict=True)
+        ]
+        return int(np.argmin(widths))
+
+
+@dataclass(slots=True)
+class AnnealLane:
+    """Annealing after annealing from the best sequence, some hot, some warm."""
+
+    tour: Tour
+    near: NDArray[np.int32]  # (2n, k) successors to try
+    scale: float  # mean reduced cost of those
+    state: NDArray[np.uint64]  # (1,)
+    turn: int  # which heat comes first
+    best: float = np.inf
+    name: str = "annealing"
+    _began: float = 0.0
+    _until: float = 0.0
+
+    def work(self, quota: int, spent: float) -> int:
+        """Make `quota` proposals at the temperature of this part of the budget."""
+        share = (spent - self._began) / (self._until - self._began)
+        cooling = Cooling(_HOT[self.turn % len(_HOT)] * self.scale, _COLD * self.scale)
+        anneal(self.tour, self.state, cooling.at(share), quota)
+        return quota
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer the sequence at hand; start anew from the best where an annealing is over."""
+        self.best = min(self.best, float(self.tour.after.sum()))
+        _offer(incumbent, self.tour.order, self.name)
+        spent = incumbent.spent
+        if spent >= self._until:
+            self._began, self._until = spent, min((e for e in _CYCLES if e > spent), default=1.01)
+            self.tour = tour_of(incumbent, self.near)
+            self.turn += 1
+
+
+Lane = BeamLane | AnnealLane
+
+
+@dataclass(frozen=True, slots=True)
+class Race:
+    """One problem's two searches, and the rules by which they share the threads."""
+
+    incumbent: Incumbent
+    precedence: Precedence
+    assignment: Assignment
+    seed: int
+    least_gain: float  # costs differ by more than this
+
+    def run(self) -> float:
+        """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
+        incumbent, pace = self.incumbent, _Pace.of(self.incumbent)
+        lanes: list[Lane] = [self._beams(), self._annealer(0)]
+        changes = list(_CHANGES)
+        with ThreadPoolExecutor(len(lanes)) as pool:
+            while True:
+                stop = incumbent.tick(pace.slice(pool, lanes, incumbent))
+                for lane in lanes:
+                    lane.meet(incumbent)
+                if self._proven(lanes):
+                    return incumbent.cost
+                if stop:
+                    return self.assignment.bound
+                if changes and incumbent.spent >= changes[0][0]:
+                    lead = changes.pop(0)[1]
+                    lanes = self._handed_over(lanes, lead, last=not changes)
+
+    def _proven(self, lanes: list[Lane]) -> bool:
+        """Say whether nothing better than the incumbent is left."""
+        exhausted = any(isinstance(lane, BeamLane) and lane.exhausted for lane in lanes)
+        return exhausted or self.incumbent.cost - self.assignment.bound < self.least_gain
+
+    def _handed_over(self, lanes: list[Lane], lead: float, *, last: bool) -> list[Lane]:
+        """Return the lanes, the loser's thread given to the winner.
+
+        Annealing needs a clear lead, since beams find most towards the end.
+        """
+        beams, annealer = lanes
+        margin = lead * self.incumbent.cost
+        if not (isinstance(beams, BeamLane) and isinstance(annealer, AnnealLane)):
+            return lanes
+        if annealer.best + self.least_gain + margin < beams.best:
+            return [self._annealer(1), annealer]
+        if last and beams.best + self.least_gain < annealer.best:
+            return [beams, self._beams(beams.leader)]
+        return lanes
+
+    def _beams(self, like: Beam | None = None) -> BeamLane:
+        """Return a lane of beams from both ends, or of one like another but noisy."""
+        ends = (False, True) if like is None else (like.backward,)
+        reduced, noisy = self.assignment.reduced, like is not None
+        beams = [
+            Beam(reduced, self.precedence, self.seed + noisy, backward=end, noisy=noisy)
+            for end in ends
+        ]
+        lane = BeamLane(beams, self.assignment.bound, self.least_gain)
+        lane.meet(self.incumbent)
+        return lane
+
+    def _annealer(self, number: int) -> AnnealLane:
+        """Return a lane that anneals from the best sequence."""
+        problem = self.incumbent.problem
+        near = near_ports(replace(problem, costs=self.assignment.reduced), width=_NEAR)
+        into = near[1::2]
+        steps = np.take_along_axis(self.assignment.reduced, np.maximum(into >> 1, 0), axis=1)
+        scale = max(float(steps[into >= 0].mean()), self.least_gain)
+        state = seeded(2 * self.seed + number)
+        lane = AnnealLane(tour_of(self.incumbent, near), near, scale, state, number)
+        lane.meet(self.incumbent)
+        return lane
+
+
+@dataclass(slots=True)
+class _Pace:
+    """How large the slices are: about equally long, or a set share of the iterations."""
+
+    quotas: list[int]
+    timed: bool
+
+    @staticmethod
+    def of(incumbent: Incumbent) -> _Pace:
+        limit = incumbent.budget.iterations
+        share = 20_000 if limit is None else max(limit // (2 * _SLICES), 1)
+        return _Pace([min(share, _LARGEST_SLICE)] * 2, limit is None)
+
+    def slice(self, pool: ThreadPoolExecutor, lanes: list[Lane], incumbent: Incumbent) -> int:
+        """Let each lane work once; return the iterations made."""
+        spent = incumbent.spent
+
+        def work(lane: int) -> int:
+            began = incumbent.seconds
+            made = lanes[lane].work(self.quotas[lane], spent)
+            if self.timed:
+                speed = made / max(incumbent.seconds - began, 1e-6)
+                most = min(4.0 * self.quotas[lane], _LARGEST_SLICE)
+                self.quotas[lane] = int(min(max(_SLICE_S * speed, 1000.0), most))
+            return made
+
+        return sum(pool.map(work, range(len(lanes))))
+
+
+def _offer(incumbent: Incumbent, order: NDArray[np.int32], name: str) -> None:
+    """Offer a sequence and note who found it."""
+    if incumbent.offer(order, incumbent.flip):
+        incumbent.notes["found_by"] = FOUND_BY.index(name)
