@@ -61,15 +61,23 @@ def _prices(table: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np
 def patched(
     costs: NDArray[np.float64], possible: NDArray[np.bool_], following: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return a sequence: the circles of an assignment joined, the two largest at a time.
+    """Return a sequence made of an assignment's circles.
 
     It starts with node 0 and ends with n − 1 but may break precedence.
     """
-    n = len(costs)
-    dear = 1.0 + 2.0 * n * float(costs.max(initial=0.0))
-    table = np.where(possible, costs, dear)
-    table[:, 0] = table[n - 1] = dear * n
-    table[n - 1, 0] = 0.0
+    return join_circles(np.where(possible, costs, np.inf), following)
+
+
+def join_circles(table: NDArray[np.float64], following: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a sequence: the circles of an assignment joined, the two largest at a time.
+
+    `table` (n, n) holds costs, infinite for impossible steps.
+    """
+    n = len(table)
+    dear = 1.0 + 2.0 * n * float(table.max(initial=0.0, where=np.isfinite(table)))
+    prices = np.where(np.isfinite(table), table, dear)
+    prices[:, 0] = prices[n - 1] = dear * n
+    prices[n - 1, 0] = 0.0
     after = following.copy()
     while True:
         links = csr_array((np.ones(n), (np.arange(n), after)), shape=(n, n))
@@ -78,8 +86,8 @@ def patched(
             break
         first, second = np.argsort(-np.bincount(label), kind="stable")[:2]
         a, b = np.flatnonzero(label == first), np.flatnonzero(label == second)
-        joined = table[np.ix_(a, after[b])] + table[np.ix_(b, after[a])].T
-        joined -= table[a, after[a]][:, None] + table[b, after[b]][None, :]
+        joined = prices[np.ix_(a, after[b])] + prices[np.ix_(b, after[a])].T
+        joined -= prices[a, after[a]][:, None] + prices[b, after[b]][None, :]
         i, j = np.unravel_index(int(np.argmin(joined)), joined.shape)
         after[a[i]], after[b[j]] = after[b[j]], after[a[i]]
     order = np.zeros(n, np.int64)

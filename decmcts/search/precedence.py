@@ -43,6 +43,10 @@ class Precedence:
             np.ascontiguousarray(self.direct.T[::-1, ::-1]),
         )
 
+    def repaired(self, wish: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return the linear extension that takes what is first in `wish` of what may come."""
+        return wish[_linear_extension(self.direct[np.ix_(wish, wish)])].astype(np.int32)
+
     @staticmethod
     def of(n: int, pairs: NDArray[np.int32]) -> Precedence:
         """Return (m, 2) rows (a, b), a before b, renumbered, closed and reduced. O(n · m).

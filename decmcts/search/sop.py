@@ -1,22 +1,21 @@
 """The bare sequential ordering problem: a cost matrix and precedence, nothing else.
 
-Two searches share the best sequence. Beam search (dense precedence, and prints:
-often to proven optimality) goes from both ends; annealing with the planners' own
-moves (sparse precedence) starts from the assignment's patched circles and from
-what the beam found. Both see costs reduced by the assignment's prices: as a
-measure between beginnings of sequences, and for lists of near successors. They
-run side by side on two threads, in slices that meet: the one that falls behind
-hands its thread over to the other.
+Three searches share the best sequence, each strong where the others are not.
+Beam search, from both ends: dense precedence, and prints. Branch and bound over
+assignments: next to no precedence. Annealing with the planners' own moves: all
+between. The first two often prove that nothing is cheaper. All see costs reduced
+by the assignment's prices: a fair measure between beginnings of sequences, and
+between near successors. They run on two threads, in slices that meet: the one
+that falls behind hands its thread over.
 
 References
 ----------
 Escudero 1988 (the problem); Libralesso et al. 2020 (beam search); Gambardella &
-Dorigo 2000 (moves).
+Dorigo 2000 (moves); Carpaneto & Toth 1980 (branch and bound).
 """
 
 from __future__ import annotations
 
-import heapq
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,7 +41,7 @@ class SopResult:
     bound: float  # no sequence costs less; equals `cost` where that is proven optimal
     iterations: int  # beginnings looked at and moves proposed
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
-    found_by: str  # "beam", "annealing" or "start"
+    found_by: str  # "start", "beam", "annealing" or "assignments"
     seed: int
 
     @property
@@ -179,27 +178,9 @@ def _search(
     costs = incumbent.problem.costs
     assert costs is not None
     wish = patched(costs, precedence.possible, assignment.following)
-    incumbent.offer(_repaired(wish, precedence), incumbent.flip)
+    incumbent.offer(precedence.repaired(wish), incumbent.flip)
     if len(costs) <= 3 or incumbent.tick():
         return incumbent.cost if len(costs) <= 3 else assignment.bound
     whole = bool((costs == np.rint(costs)).all())
     least_gain = 0.5 if whole else 1e-9 * (1.0 + float(costs.max()))
     return Race(incumbent, precedence, assignment, seed, least_gain).run()
-
-
-def _repaired(wish: NDArray[np.int64], precedence: Precedence) -> NDArray[np.int32]:
-    """Return the sequence that takes the node wished for first among those that may come."""
-    rank = np.empty(len(wish), np.int64)
-    rank[wish] = np.arange(len(wish))
-    missing = precedence.direct.sum(axis=0)
-    ready = [(int(rank[a]), int(a)) for a in np.flatnonzero(missing == 0)]
-    heapq.heapify(ready)
-    order = []
-    while ready:
-        _, node = heapq.heappop(ready)
-        order.append(node)
-        following = np.flatnonzero(precedence.direct[node])
-        missing[following] -= 1
-        for freed in following[missing[following] == 0]:
-            heapq.heappush(ready, (int(rank[freed]), int(freed)))
-    return np.array(order, np.int32)

@@ -1,4 +1,4 @@
-"""Beam search and annealing side by side: who does what on which of two threads.
+"""Beam search, annealing and branch and bound: who does what on which of two threads.
 
 Work comes in slices. Within one the threads share nothing; between them, on the
 calling thread, what was found goes to the incumbent and roles may change. So
@@ -15,25 +15,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.anneal import anneal
+from decmcts._kernels.metric import Matrix
 from decmcts._kernels.moves import Tour
 from decmcts._kernels.random import seeded
 from decmcts.search.annealing import Cooling, tour_of
 from decmcts.search.assignment import Assignment
+from decmcts.search.assignment_tree import AssignmentTree
 from decmcts.search.beam import Beam
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
 from decmcts.search.precedence import Precedence
 
-FOUND_BY = ("start", "beam", "annealing")
+FOUND_BY = ("start", "beam", "annealing", "assignments")
 _SLICE_S = 0.15
 _SLICES = 400  # of a search that is limited by iterations
 _LARGEST_SLICE = 4_000_000
 _LAG = 4  # the beam from the worse end is so many times narrower
-_CYCLES = (0.03, 0.08, 0.15, 0.25, 0.4, 0.55, 0.75, 0.98)  # ends of annealings, shares
+_CYCLES = (0.15, 0.25, 0.4, 0.55, 0.75, 0.98)  # ends of annealings, shares
 _HOT = (1.0, 0.3, 2.0)  # in turn; multiples of the mean reduced cost of near steps
 _COLD = 0.01
 _NEAR = 12
-_CHANGES = ((0.15, 0.05), (0.35, 0.005))  # share spent, lead with which annealing gets both threads
+_CHANGES = ((0.08, 0.0), (0.2, 0.05), (0.4, 0.005))  # shares spent; lead annealing needs there
+_LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
 @dataclass(slots=True)
@@ -122,12 +125,52 @@ class AnnealLane:
             self.turn += 1
 
 
-Lane = BeamLane | AnnealLane
+@dataclass(slots=True)
+class TreeLane:
+    """Branch and bound over assignments; its wishes are repaired."""
+
+    tree: AssignmentTree
+    costs: NDArray[np.float64]  # (n, n)
+    bound: float  # what to add to reduced costs
+    least_gain: float
+    best: float = np.inf
+    below: float = np.inf
+    name: str = "assignments"
+    _found: NDArray[np.int32] | None = None
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether nothing better is left."""
+        return self.tree.exhausted
+
+    def work(self, quota: int, spent: float) -> int:
+        """Branch; an assignment counts as about as many units as it takes time."""
+        unit, made = max(len(self.costs) ** 2 // 4, 1), self.tree.made
+        while (self.tree.made - made) * unit < quota:
+            wish = self.tree.step(self.below - self.bound - self.least_gain)
+            if wish is None:
+                break
+            order = self.tree.precedence.repaired(wish)
+            cost = float(self.costs[order[:-1], order[1:]].sum())
+            self.best = min(self.best, cost)
+            if cost < self.below:
+                self.below, self._found = cost, order
+        return 1 + (self.tree.made - made) * unit
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer the best repaired wish; from now on look below the incumbent only."""
+        if self._found is not None:
+            _offer(incumbent, self._found, self.name)
+            self._found = None
+        self.below = min(self.below, incumbent.cost)
+
+
+Lane = BeamLane | AnnealLane | TreeLane
 
 
 @dataclass(frozen=True, slots=True)
 class Race:
-    """One problem's two searches, and the rules by which they share the threads."""
+    """One problem's three searches, and the rules by which they share two threads."""
 
     incumbent: Incumbent
     precedence: Precedence
@@ -138,40 +181,59 @@ class Race:
     def run(self) -> float:
         """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
         incumbent, pace = self.incumbent, _Pace.of(self.incumbent)
-        lanes: list[Lane] = [self._beams(), self._annealer(0)]
-        changes = list(_CHANGES)
+        changes, bound = list(_CHANGES), self.assignment.bound
+        large = len(incumbent.problem) > _LARGEST_TREE
+        lanes: list[Lane] = [self._beams(), self._annealer(0) if large else self._tree()]
         with ThreadPoolExecutor(len(lanes)) as pool:
             while True:
                 stop = incumbent.tick(pace.slice(pool, lanes, incumbent))
                 for lane in lanes:
                     lane.meet(incumbent)
-                if self._proven(lanes):
+                bound = max(bound, *map(self._bound, lanes))
+                if incumbent.cost - bound < self.least_gain:
                     return incumbent.cost
                 if stop:
-                    return self.assignment.bound
+                    return bound
                 if changes and incumbent.spent >= changes[0][0]:
                     lead = changes.pop(0)[1]
                     lanes = self._handed_over(lanes, lead, last=not changes)
 
-    def _proven(self, lanes: list[Lane]) -> bool:
-        """Say whether nothing better than the incumbent is left."""
-        exhausted = any(isinstance(lane, BeamLane) and lane.exhausted for lane in lanes)
-        return exhausted or self.incumbent.cost - self.assignment.bound < self.least_gain
+    def _bound(self, lane: Lane) -> float:
+        """Return what a lane has proven: no sequence costs less."""
+        if isinstance(lane, AnnealLane):
+            return -np.inf
+        if lane.exhausted:
+            return self.incumbent.cost
+        if isinstance(lane, TreeLane):
+            return min(self.assignment.bound + lane.tree.bound, self.incumbent.cost)
+        return -np.inf
 
     def _handed_over(self, lanes: list[Lane], lead: float, *, last: bool) -> list[Lane]:
-        """Return the lanes, the loser's thread given to the winner.
+        """Return the lanes: annealing for the tree, later the loser's thread for the winner.
 
         Annealing needs a clear lead, since beams find most towards the end.
         """
-        beams, annealer = lanes
-        margin = lead * self.incumbent.cost
-        if not (isinstance(beams, BeamLane) and isinstance(annealer, AnnealLane)):
+        beams, other = lanes
+        if isinstance(other, TreeLane):
+            return [beams, self._annealer(0)]
+        if not (isinstance(beams, BeamLane) and isinstance(other, AnnealLane)):
             return lanes
-        if annealer.best + self.least_gain + margin < beams.best:
-            return [self._annealer(1), annealer]
-        if last and beams.best + self.least_gain < annealer.best:
+        margin = lead * self.incumbent.cost
+        if other.best + self.least_gain + margin < beams.best:
+            return [self._annealer(1), other]
+        if last and beams.best + self.least_gain < other.best:
             return [beams, self._beams(beams.leader)]
         return lanes
+
+    def _tree(self) -> TreeLane:
+        """Return a lane of branch and bound."""
+        reduced, costs = self.assignment.reduced, self.incumbent.metric
+        assert isinstance(costs, Matrix)
+        table = np.where(self.precedence.possible, reduced, np.inf)
+        tree = AssignmentTree(table, self.precedence)
+        lane = TreeLane(tree, costs.costs, self.assignment.bound, self.least_gain)
+        lane.meet(self.incumbent)
+        return lane
 
     def _beams(self, like: Beam | None = None) -> BeamLane:
         """Return a lane of beams from both ends, or of one like another but noisy."""

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from decmcts.errors import InputError
 from decmcts.search.assignment import assign, patched
+from decmcts.search.assignment_tree import AssignmentTree
 from decmcts.search.beam import Beam
 from decmcts.search.precedence import Precedence
 from decmcts.search.sop import solve_sop
@@ -26,6 +27,23 @@ def random_sop(
         costs = rng.random((n, n)) ** 3
     pairs = np.argwhere(np.triu(rng.random((n, n)) < density, 1))
     return costs, rng.permutation(n).astype(np.int32)[pairs].reshape(-1, 2)
+
+
+def ended(seed: int, n: int, density: float) -> tuple[Precedence, np.ndarray]:
+    """Return a problem whose node 0 is first and n - 1 last, and its costs."""
+    costs, pairs = random_sop(seed, n, density)
+    ends = [(0, k) for k in range(1, n)] + [(k, n - 1) for k in range(n - 1)]
+    forward = [(a, b) for a, b in np.sort(pairs, axis=1) if a < b]
+    precedence = Precedence.of(n, np.array(forward + ends, np.int32))
+    costs = costs[np.ix_(precedence.original, precedence.original)]
+    np.fill_diagonal(costs, 0.0)
+    return precedence, costs
+
+
+def respects_pairs(order: np.ndarray, pairs: np.ndarray) -> bool:
+    """Say whether a sequence of all nodes keeps the precedence."""
+    place = np.argsort(order)
+    return bool((place[pairs[:, 0]] < place[pairs[:, 1]]).all()) and len(order) == place.max() + 1
 
 
 def cheapest(costs: np.ndarray, pairs: np.ndarray) -> float:
@@ -63,18 +81,12 @@ def test_small_instances_are_solved_and_proven(
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 7), density=st.sampled_from([0.0, 0.3]))
 def test_the_assignment_bounds_and_prices_every_sequence(seed: int, n: int, density: float) -> None:
     """The beam prunes by it, and the result's bound is it: it must hold to the last unit."""
-    costs, pairs = random_sop(seed, n, density)
-    ends = [(0, k) for k in range(1, n)] + [(k, n - 1) for k in range(n - 1)]
-    forward = [(a, b) for a, b in np.sort(pairs, axis=1) if a < b]
-    precedence = Precedence.of(n, np.array(forward + ends, np.int32))
-    costs = costs[np.ix_(precedence.original, precedence.original)]
-    np.fill_diagonal(costs, 0.0)
+    precedence, costs = ended(seed, n, density)
     assignment = assign(costs, precedence.possible)
     assert (assignment.reduced >= 0.0).all()
     for middle in itertools.permutations(range(1, n - 1)):
         order = np.array([0, *middle, n - 1])
-        place = np.argsort(order)
-        if (place[precedence.pairs[:, 0]] < place[precedence.pairs[:, 1]]).all():
+        if respects_pairs(order, precedence.pairs):
             real = costs[order[:-1], order[1:]].sum()
             reduced = assignment.reduced[order[:-1], order[1:]].sum()
             assert real == pytest.approx(assignment.bound + reduced)
@@ -104,17 +116,13 @@ def test_closure_and_reduction_are_those_of_the_definition(seed: int, n: int) ->
 @pytest.mark.parametrize("backward", [False, True])
 def test_a_narrow_beam_is_feasible_and_a_wide_one_exact(backward: bool) -> None:
     """From both ends, and in small steps, the beam must come to the same optimum."""
-    costs, pairs = random_sop(11, 12, 0.25)
-    ends = [(0, k) for k in range(1, 12)] + [(k, 11) for k in range(11)]
-    forward = [(a, b) for a, b in np.sort(pairs, axis=1) if a < b]
-    precedence = Precedence.of(12, np.array(forward + ends, np.int32))
+    precedence, costs = ended(11, 12, 0.25)
     beam = Beam(costs, precedence, seed=3, backward=backward)
     bests = []
     while not beam.exhausted:
         beam.step(7, np.inf)
         if beam.found is not None:
-            place = np.argsort(beam.found)
-            assert (place[precedence.pairs[:, 0]] < place[precedence.pairs[:, 1]]).all()
+            assert respects_pairs(beam.found, precedence.pairs)
             assert beam.found_cost == costs[beam.found[:-1], beam.found[1:]].sum()
             bests.append(beam.found_cost)
     assert beam.width > 8
@@ -122,6 +130,28 @@ def test_a_narrow_beam_is_feasible_and_a_wide_one_exact(backward: bool) -> None:
     exact = solve_sop(costs, precedence.pairs, time_limit_s=60.0)
     assert exact.optimal
     assert bests[-1] == exact.cost
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1), n=st.integers(2, 7), density=st.sampled_from([0.0, 0.1, 0.4])
+)
+def test_branch_and_bound_alone_is_exact(seed: int, n: int, density: float) -> None:
+    """Its bound ends searches: a branch cut off wrongly would be a wrong proof."""
+    precedence, costs = ended(seed, n, density)
+    assignment = assign(costs, precedence.possible)
+    table = np.where(precedence.possible, assignment.reduced, np.inf)
+    tree, best = AssignmentTree(table, precedence), np.inf
+    for _ in range(1000):
+        assert assignment.bound + tree.bound <= max(cheapest(costs, precedence.pairs), best) + 1e-9
+        wish = tree.step(best - assignment.bound - 0.5)
+        if wish is None:
+            break
+        order = precedence.repaired(wish)
+        assert respects_pairs(order, precedence.pairs)
+        best = min(best, costs[order[:-1], order[1:]].sum())
+    assert tree.exhausted
+    assert best == cheapest(costs, precedence.pairs)
 
 
 def test_equal_seeds_and_iterations_give_equal_results() -> None:
