@@ -4,13 +4,14 @@
 
 First every file of the corpus that names an estimate (PrusaSlicer and its
 relatives, Cura, ideaMaker, ...), in this process; then each model of `--saved` is
-planned for travel and for time. Writes docs/results/print_time.csv (estimates),
-print_time_saved.csv (a row a run, resumable), print_time.md and print_time.png.
+planned for travel and for time. Writes docs/results/print_time.csv (a row a file) and
+print_time_saved.csv (a row a run), both resumable, print_time.md and print_time.png.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import statistics
 import tempfile
@@ -53,36 +54,33 @@ def maker(path: Path) -> str:
     return next((m for m in MAKERS if name.startswith(m.lower())), PRUSA)
 
 
-def estimates(root: Path) -> list[dict[str, Any]]:
-    """Return a row a file that names an estimate."""
-    text_time(b"G1 X1 E1 F600\n", MotionLimits())  # compiles, off the clock
-    rows = []
-    for path in sorted(root.glob("**/*.gcode.gz")):
-        text = load_text(path)
-        due = stated(text)
-        if not due:
-            continue
-        started = time.perf_counter()
-        try:
-            found = text_time(text, MotionLimits(), path=path)
-        except InputError as error:
-            print(error)
-            continue
-        rows.append(
-            {
-                "file": str(path.relative_to(root)).removesuffix(".gcode.gz"),
-                "slicer": maker(path),
-                "stated_s": due,
-                "motion_s": round(found.motion_s, 1),
-                "dwell_s": round(found.dwell_s, 1),
-                "change_s": round(found.change_s, 1),
-                "error_percent": round(100 * (found.total_s / due - 1), 3),
-                "moves": len(found.seconds),
-                "seconds": round(time.perf_counter() - started, 2),
-            }
-        )
-        print(*(f"{k}={v}" for k, v in rows[-1].items()), flush=True)
-    return rows
+def estimate(path: Path, root: Path) -> dict[str, Any] | None:
+    """Return the row of a file, or None where no estimate stands in it."""
+    text = load_text(path)
+    due = stated(text)
+    if not due:
+        return None
+    started = time.perf_counter()
+    try:
+        found = text_time(text, MotionLimits(), path=path)
+    except InputError as error:
+        print(error)
+        return None
+    return {
+        "file": name_of(path, root),
+        "slicer": maker(path),
+        "stated_s": due,
+        "motion_s": round(found.motion_s, 1),
+        "dwell_s": round(found.dwell_s, 1),
+        "change_s": round(found.change_s, 1),
+        "error_percent": round(100 * (found.total_s / due - 1), 3),
+        "moves": len(found.seconds),
+        "seconds": round(time.perf_counter() - started, 2),
+    }
+
+
+def name_of(path: Path, root: Path) -> str:
+    return str(path.relative_to(root)).removesuffix(".gcode.gz")
 
 
 def save(model: str, machine: str, objective: str, options: argparse.Namespace) -> dict[str, Any]:
@@ -107,11 +105,13 @@ def save(model: str, machine: str, objective: str, options: argparse.Namespace) 
     }
 
 
-def quantities(errors: list[float]) -> tuple[float, float, float, float]:
+def quantities(errors: list[float]) -> list[str]:
     """Return median and nine-in-ten size of the errors, the least and the most."""
     sizes = sorted(map(abs, errors))
-    nine = sizes[int(0.9 * (len(sizes) - 1))]
-    return statistics.median(sizes), nine, min(errors), max(errors)
+    nine = sizes[math.ceil(0.9 * (len(sizes) - 1))]
+    return [f"{statistics.median(sizes):.2f}", f"{nine:.2f}"] + [
+        f"{value:+.2f}" for value in (min(errors), max(errors))
+    ]
 
 
 def spread(rows: list[dict[str, Any]]) -> str:
@@ -121,8 +121,7 @@ def spread(rows: list[dict[str, Any]]) -> str:
         errors = [float(r["error_percent"]) for r in rows if r["slicer"] == name]
         if errors:
             lines.append(
-                [name, str(len(errors))]
-                + [f"{value:+.2f}" for value in (statistics.median(errors), *quantities(errors))]
+                [name, str(len(errors)), f"{statistics.median(errors):+.2f}", *quantities(errors)]
             )
     head = ["slicer", "files", "median error %", "median \\|error\\| %", "9 in 10 below %",
             "least %", "most %"]  # fmt: skip
@@ -179,6 +178,15 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def compare(root: Path, rows: Rows) -> None:
+    """Add the rows that are not there yet."""
+    text_time(b"G1 X1 E1 F600\n", MotionLimits())  # compiles, off the clock
+    for path in sorted(root.glob("**/*.gcode.gz")):
+        if not rows.has(file=name_of(path, root)) and (row := estimate(path, root)):
+            rows.append(row)
+            print(*(f"{k}={v}" for k, v in row.items()), flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--saved", default=SAVED)
@@ -188,10 +196,7 @@ def main() -> None:
     options = parser.parse_args()
     compared = Rows(RESULTS / "print_time.csv", ("file",))
     if not options.table_only:
-        compared.path.unlink(missing_ok=True)
-        compared.rows = []
-        for row in estimates(corpus()):
-            compared.append(row)
+        compare(corpus(), compared)
     saved = Rows(RESULTS / "print_time_saved.csv", KEY)
     for model in [] if options.table_only else filter(None, options.saved.split(",")):
         for machine in options.machines.split(","):
@@ -200,11 +205,11 @@ def main() -> None:
                 if not saved.has(**dict(zip(KEY, key, strict=True))):
                     saved.append(save(model, machine, objective, options))
                     print(*(f"{k}={v}" for k, v in saved.rows[-1].items()), flush=True)
-    text = f"# Print time\n\n{setting()}\n\nRepeat: `python benchmarks/print_time.py`.\n\n"
+    text = f"# Print time\n\n{setting(seed=0)}\n\nRepeat: `python benchmarks/print_time.py`.\n\n"
     text += "## The estimate against the slicer's own\n\n"
     text += spread(compared.rows) + NOTES + "\n![errors](print_time.png)\n\n"
     text += f"## What `--objective time` saves\n\n{SAVED_NOTES}\n" + saved_table(saved.rows)
-    text += "\n## All files\n\n" + all_files(compared.rows)
+    text += "\n## All files\n\n" + all_files(sorted(compared.rows, key=lambda r: r["file"]))
     (RESULTS / "print_time.md").write_text(text)
     plot(compared.rows, RESULTS / "print_time.png")
 
@@ -212,7 +217,9 @@ def main() -> None:
 NOTES = """
 Limits are the file's own; where it has none, those of no particular machine
 (docs/machine-format.md), so only PrusaSlicer and its relatives are comparable.
-Dwells (G4) are counted here and not by PrusaSlicer.
+Dwells (G4) are counted here and not by PrusaSlicer. What changing tools and colours
+takes is mostly in the slicer's head and not in the file: prints that do (Bambu's two
+colours, PrusaSlicer's XL and MMU, the Klipper file for T1) are the outliers.
 """
 SAVED_NOTES = """Planner `local`, process order kept, freedom reversible, seed 0, against the
 slicer's order with the same travels made safe; times of the print as planned, and of whole

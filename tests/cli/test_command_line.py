@@ -53,6 +53,24 @@ def test_json_is_all_there_is_on_standard_output(tmp_path, capsys):
     assert said.err == ""
 
 
+def test_time_as_the_objective_is_named_and_never_worse(tmp_path, capsys):
+    """The summary says what was minimised, and that a bound on travel proves nothing about it."""
+    source, made = tmp_path / "part.gcode", tmp_path / "out.gcode"
+    source.write_text(gcode("M204 P700\nM203 X55\n" + SQUARE))
+    words = ["plan", str(source), "--machine", "paper", "--time-limit", "0.1", "--json"]
+    assert run([*words, "--objective", "time", "-o", str(made)]) == 0
+    said = json.loads(capsys.readouterr().out)
+    before, after = said["before"], said["after"]
+    assert after["objective"] == "time"
+    assert after["print_time_s"] <= before["print_time_s"]
+    assert after["bound_mm"] is None and "travel" in after["bound_skipped"]
+    assert said["file_time_s"]["before"] > 0.0 and said["file_time_s"]["after"] > 0.0
+    assert " for time," in made.read_text()
+    assert run([*words, "--limits", "machine"]) == 0
+    fast = json.loads(capsys.readouterr().out)
+    assert fast["before"]["print_time_s"] < before["print_time_s"]  # M203 X55 is left out
+
+
 def test_steps_are_lines_where_nobody_watches(capsys):
     """A log file wants the steps, no blank lines and no spinner."""
     with steps(quiet=False) as (announce, _):

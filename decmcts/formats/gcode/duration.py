@@ -124,7 +124,7 @@ def _dwell(lines: Lines, line: int) -> float:
 def _change_seconds(lines: Lines, motion: Motion) -> float:
     """Return the seconds of loading and unloading filament, as the settings say.
 
-    The first tool is loaded only: nothing is in the nozzle before.
+    The first change finds nothing to unload, as PrusaSlicer counts.
     """
     if not setting(lines.text, b"single_extruder_multi_material"):
         return 0.0  # a tool that keeps its filament loads nothing
@@ -132,4 +132,4 @@ def _change_seconds(lines: Lines, motion: Motion) -> float:
     unload = setting(lines.text, b"filament_unload_time")
     used = motion.modes[motion.line, TOOL][motion.extrusion > 0]
     changes = int(np.count_nonzero(np.diff(used)))
-    return (changes + 1) * load + changes * unload
+    return changes * load + max(0, changes - 1) * unload

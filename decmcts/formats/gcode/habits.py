@@ -59,16 +59,14 @@ def infer_settings(
     )
     by_firmware = bool(firmware.sum() * 2 > max(1, pulled.sum()))
     amount = float(np.median(owed[owed > PULLED])) if (owed > PULLED).any() else 0.0
-    feed, back = (_usual(motion.feed[gap & still & way]) for way in (pull, push))
-    if by_firmware:  # nothing is written of it; what the firmware was told counts
-        last = int(motion.line[runs.last[-1]])
-        amount, feed = firmware_retraction(lines, track, last, pull=True)
-        amount, back = -amount, firmware_retraction(lines, track, last, pull=False)[1]
+    feeds = tuple(_usual(motion.feed[gap & still & way]) or 40.0 for way in (pull, push))
+    if by_firmware:
+        amount, feeds = _told_to_firmware(lines, track, int(motion.line[runs.last[-1]]))
     settings = ProcessSettings(
         travel_feed=_usual(motion.feed[travel], across[travel]),
         retract_mm=amount,
-        retract_feed=feed or 40.0,
-        unretract_feed=back or 40.0,
+        retract_feed=feeds[0],
+        unretract_feed=feeds[1],
         retract_min_travel_mm=_threshold(length, pulled),
         hop_mm=_hop(motion, runs, pulled),
         firmware_retraction=by_firmware,
@@ -84,6 +82,12 @@ def infer_settings(
         resets_e=_occurs(lines, motion, runs, 71, 920),
         progress=_occurs(lines, motion, runs, 77, 730),
     )
+
+
+def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
+    """Return length, and feeds back and forth, of firmware retraction: moves don't show them."""
+    pull, push = (firmware_retraction(lines, track, line, pull=way) for way in (True, False))
+    return -pull[0], (pull[1], push[1])
 
 
 def _usual_acceleration(
