@@ -11,7 +11,7 @@ from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
 from decmcts._kernels.motion import TRAVELLING
 from decmcts.formats.gcode.document import Habits
 from decmcts.formats.gcode.grouping import Runs
-from decmcts.formats.gcode.limits import commanded, firmware_retraction
+from decmcts.formats.gcode.limits import commanded, firmware_retraction, stated_limits
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
 from decmcts.formats.gcode.state import Track
@@ -74,7 +74,7 @@ def infer_settings(
         **_wipe(motion, runs, gap & ~still & pull, across, pulled),
         z_feed=_usual(motion.feed[upright]),
         travel_acceleration=_usual_acceleration(
-            motion, track, travel, np.linalg.norm(delta, axis=1)
+            lines, motion, track, travel, np.linalg.norm(delta, axis=1)
         ),
     )
     return settings, Habits(
@@ -91,10 +91,15 @@ def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tup
 
 
 def _usual_acceleration(
-    motion: Motion, track: Track, travel: NDArray[np.bool_], length: NDArray[np.float64]
+    lines: Lines,
+    motion: Motion,
+    track: Track,
+    travel: NDArray[np.bool_],
+    length: NDArray[np.float64],
 ) -> float:
     """Return the acceleration most travel is made with as commands set it, 0 for none."""
-    said = commanded(track.table, TRAVELLING)[track.at(motion.line[travel])]
+    stated = stated_limits(lines.text)
+    said = commanded(track.table, TRAVELLING, stated)[track.at(motion.line[travel])]
     known = ~np.isnan(said)
     return _usual(said[known], length[travel][known])
 

@@ -111,9 +111,9 @@ def state_limits(
     return np.asarray(np.minimum(rows, ceiling)[back.ravel()])
 
 
-def commanded(states: StateTable, column: int) -> NDArray[np.float64]:
+def commanded(states: StateTable, column: int, stated: MotionLimits) -> NDArray[np.float64]:
     """Return what commands set one column of the limits to in each state, NaN: nothing, (n,)."""
-    return np.asarray(state_limits(states, MotionLimits.unsaid())[:, column])
+    return np.asarray(state_limits(states, MotionLimits.unsaid(), stated)[:, column])
 
 
 def parameters(text: str) -> dict[str, float]:

@@ -5,7 +5,6 @@ Composes the modules beside it; the meaning of lines is in `dialect`.
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -137,13 +136,14 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         float(motion.extruder[first, 2]), motion.decimals, habits,
     )  # fmt: skip
     name = Path(path).name.removesuffix(".gz").rsplit(".", 1)[0]
-    said = commanded(parsed.track.table, PRINTING)[point_state]
+    stated = stated_limits(lines.text)
+    said = commanded(parsed.track.table, PRINTING, stated)[point_state]
     unsaid = bool(np.isnan(said).all())
-    usual = math.nan if unsaid else float(np.nanmedian(said))
-    limits = replace(
-        _limits(parsed, first),
-        acceleration=usual, travel_acceleration=settings.travel_acceleration or math.nan,
-    )  # fmt: skip
+    limits = _limits(parsed, first, stated)
+    if not unsaid:
+        limits = replace(limits, acceleration=float(np.nanmedian(said)))
+    if settings.travel_acceleration > 0.0:
+        limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text), _notes(parsed, blocks),
         limits, None if unsaid else said,
@@ -151,9 +151,8 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
     return job, document
 
 
-def _limits(parsed: _Parsed, line: int) -> MotionLimits:
+def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
     """Return the limits the file states: its settings, and its commands above `line`."""
-    stated = stated_limits(parsed.lines.text)
     row = state_limits(parsed.track.table, stated, stated)[int(parsed.track.at(line))]
     return limits_of(row)
 

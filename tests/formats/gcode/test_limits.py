@@ -113,6 +113,17 @@ def test_senseless_values_change_nothing():
     assert parameters("M204") == {}
 
 
+def test_settings_reach_the_job_where_no_command_speaks(read):
+    """A file with settings only is planned with their accelerations, not the machine's."""
+    text = "G1 X0 Y0 F6000\nG1 X9 E1 F1200\nM107\n" + SETTINGS.decode()
+    job, _ = read(text, start="G28\nG90\nM83\n;LAYER_CHANGE\n;Z:0.2\n")
+    assert job.limits.acceleration == 1500.0
+    assert job.limits.travel_acceleration == 1700.0
+    assert job.acceleration is None
+    job, _ = read("M204 P5000\n" + text, start="G28\nG90\nM83\n;LAYER_CHANGE\n;Z:0.2\n")
+    assert job.acceleration is not None and np.nanmax(job.acceleration) == 1500.0
+
+
 def test_a_job_carries_the_limits_and_each_segments_acceleration(read):
     """What the planner needs of all this: limits of the machine, M204 by segment."""
     text = "M204 P800 T2000\nG1 X0 Y0 F6000\nG1 X9 E1 F1200\nM204 P500\nG1 X20 F6000\nG1 X29 E1\n"
