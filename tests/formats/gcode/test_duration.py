@@ -96,14 +96,15 @@ def estimate(text: bytes) -> float:
 
 @pytest.mark.slow
 @pytest.mark.slicers
-@pytest.mark.parametrize("flavor", ["marlin", "marlin2", "klipper"])
+@pytest.mark.parametrize("flavor", ["marlin", "marlin2", "reprapfirmware"])
 def test_prusaslicers_own_estimate(tmp_path, flavor):
     """The examples' plate as PrusaSlicer slices it now: within 2 % of what it says itself."""
     if shutil.which("prusa-slicer") is None:
         pytest.skip("prusa-slicer is not installed (apt-get install prusa-slicer)")
     out = tmp_path / "plate.gcode"
     words = ["--load", str(ROOT / "examples/prusa_slicer.ini"), "--gcode-flavor", flavor]
-    words += ["--default-acceleration", "1000", "--external-perimeter-acceleration", "600"]
+    words += ["--default-acceleration", "1000", "--perimeter-acceleration", "600"]
+    words += ["--first-layer-acceleration", "400", "--machine-limits-usage", "emit_to_gcode"]
     words += ["--retract-lift", "0.3", "-g", "-o", str(out), str(ROOT / "examples/four_nuts.stl")]
     subprocess.run(["prusa-slicer", *words], check=True, capture_output=True, timeout=120)
     text = load_text(out)
