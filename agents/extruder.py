@@ -106,6 +106,7 @@ def arguments() -> argparse.ArgumentParser:
     parser.add_argument("source", type=Path, nargs="?", help="G-code or mesh to plan")
     parser.add_argument("--machine", default="dual-gantry", help="preset or file")
     parser.add_argument("--process-order", choices=("keep", "free"), default="keep")
+    parser.add_argument("--no-quality", action="store_true", help="shells in any order")
     parser.add_argument("--pack", type=Path, help="folder with the problem, instead of a source")
     parser.add_argument("--expect", default="", help="digest the problem must have")
     parser.add_argument("--head", type=int, required=True, help="index of this head")
@@ -150,7 +151,9 @@ def _team_planner(given: argparse.Namespace) -> Planner:
     if given.pack is not None:
         pack = read_pack(given.pack)
     elif given.source is not None:
-        pack = load_source(given.source, given.machine, given.process_order)
+        pack = load_source(
+            given.source, given.machine, given.process_order, quality=not given.no_quality
+        )
     else:
         raise InputError("no print given", advice="name a file, or a folder with --pack")
     if not 0 <= given.head < len(pack.machine.heads):

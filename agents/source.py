@@ -18,8 +18,13 @@ from decmcts.formats.machine_file import check_fits, load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
 
 
-def load_source(path: Path, machine: str, process_order: Literal["keep", "free"]) -> Pack:
+def load_source(
+    path: Path, machine: str, process_order: Literal["keep", "free"], *, quality: bool = True
+) -> Pack:
     """Read G-code or slice a mesh, and build its dependency graph.
+
+    With `quality` shells and what is anchored in them keep their order, but for
+    the paper's machine, which knows of no beads.
 
     Raises
     ------
@@ -41,5 +46,6 @@ def load_source(path: Path, machine: str, process_order: Literal["keep", "free"]
         clearance_mm=chosen.clearance_mm,
         bead_width=chosen.bead_width,
         process_order=process_order,
+        quality=quality and chosen.bead_width,
     )
     return Pack(job, chosen, graph)

@@ -22,7 +22,7 @@ KEY = ("file", "limit_s")
 def plan(path: Path, machine: str, limit: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         out = f"{folder}/out.gcode"
-        return measured(["plan", str(path), "-o", out, "--machine", machine,
+        return measured(["plan", str(path), "-o", out, "--machine", machine, "--no-quality",
                          "--time-limit", f"{limit:g}"])  # fmt: skip
 
 
@@ -74,7 +74,11 @@ def main() -> None:
                       r["barriers"], r["reason"]])  # fmt: skip
     head = ["file", "slicer", "outcome", "machine", "contours", "travel less %", "barriers", "why"]
     said = setting(
-        note=options.note, planner="local", time_limit=f"{options.time_limit:g} s", seed=0
+        note=options.note,
+        planner="local",
+        quality="none",
+        time_limit=f"{options.time_limit:g} s",
+        seed=0,
     )
     text = f"# Dialects: real files of many slicers\n\n{said}\n\nRepeat: "
     text += "`python benchmarks/dialects.py`. A refused file is refused with the line shown; "

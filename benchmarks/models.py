@@ -24,6 +24,7 @@ def run(path: Path, key: dict[str, Any]) -> dict[str, Any]:
         arguments = ["plan", str(path), "-o", f"{folder}/out.gcode", "--machine", key["machine"]]
         arguments += ["--planner", key["planner"], "--time-limit", str(key["limit_s"])]
         arguments += ["--freedom", key["freedom"], "--process-order", key["process"]]
+        arguments += ["--no-quality"]  # `free` is geometry only; what quality costs: quality.py
         result = measured([*arguments, "--seed", str(key["seed"])])
     return {**key, **figures_of(result)}
 
@@ -138,7 +139,7 @@ def main() -> None:
                 rows.append(run(path, key))
                 print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
     done = sorted(rows.rows, key=lambda r: (int(r["contours"] or 0), r["machine"]))
-    said = setting(note=options.note,
+    said = setting(note=options.note, quality="none",
                    planner="local", freedom="reversible", process_order="keep",
                    time_limit=f"{options.time_limit:g} s", seed=0)  # fmt: skip
     text = f"# All models, one head\n\n{said}\n\nRepeat: `python benchmarks/models.py`. "

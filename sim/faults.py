@@ -24,6 +24,7 @@ class FaultKind(Enum):
     INELIGIBLE = "ineligible head"
     DEADLOCK = "deadlock"
     TIMES = "nominal times"
+    COOLING = "printed over too soon"
     EXTRUSION = "extrusion"
     FEED = "feed"
     STATE = "machine state"

@@ -60,7 +60,10 @@ def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
         first, last = int(lane.path_offsets[a]), int(lane.path_offsets[a + 1])
         if len(due) == last - first - 1:  # a wrong path is reported elsewhere
             feed[first + 1 : last] = np.where(due > 0, due, limits.travel_feed)
-    return arrival_times(lane.path, lane.path_offsets, feed, prints, limits)
+    arrivals = arrival_times(lane.path, lane.path_offsets, feed, prints, limits)
+    waits = np.nonzero(lane.kind == ActionKind.WAIT)[0]
+    arrivals[lane.path_offsets[waits + 1] - 1] += lane.end_s[waits] - lane.begin_s[waits]
+    return arrivals
 
 
 def _print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:

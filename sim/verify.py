@@ -18,6 +18,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
+from sim.cooling import check_cooling
 from sim.epochs import check_epochs, check_file_epochs
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.file_contacts import check_file_material
@@ -95,7 +96,9 @@ def verify_plan(
         faults += _or_undecided(lambda: check_material(document, lanes, order, counts))
         faults += check_heads(document, lanes, order)
         faults += check_rail(document, lanes, order)
-        faults += check_replays(document, lanes, order, counts, trials=trials, seed=seed)
+        arrivals = [arrivals_of(document, lane) for lane in lanes]
+        faults += check_cooling(document, lanes, arrivals)
+        faults += check_replays(document, lanes, order, arrivals, counts, trials=trials, seed=seed)
     counts["seconds"] = time.perf_counter() - started
     return Verdict(tuple(faults), counts)
 
@@ -303,13 +306,13 @@ def check_replays(
     document: PlanDocument,
     lanes: tuple[HeadActions, ...],
     order: PartialOrder,
+    arrivals: list[NDArray[np.float64]],
     counts: dict[str, float],
     *,
     trials: int,
     seed: int,
 ) -> list[Fault]:
     """Move the heads through nominal, random and adversarial timings and count contacts."""
-    arrivals = [arrivals_of(document, lane) for lane in lanes]
     contacts: list[Meeting] = []
     breaks: list[Meeting] = []
     for name, factors in timing_factors(lanes, trials, seed):

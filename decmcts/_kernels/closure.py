@@ -28,7 +28,7 @@ from decmcts._kernels.clearance import (
 from decmcts._kernels.jit import kernel
 
 WORD = 64
-GEOMETRY, PROCESS, STATE = 1, 2, 3  # decmcts.feasibility.graph.EdgeKind
+GEOMETRY, STATE = 1, 3  # decmcts.feasibility.graph.EdgeKind
 TOUCH_MM = 0.05  # beads nearer than this touch
 NO_EDGE = -1
 ALL = np.uint64(2**64 - 1)
@@ -41,7 +41,8 @@ class Rules(NamedTuple):
     role: NDArray[np.int8]  # (n,)
     epoch: NDArray[np.int32]  # (n,) non-decreasing
     width: NDArray[np.float64]  # (n,) mm
-    keep: bool  # touching contours of different roles keep their order
+    touching: NDArray[np.uint8]  # (roles, roles) kind of edge between touching contours, 0: none
+    keep: bool  # whether any entry of `touching` is not 0
 
 
 class Words(NamedTuple):
@@ -149,10 +150,11 @@ def required(
         return STATE
     if blocking_polygon(beads, b, a, head, quad) >= 0:
         return GEOMETRY
-    if rules.keep and rules.layer[a] == rules.layer[b] and rules.role[a] != rules.role[b]:
+    kind = rules.touching[rules.role[a], rules.role[b]]
+    if kind and rules.layer[a] == rules.layer[b]:
         gap = (rules.width[a] + rules.width[b]) / 2 + TOUCH_MM
         if touches(beads, a, b, gap):
-            return PROCESS
+            return int(kind)
     return 0
 
 
@@ -238,7 +240,7 @@ def walk_contour(
     pairs and a call that hands over all the arrays costs more than they do.
     """
     row, boxes, reach = rows[b - first], beads.boxes, scratch.reach
-    epoch, layer, role, keep = rules.epoch, rules.layer, rules.role, rules.keep
+    epoch, layer, role, touching = rules.epoch, rules.layer, rules.role, rules.touching
     fill_reach(beads, head, b, reach)
     last = min(b, first + rows.shape[1] * WORD)
     for w in range((last - 1 - first) // WORD, -1, -1):
@@ -250,7 +252,7 @@ def walk_contour(
             if (row[w] >> np.uint64(i)) & np.uint64(1) or not (
                 in_reach(boxes, a, reach)
                 or epoch[a] < epoch[b]
-                or (keep and layer[a] == layer[b] and role[a] != role[b])
+                or (layer[a] == layer[b] and touching[role[a], role[b]])
             ):
                 continue
             kind = required(beads, rules, head, a, b, scratch.quad)

@@ -68,7 +68,33 @@ FreedomOption = Annotated[
 ProcessOption = Annotated[
     ProcessOrder,
     typer.Option(
-        "--process-order", help="keep: perimeters before the infill they anchor; free: the paper's"
+        "--process-order",
+        help="keep: perimeters before the infill they anchor; free: only what --quality holds",
+    ),
+]
+QualityOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--quality/--no-quality",
+        help="Shells, what is anchored in them, and cooling as sliced; default: on but for the "
+        "paper's machine",
+        show_default=False,
+    ),
+]
+CoolingOption = Annotated[
+    float | None,
+    typer.Option(
+        "--min-layer-time",
+        min=0.0,
+        help="Seconds before a spot is printed over; default: the slicer's rule; 0: none",
+    ),
+]
+LeadOption = Annotated[
+    int | None,
+    typer.Option(
+        "--max-layers-ahead",
+        min=0,
+        help="How many layers a part may run ahead of the rest; default: no limit",
     ),
 ]
 ObjectiveOption = Annotated[

@@ -11,6 +11,7 @@ from typing import Any
 
 from decmcts import __version__
 from decmcts.cli.pipeline import Planned
+from decmcts.cli.quality import cooling_line
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.atomic import refuse_special
 from decmcts.formats.gcode import write_gcode, write_head_gcode
@@ -84,6 +85,7 @@ def header_lines(planned: Planned) -> list[str]:
         f" freedom {now['freedom']}, seed {now['seed']}",
         f"extrusionless travel {bare(was):.1f} mm -> {bare(now):.1f} mm",
         f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
+        *([line] if (line := cooling_line(planned.after)) else []),
         "verified: every extrusion exactly once, no contact of head and print",
     ]
 

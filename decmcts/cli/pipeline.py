@@ -15,11 +15,14 @@ from typing import Any
 import numpy as np
 
 from decmcts import __version__
+from decmcts._kernels.cooling import Lags
 from decmcts.cli.bound import certify
+from decmcts.cli.quality import Quality, search_cooled
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.lead import limit_lead
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.machine_file import check_fits, load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
@@ -32,14 +35,17 @@ from decmcts.search.pace import pace_of
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.alone import lone_machine
+from decmcts.team.cooling import find_lags, print_times, source_times
 from decmcts.team.metrics import plan_metrics
 from decmcts.team.schedule import schedule
+from decmcts.team.waits import add_waits
 from sim.faults import Verdict
 from sim.verify import verify_plan
 
 Announce = Callable[[str], None]
 
 PARK_ABOVE_MM = 5.0
+NO_QUALITY = Quality(edges=False, min_layer_time_s=0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +59,7 @@ class Loaded:
     graph: DependencyGraph
     seconds: dict[str, float]  # time of each step
     own_limits: bool = True  # the motion limits the source states count, not the machine's
+    min_layer_time_s: float = 0.0  # no spot is printed over sooner; 0: no such rule
 
     @property
     def problem(self) -> str:
@@ -89,6 +96,7 @@ def load(
     options: SliceOptions,
     announce: Announce,
     own_limits: bool = True,
+    quality: Quality = NO_QUALITY,
 ) -> Loaded:
     """Read `path`, check that it fits the machine and build its dependency graph.
 
@@ -113,19 +121,24 @@ def load(
             clearance_mm=chosen.clearance_mm,
             bead_width=chosen.bead_width,
             process_order=process_order,  # type: ignore[arg-type]  # typer checked the choice
+            quality=quality.holds(chosen),
         )
+        if quality.max_layers_ahead is not None:
+            graph = limit_lead(graph, job.contours.layer, layers=quality.max_layers_ahead)
     except InputError as error:  # these know the contours, not the file they came from
         raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
     seconds["graph"] = time.perf_counter() - started
-    return Loaded(path, job, document, chosen, graph, seconds, own_limits)
+    rule = quality.rule_s(job, chosen)
+    return Loaded(path, job, document, chosen, graph, seconds, own_limits, rule)
 
 
 def document_of(loaded: Loaded, plan: JointPlan, extra: dict[str, Any]) -> PlanDocument:
     """Wrap a plan with all that is needed to check and draw it."""
     metrics = {**plan_metrics(loaded.job, plan), **extra, "version": __version__}
     return PlanDocument(
-        loaded.problem, loaded.machine, loaded.job.contours, loaded.graph.pairs(), plan, metrics
-    )
+        loaded.problem, loaded.machine, loaded.job.contours, loaded.graph.pairs(), plan, metrics,
+        loaded.min_layer_time_s,
+    )  # fmt: skip
 
 
 def source_plan(loaded: Loaded) -> PlanDocument:
@@ -185,16 +198,29 @@ def plan_single(
     before = source_plan(loaded)
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
-    result = search(
-        loaded,
-        planner=planner,
-        freedom=freedom,
-        time_limit_s=time_limit_s,
-        seed=seed,
-        objective=objective,
-        **hooks,
-    )
+    lags, guess = _lags(loaded, before)
+
+    def ordered(graph: DependencyGraph, limit_s: float) -> SearchResult:
+        return search(
+            replace(loaded, graph=graph), planner=planner, freedom=freedom, time_limit_s=limit_s,
+            seed=seed, objective=objective, **hooks,
+        )  # fmt: skip
+
+    if len(lags.below):
+        result = search_cooled(
+            loaded.job, loaded.machine, loaded.graph, guess, ordered,
+            time_limit_s=time_limit_s, announce=announce,
+        )  # fmt: skip
+    else:
+        result = ordered(loaded.graph, time_limit_s)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
+    announce("safe travels and times")
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
+    plan = add_waits(loaded.job, loaded.machine, plan, lags)
+    timed = objective == "time" or len(lags.below) > 0
+    if timed and plan.makespan_s > before.plan.makespan_s:
+        # Lifts and waits the search does not see; never worse than the source.
+        plan, result = before.plan, replace(result, cost=result.source_cost)
     bound: dict[str, Any] = {}
     if certificate and objective != "travel":
         skipped = "it is on travel, and the search minimised time"
@@ -205,10 +231,6 @@ def plan_single(
         problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
         bound = certify(problem, result.cost, time_limit_s=time_limit_s)
         seconds["bound"] = time.perf_counter() - started
-    announce("safe travels and times")
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
-    if objective == "time" and plan.makespan_s > before.plan.makespan_s:
-        plan = before.plan  # lifts the search does not see; never worse than the source
     extra = {
         "planner": planner,
         "objective": objective,
@@ -220,6 +242,15 @@ def plan_single(
     }
     after = document_of(loaded, plan, extra)
     return check(loaded, before, after, result.history, seconds, announce)
+
+
+def _lags(loaded: Loaded, source: PlanDocument) -> tuple[Lags, Lags]:
+    """Return what must cool how long, by the plan's times and by those a search estimates."""
+    job, rule = loaded.job, loaded.min_layer_time_s
+    exact = print_times(source.plan.heads[0], len(job.contours))
+    guess = source_times(job, loaded.machine, loaded.graph) if rule else exact
+    lags, estimated = find_lags(job.contours, [exact, guess], rule)
+    return lags, estimated
 
 
 def check(

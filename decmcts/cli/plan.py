@@ -21,6 +21,7 @@ from decmcts.cli.outputs import (
     write_single,
 )
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
+from decmcts.cli.quality import Quality, cooling_line
 from decmcts.cli.sop import plan_sop, refuse_for_sop
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
@@ -37,6 +38,9 @@ def plan(
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     objective: opt.ObjectiveOption = opt.Objective.TRAVEL,
     limits: opt.LimitsOption = opt.Limits.SOURCE,
+    quality: opt.QualityOption = None,
+    min_layer_time: opt.CoolingOption = None,
+    max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     certificate: Annotated[
@@ -69,6 +73,7 @@ def plan(
         process_order=process_order.value,
         objective=objective.value,
         limits=limits.value,
+        quality=Quality(quality, min_layer_time, max_layers_ahead),
         time_limit_s=time_limit,
         seed=seed,
         slicing=slicing,
@@ -92,6 +97,7 @@ def run_single(
     planner: str,
     freedom: str,
     process_order: str,
+    quality: Quality,
     time_limit_s: float,
     seed: int,
     slicing: SliceOptions,
@@ -123,6 +129,7 @@ def run_single(
             source,
             chosen,
             process_order=process_order,
+            quality=quality,
             options=slicing,
             announce=announce,
             own_limits=limits == "source",
@@ -169,8 +176,9 @@ def show(
         f"planner {after['planner']} for {after['objective']}, seed {after['seed']}, verified"
     )
     out.print(gain_table(before, after, title))
-    if line := bound_line(after):
-        out.print(line, soft_wrap=True)
+    for line in (bound_line(after), cooling_line(planned.after)):
+        if line:
+            out.print(line, soft_wrap=True)
     if times is not None and times.before_s is not None:
         was, now = clock_time(times.before_s), clock_time(times.after_s)
         out.print(f"print time of the whole file: {was} → {now}", soft_wrap=True)

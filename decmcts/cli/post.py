@@ -15,6 +15,7 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app, guess_machine
 from decmcts.cli.outputs import write_single
 from decmcts.cli.plan import run_single, show
+from decmcts.cli.quality import Quality
 from decmcts.errors import InputError
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 
@@ -28,6 +29,9 @@ def post(
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     objective: opt.ObjectiveOption = opt.Objective.TRAVEL,
     limits: opt.LimitsOption = opt.Limits.SOURCE,
+    quality: opt.QualityOption = None,
+    min_layer_time: opt.CoolingOption = None,
+    max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
 ) -> None:
@@ -49,6 +53,7 @@ def post(
         process_order=process_order.value,
         objective=objective.value,
         limits=limits.value,
+        quality=Quality(quality, min_layer_time, max_layers_ahead),
         time_limit_s=time_limit,
         seed=seed,
         slicing=SliceOptions(),

@@ -28,6 +28,7 @@ from decmcts.cli.outputs import (
     write_heads,
 )
 from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
+from decmcts.cli.quality import Quality
 from decmcts.cli.warm import compiling_ahead
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
@@ -47,6 +48,8 @@ def launch(
     ] = None,
     machine: Annotated[str, typer.Option("--machine", help="A machine with heads")] = "dual-gantry",
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
+    quality: opt.QualityOption = None,
+    max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     plan_file: opt.PlanOption = None,
@@ -62,6 +65,7 @@ def launch(
         source,
         machine,
         process_order=process_order.value,
+        quality=Quality(quality, max_layers_ahead=max_layers_ahead),
         time_limit_s=time_limit,
         seed=seed,
         quiet=as_json,
@@ -73,13 +77,26 @@ def launch(
 
 
 def run_team(
-    source: Path, machine: str, *, process_order: str, time_limit_s: float, seed: int, quiet: bool
+    source: Path,
+    machine: str,
+    *,
+    process_order: str,
+    quality: Quality,
+    time_limit_s: float,
+    seed: int,
+    quiet: bool,
 ) -> Planned:
     """Load, let the agents plan and agree, schedule, verify."""
     with steps(quiet=quiet) as (announce, _):
         loaded = load(
-            source, machine, process_order=process_order, options=_slicing(), announce=announce
+            source,
+            machine,
+            process_order=process_order,
+            quality=quality,
+            options=_slicing(),
+            announce=announce,
         )
+        loaded = _uncooled(loaded)
         announce("the source's own order, one head")
         before = source_plan(loaded)
         announce("what one head alone reaches")
@@ -98,6 +115,16 @@ def run_team(
         after = _best_of(loaded, result, order, seed=seed, time_limit_s=time_limit_s)
         history = [] if result is None else _history(result)
         return check(loaded, before, after, history, seconds, announce)
+
+
+def _uncooled(loaded: Loaded) -> Loaded:
+    """Drop the rule for cooling, and say so: heads that run apart keep no time."""
+    if loaded.min_layer_time_s:
+        err.print(
+            f"the slicer's layer time of {loaded.min_layer_time_s:g} s is not kept across heads",
+            soft_wrap=True,
+        )
+    return dataclasses.replace(loaded, min_layer_time_s=0.0)
 
 
 def _agreed(loaded: Loaded, time_limit_s: float, seed: int, *, quiet: bool) -> LaunchResult | None:
@@ -263,6 +290,7 @@ def demo(
             example_path("plate.gcode.gz"),
             "dual-gantry",
             process_order="keep",
+            quality=Quality(),
             time_limit_s=time_limit,
             seed=seed,
             quiet=False,

@@ -28,6 +28,7 @@ from decmcts._kernels.closure import (
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.feasibility.packed_head import pack_contours, pack_heads
+from decmcts.feasibility.touching import touching_kinds
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Head
 
@@ -40,6 +41,7 @@ def build_graph(
     *,
     clearance_mm: float,
     process_order: Literal["keep", "free"] = "keep",
+    quality: bool = False,
     bead_width: bool = True,
 ) -> DependencyGraph:
     """Return the exact dependency graph, transitively reduced.
@@ -54,6 +56,9 @@ def build_graph(
         Kept between head slices and printed beads, mm.
     process_order : {"keep", "free"}
         Whether touching contours of different roles on a layer keep their order.
+    quality : bool
+        Whether shells, and what is anchored in them, keep their order where they
+        touch; see `decmcts.feasibility.touching`.
     bead_width : bool
         Whether material has its beads' width, or is a centreline as in the paper.
 
@@ -62,7 +67,7 @@ def build_graph(
     DependencyGraph
         Its transitive closure is that of the definition in ARCHITECTURE.md. An
         edge with several reasons carries the least negotiable kind: STATE, then
-        GEOMETRY, then PROCESS.
+        GEOMETRY, then PROCESS, then QUALITY.
 
     Raises
     ------
@@ -74,7 +79,8 @@ def build_graph(
     Lensgraf & Mettu 2016; Yoo et al. 2020, Sec. II (dependency graph).
     """
     beads = pack_contours(contours, clearance_mm, bead_width=bead_width)
-    return _build(contours, heads, beads, process_order, ROWS_BYTES)
+    touching = touching_kinds(process_order=process_order, quality=quality)
+    return _build(contours, heads, beads, touching, ROWS_BYTES)
 
 
 def closure_of(graph: DependencyGraph) -> NDArray[np.uint64]:
@@ -92,7 +98,7 @@ def _build(
     contours: Contours,
     heads: Sequence[Head],
     beads: Beads,
-    process_order: Literal["keep", "free"],
+    touching: NDArray[np.uint8],
     rows_bytes: int,
 ) -> DependencyGraph:
     """Build as `build_graph`, with the memory limit of a column block as an argument."""
@@ -104,7 +110,12 @@ def _build(
     bound_words(beads, contours.layer, words)
     _refuse_violation(contours, beads, words, head)
     rules = Rules(
-        contours.layer, contours.role, contours.epoch, contours.width, process_order == "keep"
+        contours.layer,
+        contours.role,
+        contours.epoch,
+        contours.width,
+        touching,
+        bool(touching.any()),
     )
     return _graph_of(_walk(beads, rules, words, head, rows_bytes))
 
@@ -181,6 +192,8 @@ def explain(graph: DependencyGraph, contours: Contours, a: int, b: int) -> str:
 _REASONS = {
     EdgeKind.GEOMETRY: "printed first, the later one would block the head at the earlier one",
     EdgeKind.PROCESS: "they touch on one layer with different roles, the slicer's order is kept",
+    EdgeKind.QUALITY: "the slicer's order of shells and of what is anchored in them is kept",
+    EdgeKind.LEAD: "no part of the print runs further ahead of the others",
     EdgeKind.STATE: "nothing moves across the change of machine state between them",
 }
 

@@ -20,6 +20,8 @@ class EdgeKind(IntEnum):
     GEOMETRY = 1  # printing b first would block the head at a
     PROCESS = 2  # touching contours of different roles keep the slicer's order
     STATE = 3  # first layer, temperature, unknown command: nothing moves across
+    QUALITY = 4  # shells as sliced, and what is anchored in them after them
+    LEAD = 5  # no island runs too many layers ahead of the others
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 FORMAT = "decmcts-plan"
 VERSION = 1
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
+_COOLING = "min_layer_time_s"  # may be left out
 _GZIP_MAGIC = b"\x1f\x8b"
 
 
@@ -58,6 +59,8 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
         "problem": document.problem,
         "machine": machine_to_dict(document.machine),
     }
+    if document.min_layer_time_s:
+        head[_COOLING] = document.min_layer_time_s
     file.write(_dump(head)[:-1] + b',\n"contours":[')
     _write_lines(file, contours_to_dicts(document.contours, document.machine))
     file.write(b'],\n"precedence":' + _dump(document.precedence.tolist()) + b',\n"heads":[')
@@ -103,7 +106,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         given.fail("format", f"is no {FORMAT!r}", "give a plan.json written by this program")
     if given.values.get("version") != VERSION:
         given.fail("version", f"{given.values.get('version')!r} is not {VERSION}")
-    given.only(*_KEYS)
+    given.only(*_KEYS, _COOLING)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
     contours = contours_from_dicts(given.tables("contours"), machine)
     return PlanDocument(
@@ -113,6 +116,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         _precedence(given, len(contours)),
         _plan(given, contours_sizes=np.diff(contours.offsets)),
         dict(given.table("metrics").values),
+        given.number(_COOLING, 0.0, least=0.0),
     )
 
 

@@ -31,6 +31,7 @@ class ProcessSettings:
     wipe_feed: float = 0.0  # mm/s
     z_feed: float = 0.0  # mm/s of moves in Z alone; 0: as travel
     travel_acceleration: float = 0.0  # mm/s²; 0: take the machine's
+    min_layer_time_s: float = 0.0  # the slicer slows layers down to this; 0: it does not
 
 
 @dataclass(frozen=True, slots=True)

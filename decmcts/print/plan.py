@@ -87,3 +87,4 @@ class PlanDocument:
     precedence: NDArray[np.int32]  # (m, 2) pairs (a, b): a ends before b begins
     plan: JointPlan
     metrics: dict[str, Any]
+    min_layer_time_s: float = 0.0  # no spot is printed over sooner, or than in source order

@@ -34,7 +34,7 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
     `print_time_s` is the estimated time of the whole print, the makespan.
     """
     printed, bare, emitted = [], 0.0, 0.0
-    busy = []
+    busy, waits = [], []
     for actions in plan.heads:
         toolpath = head_toolpath(actions)
         lengths = path_lengths(actions)
@@ -42,7 +42,9 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
         printed.append(len(toolpath))
         bare += extrusionless_travel(job.contours, toolpath)
         emitted += float(lengths[~printing].sum())
-        busy.append(float((actions.end_s - actions.begin_s).sum()))
+        seconds = actions.end_s - actions.begin_s
+        busy.append(float(seconds.sum()))
+        waits.append(seconds[actions.kind == ActionKind.WAIT])
     return {
         "contours": sum(printed),
         "contours_per_head": printed,
@@ -51,5 +53,7 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
         "print_time_s": plan.makespan_s,
         "makespan_s": plan.makespan_s,
         "busy_s_per_head": busy,
+        "waits": sum(map(len, waits)),
+        "waits_s": float(sum(w.sum() for w in waits)),
         "cross_head_waits": sum(len(actions.after_head) for actions in plan.heads),
     }

@@ -121,26 +121,39 @@ def touch(contours: Contours, a: int, b: int) -> bool:
     return bool(lines[0].distance(lines[1]) <= gap)
 
 
+def anchors(first: int, second: int) -> bool:
+    """Say whether quality keeps these roles in order: shells, and infill after shells."""
+    return first in (1, 2, 3) and second in (1, 2, 3, 4, 5, 6, 7, 8)
+
+
 def must_precede(
-    contours: Contours, a: int, b: int, heads: list[Head], clearance_mm: float, keep: bool
-) -> bool:
+    contours: Contours, a: int, b: int, heads: list[Head], clearance_mm: float, *,
+    keep: bool, quality: bool,
+) -> bool:  # fmt: skip
     if contours.epoch[a] < contours.epoch[b]:
         return True
     same_layer = contours.layer[a] == contours.layer[b]
-    if keep and same_layer and contours.role[a] != contours.role[b] and touch(contours, a, b):
+    roles = int(contours.role[a]), int(contours.role[b])
+    held = (keep and roles[0] != roles[1]) or (quality and anchors(*roles))
+    if held and same_layer and touch(contours, a, b):
         return True
     return any(blocks(contours, b, a, head, clearance_mm) for head in heads)
 
 
 def slow_closure(
-    contours: Contours, heads: list[Head], *, clearance_mm: float, keep: bool
+    contours: Contours,
+    heads: list[Head],
+    *,
+    clearance_mm: float,
+    keep: bool,
+    quality: bool = False,
 ) -> NDArray[np.bool_]:
     """Return the (n, n) matrix [b, a]: a must be printed before b, transitively."""
     n = len(contours)
     closure = np.zeros((n, n), np.bool_)
     for b in range(n):
         for a in range(b):
-            if must_precede(contours, a, b, heads, clearance_mm, keep):
+            if must_precede(contours, a, b, heads, clearance_mm, keep=keep, quality=quality):
                 closure[b, a] = True
                 closure[b] |= closure[a]
     return closure

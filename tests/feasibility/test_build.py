@@ -14,6 +14,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.build import _build, build_graph, closure_of, explain
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.feasibility.packed_head import pack_contours
+from decmcts.feasibility.touching import touching_kinds
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.contours import Contours
@@ -28,8 +29,11 @@ def as_matrix(graph: DependencyGraph) -> NDArray[np.bool_]:
 @pytest.mark.slow
 @pytest.mark.parametrize("head", ["box", "lopsided", "hollow"])
 @pytest.mark.parametrize("keep", [True, False])
+@pytest.mark.parametrize("quality", [True, False])
 @pytest.mark.parametrize("seed", range(3))
-def test_closure_equals_the_definition(oracle: Any, head: str, keep: bool, seed: int) -> None:
+def test_closure_equals_the_definition(
+    oracle: Any, head: str, keep: bool, quality: bool, seed: int
+) -> None:
     """A missing edge is a crash, a superfluous one is lost travel: the closure is exact."""
     slope = 0.1 if head == "hollow" else 0.0
     contours = oracle.random_print(seed, slope=slope)
@@ -38,8 +42,11 @@ def test_closure_equals_the_definition(oracle: Any, head: str, keep: bool, seed:
         [oracle.heads[head]],
         clearance_mm=0.3,
         process_order="keep" if keep else "free",
+        quality=quality,
     )
-    expected = oracle.slow_closure(contours, [oracle.heads[head]], clearance_mm=0.3, keep=keep)
+    expected = oracle.slow_closure(
+        contours, [oracle.heads[head]], clearance_mm=0.3, keep=keep, quality=quality
+    )
     np.testing.assert_array_equal(as_matrix(graph), expected)
 
 
@@ -121,9 +128,10 @@ def test_edges_do_not_depend_on_the_memory_limit(oracle: Any) -> None:
     contours = oracle.random_print(3, n_layers=60, per_layer=12)
     head = [oracle.heads["lopsided"]]
     whole = build_graph(contours, head, clearance_mm=0.0)
+    keep = touching_kinds(process_order="keep", quality=False)
     assert len(contours) > 256
     for limit in (1, 8 * len(contours) * 2, 8 * len(contours) * 3):
-        blocked = _build(contours, head, pack_contours(contours, 0.0), "keep", limit)
+        blocked = _build(contours, head, pack_contours(contours, 0.0), keep, limit)
         np.testing.assert_array_equal(blocked.pairs(), whole.pairs())
         np.testing.assert_array_equal(blocked.kinds, whole.kinds)
 

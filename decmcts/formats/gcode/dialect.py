@@ -43,6 +43,7 @@ class Event:
 
 
 SPLIT_MARK = "; next contour"
+WAIT_MARK = "; decmcts waits for cooling"  # behind a dwell of ours, which plans make anew
 _NOTHING = Event(Kind.NOTHING)
 _LAYER = re.compile(
     r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*:?\s*-?\d+\s*(,|$)|-+ LAYER |BEGIN_LAYER"
@@ -80,6 +81,8 @@ def classify(raw: bytes) -> Event:
     text = raw.decode("utf-8", "surrogateescape").strip()
     if text[:1] in (";", "("):
         return _comment(text)
+    if text.endswith(WAIT_MARK):
+        return _NOTHING
     text = re.sub(r"^[Nn]\s*\d+\s*", "", text)
     code = text.split(";", 1)[0].strip()
     if not code.upper().startswith("M117"):

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.gcode.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
 from decmcts.print.job import ProcessSettings
 
@@ -162,6 +163,10 @@ class Emitter:
         for to in points:
             if to != self.at:
                 self.move(to, self._travel_feed(to))
+
+    def dwell(self, seconds: float) -> None:
+        """Stand still."""
+        self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {WAIT_MARK}")
 
     def _travel_feed(self, to: tuple[float, float, float]) -> float:
         upright = to[0] == self.at[0] and to[1] == self.at[1]

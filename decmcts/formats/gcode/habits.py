@@ -20,6 +20,18 @@ from decmcts.print.job import ProcessSettings
 PULLED = 0.01  # mm of filament that counts as a retraction
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
 EXTRA_LIMIT_MM = 1.0  # a surplus or lack beyond this is loading or unloading
+_RULE = re.compile(
+    rb"^;\s*(?:slowdown_below_layer_time|slow_down_layer_time|minSpeedLayerTime|min_layer_time_s)"
+    rb" *[=,] *([\d., ]+)",
+    re.M,
+)  # PrusaSlicer and Slic3r; OrcaSlicer and Bambu Studio; Simplify3D; KISSlicer
+_RULE_ON = re.compile(
+    rb"^;\s*(?:cooling|slow_down_for_layer_cooling|adjustSpeedForCooling) *[=,] *([01, ]+)", re.M
+)
+_CURA_RULE = re.compile(rb"cool_min_layer_time\s*=\s*([\d.]+)")
+_CURA_BREAK = re.compile(rb"\r?\n;SETTING_3 ")
+CONFIG_BYTES = 2**20  # of a file's beginning and end: slicers write their settings there
+LONGEST_RULE_S = 600.0  # what is beyond this is no layer time
 _DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*([\d.]+)", re.I)
 
 
@@ -28,6 +40,31 @@ def filament_diameter(text: bytes) -> float:
     match = _DIAMETER.search(text)
     value = float(match.group(1).strip(b".") or 0) if match else 0.0
     return value if 0.5 < value < 10.0 else 1.75
+
+
+def min_layer_time(text: bytes) -> float:
+    """Return the layer time in seconds below which the slicer slows down, 0 when it never does.
+
+    With several filaments the longest of those that are slowed for.
+    """
+    if len(text) > 2 * CONFIG_BYTES:
+        text = text[:CONFIG_BYTES] + text[-CONFIG_BYTES:]
+    rule, on = _last_of(_RULE, text), _last_of(_RULE_ON, text)
+    if rule is None:  # Cura writes what differs from its profiles, broken into lines
+        rule = _last_of(_CURA_RULE, _CURA_BREAK.sub(b"", text))
+    if rule is None:
+        return 0.0
+    on = [1.0] if on is None else on
+    slowed = [s for k, s in enumerate(rule) if on[min(k, len(on) - 1)] > 0.0]
+    longest = max(slowed, default=0.0)
+    return longest if longest <= LONGEST_RULE_S else 0.0
+
+
+def _last_of(pattern: re.Pattern[bytes], text: bytes) -> list[float] | None:
+    """Return the numbers of the last match of a setting, None when there is none."""
+    found = pattern.findall(text)
+    numbers = re.findall(rb"\d+\.?\d*|\.\d+", found[-1]) if found else []
+    return [float(number) for number in numbers] or None
 
 
 def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
@@ -76,6 +113,7 @@ def infer_settings(
         travel_acceleration=_usual_acceleration(
             lines, motion, track, travel, np.linalg.norm(delta, axis=1)
         ),
+        min_layer_time_s=min_layer_time(lines.text),
     )
     return settings, Habits(
         restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled]),

@@ -71,6 +71,9 @@ def gcode_bytes(
     for k in range(len(actions)):
         if actions.kind[k] == ActionKind.TRAVEL:
             path.append(actions.action_path(k))
+        if actions.kind[k] == ActionKind.WAIT:
+            pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
+            path = []
         if actions.kind[k] != ActionKind.PRINT:
             continue
         contour = int(actions.contour[k])
@@ -134,6 +137,16 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     emitter.tail = emitter.tail[:0]
     if not block.moves:
         emitter.at = stood
+
+
+def pause(emitter: Emitter, path: list[NDArray[np.float64]], seconds: float) -> None:
+    """Retract, go where the plan waits and stand still there."""
+    emitter.retract()
+    if path:
+        way = np.concatenate(path)
+        if np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
+            emitter.travel(way[1:])
+    emitter.dwell(seconds)
 
 
 def print_contour(

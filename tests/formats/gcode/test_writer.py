@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode import direct_actions, read_motions, same_ending, write_gcode
+from decmcts.formats.gcode import (
+    direct_actions,
+    read_gcode,
+    read_motions,
+    same_ending,
+    same_extrusions,
+    write_gcode,
+)
+from decmcts.print.plan import ActionKind
 from decmcts.print.toolpath import Toolpath
 
 SQUARE = (
@@ -262,3 +270,47 @@ def test_another_way_to_the_end_code_is_found(read, tmp_path, spoil):
     assert raw.endswith(end)
     out.write_text(raw.removesuffix(end) + spoil + end)
     assert same_ending(document, out)
+
+
+def test_a_wait_is_a_dwell_that_is_made_anew_when_read(read, tmp_path):
+    """The head stands retracted above the print; planning the file again starts without it."""
+    job, document = read(SQUARE + "G1 E2.99 F2400\nG1 X20 Y0 F6000\nG1 E3.99\nG1 X30 E4.99 F1500\n")
+    lane = direct_actions(job, Toolpath.as_sliced(2))
+    printed = np.flatnonzero(lane.kind == ActionKind.PRINT)
+    at = lane.path[lane.path_offsets[printed[0] + 1] - 1]
+    up = at + np.array([0.0, 0.0, 2.0])
+    lane = inserted(lane, int(printed[0]) + 1, np.stack([at, up]), 2.5)
+    out = tmp_path / "waits.gcode"
+    write_gcode(document, job, lane, out)
+    lines = out.read_text().splitlines()
+    k = lines.index("G4 P2500 ; decmcts waits for cooling")
+    assert lines[k - 1].startswith("G1 Z2.2")
+    assert "E2.99" in lines[k - 2]
+    job2, document2 = read_gcode(out)
+    assert same_extrusions(job, document, job2, document2) == []
+    assert not job2.barriers
+
+
+def inserted(lane, place, lift, seconds):
+    """The actions with a lift and a wait above it before action `place`."""
+    rows = slice(0, place), slice(place, None)
+    points = int(lane.path_offsets[place])
+
+    def put(old, *new):
+        return np.concatenate([old[rows[0]], np.array(new, old.dtype), old[rows[1]]])
+
+    begin = float(lane.end_s[place - 1])
+    return replace(
+        lane,
+        kind=put(lane.kind, ActionKind.TRAVEL, ActionKind.WAIT),
+        contour=put(lane.contour, -1, -1),
+        reversed=put(lane.reversed, False, False),
+        entry=put(lane.entry, 0, 0),
+        path_offsets=np.concatenate(
+            [lane.path_offsets[: place + 1], points + np.array([2]), lane.path_offsets[place:] + 3]
+        ),
+        path=np.concatenate([lane.path[:points], lift, lift[1:], lane.path[points:]]),
+        begin_s=put(lane.begin_s, begin, begin),
+        end_s=put(lane.end_s, begin, begin + seconds),
+        after_offsets=np.zeros(len(lane) + 3, np.int64),
+    )

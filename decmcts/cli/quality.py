@@ -1,0 +1,95 @@
+"""What a maker asks of an order besides safety, as the command line offers it.
+
+Edges (shells and what is anchored in them, a limit to how far a part may run
+ahead) go into the graph. Cooling is no edge: orders found without it get their
+waits afterwards, and the one that is done first is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from decmcts._kernels.cooling import Lags
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.lead import limit_lead
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import PlanDocument
+from decmcts.print.toolpath import Toolpath, extrusionless_travel
+from decmcts.search.planners import SearchResult
+from decmcts.team.cooling import Timed, cooled
+
+PROBE = 0.1  # share of the search time for each try
+LEADS = (8, 4, 2, 1)  # layers ahead, tried where cooling costs time
+
+Search = Callable[[DependencyGraph, float], SearchResult]
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """What was asked for; None leaves it to the machine and the source."""
+
+    edges: bool | None = None  # None: on, but not for the paper's machine
+    min_layer_time_s: float | None = None  # None: the slicer's own rule
+    max_layers_ahead: int | None = None  # None: no limit
+
+    def holds(self, machine: Machine) -> bool:
+        """Whether shells and anchors keep their order; the paper's model knows of none."""
+        return machine.bead_width if self.edges is None else self.edges
+
+    def rule_s(self, job: PrintJob, machine: Machine) -> float:
+        """Return the seconds no spot is printed over in; 0: no rule."""
+        if self.min_layer_time_s is not None:
+            return self.min_layer_time_s
+        return job.settings.min_layer_time_s if self.holds(machine) else 0.0
+
+
+def search_cooled(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    lags: Lags,
+    search: Search,
+    *,
+    time_limit_s: float,
+    announce: Callable[[str], None],
+) -> SearchResult:
+    """Return the order with the least time, waits included.
+
+    A short search without regard to cooling shows whether it costs anything. If
+    so, searches with fewer and fewer layers ahead follow, and the best of these
+    limits gets the time that is left. The source's own order waits for nothing,
+    so the result is never slower than it.
+    """
+    tries: list[tuple[float, SearchResult]] = []
+
+    def keep(result: SearchResult) -> Timed:
+        found = cooled(job, machine, graph, lags, result.toolpath)
+        cost = result.cost
+        if result.unit == "mm":
+            cost = extrusionless_travel(job.contours, found.toolpath)
+        tries.append((found.seconds, replace(result, toolpath=found.toolpath, cost=cost)))
+        return found
+
+    def attempt(layers: int | None, share: float) -> Timed:
+        announce("searching" + ("" if layers is None else f", layers ahead: at most {layers}"))
+        limited = graph if layers is None else limit_lead(graph, job.contours.layer, layers=layers)
+        return keep(search(limited, share * time_limit_s))
+
+    found: dict[int | None, Timed] = {None: attempt(None, PROBE)}
+    if found[None].at_first_s > 0.0:
+        found |= {layers: attempt(layers, PROBE) for layers in LEADS}
+    attempt(min(found, key=lambda layers: found[layers].seconds), 1.0 - PROBE * len(found))
+    keep(replace(tries[0][1], toolpath=Toolpath.as_sliced(len(job.contours))))
+    return min(tries, key=lambda one: one[0])[1]
+
+
+def cooling_line(document: PlanDocument) -> str | None:
+    """Return one line on how long a plan waits for cooling; None where no rule was asked for."""
+    rule, metrics = document.min_layer_time_s, document.metrics
+    if rule <= 0.0:
+        return None
+    waits = f"waits {metrics['waits_s']:,.1f} s for cooling in {metrics['waits']} places"
+    due = f"a spot is printed over after {rule:g} s, or as soon as in the source"
+    return f"{waits if metrics['waits'] else 'no wait for cooling'}: {due}"

@@ -1,0 +1,121 @@
+"""How long each spot of a print must cool before it is printed over, and orders that let it.
+
+The rule is a slicer's: no spot is printed over within so many seconds. The
+source keeps it only for whole layers, so a plan owes each spot no more than the
+source gives it. Waits become actions in `decmcts.team.waits`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.cooling import Lags, follow, printed_over
+from decmcts._kernels.units import travel_seconds
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.packed_head import pack_contours
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind, HeadActions
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.order import floor_of, visits_of
+from decmcts.team.space import build_space
+
+LEAST_LAG_S = 0.05  # what the source gives less than this is nothing to keep
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """An order with its estimated time."""
+
+    toolpath: Toolpath
+    seconds: float  # to the end of the last contour, waits included
+    waited_s: float
+    at_first_s: float  # waited in the order that was given
+
+
+def find_lags(
+    contours: Contours,
+    times: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    min_layer_time_s: float,
+) -> list[Lags]:
+    """Return how long each contour must cool: the rule, or what the source gave if that is less.
+
+    Parameters
+    ----------
+    times : sequence of ((n,), (n,))
+        When the source begins and ends each contour; one set of lags for each clock,
+        for an order must be timed by the clock that its source was timed by.
+    """
+    n = len(contours)
+    if n == 0 or min_layer_time_s <= 0.0:
+        none = np.empty(0)
+        return [Lags(np.zeros(n + 1, np.int64), none.astype(np.int32), none) for _ in times]
+    top = contours.top
+    by_top = np.argsort(top, kind="stable").astype(np.int32)
+    beads = pack_contours(contours, 0.0)
+    offsets, below = printed_over(beads, by_top, top[by_top], contours.height, contours.width)
+    above = np.repeat(np.arange(n), np.diff(offsets))
+    found = []
+    for begin, end in times:
+        lag = np.minimum(min_layer_time_s, begin[above] - end[below])
+        kept = lag > LEAST_LAG_S
+        count = np.bincount(above[kept], minlength=n)
+        offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+        found.append(Lags(offsets, below[kept], lag[kept]))
+    return found
+
+
+def source_times(
+    job: PrintJob, machine: Machine, graph: DependencyGraph
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return when the source's order begins and ends each contour by the clock of `cooled`."""
+    space = build_space(job.contours, machine)
+    visits = visits_of(job, machine, graph, space, [])
+    travel = floor_of(job, machine, space).travel
+    stood = np.concatenate([space.parks[:1], visits.last[:-1]])
+    way = [travel_seconds(p, q, travel) for p, q in zip(stood, visits.first, strict=True)]
+    end = np.cumsum(np.array(way) + visits.seconds)
+    return end - visits.seconds, end
+
+
+def print_times(actions: HeadActions, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return when each of `n` contours begins and ends in a plan for one head, each (n,)."""
+    rows = actions.kind == ActionKind.PRINT
+    begin, end = np.zeros(n), np.zeros(n)
+    begin[actions.contour[rows]] = actions.begin_s[rows]
+    end[actions.contour[rows]] = actions.end_s[rows]
+    return begin, end
+
+
+def cooled(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    lags: Lags,
+    toolpath: Toolpath,
+) -> Timed:
+    """Return an order near `toolpath` that waits little, with its time.
+
+    Where the next contour is still warm, later ones that can be printed now are
+    printed first; if that saves no time on the whole, the order stays as it is.
+    """
+    space = build_space(job.contours, machine)
+    visits = visits_of(job, machine, graph, space, [toolpath])
+    floor = floor_of(job, machine, space)
+    given = (toolpath.order, space.parks[0], visits, graph.succ_offsets, graph.succs, lags)
+    _, seconds, waited = follow(*given, floor.travel, False)
+    as_it_is = Timed(toolpath, float(seconds), float(waited), float(waited))
+    if waited <= 0.0:
+        return as_it_is
+    order, seconds, less = follow(*given, floor.travel, True)
+    place = np.empty(len(order), np.int64)
+    place[toolpath.order] = np.arange(len(order))
+    at = place[order]
+    made = Toolpath(order, toolpath.reversed[at], toolpath.entry[at])
+    filled = Timed(made, float(seconds), float(less), float(waited))
+    return min(as_it_is, filled, key=lambda one: one.seconds)

@@ -1,0 +1,94 @@
+"""Whether a plan for one head prints over any spot too soon.
+
+The plan names a rule: no contour begins over another within so many seconds of
+its end, or than the source gave it where that is less. Of the source's time
+only what it printed in between counts here, so the judge asks for no more than
+is due. Times are those of the judge's own motion model; retractions are no
+motion, so a travel may be as long as the plan says within reason.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.faults import Fault, FaultKind, listed
+
+SLACK_S = 0.5
+SLACK = 0.1  # share of what is due that the models may differ by
+TRAVEL_MORE_S = 1.0  # what a travel may take beyond its motion, retracting and priming
+TRAVEL_TIMES = 2.5  # and how much slower than the machine can the source may travel
+
+Floats = NDArray[np.float64]
+
+
+def check_cooling(
+    document: PlanDocument, lanes: tuple[HeadActions, ...], arrivals: list[Floats]
+) -> list[Fault]:
+    """Check the plan's rule; `arrivals` are the seconds to each point of each head's paths.
+
+    Several heads keep no time among each other: a rule there is a fault.
+    """
+    rule = document.min_layer_time_s
+    if rule <= 0.0:
+        return []
+    busy = [h for h, lane in enumerate(lanes) if (lane.kind == ActionKind.PRINT).any()]
+    if len(busy) > 1:
+        text = f"a rule of {rule:g} s is only kept by one head, {len(busy)} print"
+        return [Fault(FaultKind.COOLING, text)]
+    lines: list[str] = []
+    for h in busy:
+        lines += _too_soon(document, lanes[h], arrivals[h])
+    return listed(FaultKind.COOLING, lines)
+
+
+def _too_soon(document: PlanDocument, lane: HeadActions, arrivals: Floats) -> list[str]:
+    contours, rule = document.contours, document.min_layer_time_s
+    seconds = _seconds(lane, arrivals)
+    end = np.cumsum(seconds)
+    rows = np.flatnonzero(lane.kind == ActionKind.PRINT)
+    printed, ended, begun = lane.contour[rows], end[rows], end[rows] - seconds[rows]
+    work = np.zeros(len(contours))
+    work[printed] = seconds[rows]
+    before = np.concatenate([[0.0], np.cumsum(work)])  # printed before each contour, as sliced
+    first = np.searchsorted(ended, begun - rule, side="right")
+    lines = []
+    for i in range(len(rows)):
+        b = int(printed[i])
+        recent = printed[first[i] : i]
+        for k in np.flatnonzero(_below(contours, recent, b)).tolist():
+            a, gap = int(recent[k]), float(begun[i] - ended[first[i] + k])
+            due = min(rule, float(before[b] - before[a + 1]))
+            if gap < due - SLACK_S - SLACK * due and _over(contours, a, b):
+                lines.append(
+                    f"contour {b} begins {gap:.1f} s after contour {a} under it, "
+                    f"{due:.1f} s are due"
+                )
+    return lines
+
+
+def _seconds(lane: HeadActions, arrivals: Floats) -> Floats:
+    """Return how long each action takes."""
+    own = arrivals[lane.path_offsets[1:] - 1]
+    stated = lane.end_s - lane.begin_s
+    travel = (lane.kind == ActionKind.TRAVEL) | (lane.kind == ActionKind.PARK)
+    most = np.minimum(stated, TRAVEL_TIMES * own + TRAVEL_MORE_S)
+    return np.where(travel, np.maximum(own, most), own)
+
+
+def _below(contours: Contours, some: NDArray[np.int32], b: int) -> NDArray[np.bool_]:
+    """Tell which contours end about where b's bead begins."""
+    tops = np.array([contours.polyline(int(a))[:, 2].max() for a in some])
+    height = float(contours.height[b])
+    floor = float(contours.polyline(b)[:, 2].min()) - height
+    return np.asarray((some < b) & (np.abs(tops - floor) < height / 2))
+
+
+def _over(contours: Contours, a: int, b: int) -> bool:
+    """Say whether one's centreline runs over the other's bead."""
+    one, other = (shapely.LineString(contours.polyline(c)[:, :2]) for c in (a, b))
+    reach = max(float(contours.width[a]), float(contours.width[b])) / 2
+    return bool(shapely.dwithin(one, other, reach))

@@ -1,0 +1,91 @@
+"""The judge finds what is printed over too soon, and only that."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from decmcts.print.plan import NO_CONTOUR, ActionKind
+from sim.faults import FaultKind
+from sim.verify import verify_plan
+
+WAIT_S = 6.0
+
+
+@pytest.fixture
+def towers(make):
+    """Two towers, one printed after the other: 16 mm at 30 mm/s a layer of each."""
+    return make.tower_plan(4)
+
+
+def with_waits(make, document, seconds: float):
+    """The plan with a wait before each travel but the first."""
+
+    def change(rows):
+        made = []
+        for row in rows:
+            if row["kind"] == ActionKind.TRAVEL and made:
+                place = made[-1]["path"][-1:]
+                wait = {**row, "kind": ActionKind.WAIT, "contour": NO_CONTOUR, "path": place}
+                made.append({**wait, "begin_s": 0.0, "end_s": seconds})
+            made.append(row)
+        now = 0.0
+        for row in made:
+            spent = row["end_s"] - row["begin_s"]
+            row["begin_s"], row["end_s"] = now, now + spent
+            now += spent
+        return made
+
+    return make.edited(document, 0, change)
+
+
+def test_a_tower_printed_at_once_is_seen(towers):
+    """The source printed the other tower in between; this plan goes on at once."""
+    assert verify_plan(towers).ok
+    verdict = verify_plan(replace(towers, min_layer_time_s=0.0))
+    assert verdict.ok
+    verdict = verify_plan(with_rule(towers, 30.0))
+    assert verdict.kinds() == {FaultKind.COOLING}
+    assert "contour 2 begins 1.0 s after contour 0 under it" in str(verdict.faults[0])
+
+
+def with_rule(document, rule: float):
+    """Feeds of a slow print, so that a layer takes seconds, and the rule."""
+    contours = document.contours
+    slow = replace(contours, feed=contours.feed / 20.0)
+    return replace(document, contours=slow, min_layer_time_s=rule)
+
+
+def test_waits_make_it_good(make, towers):
+    """A wait of the time that is due is enough, a shorter one is not."""
+    due = 16.0 / 1.5
+    assert verify_plan(with_rule(with_waits(make, towers, due), 30.0)).ok
+    assert verify_plan(with_rule(with_waits(make, towers, WAIT_S), WAIT_S)).ok
+    assert FaultKind.COOLING in verify_plan(with_rule(with_waits(make, towers, 3.0), 30.0)).kinds()
+
+
+def test_the_source_order_owes_nothing(make):
+    """In source order every spot has what the source gave it, whatever the rule."""
+    document = make.tower_plan(4)
+    paths = [document.contours.polyline(c) for c in range(len(document.contours))]
+    lane = make.head_actions(
+        document.machine.heads[0], [(c, False) for c in range(len(paths))], paths, 0, clearance_z=2
+    )
+    plan = replace(document.plan, heads=(lane,))
+    assert verify_plan(with_rule(replace(document, plan=plan), 1000.0)).ok
+
+
+def test_a_rule_for_two_heads_is_a_fault(make):
+    """Heads that run apart keep no time, so nothing can promise it."""
+    document = replace(make.two_head_plan(), min_layer_time_s=5.0)
+    assert FaultKind.COOLING in verify_plan(document).kinds()
+
+
+def test_a_wait_counts_in_the_replay(make, towers):
+    """The time of the print is that of the replay, waits included."""
+    plain = verify_plan(towers).counts["makespan_s"]
+    waited = verify_plan(with_waits(make, towers, WAIT_S)).counts["makespan_s"]
+    n = int(np.sum(towers.plan.heads[0].kind == ActionKind.TRAVEL)) - 1
+    assert waited == pytest.approx(plain + n * WAIT_S)
