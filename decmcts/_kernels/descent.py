@@ -10,6 +10,7 @@ from decmcts._kernels.anneal import (
 )
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.moves import Tour, carry_change, swap_change, turn_change
+from decmcts._kernels.seats import contour_of, near_row, settle
 
 _GAIN = -1e-9  # mm; smaller gains are rounding
 
@@ -60,17 +61,20 @@ def descend(tour: Tour, first: int, last: int, longest: int) -> float:
     """
     gain = 0.0
     for p in range(first, last):
+        gain += settle(tour, p)
         better = True
         while better:
             better = False
             c = tour.order[p]
-            near = tour.near[2 * c + 1 - tour.flip[c]]
+            near = tour.near[near_row(tour.flip, tour.seat, tour.seat_row, c)]
             for x in range(len(near)):
-                at = tour.position[near[x] >> 1]
-                if near[x] < 0 or at == p + 1:
+                if near[x] < 0:
+                    continue
+                at = tour.position[contour_of(near[x], len(tour.order), tour.seat_owner)]
+                if at == p + 1:
                     continue
                 change = 0.0
-                if tour.flip[near[x] >> 1] == near[x] & 1:
+                if near[x] >= 2 * len(tour.order) or tour.flip[near[x] >> 1] == near[x] & 1:
                     change = _improve_swaps(tour, p, at, longest)
                 if change == 0.0:
                     change = _improve_turns(tour, p, at)

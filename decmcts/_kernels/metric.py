@@ -102,6 +102,11 @@ def restricted(metric: Metric, contours: NDArray[np.int32]) -> Metric:
     return metric[rows]
 
 
+def with_points(metric: Metric, points: NDArray[np.float64]) -> Metric:
+    """Return the same price for other points, (2n, 3)."""
+    return metric._replace(points=points) if isinstance(metric, Timed) else points
+
+
 def points_of(metric: Metric) -> NDArray[np.float64]:
     """Return the metric's points, (2n, 3); empty for a matrix."""
     if isinstance(metric, Timed):

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.lend import lent
 from decmcts._kernels.metric import Metric, distance
 
 
@@ -36,13 +37,42 @@ class Tour(NamedTuple):
     preds: NDArray[np.int32]  # (m,)
     succ_offsets: NDArray[np.int64]  # (n + 1,)
     succs: NDArray[np.int32]  # (m,)
-    near: NDArray[np.int32]  # (2n, k) entry ports near each exit port, -1 padded
+    near: NDArray[np.int32]  # (2n + anchors, k) entry ports near each exit, -1 padded
+    seat_offsets: NDArray[np.int64]  # (n + 1,) options of each contour for its entry
+    seat_owner: NDArray[np.int32]  # (m,) contour of each option; empty where there are none
+    seat_row: NDArray[np.int32]  # (m,) row of `near` for the exit of each option
+    seat: NDArray[np.int32]  # (n,) option in use, -1: entered as sliced
     order: NDArray[np.int32]  # (n,) contours in printing order
     position: NDArray[np.int32]  # (n,) inverse of order
     flip: NDArray[np.uint8]  # (n,) by contour
     after: NDArray[np.float64]  # (n,) by contour: travel to the next one, 0 for the last
     scratch: NDArray[np.int32]  # (n,)
     mark: NDArray[np.bool_]  # (n,) all False between moves
+
+
+@kernel
+def lent_tour(tour: Tour) -> Tour:
+    """Return the tour with arrays that are not counted; valid while `tour` lives."""
+    return Tour(
+        lent(tour.metric),
+        lent(tour.turns),
+        lent(tour.group),
+        lent(tour.pred_offsets),
+        lent(tour.preds),
+        lent(tour.succ_offsets),
+        lent(tour.succs),
+        lent(tour.near),
+        lent(tour.seat_offsets),
+        lent(tour.seat_owner),
+        lent(tour.seat_row),
+        lent(tour.seat),
+        lent(tour.order),
+        lent(tour.position),
+        lent(tour.flip),
+        lent(tour.after),
+        lent(tour.scratch),
+        lent(tour.mark),
+    )
 
 
 @kernel

@@ -44,6 +44,8 @@ def _mark_relatives(
 def keep_possible(
     found: NDArray[np.int64],
     width: int,
+    row_offsets: NDArray[np.int64],
+    option_owner: NDArray[np.int32],
     turns: NDArray[np.bool_],
     pred_offsets: NDArray[np.int64],
     preds: NDArray[np.int32],
@@ -52,25 +54,36 @@ def keep_possible(
 ) -> NDArray[np.int32]:
     """Return the first `width` ports of each row of `found` that may directly follow, -1 padded.
 
-    Row q of `found` (2n, k) are ports by distance from port q. Dropped are the
-    contour itself, its predecessors, contours that must follow it only after
-    another, and ends of contours that may not turn.
+    Row q of `found` are ports by distance from exit q: rows 2c and 2c + 1 of contour
+    c, or 2n + row_offsets[c] onwards where it has options; a port of 2n + o is option
+    o. Dropped are the contour itself, its predecessors, contours that must follow it
+    only after another, ends of contours that may not turn, and more than two ports
+    of one contour.
     """
     n = len(turns)
-    near = np.full((2 * n, width), -1, np.int32)
+    near = np.full((len(found), width), -1, np.int32)
     stamp = np.full(n, -1, np.int32)
     queue = np.empty(_MOST_VISITED, np.int32)
     for c in range(n):
         _mark_relatives(c, stamp, queue, pred_offsets, preds, False)
         _mark_relatives(c, stamp, queue, succ_offsets, succs, True)
-        for q in range(2 * c, 2 * c + 2):
+        first, last = 2 * c, 2 * c + 2
+        if row_offsets[c] < row_offsets[c + 1]:
+            first, last = 2 * n + row_offsets[c], 2 * n + row_offsets[c + 1]
+        for q in range(first, last):
             kept = 0
             for x in range(found.shape[1]):
                 port = found[q, x]
-                d = port >> 1
-                if port >= 2 * n or d == c or stamp[d] == c or (port & 1 and not turns[d]):
+                if kept == width or port >= 2 * n + len(option_owner):
+                    break
+                d = port >> 1 if port < 2 * n else option_owner[port - 2 * n]
+                if d == c or stamp[d] == c or (port < 2 * n and port & 1 and not turns[d]):
                     continue
-                if kept < width:
+                known = 0
+                for y in range(kept):
+                    other = near[q, y]
+                    known += int(other >= 2 * n and option_owner[other - 2 * n] == d)
+                if known < 2:
                     near[q, kept] = port
                     kept += 1
     return near

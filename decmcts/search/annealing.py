@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.descent import descend
+from decmcts._kernels.metric import points_of
 from decmcts._kernels.moves import Tour, refresh
+from decmcts._kernels.seats import sit_all
 from decmcts.search.incumbent import Incumbent
 
 _POLL_S = 0.1  # how often a search looks at the clock and the stop wish
@@ -36,10 +38,13 @@ def tour_of(
 ) -> Tour:
     """Return a mutable copy of the incumbent; moves stay within equal `group`."""
     problem, graph, n = incumbent.problem, incumbent.problem.graph, len(incumbent.problem)
+    metric, seams = problem.metric(), problem.seams
+    if seams is not None:
+        sit_all(points_of(metric), incumbent.seat)
     position = np.empty(n, np.int32)
     position[incumbent.order] = np.arange(n, dtype=np.int32)
     tour = Tour(
-        incumbent.metric,
+        metric,
         problem.reversible,
         np.zeros(n, np.int32) if group is None else group,
         graph.pred_offsets,
@@ -47,6 +52,10 @@ def tour_of(
         graph.succ_offsets,
         graph.succs,
         near,
+        np.zeros(n + 1, np.int64) if seams is None else seams.offsets,
+        np.empty(0, np.int32) if seams is None else seams.owner,
+        np.empty(0, np.int32) if seams is None else seams.rows,
+        incumbent.seat.copy(),
         incumbent.order.copy(),
         position,
         incumbent.flip.copy(),
@@ -75,7 +84,7 @@ def anneal_until(
         before = incumbent.seconds
         anneal(tour, state, cooling.at(share), chunk)
         incumbent.iterations += chunk
-        incumbent.offer(tour.order, tour.flip)
+        incumbent.offer(tour.order, tour.flip, tour.seat)
         if incumbent.tick():
             return True
         if incumbent.budget.iterations is None:
@@ -94,7 +103,7 @@ def descend_fully(incumbent: Incumbent, tour: Tour) -> bool:
         gain = 0.0
         for first in range(0, n, _STRETCH):
             gain += descend(tour, first, min(first + _STRETCH, n), _LONGEST_SWAP)
-            incumbent.offer(tour.order, tour.flip)
+            incumbent.offer(tour.order, tour.flip, tour.seat)
             if incumbent.tick(min(_STRETCH, n - first)):
                 return True
     return False

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.seats import choose_visits
 from decmcts.search.annealing import Cooling, descend_fully, tour_of
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
@@ -103,6 +104,13 @@ class Hybrid:
             incumbent, searches, lanes, exploration=self.exploration, until=until
         )
         guest.order[:], guest.flip[:] = best.order, best.flip
+        if incumbent.problem.seams is not None:
+            guest.flip[:], guest.seat[:] = choose_visits(
+                incumbent.metric,
+                guest.order,
+                incumbent.problem.reversible,
+                incumbent.problem.seams.offsets,
+            )
         incumbent.notes["gamma"] = best.gamma
         return stop
 
@@ -115,4 +123,5 @@ def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:
         near,
         incumbent.order.copy(),
         incumbent.flip.copy(),
+        incumbent.seat.copy(),
     )

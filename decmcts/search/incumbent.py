@@ -11,8 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.tour import choose_directions, respects, tour_cost
-from decmcts.search.problem import OrderProblem
+from decmcts._kernels.seats import choose_visits, visits_cost
+from decmcts._kernels.tour import choose_directions, respects
+from decmcts.search.problem import OrderProblem, Seams
 from decmcts.search.stopping import Budget, Progress, StoppingCriterion
 
 
@@ -45,7 +46,11 @@ class Incumbent:
         self.metric = problem.metric()
         self.order: NDArray[np.int32] = np.arange(len(problem), dtype=np.int32)
         self.flip: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
-        self.source_cost = tour_cost(self.metric, self.order, self.flip)
+        seams = problem.seams
+        self.seat: NDArray[np.int32] = (
+            np.full(len(problem), -1, np.int32) if seams is None else seams.sliced
+        )
+        self.source_cost = visits_cost(self.metric, self.order, self.flip, self.seat)
         self.cost = self.source_cost
         self.iterations = 0
         self.notes: dict[str, float] = {}  # what a planner chose, by name
@@ -73,15 +78,25 @@ class Incumbent:
         """Seconds, iterations and best cost at each improvement, (k, 3)."""
         return np.array(self._history, np.float64)
 
-    def offer(self, order: NDArray[np.int32], flip: NDArray[np.uint8]) -> bool:
+    def offer(
+        self,
+        order: NDArray[np.int32],
+        flip: NDArray[np.uint8],
+        seat: NDArray[np.int32] | None = None,
+    ) -> bool:
         """Take the sequence if it is better; `flip` is by contour. Returns whether it was.
+
+        `seat` is the option each contour is entered by, see `Seams`; None: as sliced.
 
         Raises
         ------
         RuntimeError
             If a better sequence breaks the dependency graph: a fault of the planner.
         """
-        cost = tour_cost(self.metric, order, flip)
+        seams = self.problem.seams
+        if seat is None:
+            seat = self.seat if seams is None else seams.sliced
+        cost = visits_cost(self.metric, order, flip, seat)
         if cost >= self.cost:
             return False
         graph = self.problem.graph
@@ -89,14 +104,21 @@ class Incumbent:
             raise RuntimeError("a planner offered a sequence that is no linear extension")
         if (flip.astype(np.bool_) & ~self.problem.reversible).any():
             raise RuntimeError("a planner turned a contour that may not turn")
-        self.order, self.flip, self.cost = order.copy(), flip.copy(), cost
+        if seams is not None and not _allowed(seat, seams):
+            raise RuntimeError("a planner entered a contour where it may not")
+        self.order, self.flip, self.seat = order.copy(), flip.copy(), seat.copy()
+        self.cost = cost
         self._improved_at_s = self.seconds
         self._history.append((self._improved_at_s, self.iterations, cost))
         return True
 
     def offer_order(self, order: NDArray[np.int32]) -> bool:
-        """Offer an order with the directions that suit it best."""
-        return self.offer(order, choose_directions(self.metric, order, self.problem.reversible))
+        """Offer an order with the directions and entries that suit it best."""
+        problem, seams = self.problem, self.problem.seams
+        if seams is None:
+            return self.offer(order, choose_directions(self.metric, order, problem.reversible))
+        flip, seat = choose_visits(self.metric, order, problem.reversible, seams.offsets)
+        return self.offer(order, flip, seat)
 
     def tick(self, iterations: int = 0) -> bool:
         """Count `iterations`, report, and return whether to stop."""
@@ -105,3 +127,10 @@ class Incumbent:
         if self._report is not None:
             self._report(now)
         return self._criterion(now)
+
+
+def _allowed(seat: NDArray[np.int32], seams: Seams) -> bool:
+    """Say whether each contour has an option of its own where it has a choice, else none."""
+    choice = np.diff(seams.offsets) > 1
+    within = (seat >= seams.offsets[:-1]) & (seat < seams.offsets[1:])
+    return bool(np.where(choice, within, seat == -1).all())

@@ -79,7 +79,7 @@ def anneal_rivals(
         list(lanes.pool.map(work, range(len(rivals))))
         for rival, tour in zip(rivals, tours, strict=True):
             tour.put_back(rival)
-            incumbent.offer(rival.order, rival.flip)
+            incumbent.offer(rival.order, rival.flip, rival.seat)
         return proposals * len(rivals)
 
     return _in_slices(incumbent, slice_of, until)
@@ -119,7 +119,7 @@ def anneal_pieces(
         steps = sum(lanes.pool.map(work, range(len(shares))))
         for piece in (piece for pieces in shares for piece in pieces):
             piece.put_back(sequence)
-        incumbent.offer(sequence.order, sequence.flip)
+        incumbent.offer(sequence.order, sequence.flip, sequence.seat)
         return steps
 
     return _in_slices(incumbent, slice_of, until)

@@ -9,30 +9,41 @@ from scipy.spatial import cKDTree
 from decmcts._kernels.nearby import keep_possible
 from decmcts.search.problem import OrderProblem
 
-LAYER_STRETCH = 20.0  # heights count this much more: most contours far above or below must wait
+LAYER_STRETCH = 40.0  # heights count this much more: most contours far above or below must wait
 
 
 def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDArray[np.int32]:
-    """Return for each port up to `width` entry ports near it, (2n, width), -1 padded.
+    """Return for each exit up to `width` entry ports near it, (2n + anchors, width), -1 padded.
 
-    Port 2c is the start of contour c and 2c + 1 its end. The lists are drawn from
-    the `pool` nearest; contours that precedence keeps from following are left out.
+    Port 2c is the start of contour c and 2c + 1 its end; 2n + o is option o of a loop
+    that may be entered elsewhere. Of the options only the anchors are listed, and
+    have rows (`Seams.rows`). The lists are drawn from the `pool` nearest; contours
+    that precedence keeps from following are left out.
     """
     n = len(problem)
     if problem.costs is not None:
         return _cheap_successors(problem, width)
     if n == 0:
         return np.full((0, width), -1, np.int32)
-    ports = problem.ports() * np.array([1.0, 1.0, LAYER_STRETCH])
+    stretch, seams = np.array([1.0, 1.0, LAYER_STRETCH]), problem.seams
+    exits = entries = problem.ports() * stretch
     usable = np.ones(2 * n, np.bool_)
     usable[1::2] = problem.reversible
-    ids = np.flatnonzero(usable)
+    row_offsets, owner, anchors = np.zeros(n + 1, np.int64), np.empty(0, np.int32), np.arange(0)
+    if seams is not None:
+        row_offsets, owner, anchors = seams.row_offsets, seams.owner, seams.anchors
+        usable &= np.repeat(np.diff(row_offsets) == 0, 2)
+        exits = np.concatenate([exits, seams.leave[anchors] * stretch])
+        entries = np.concatenate([entries, seams.enter * stretch])
+    ids = np.concatenate([np.flatnonzero(usable), 2 * n + anchors])
     k = min(pool, len(ids))
-    _, index = cKDTree(ports[ids]).query(ports, k=np.arange(1, k + 1))
+    _, index = cKDTree(entries[ids]).query(exits, k=np.arange(1, k + 1), workers=2)
     graph = problem.graph
     return keep_possible(
         ids[index],
         width,
+        row_offsets,
+        owner,
         problem.reversible,
         graph.pred_offsets,
         graph.preds,
@@ -51,6 +62,8 @@ def _cheap_successors(problem: OrderProblem, width: int) -> NDArray[np.int32]:
     return keep_possible(
         np.repeat(found, 2, axis=0),
         width,
+        np.zeros(n + 1, np.int64),
+        np.empty(0, np.int32),
         problem.reversible,
         graph.pred_offsets,
         graph.preds,

@@ -9,13 +9,14 @@ it: any chain between two of its contours stays within. Nothing is searched here
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.metric import Metric, restricted
+from decmcts._kernels.metric import Metric, points_of, restricted, with_points
 from decmcts._kernels.moves import Tour, refresh
-from decmcts._kernels.tour import tour_cost
+from decmcts._kernels.seats import sit_all, visits_cost
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.problem import OrderProblem
 
@@ -29,11 +30,12 @@ class Sequence:
     near: NDArray[np.int32]  # (2n, k) entry ports near each exit port, -1 padded
     order: NDArray[np.int32]  # (n,)
     flip: NDArray[np.uint8]  # (n,) by contour
+    seat: NDArray[np.int32]  # (n,) by contour
 
     @property
     def cost(self) -> float:
         """What its travels cost together."""
-        return float(tour_cost(self.metric, self.order, self.flip))
+        return float(visits_cost(self.metric, self.order, self.flip, self.seat))
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,7 @@ class Piece:
 
     first: int
     ids: NDArray[np.int32]  # (k,) contour of each local number, guards included
+    options: NDArray[np.int64]  # number in the whole problem of each local option
     guards: tuple[int, int]  # 0 or 1 before and behind
     tour: Tour  # local numbers are positions at the time of cutting
 
@@ -50,6 +53,9 @@ class Piece:
         inner = self.tour.order[self.guards[0] : len(self.ids) - self.guards[1]]
         sequence.order[self.first : self.first + len(inner)] = self.ids[inner]
         sequence.flip[self.ids] = self.tour.flip
+        if len(self.options):
+            seated = self.tour.seat >= 0
+            sequence.seat[self.ids[seated]] = self.options[self.tour.seat[seated]]
 
 
 def cut(sequence: Sequence, first: int, last: int) -> Piece:
@@ -57,21 +63,26 @@ def cut(sequence: Sequence, first: int, last: int) -> Piece:
     n = len(sequence.order)
     guards = (int(first > 0), int(last < n))
     ids = sequence.order[first - guards[0] : last + guards[1]].copy()
-    k, rows = len(ids), np.stack([2 * ids, 2 * ids + 1], axis=1).ravel()
+    k = len(ids)
     local = np.full(n, -1, np.int32)
     local[ids] = np.arange(k, dtype=np.int32)
     graph = DependencyGraph.from_pairs(k, _inner_pairs(sequence.problem.graph, ids, local, guards))
     turns = sequence.problem.reversible[ids]
     turns[: guards[0]] = turns[k - guards[1] :] = False
+    seams = _inner_seams(sequence, ids, guards)
     tour = Tour(
-        restricted(sequence.metric, ids),
+        seams.metric,
         turns,
         np.zeros(k, np.int32),
         graph.pred_offsets,
         graph.preds,
         graph.succ_offsets,
         graph.succs,
-        _inner_near(sequence.near[rows], local),
+        _inner_near(sequence, ids, local, seams),
+        seams.offsets,
+        seams.owner,
+        seams.row,
+        seams.seat,
         np.arange(k, dtype=np.int32),
         np.arange(k, dtype=np.int32),
         sequence.flip[ids],
@@ -80,7 +91,54 @@ def cut(sequence: Sequence, first: int, last: int) -> Piece:
         np.zeros(k, np.bool_),
     )
     refresh(tour, 0, k)
-    return Piece(first, ids, guards, tour)
+    return Piece(first, ids, seams.options, guards, tour)
+
+
+class _InnerSeams(NamedTuple):
+    """The metric and the options of a piece, in local numbers."""
+
+    metric: Metric
+    options: NDArray[np.int64]  # (m,) number in the whole problem
+    offsets: NDArray[np.int64]  # (k + 1,)
+    owner: NDArray[np.int32]  # (m,)
+    row: NDArray[np.int32]  # (m,)
+    rows: NDArray[np.int64]  # rows of the whole near lists that the piece needs
+    seat: NDArray[np.int32]  # (k,)
+
+
+def _inner_seams(
+    sequence: Sequence, ids: NDArray[np.int32], guards: tuple[int, int]
+) -> _InnerSeams:
+    """Return what a piece of these contours needs of the problem's options.
+
+    Guards have none: they stay as they are.
+    """
+    k, seams = len(ids), sequence.problem.seams
+    rows = np.stack([2 * ids, 2 * ids + 1], axis=1).ravel().astype(np.int64)
+    none = np.empty(0, np.int32)
+    if seams is None:
+        metric, seat = restricted(sequence.metric, ids), np.full(k, -1, np.int32)
+        empty = np.empty(0, np.int64)
+        return _InnerSeams(metric, empty, np.zeros(k + 1, np.int64), none, none, rows, seat)
+    n, counts, old = len(sequence.order), np.diff(seams.offsets)[ids], sequence.seat[ids]
+    counts[: guards[0]] = counts[k - guards[1] :] = 0
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    options = np.repeat(seams.offsets[ids] - offsets[:-1], counts) + np.arange(offsets[-1])
+    owner = np.repeat(np.arange(k, dtype=np.int32), counts)
+    chosen = counts[owner] > 1
+    kept, dense = np.unique(seams.rows[options[chosen]], return_inverse=True)
+    row = np.full(len(options), -1, np.int32)
+    row[chosen] = 2 * k + dense
+    doors = 2 * n + np.stack([2 * options, 2 * options + 1], axis=1).ravel()
+    points = points_of(sequence.metric)[np.concatenate([rows, doors])]
+    for guard in np.flatnonzero((counts == 0) & (old >= 0)):
+        door = 2 * n + 2 * old[guard]
+        points[2 * guard : 2 * guard + 2] = points_of(sequence.metric)[door : door + 2]
+    free = (old >= 0) & (counts > 0)
+    seat = np.where(free, old - seams.offsets[ids] + offsets[:-1], -1).astype(np.int32)
+    sit_all(points, seat)
+    metric = with_points(sequence.metric, points)
+    return _InnerSeams(metric, options, offsets, owner, row, np.concatenate([rows, kept]), seat)
 
 
 def _inner_pairs(
@@ -106,13 +164,21 @@ def _inner_pairs(
     return np.concatenate(pairs).astype(np.int32)
 
 
-def _inner_near(near: NDArray[np.int32], local: NDArray[np.int32]) -> NDArray[np.int32]:
+def _inner_near(
+    sequence: Sequence, ids: NDArray[np.int32], local: NDArray[np.int32], seams: _InnerSeams
+) -> NDArray[np.int32]:
     """Return the near ports in local numbers; those inside are repeated to fill the lists.
 
     A proposal drawn from a list then never falls outside the piece.
     """
-    inside = np.where(near >= 0, local[near >> 1], -1)
+    n, k, near = len(sequence.order), len(ids), sequence.near[seams.rows]
+    inside = np.where((near >= 0) & (near < 2 * n), local[(near >> 1) % n], -1)
     ports = np.where(inside >= 0, 2 * inside + (near & 1), -1).astype(np.int32)
+    if len(seams.options):
+        place = np.full(int(sequence.problem.seams.offsets[-1]), -1, np.int32)  # type: ignore[union-attr]
+        place[seams.options] = np.arange(len(seams.options), dtype=np.int32)
+        option = np.where(near >= 2 * n, place[np.maximum(near - 2 * n, 0)], -1)
+        ports = np.where(option >= 0, 2 * k + option, ports).astype(np.int32)
     ports = np.take_along_axis(ports, np.argsort(ports < 0, axis=1, kind="stable"), axis=1)
     width = np.maximum((ports >= 0).sum(axis=1), 1)
     return np.take_along_axis(ports, np.arange(near.shape[1]) % width[:, None], axis=1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Protocol
 
@@ -108,7 +108,7 @@ def plan_order(
     incumbent = Incumbent(problem, clock=clock, budget=budget, criterion=criteria, report=progress)
     PLANNERS[planner].plan(incumbent, seed=seed)
     return SearchResult(
-        Toolpath.of(incumbent.order, incumbent.flip[incumbent.order].astype(np.bool_)),
+        _toolpath(incumbent),
         incumbent.cost,
         incumbent.source_cost,
         problem.unit,
@@ -118,3 +118,13 @@ def plan_order(
         seed,
         MappingProxyType(incumbent.notes),
     )
+
+
+def _toolpath(incumbent: Incumbent) -> Toolpath:
+    """Return the best sequence as a toolpath."""
+    order, seams = incumbent.order, incumbent.problem.seams
+    toolpath = Toolpath.of(order, incumbent.flip[order].astype(np.bool_))
+    if seams is None:
+        return toolpath
+    options = np.where(incumbent.seat >= 0, incumbent.seat, seams.offsets[:-1])
+    return replace(toolpath, entry=np.ascontiguousarray(seams.vertices[options][order], np.int32))

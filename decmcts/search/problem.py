@@ -8,7 +8,8 @@ outside, so that a bare problem (endpoints and precedence) can be solved too.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,14 @@ from numpy.typing import NDArray
 from decmcts._kernels.metric import Matrix, Metric, Timed, distance
 from decmcts._kernels.tour import longest_hop
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.seam import SeamPolicy, entry_points, exit_points, seam_entries
 
-Freedom = Literal["fixed", "reversible"]
+Freedom = Literal["fixed", "reversible", "seam"]
+
+
+MOST_ANCHORS = 6  # options of one contour that have near lists of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +46,54 @@ class Pace:
             raise ValueError(f"hop {self.hop_s} s, free {self.free_mm} mm: expected 0 or more")
 
 
+@dataclass(frozen=True)
+class Seams:
+    """Where contours may be entered: options of each, those of contour c in a row.
+
+    A contour with one option has no choice: its start and end are that option's.
+    """
+
+    offsets: NDArray[np.int64]  # (n + 1,) contour c owns options offsets[c]:offsets[c + 1], >= 1
+    enter: NDArray[np.float64]  # (m, 3)
+    leave: NDArray[np.float64]  # (m, 3)
+    vertices: NDArray[np.int32]  # (m,) numbers of points within the contour
+
+    @cached_property
+    def owner(self) -> NDArray[np.int32]:
+        """Contour of each option, (m,)."""
+        return np.repeat(np.arange(len(self.offsets) - 1, dtype=np.int32), np.diff(self.offsets))
+
+    @property
+    def sliced(self) -> NDArray[np.int32]:
+        """First option of contours with a choice, the slicer's own if allowed; else -1, (n,)."""
+        first = self.offsets[:-1].astype(np.int32)
+        return np.where(np.diff(self.offsets) > 1, first, -1).astype(np.int32)
+
+    @cached_property
+    def row_offsets(self) -> NDArray[np.int64]:
+        """Contour c has anchors row_offsets[c]:row_offsets[c + 1], or none, (n + 1,)."""
+        counts = np.diff(self.offsets)
+        kept = np.where(counts > 1, np.minimum(counts, MOST_ANCHORS), 0)
+        return np.concatenate([[0], np.cumsum(kept)]).astype(np.int64)
+
+    @cached_property
+    def anchors(self) -> NDArray[np.int64]:
+        """Option in the middle of each run that shares a row of the near lists."""
+        chosen = np.flatnonzero(np.diff(self.offsets)[self.owner] > 1)
+        begins = np.flatnonzero(np.diff(self.rows[chosen], prepend=-1))
+        ends = np.append(begins[1:], len(chosen))
+        return np.asarray(chosen[(begins + ends - 1) // 2])
+
+    @cached_property
+    def rows(self) -> NDArray[np.int32]:
+        """Row of the near lists for each option; of no meaning without choice, (m,)."""
+        counts, owner = np.diff(self.offsets)[self.owner], self.owner
+        place = np.arange(len(owner)) - self.offsets[owner]
+        kept = np.diff(self.row_offsets)[owner]
+        first = 2 * (len(self.offsets) - 1) + self.row_offsets[owner]
+        return np.asarray(first + place * kept // counts, np.int32)
+
+
 @dataclass(frozen=True, slots=True)
 class OrderProblem:
     """Order `n` contours, and choose the direction of those that may turn.
@@ -55,6 +109,7 @@ class OrderProblem:
     graph: DependencyGraph
     pace: Pace | None = None  # travels cost seconds instead of mm
     costs: NDArray[np.float64] | None = None  # (n, n) bare costs instead of both
+    seams: Seams | None = None  # where loops may be entered; None: as sliced
 
     def __post_init__(self) -> None:
         n = self.graph.n
@@ -76,15 +131,23 @@ class OrderProblem:
         return self.graph.n
 
     @staticmethod
-    def from_job(job: PrintJob, graph: DependencyGraph, freedom: Freedom) -> OrderProblem:
+    def from_job(
+        job: PrintJob,
+        graph: DependencyGraph,
+        freedom: Freedom,
+        seam: SeamPolicy = "nearest",
+    ) -> OrderProblem:
         """Take the endpoints and freedoms of a job.
 
         Parameters
         ----------
-        freedom : {"fixed", "reversible"}
+        freedom : {"fixed", "reversible", "seam"}
             With "fixed" nothing turns. With "reversible" the open contours that
             the reader marked reversible may; turning a closed contour changes
-            no travel, so closed contours keep the slicer's direction.
+            no travel, so closed contours keep the slicer's direction. With "seam"
+            closed contours may also be entered elsewhere.
+        seam : SeamPolicy
+            Where, with freedom "seam".
 
         Raises
         ------
@@ -92,17 +155,24 @@ class OrderProblem:
             If `freedom` is unknown or the graph is of another print.
         """
         contours = job.contours
-        if freedom not in ("fixed", "reversible"):
-            raise ValueError(f"freedom is {freedom!r}, expected 'fixed' or 'reversible'")
+        if freedom not in get_args(Freedom):
+            raise ValueError(f"freedom is {freedom!r}, expected one of {get_args(Freedom)}")
         if graph.n != len(contours):
             raise ValueError(f"the graph has {graph.n} contours, the job {len(contours)}")
-        turns = contours.reversible & ~contours.closed & (freedom == "reversible")
+        turns = contours.reversible & ~contours.closed & (freedom != "fixed")
+        start, end, seams = contours.start, contours.end, None
+        if freedom == "seam":
+            seams = _seams(contours, seam)
+            turns &= np.diff(seams.offsets) == 1
+            first = seams.offsets[:-1]
+            start, end = seams.enter[first], seams.leave[first]
         return OrderProblem(
-            np.ascontiguousarray(contours.start, np.float64),
-            np.ascontiguousarray(contours.end, np.float64),
+            np.ascontiguousarray(start, np.float64),
+            np.ascontiguousarray(end, np.float64),
             np.ascontiguousarray(turns, np.bool_),
             np.ascontiguousarray(contours.layer, np.int32),
             graph,
+            seams=seams,
         )
 
     @property
@@ -114,9 +184,11 @@ class OrderProblem:
         """Return what prices travels, made anew: its points may be changed."""
         if self.costs is not None:
             return Matrix(np.ascontiguousarray(self.costs, np.float64))
-        if self.pace is None:
-            return self.ports()
-        return _timed(self.ports(), self.pace)
+        points = self.ports()
+        if self.seams is not None:
+            options = np.stack([self.seams.enter, self.seams.leave], axis=1).reshape(-1, 3)
+            points = np.concatenate([points, options])
+        return points if self.pace is None else _timed(points, self.pace)
 
     def longest_hop(self) -> float:
         """Return the cost of the longest travel there can be."""
@@ -134,6 +206,16 @@ class OrderProblem:
     def ports(self) -> NDArray[np.float64]:
         """Return the endpoints as (2n, 3): port 2c is the start of contour c, 2c + 1 its end."""
         return np.ascontiguousarray(np.stack([self.start, self.end], axis=1).reshape(-1, 3))
+
+
+def _seams(contours: Contours, policy: SeamPolicy) -> Seams:
+    entries = seam_entries(contours, policy)
+    return Seams(
+        entries.offsets,
+        entry_points(contours, entries),
+        exit_points(contours, entries),
+        entries.vertices,
+    )
 
 
 def _timed(points: NDArray[np.float64], pace: Pace) -> Timed:

@@ -19,7 +19,8 @@ from tests.search.problems import random_problem
 def as_sliced(problem: OrderProblem) -> Sequence:
     n = len(problem)
     order, flip = np.arange(n, dtype=np.int32), np.zeros(n, np.uint8)
-    return Sequence(problem, problem.ports(), near_ports(problem), order, flip)
+    seat = np.full(n, -1, np.int32)
+    return Sequence(problem, problem.ports(), near_ports(problem), order, flip, seat)
 
 
 @settings(max_examples=60, deadline=None)

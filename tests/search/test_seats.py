@@ -1,0 +1,142 @@
+"""Loops entered elsewhere: the search must price, choose and report what it really does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from decmcts._kernels.anneal import anneal
+from decmcts._kernels.descent import descend
+from decmcts._kernels.random import seeded
+from decmcts._kernels.seats import choose_visits, visits_cost
+from decmcts._kernels.tour import respects, tour_cost
+from decmcts.search.annealing import tour_of
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.neighbours import near_ports
+from decmcts.search.pieces import Sequence, cut
+from decmcts.search.planners import PLANNERS, plan_order
+from decmcts.search.problem import OrderProblem, Pace, Seams
+from decmcts.search.stopping import Budget, IterationLimit
+from tests.search.problems import random_problem
+
+
+def loops(seed: int, n: int, *, most: int = 9, density: float = 0.1) -> OrderProblem:
+    """A random problem in which about half the contours may be entered at several places."""
+    rng = np.random.default_rng(seed)
+    problem = random_problem(seed, n, density=density)
+    counts = np.where(rng.random(n) < 0.5, rng.integers(2, most + 1, n), 1)
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    enter = rng.integers(0, 5, (offsets[-1], 3)).astype(float)
+    leave = enter + rng.integers(0, 2, (offsets[-1], 3))
+    vertices = (np.arange(offsets[-1]) - np.repeat(offsets[:-1], counts)).astype(np.int32)
+    single = np.flatnonzero(counts == 1)
+    enter[offsets[single]], leave[offsets[single]] = problem.start[single], problem.end[single]
+    first = offsets[:-1]
+    return replace(
+        problem,
+        start=enter[first],
+        end=leave[first],
+        reversible=problem.reversible & (counts == 1),
+        seams=Seams(offsets, enter, leave, vertices),
+    )
+
+
+def started(problem: OrderProblem) -> Incumbent:
+    return Incumbent(problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1))
+
+
+@pytest.mark.parametrize("temperature", [0.01, 1.0, 100.0])
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 30), timed=st.booleans())
+def test_summed_changes_equal_the_recomputed_cost(
+    temperature: float, seed: int, n: int, timed: bool
+) -> None:
+    """Moves that change entries on the way must leave no trace when they are refused."""
+    problem = loops(seed, n)
+    if timed:
+        problem = replace(problem, pace=Pace(100.0, 1500.0, 10.0, 200.0, hop_s=0.3, free_mm=2.0))
+    tour = tour_of(started(problem), near_ports(problem))
+    before = visits_cost(problem.metric(), tour.order, tour.flip, tour.seat)
+    total, _ = anneal(tour, seeded(seed), temperature, 700)
+    total += descend(tour, 0, n, 5)
+    after = visits_cost(problem.metric(), tour.order, tour.flip, tour.seat)
+    assert after == pytest.approx(before + total, abs=1e-6)
+    assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(after)
+    assert tour.after.sum() == pytest.approx(after, abs=1e-6)
+    assert respects(tour.order, tour.succ_offsets, tour.succs)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_entries_chosen_for_an_order_are_the_cheapest(seed: int) -> None:
+    """The dynamic programme is the exact end of every search."""
+    problem = loops(seed, 5, most=4)
+    seams, order = problem.seams, np.arange(5, dtype=np.int32)
+    assert seams is not None
+    choice = np.diff(seams.offsets) > 1
+    ways = [
+        [(0, o) for o in range(seams.offsets[c], seams.offsets[c + 1])]
+        if choice[c]
+        else [(f, -1) for f in range(1 + int(problem.reversible[c]))]
+        for c in range(5)
+    ]
+    least = min(
+        visits_cost(
+            problem.metric(),
+            order,
+            np.array([w[0] for w in way], np.uint8),
+            np.array([w[1] for w in way], np.int32),
+        )
+        for way in product(*ways)
+    )
+    flip, seat = choose_visits(problem.metric(), order, problem.reversible, seams.offsets)
+    assert visits_cost(problem.metric(), order, flip, seat) == pytest.approx(least)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(4, 40))
+def test_what_a_piece_gains_the_whole_sequence_gains(seed: int, n: int) -> None:
+    """Local numbers of options must lead back to the right ones."""
+    problem, rng = loops(seed, n), np.random.default_rng(seed)
+    tour = tour_of(started(problem), near_ports(problem))
+    anneal(tour, seeded(seed), 3.0, 300)
+    sequence = Sequence(
+        problem, problem.metric(), near_ports(problem), tour.order, tour.flip, tour.seat
+    )
+    before = sequence.cost
+    first, last = sorted(rng.choice(n + 1, 2, replace=False).tolist())
+    piece = cut(sequence, first, last)
+    change, _ = anneal(piece.tour, seeded(seed + 1), 0.5, 300)
+    piece.put_back(sequence)
+    assert sequence.cost == pytest.approx(before + change, abs=1e-6)
+    assert respects(sequence.order, problem.graph.succ_offsets, problem.graph.succs)
+
+
+@pytest.mark.parametrize("planner", sorted(PLANNERS))
+def test_every_planner_uses_the_freedom_and_reports_the_vertex(planner: str) -> None:
+    """The toolpath's entries must give the cost that was found."""
+    problem = loops(3, 40, density=0.05)
+    seams = problem.seams
+    assert seams is not None
+    result = plan_order(problem, planner=planner, time_limit_s=60.0, seed=1, max_iterations=20_000)
+    start, end = problem.start.copy(), problem.end.copy()
+    for c, vertex in zip(result.toolpath.order, result.toolpath.entry, strict=True):
+        option = seams.offsets[c] + vertex
+        start[c], end[c] = seams.enter[option], seams.leave[option]
+    turned = result.toolpath.reversed[:, None]
+    order = result.toolpath.order
+    enter = np.where(turned, end[order], start[order])
+    leave = np.where(turned, start[order], end[order])
+    travel = float(np.linalg.norm(enter[1:] - leave[:-1], axis=1).sum())
+    assert result.cost == pytest.approx(travel)
+    if planner != "slicer":
+        fixed = replace(problem, seams=None)
+        without = plan_order(
+            fixed, planner=planner, time_limit_s=60.0, seed=1, max_iterations=20_000
+        )
+        assert result.cost < without.cost
