@@ -128,6 +128,13 @@ def spread(rows: list[dict[str, Any]]) -> str:
     return markdown(lines, head)
 
 
+def within(rows: list[dict[str, Any]], percent: float = 2.0) -> str:
+    """Say how many files of PrusaSlicer are met within so many percent."""
+    sizes = [abs(float(r["error_percent"])) for r in rows if r["slicer"] == PRUSA]
+    near = sum(size <= percent for size in sizes)
+    return f"\n{near} of {len(sizes)} files of {PRUSA} within {percent:g} %.\n"
+
+
 def saved_table(rows: list[dict[str, str]]) -> str:
     lines = []
     for r in rows:
@@ -193,6 +200,7 @@ def main() -> None:
     parser.add_argument("--machines", default="mk4s,paper")
     parser.add_argument("--time-limit", type=float, default=5.0)
     parser.add_argument("--table-only", action="store_true", help="no new runs")
+    parser.add_argument("--note", default="", help="said beside the setting")
     options = parser.parse_args()
     compared = Rows(RESULTS / "print_time.csv", ("file",))
     if not options.table_only:
@@ -205,9 +213,10 @@ def main() -> None:
                 if not saved.has(**dict(zip(KEY, key, strict=True))):
                     saved.append(save(model, machine, objective, options))
                     print(*(f"{k}={v}" for k, v in saved.rows[-1].items()), flush=True)
-    text = f"# Print time\n\n{setting(seed=0)}\n\nRepeat: `python benchmarks/print_time.py`.\n\n"
-    text += "## The estimate against the slicer's own\n\n"
-    text += spread(compared.rows) + NOTES + "\n![errors](print_time.png)\n\n"
+    said = setting(note=options.note, seed=0)
+    text = f"# Print time\n\n{said}\n\nRepeat: `python benchmarks/print_time.py`.\n\n"
+    text += "## The estimate against the slicer's own\n\n" + spread(compared.rows)
+    text += within(compared.rows) + NOTES + "\n![errors](print_time.png)\n\n"
     text += f"## What `--objective time` saves\n\n{SAVED_NOTES}\n" + saved_table(saved.rows)
     text += "\n## All files\n\n" + all_files(sorted(compared.rows, key=lambda r: r["file"]))
     (RESULTS / "print_time.md").write_text(text)
