@@ -15,7 +15,6 @@ import math
 import re
 import statistics
 import tempfile
-import time
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +59,6 @@ def estimate(path: Path, root: Path) -> dict[str, Any] | None:
     due = stated(text)
     if not due:
         return None
-    started = time.perf_counter()
     try:
         found = text_time(text, MotionLimits(), path=path)
     except InputError as error:
@@ -75,7 +73,6 @@ def estimate(path: Path, root: Path) -> dict[str, Any] | None:
         "change_s": round(found.change_s, 1),
         "error_percent": round(100 * (found.total_s / due - 1), 3),
         "moves": len(found.seconds),
-        "seconds": round(time.perf_counter() - started, 2),
     }
 
 
@@ -158,11 +155,10 @@ def all_files(rows: list[dict[str, Any]]) -> str:
     lines = [
         [r["file"], r["slicer"]]
         + [f"{float(r[f'{k}_s']):.0f}" for k in ("stated", "motion", "dwell", "change")]
-        + [f"{float(r['error_percent']):+.2f}", str(r["moves"]), str(r["seconds"])]
+        + [f"{float(r['error_percent']):+.2f}", str(r["moves"])]
         for r in rows
     ]
-    head = ["file", "slicer", "stated s", "motion s", "dwell s", "changes s", "error %", "moves",
-            "took s"]  # fmt: skip
+    head = ["file", "slicer", "stated s", "motion s", "dwell s", "changes s", "error %", "moves"]
     return markdown(lines, head)
 
 
@@ -187,7 +183,6 @@ def plot(rows: list[dict[str, Any]], path: Path) -> None:
 
 def compare(root: Path, rows: Rows) -> None:
     """Add the rows that are not there yet."""
-    text_time(b"G1 X1 E1 F600\n", MotionLimits())  # compiles, off the clock
     for path in sorted(root.glob("**/*.gcode.gz")):
         if not rows.has(file=name_of(path, root)) and (row := estimate(path, root)):
             rows.append(row)
