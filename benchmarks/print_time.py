@@ -223,7 +223,7 @@ Limits are the file's own; where it has none, those of no particular machine
 (docs/machine-format.md), so only PrusaSlicer and its relatives are comparable.
 Dwells (G4) are counted here and not by PrusaSlicer. What changing tools and colours
 takes is mostly in the slicer's head and not in the file: prints that do (Bambu's two
-colours, PrusaSlicer's XL and MMU, the Klipper file for T1) are the outliers.
+colours, PrusaSlicer's XL, the Klipper file for T1) are the outliers.
 """
 SAVED_NOTES = """Planner `local`, process order kept, freedom reversible, seed 0, against the
 slicer's order with the same travels made safe; times of the print as planned, and of whole
