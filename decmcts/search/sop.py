@@ -5,8 +5,7 @@ Beam search, from both ends: dense precedence, and prints. Branch and bound over
 assignments: next to no precedence. Annealing with the planners' own moves: all
 between. The first two often prove that nothing is cheaper. All see costs reduced
 by the assignment's prices: a fair measure between beginnings of sequences, and
-between near successors. They run on two threads, in slices that meet: the one
-that falls behind hands its thread over.
+between near successors. They run on two threads, in slices that meet.
 
 References
 ----------

@@ -19,7 +19,7 @@ from decmcts._kernels.metric import Matrix
 from decmcts._kernels.moves import Tour
 from decmcts._kernels.random import seeded
 from decmcts.search.annealing import Cooling, tour_of
-from decmcts.search.assignment import Assignment
+from decmcts.search.assignment import Assignment, assign
 from decmcts.search.assignment_tree import AssignmentTree
 from decmcts.search.beam import Beam
 from decmcts.search.incumbent import Incumbent
@@ -35,7 +35,7 @@ _CYCLES = (0.15, 0.25, 0.4, 0.55, 0.75, 0.98)  # ends of annealings, shares
 _HOT = (1.0, 0.3, 2.0)  # in turn; multiples of the mean reduced cost of near steps
 _COLD = 0.01
 _NEAR = 12
-_CHANGES = ((0.08, 0.0), (0.2, 0.05), (0.4, 0.005))  # shares spent; lead annealing needs there
+_CHANGES = ((0.08, 0.0), (0.2, 0.05), (0.4, 0.02))  # shares spent; lead annealing needs there
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
@@ -55,11 +55,6 @@ class BeamLane:
 
     def __post_init__(self) -> None:
         self._bests = [np.inf for _ in self.beams]
-
-    @property
-    def leader(self) -> Beam:
-        """The beam that found the cheapest sequence."""
-        return self.beams[int(np.argmin(self._bests))]
 
     def work(self, quota: int, spent: float) -> int:
         """Step the beams whose turn it is; return how many beginnings were looked at."""
@@ -102,7 +97,6 @@ class AnnealLane:
     scale: float  # mean reduced cost of those
     state: NDArray[np.uint64]  # (1,)
     turn: int  # which heat comes first
-    best: float = np.inf
     name: str = "annealing"
     _began: float = 0.0
     _until: float = 0.0
@@ -116,7 +110,6 @@ class AnnealLane:
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the sequence at hand; start anew from the best where an annealing is over."""
-        self.best = min(self.best, float(self.tour.after.sum()))
         _offer(incumbent, self.tour.order, self.name)
         spent = incumbent.spent
         if spent >= self._until:
@@ -133,7 +126,6 @@ class TreeLane:
     costs: NDArray[np.float64]  # (n, n)
     bound: float  # what to add to reduced costs
     least_gain: float
-    best: float = np.inf
     below: float = np.inf
     name: str = "assignments"
     _found: NDArray[np.int32] | None = None
@@ -152,7 +144,6 @@ class TreeLane:
                 break
             order = self.tree.precedence.repaired(wish)
             cost = float(self.costs[order[:-1], order[1:]].sum())
-            self.best = min(self.best, cost)
             if cost < self.below:
                 self.below, self._found = cost, order
         return 1 + (self.tree.made - made) * unit
@@ -195,8 +186,14 @@ class Race:
                 if stop:
                     return bound
                 if changes and incumbent.spent >= changes[0][0]:
-                    lead = changes.pop(0)[1]
-                    lanes = self._handed_over(lanes, lead, last=not changes)
+                    lanes = self._handed_over(lanes, changes.pop(0)[1])
+
+    @property
+    def costs(self) -> NDArray[np.float64]:
+        """Return the real costs, (n, n)."""
+        metric = self.incumbent.metric
+        assert isinstance(metric, Matrix)
+        return metric.costs
 
     def _bound(self, lane: Lane) -> float:
         """Return what a lane has proven: no sequence costs less."""
@@ -208,40 +205,37 @@ class Race:
             return min(self.assignment.bound + lane.tree.bound, self.incumbent.cost)
         return -np.inf
 
-    def _handed_over(self, lanes: list[Lane], lead: float, *, last: bool) -> list[Lane]:
-        """Return the lanes: annealing for the tree, later the loser's thread for the winner.
+    def _handed_over(self, lanes: list[Lane], lead: float) -> list[Lane]:
+        """Return the lanes: annealing in the tree's place, or in the beams' where they lag behind.
 
-        Annealing needs a clear lead, since beams find most towards the end.
+        They have to lag clearly, since beams find most towards the end.
         """
         beams, other = lanes
         if isinstance(other, TreeLane):
             return [beams, self._annealer(0)]
-        if not (isinstance(beams, BeamLane) and isinstance(other, AnnealLane)):
-            return lanes
-        margin = lead * self.incumbent.cost
-        if other.best + self.least_gain + margin < beams.best:
+        if isinstance(beams, BeamLane) and (1.0 + lead) * self.incumbent.cost < beams.best:
             return [self._annealer(1), other]
-        if last and beams.best + self.least_gain < other.best:
-            return [beams, self._beams(beams.leader)]
         return lanes
 
     def _tree(self) -> TreeLane:
         """Return a lane of branch and bound."""
-        reduced, costs = self.assignment.reduced, self.incumbent.metric
-        assert isinstance(costs, Matrix)
-        table = np.where(self.precedence.possible, reduced, np.inf)
+        table = np.where(self.precedence.possible, self.assignment.reduced, np.inf)
         tree = AssignmentTree(table, self.precedence)
-        lane = TreeLane(tree, costs.costs, self.assignment.bound, self.least_gain)
+        lane = TreeLane(tree, self.costs, self.assignment.bound, self.least_gain)
         lane.meet(self.incumbent)
         return lane
 
-    def _beams(self, like: Beam | None = None) -> BeamLane:
-        """Return a lane of beams from both ends, or of one like another but noisy."""
-        ends = (False, True) if like is None else (like.backward,)
-        reduced, noisy = self.assignment.reduced, like is not None
+    def _beams(self) -> BeamLane:
+        """Return a lane of beams from both ends.
+
+        Prices are not unique; each end is best served by those worked out from there.
+        """
+        costs, possible = self.costs, self.precedence.possible
+        mirrored = assign(np.ascontiguousarray(costs.T[::-1, ::-1]), possible.T[::-1, ::-1])
+        prices = (self.assignment.reduced, mirrored.reduced.T[::-1, ::-1])
         beams = [
-            Beam(reduced, self.precedence, self.seed + noisy, backward=end, noisy=noisy)
-            for end in ends
+            Beam(reduced, self.precedence, self.seed, backward=backward)
+            for backward, reduced in zip((False, True), prices, strict=True)
         ]
         lane = BeamLane(beams, self.assignment.bound, self.least_gain)
         lane.meet(self.incumbent)
