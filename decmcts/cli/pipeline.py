@@ -199,20 +199,8 @@ def plan_single(
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
     lags, guess = _lags(loaded, before)
-
-    def ordered(graph: DependencyGraph, limit_s: float) -> SearchResult:
-        return search(
-            replace(loaded, graph=graph), planner=planner, freedom=freedom, time_limit_s=limit_s,
-            seed=seed, objective=objective, **hooks,
-        )  # fmt: skip
-
-    if len(lags.below):
-        result = search_cooled(
-            loaded.job, loaded.machine, loaded.graph, guess, ordered,
-            time_limit_s=time_limit_s, announce=announce,
-        )  # fmt: skip
-    else:
-        result = ordered(loaded.graph, time_limit_s)
+    asked = {"planner": planner, "freedom": freedom, "seed": seed, "objective": objective}
+    result = _ordered(loaded, guess, time_limit_s, announce, {**asked, **hooks})
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     announce("safe travels and times")
     plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
@@ -242,6 +230,22 @@ def plan_single(
     }
     after = document_of(loaded, plan, extra)
     return check(loaded, before, after, result.history, seconds, announce)
+
+
+def _ordered(
+    loaded: Loaded, lags: Lags, time_limit_s: float, announce: Announce, asked: dict[str, Any]
+) -> SearchResult:
+    """Search; where spots must cool, for what is done first with its waits."""
+
+    def run(graph: DependencyGraph, limit_s: float) -> SearchResult:
+        return search(replace(loaded, graph=graph), time_limit_s=limit_s, **asked)
+
+    if not len(lags.below):
+        return run(loaded.graph, time_limit_s)
+    job, machine = loaded.job, loaded.machine
+    return search_cooled(
+        job, machine, loaded.graph, lags, run, time_limit_s=time_limit_s, announce=announce
+    )
 
 
 def _lags(loaded: Loaded, source: PlanDocument) -> tuple[Lags, Lags]:
