@@ -104,6 +104,8 @@ def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, st
         "print_time_s": "print time, s",
         "makespan_s": "makespan, s",
     }
+    if after.metrics.get("waits_s"):
+        names["waits_s"] = "of it waits for cooling, s"
     rows = [("contours", f"{len(before.contours):,}", f"{len(after.contours):,}", "")]
     for key, text in names.items():
         was, now = before.metrics.get(key), after.metrics.get(key)
