@@ -20,7 +20,7 @@ from sim.faults import Fault, FaultKind, listed
 SLACK_S = 0.5
 SLACK = 0.1  # share of what is due that the models may differ by
 TRAVEL_MORE_S = 1.0  # what a travel may take beyond its motion, retracting and priming
-TRAVEL_TIMES = 2.5  # and how much slower than the machine can the source may travel
+TRAVEL_TIMES = 15.0  # and how much slower than the machine can the source may travel
 
 Floats = NDArray[np.float64]
 
