@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from decmcts.cli import options as opt
+from decmcts.cli import sop
 from decmcts.cli.app import app, guess_machine, interrupt_stops
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import clock_time, err, gain_table, out, print_json, steps, summary_of
@@ -22,7 +23,6 @@ from decmcts.cli.outputs import (
 )
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
 from decmcts.cli.quality import Quality, cooling_line
-from decmcts.cli.sop import plan_sop, refuse_for_sop
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.sop import is_sop
@@ -57,8 +57,8 @@ def plan(
 ) -> None:
     """Find a better order for one head and write it, verified; or solve a bare SOP."""
     if is_sop(source):
-        refuse_for_sop(machine=machine, plan=plan_file, report=report, picture=picture)
-        plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        sop.refuse_for_sop(machine=machine, plan=plan_file, report=report, picture=picture)
+        sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_unwritable([output, plan_file, report, picture], source)
     refuse_other_suffixes(plan_file, report, picture)

@@ -12,6 +12,7 @@ from decmcts.cli.app import run
 from tests.formats.test_sop import HEAD, ROWS
 
 
+@pytest.mark.slow
 def test_a_problem_is_solved_and_its_tour_written_beside_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -24,6 +25,7 @@ def test_a_problem_is_solved_and_its_tour_written_beside_it(
     assert "1\n2\n3\n-1\n" in (tmp_path / "tiny.tour").read_text()
 
 
+@pytest.mark.slow
 def test_json_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The benchmark reads it."""
     source, target = tmp_path / "tiny.sop", tmp_path / "mine.tour"

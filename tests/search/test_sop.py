@@ -56,6 +56,7 @@ def cheapest(costs: np.ndarray, pairs: np.ndarray) -> float:
     return float(best)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
@@ -77,6 +78,7 @@ def test_small_instances_are_solved_and_proven(
     assert found.optimal
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 7), density=st.sampled_from([0.0, 0.3]))
 def test_the_assignment_bounds_and_prices_every_sequence(seed: int, n: int, density: float) -> None:
@@ -95,6 +97,7 @@ def test_the_assignment_bounds_and_prices_every_sequence(seed: int, n: int, dens
     assert (order[0], order[-1]) == (0, n - 1)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 12))
 def test_closure_and_reduction_are_those_of_the_definition(seed: int, n: int) -> None:
@@ -132,6 +135,7 @@ def test_a_narrow_beam_is_feasible_and_a_wide_one_exact(backward: bool) -> None:
     assert bests[-1] == exact.cost
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1), n=st.integers(2, 7), density=st.sampled_from([0.0, 0.1, 0.4])
@@ -155,6 +159,7 @@ def test_branch_and_bound_alone_is_exact(seed: int, n: int, density: float) -> N
     assert best == optimum
 
 
+@pytest.mark.slow
 def test_equal_seeds_and_iterations_give_equal_results() -> None:
     """Threads must not decide what is found."""
     rng = np.random.default_rng(5)
