@@ -9,7 +9,7 @@ from decmcts._kernels.anneal import (
     commit_turn,
 )
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.moves import Tour, carry_change, swap_change, turn_change
+from decmcts._kernels.moves import Tour, carry_change, lent_tour, swap_change, turn_change
 from decmcts._kernels.seats import contour_of, near_row, settle
 
 _GAIN = -1e-9  # mm; smaller gains are rounding
@@ -59,7 +59,7 @@ def descend(tour: Tour, first: int, last: int, longest: int) -> float:
     Segments up to `longest` are exchanged. Each position is worked on until
     nothing improves there.
     """
-    gain = 0.0
+    gain, tour = 0.0, lent_tour(tour)
     for p in range(first, last):
         gain += settle(tour, p)
         better = True

@@ -2,7 +2,9 @@
 
 Numba counts references atomically wherever a function takes an array out of a
 tuple, which can cost more than the function's work. A lent array has no count;
-its owner must outlive it, as a kernel's arguments outlive the call.
+its owner must outlive it, as a kernel's arguments outlive the call. Its type
+says that it may be written, whether it may or not, so that what it is passed to
+is compiled once.
 """
 
 from __future__ import annotations
@@ -32,7 +34,7 @@ def _without_count(typing_context: Any, array: Any) -> Any:
         view.parent = _values.get_null_value(view.parent.type)
         return view._getvalue()
 
-    return array(array), generate
+    return array.copy(readonly=False)(array), generate
 
 
 def lent(array: A) -> A:

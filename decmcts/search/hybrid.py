@@ -1,10 +1,10 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
-The tree search over clusters and the annealing take turns: the best sequence
-guides the trees, and the trees' best sequence races against it, a whole sequence
-a thread. After a few short races the winner is annealed for most of the time by
-all threads together: in a few long pieces while hot, where long moves decide the
-large structure, in many short ones while cold. Small prints race to the end.
+Trees over clusters, one for each Γ, propose a start; two threads anneal it
+together, in long pieces while hot, where long moves decide the large structure,
+in many short ones while cold. Half-way the trees, guided by what annealing made
+of the sequence, get another turn. Small prints are annealed whole, one sequence a
+thread, in several races with the trees in between.
 
 References
 ----------
@@ -28,23 +28,24 @@ from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
 from decmcts.search.structure import gamma_searches, search_structure
 
-_LANES = 2  # fixed, so that results do not depend on the machine
-
 
 @dataclass(frozen=True, slots=True)
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    rounds: tuple[float, ...] = (0.07, 0.16, 0.97)  # shares of the budget at which rounds end
-    rounds_if_small: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.97)
-    small: int = 400  # contours up to which races beat one long round
+    races: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.97)  # shares of the budget at their ends
+    small: int = 400  # contours up to which races beat working on one sequence together
+    first: float = 0.05  # share of the budget for a first, fast annealing
+    turn: float = 0.5  # share of the budget at which the trees get their second turn
+    end: float = 0.97  # share of the budget at which the descent begins
     large: int = 6000  # contours from which one Γ is all that time allows
-    long_pieces: float = 0.5  # share of the last round
-    for_structure: float = 0.02  # share of the budget for the trees before each race
+    for_structure: float = 0.02  # share of the budget for each turn of the trees; 0: no trees
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
+    threads: int = 2  # fixed, so that results do not depend on the machine
     hot: float = 1.5
     warm: float = 0.2  # from here on the structure stays
     cold: float = 0.03
+    anneals: bool = True  # False: trees and descent only
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
@@ -56,50 +57,70 @@ class Hybrid:
         if incumbent.tick():
             return
         near = near_ports(incumbent.problem)
-        with open_lanes(_LANES, seed) as lanes:
+        with open_lanes(self.threads, seed) as lanes:
             if self._search(incumbent, near, lanes):
                 return
         if not descend_fully(incumbent, tour_of(incumbent, near)):
             incumbent.offer_order(incumbent.order)
 
     def _search(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
-        """Run all rounds; return whether to stop."""
-        n = len(incumbent.problem)
-        rounds = self.rounds_if_small if n <= self.small else self.rounds
-        guest = _sequence(incumbent, near)
-        races = rounds if n <= self.small else rounds[:-1]
-        for number, until in enumerate(races):
-            if number > 0 and self._found(incumbent, lanes, guest):
-                return True
-            rivals = [_sequence(incumbent, near), guest]
-            hot, _, cold = self._heats(incumbent)
-            if hot == 0.0 or anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), until):
-                return True
-        return n > self.small and self._share_out(incumbent, near, lanes, rounds[-1])
+        """Take turns until the descent is due; return whether to stop."""
+        if incumbent.cost == 0.0:
+            return True
+        if not self.anneals:
+            return self._found(incumbent, lanes, _sequence(incumbent, near), self.end)
+        if len(incumbent.problem) <= self.small:
+            return self._race(incumbent, near, lanes)
+        return self._share_out(incumbent, near, lanes)
 
-    def _share_out(
-        self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes, until: float
-    ) -> bool:
-        """Anneal the best sequence on all threads together; return whether to stop."""
+    def _race(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+        """Anneal one whole sequence a thread, the best and the trees'; return whether to stop."""
+        guest = _sequence(incumbent, near)
+        for until in self.races:
+            if self._turn_of_trees(incumbent, lanes, guest):
+                return True
+            rivals = [_sequence(incumbent, near) for _ in range(self.threads - 1)]
+            hot, _, cold = self._heats(incumbent)
+            cooling = Cooling(hot, cold)
+            if hot == 0.0 or anneal_rivals(incumbent, [*rivals, guest], lanes, cooling, until):
+                return True
+        return False
+
+    def _share_out(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+        """Anneal one sequence on all threads together; return whether to stop."""
+        sequence = _sequence(incumbent, near)
+        if self._turn_of_trees(incumbent, lanes, sequence):
+            return True
+        sequence = _sequence(incumbent, near)
         hot, warm, cold = self._heats(incumbent)
-        sequence, began = _sequence(incumbent, near), incumbent.spent
-        half = began + self.long_pieces * (until - began)
-        return (
-            hot == 0.0
-            or anneal_pieces(incumbent, sequence, lanes, Cooling(hot, warm), half, a_lane=1)
-            or anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), until, a_lane=4)
-        )
+        if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, cold), self.first, a_lane=1):
+            return True
+        sequence = _sequence(incumbent, near)
+        hot, warm, cold = self._heats(incumbent)
+        if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, warm), self.turn, a_lane=1):
+            return True
+        before, guest = sequence.cost, _sequence(incumbent, near)
+        if self._turn_of_trees(incumbent, lanes, guest):
+            return True
+        if guest.cost < before:
+            sequence = guest
+        return anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), self.end, a_lane=4)
+
+    def _turn_of_trees(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
+        """Mutate the guest to the trees' best sequence; return whether to stop."""
+        if self.for_structure == 0.0:
+            return False
+        return self._found(incumbent, lanes, guest, incumbent.spent + self.for_structure)
 
     def _heats(self, incumbent: Incumbent) -> tuple[float, float, float]:
         """Return the hot, the warm and the cold temperature for the best sequence, mm."""
         mean = incumbent.cost / len(incumbent.problem)
         return self.hot * mean, self.warm * mean, self.cold * mean
 
-    def _found(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
+    def _found(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence, until: float) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""
         gammas = self.gammas if len(guest.order) < self.large else self.gammas[1:2]
         searches = gamma_searches(incumbent, gammas, lanes.fresh(len(gammas)))
-        until = incumbent.spent + self.for_structure
         best, stop = search_structure(
             incumbent, searches, lanes, exploration=self.exploration, until=until
         )
