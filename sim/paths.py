@@ -7,12 +7,12 @@ contour's own polyline, without a jump between actions, parked at both ends.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.faults import Fault, FaultKind, listed
+from sim.seams import Moved, run_of
 
 SAME_MM = 1e-3  # points nearer than this are one point: files keep three decimals
 
@@ -117,14 +117,6 @@ def _check_joined(actions: HeadActions, head: Head) -> list[Fault]:
     return listed(FaultKind.WRONG_PATH, lines) + listed(FaultKind.NOT_PARKED, parked)
 
 
-def traversal(contours: Contours, contour: int, entry: int, backwards: bool) -> NDArray[np.float64]:
-    """Return the polyline a print action has to follow, (k, 3)."""
-    points = contours.polyline(contour)
-    if entry:
-        points = np.vstack([points[entry:], points[1:entry], points[entry : entry + 1]])
-    return np.flipud(points) if backwards else points
-
-
 def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
     lines = []
     for a in np.nonzero(actions.kind == ActionKind.PRINT)[0].tolist():
@@ -138,12 +130,13 @@ def _print_problem(contours: Contours, actions: HeadActions, a: int) -> str:
     """Return what is wrong with the path of one print action, or nothing."""
     contour, entry = int(actions.contour[a]), int(actions.entry[a])
     backwards = bool(actions.reversed[a])
-    size = int(contours.offsets[contour + 1] - contours.offsets[contour])
     if backwards and not contours.reversible[contour]:
         return "runs backwards, but the source forbids turning it"
-    if entry and not (contours.closed[contour] and 0 < entry < size):
-        return f"enters at vertex {entry}, which is no entry of it"
-    path, due = actions.action_path(a), traversal(contours, contour, entry, backwards)
+    path = actions.action_path(a)[:: -1 if backwards else 1]
+    if entry:
+        run = run_of(contours, Moved(contour, entry, path))
+        return run if isinstance(run, str) else ""
+    due = contours.polyline(contour)
     if path.shape != due.shape:
         return f"has {len(path)} points where the contour has {len(due)}"
     off = float(np.abs(path - due).max())

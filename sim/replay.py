@@ -23,6 +23,7 @@ from sim.compiled import compiled
 from sim.material import Part, parts_of
 from sim.motion import arrival_times
 from sim.order import PartialOrder
+from sim.seams import Moved, run_of
 
 SLOWEST, FASTEST = 2.0, 0.5  # timing error of each action
 
@@ -69,9 +70,13 @@ def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
 def _print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:
     """Return the feed of each segment in the traversal of a print action."""
     contour, entry = int(lane.contour[action]), int(lane.entry[action])
-    rows = slice(int(contours.offsets[contour]) + 1, int(contours.offsets[contour + 1]))
-    feed = np.roll(contours.feed[rows], -entry)
-    return feed[::-1] if lane.reversed[action] else feed
+    step = -1 if lane.reversed[action] else 1
+    rows = slice(int(contours.offsets[contour]), int(contours.offsets[contour + 1]))
+    feed = contours.feed[rows]
+    if entry:
+        run = run_of(contours, Moved(contour, entry, lane.action_path(action)[::step]))
+        feed = feed[:0] if isinstance(run, str) else run.feed
+    return feed[1:][::step]
 
 
 def timing_factors(

@@ -7,7 +7,7 @@ planner's algorithms is imported here, only its data types.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import combinations, permutations
 
 import numpy as np
@@ -36,6 +36,7 @@ from sim.replay import (
     run_trial,
     timing_factors,
 )
+from sim.seams import Moved, motions_with
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
 TIME_TOLERANCE_S = 1e-3
@@ -104,12 +105,18 @@ def verify_plan(
 
 
 def verify_motions(
-    motions: Motions, source: Motions, machine: Machine, *, job: PrintJob | None = None
+    motions: Motions,
+    source: Motions,
+    machine: Machine,
+    *,
+    job: PrintJob | None = None,
+    seams: Sequence[Moved] = (),
 ) -> Verdict:
     """Check a one-head G-code file against the file it was made from.
 
     Every extrusion of the source once, with its E and feed, nothing else; and
-    the head, moved through the file, touches nothing printed before.
+    the head, moved through the file, touches nothing printed before. Loops may
+    begin at another vertex as far as `sim.seams` allows.
 
     Parameters
     ----------
@@ -119,8 +126,12 @@ def verify_motions(
         Its first head is moved.
     job : PrintJob | None
         The source's print; when given, nothing may have moved across its barriers.
+    seams : Sequence[Moved]
+        Loops of `job` the file enters at another vertex (`sim.seams.seams_of_file`).
     """
     started = time.perf_counter()
+    if job is not None:
+        source = motions_with(source, job.contours, seams)
     ours, theirs = segments_of(motions), segments_of(source)
     match = match_segments(ours, theirs)
     faults = compare(ours, theirs, match)

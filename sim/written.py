@@ -7,7 +7,7 @@ down, the way to the end G-code, and no contact on the moves really written.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,16 +29,23 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.file_contacts import check_file_material
 from sim.inventory import NO_MATCH, contour_segments, match_segments
 from sim.printed_file import laying_moves, segments_of
+from sim.seams import Moved, source_with
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01  # of filament pushed on the spot
 
 
 def verify_written(
-    path: Path | str, job: PrintJob, document: GcodeDocument, machine: Machine
+    path: Path | str,
+    job: PrintJob,
+    document: GcodeDocument,
+    machine: Machine,
+    *,
+    seams: Sequence[Moved] = (),
 ) -> Verdict:
     """Check a one-head file against the job and the document it was made from.
 
+    `seams` are the loops that have to begin at another vertex.
     Contacts on moves that make the same contact in the source (in its end code,
     say) are the source's own and are not reported.
     """
@@ -47,6 +54,7 @@ def verify_written(
         endings = same_ending(document, path)
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
+    job, document = source_with(job, document, seams)
     faults = listed(FaultKind.STATE, same_extrusions(job, document, ours, ours_document))
     faults += listed(FaultKind.STATE, endings)
     laid, match = laying_moves(motions), match_job(motions, job)

@@ -96,6 +96,7 @@ def turn_loop(
     out.extrusion[begin], out.feed[begin], out.rows[begin] = 0.0, 0.0, start + 1
     gap = gap_of(points, first, last)
     end, share, filament = clip(points, extrusion, first, start, gap)
+    closing = at
     if gap > 0.0:
         out.points[at] = points[first]
         out.extrusion[at], out.feed[at], out.rows[at] = filament, feed[last], last
@@ -104,9 +105,11 @@ def turn_loop(
         out.points[at] = points[row]
         out.extrusion[at], out.feed[at], out.rows[at] = extrusion[row], feed[row], row
         at += 1
-    if share > 0.0:
+    if share > 0.0:  # what is kept of the last segment, by its length once rounded
         out.points[at - 1] = exit_of(points, end, share)
-        out.extrusion[at - 1] *= 1.0 - share
+        kept = distance_of(out.points, at - 2, at - 1) / distance_of(points, end - 1, end)
+        out.extrusion[at - 1] *= kept
+        out.extrusion[closing] += extrusion[end] * (1.0 - kept - share)
     return at
 
 

@@ -13,13 +13,14 @@ from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.gcode import read_gcode, read_motions
+from decmcts.formats.gcode import read_gcode, read_motions, read_result
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import PlanDocument
 from sim.faults import FaultKind, Verdict
 from sim.pictures import draw_machine
+from sim.seams import seams_of_file
 from sim.verify import verify_motions, verify_plan
 from sim.written import verify_written
 
@@ -69,8 +70,10 @@ def judge(
     refuse_head_file(result)
     chosen = load_machine(machine or guess_machine(source) or "paper")
     job, print_text = read_gcode(source)
-    verdict = verify_motions(read_motions(result), read_motions(source), chosen, job=job)
-    written = verify_written(result, job, print_text, chosen)
+    ours, _, motions = read_result(result)
+    seams = list(seams_of_file(ours.contours, job.contours))
+    verdict = verify_motions(motions, read_motions(source), chosen, job=job, seams=seams)
+    written = verify_written(result, job, print_text, chosen, seams=seams)
     more = [fault for fault in written.faults if fault.kind == FaultKind.STATE]
     return Verdict((*verdict.faults, *more), verdict.counts)
 

@@ -14,6 +14,16 @@ class Freedom(StrEnum):
 
     FIXED = "fixed"
     REVERSIBLE = "reversible"
+    SEAM = "seam"
+
+
+class Seam(StrEnum):
+    """Where freedom `seam` may let closed contours begin."""
+
+    NEAREST = "nearest"
+    ALIGNED = "aligned"
+    REAR = "rear"
+    CORNER = "corner"
 
 
 class Planner(StrEnum):
@@ -63,7 +73,19 @@ MachineOption = Annotated[
 ]
 PlannerOption = Annotated[Planner, typer.Option("--planner", help="How the order is found")]
 FreedomOption = Annotated[
-    Freedom, typer.Option("--freedom", help="fixed: as sliced; reversible: from either end")
+    Freedom,
+    typer.Option(
+        "--freedom",
+        help="fixed: as sliced; reversible: from either end; seam: loops from another vertex too",
+    ),
+]
+SeamOption = Annotated[
+    Seam | None,
+    typer.Option(
+        "--seam",
+        help="With --freedom seam. nearest: wherever travel is least (default); aligned: above "
+        "the seam below; rear: largest Y; corner: sharpest, concave first",
+    ),
 ]
 ProcessOption = Annotated[
     ProcessOrder,

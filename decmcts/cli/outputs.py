@@ -23,6 +23,7 @@ from decmcts.print.machine import Machine
 from sim.faults import Verdict
 from sim.pictures import draw_plan
 from sim.report import write_report
+from sim.seams import seams_of_plan
 from sim.written import verify_written
 
 
@@ -79,10 +80,11 @@ def header_lines(planned: Planned) -> list[str]:
     """Return the comment lines that say what was done to the file."""
     was, now = planned.before.metrics, planned.after.metrics
     machine = planned.after.machine
+    seam = f" ({now['seam']})" if "seam" in now else ""
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
         f"planner {now['planner']} for {now.get('objective', 'makespan')},"
-        f" freedom {now['freedom']}, seed {now['seed']}",
+        f" freedom {now['freedom']}{seam}, seed {now['seed']}",
         f"extrusionless travel {bare(was):.1f} mm -> {bare(now):.1f} mm",
         f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
         *([line] if (line := cooling_line(planned.after)) else []),
@@ -116,7 +118,10 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
             draft,
             header_lines=header_lines(planned),
         )
-        require_sound(verify_written(draft, loaded.job, loaded.document, loaded.machine), path)
+        seams = list(seams_of_plan(planned.after.plan.heads[0]))
+        require_sound(
+            verify_written(draft, loaded.job, loaded.document, loaded.machine, seams=seams), path
+        )
         times = _file_times(planned, draft)
         save_text(draft.read_bytes(), path)
     return times

@@ -28,6 +28,7 @@ from decmcts.formats.machine_file import check_fits, load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.loops import close_gaps
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -97,10 +98,12 @@ def load(
     announce: Announce,
     own_limits: bool = True,
     quality: Quality = NO_QUALITY,
+    freedom: str = "reversible",
 ) -> Loaded:
     """Read `path`, check that it fits the machine and build its dependency graph.
 
-    With `own_limits` the motion limits a source states replace the machine's.
+    With `own_limits` the motion limits a source states replace the machine's. With
+    freedom `seam` the graph knows what loops lay down wherever they begin.
     """
     seconds: dict[str, float] = {}
     started = time.perf_counter()
@@ -116,7 +119,7 @@ def load(
         check_fits(job.contours, chosen)
         chosen = parked_above(chosen, job.contours)
         graph = build_graph(
-            job.contours,
+            close_gaps(job.contours) if freedom == "seam" else job.contours,
             chosen.heads,
             clearance_mm=chosen.clearance_mm,
             bead_width=chosen.bead_width,
@@ -160,17 +163,17 @@ def search(
     freedom: str,
     time_limit_s: float,
     seed: int,
+    seam: str = "nearest",
     objective: str = "travel",
     **hooks: Any,
 ) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
-    problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
-    smallest = _smallest()
-    if objective == "time":
-        pace = pace_of(loaded.job, loaded.machine.limits)
-        problem, smallest = replace(problem, pace=pace), replace(smallest, pace=pace)
+    pace = pace_of(loaded.job, loaded.machine.limits) if objective == "time" else None
+    smallest = replace(_smallest(), pace=pace)
     plan_order(smallest, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
-    return plan_order(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
+    options = {"planner": planner, "time_limit_s": time_limit_s, "seed": seed, **hooks}
+    problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom, seam)  # type: ignore[arg-type]
+    return plan_order(replace(problem, pace=pace), **options)
 
 
 def _smallest() -> OrderProblem:
@@ -189,6 +192,7 @@ def plan_single(
     time_limit_s: float,
     seed: int,
     announce: Announce,
+    seam: str = "nearest",
     certificate: bool = False,
     objective: str = "travel",
     **hooks: Any,
@@ -199,8 +203,9 @@ def plan_single(
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
     lags, guess = _lags(loaded, before)
-    asked = {"planner": planner, "freedom": freedom, "seed": seed, "objective": objective}
-    result = _ordered(loaded, guess, time_limit_s, announce, {**asked, **hooks})
+    asked = {"planner": planner, "freedom": freedom, "seam": seam, "seed": seed}
+    hooks = {**asked, "objective": objective, **hooks}
+    result = _ordered(loaded, guess, time_limit_s, announce, hooks)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     announce("safe travels and times")
     plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
@@ -213,6 +218,9 @@ def plan_single(
     if certificate and objective != "travel":
         skipped = "it is on travel, and the search minimised time"
         bound = {"bound_mm": None, "gap_percent": None, "bound_skipped": skipped}
+    elif certificate and freedom == "seam":
+        skipped = "it does not know yet that loops may begin at another vertex"
+        bound = {"bound_mm": None, "gap_percent": None, "bound_skipped": skipped}
     elif certificate:
         announce("proving how far from optimal this is at most")
         started = time.perf_counter()
@@ -223,6 +231,7 @@ def plan_single(
         "planner": planner,
         "objective": objective,
         "freedom": freedom,
+        **({"seam": seam} if freedom == "seam" else {}),
         "seed": seed,
         "time_limit_s": time_limit_s,
         "iterations": result.iterations,

@@ -23,6 +23,7 @@ from decmcts.cli.outputs import (
 )
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
 from decmcts.cli.quality import Quality, cooling_line
+from decmcts.errors import InputError
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.sop import is_sop
@@ -35,6 +36,7 @@ def plan(
     machine: opt.MachineOption = None,
     planner: opt.PlannerOption = opt.Planner.LOCAL,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
+    seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     objective: opt.ObjectiveOption = opt.Objective.TRAVEL,
     limits: opt.LimitsOption = opt.Limits.SOURCE,
@@ -57,7 +59,9 @@ def plan(
 ) -> None:
     """Find a better order for one head and write it, verified; or solve a bare SOP."""
     if is_sop(source):
-        sop.refuse_for_sop(machine=machine, plan=plan_file, report=report, picture=picture)
+        sop.refuse_for_sop(
+            machine=machine, seam=seam, plan=plan_file, report=report, picture=picture
+        )
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_unwritable([output, plan_file, report, picture], source)
@@ -70,6 +74,7 @@ def plan(
         machine,
         planner=planner.value,
         freedom=freedom.value,
+        seam=seam_of(freedom, seam),
         process_order=process_order.value,
         objective=objective.value,
         limits=limits.value,
@@ -90,6 +95,16 @@ def plan(
     show(planned, [*([output] if output else []), *written], times, as_json=as_json)
 
 
+def seam_of(freedom: opt.Freedom, seam: opt.Seam | None) -> str:
+    """Return the seam policy; raises InputError for one that would mean nothing."""
+    if seam is not None and freedom != opt.Freedom.SEAM:
+        raise InputError(
+            f"--seam {seam.value} needs --freedom seam, this is freedom {freedom.value}",
+            advice="add --freedom seam, or leave --seam out",
+        )
+    return (seam or opt.Seam.NEAREST).value
+
+
 def run_single(
     source: Path,
     machine: str | None,
@@ -100,6 +115,7 @@ def run_single(
     quality: Quality,
     time_limit_s: float,
     seed: int,
+    seam: str,
     slicing: SliceOptions,
     quiet: bool,
     certificate: bool = False,
@@ -133,11 +149,13 @@ def run_single(
             options=slicing,
             announce=announce,
             own_limits=limits == "source",
+            freedom=freedom,
         )
         return plan_single(
             loaded,
             planner=planner,
             freedom=freedom,
+            seam=seam,
             time_limit_s=time_limit_s,
             seed=seed,
             announce=announce,

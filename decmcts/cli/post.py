@@ -14,7 +14,7 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app, guess_machine
 from decmcts.cli.outputs import write_single
-from decmcts.cli.plan import run_single, show
+from decmcts.cli.plan import run_single, seam_of, show
 from decmcts.cli.quality import Quality
 from decmcts.errors import InputError
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
@@ -26,6 +26,7 @@ def post(
     machine: opt.MachineOption = None,
     planner: opt.PlannerOption = opt.Planner.LOCAL,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
+    seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     objective: opt.ObjectiveOption = opt.Objective.TRAVEL,
     limits: opt.LimitsOption = opt.Limits.SOURCE,
@@ -50,6 +51,7 @@ def post(
         chosen,
         planner=planner.value,
         freedom=freedom.value,
+        seam=seam_of(freedom, seam),
         process_order=process_order.value,
         objective=objective.value,
         limits=limits.value,

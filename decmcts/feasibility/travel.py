@@ -21,8 +21,9 @@ from decmcts._kernels.travel import (
 )
 from decmcts.feasibility.packed_head import pack_contours, pack_head
 from decmcts.print.contours import Contours
+from decmcts.print.loops import enter_at
 from decmcts.print.machine import Head
-from decmcts.print.toolpath import Toolpath, endpoints
+from decmcts.print.toolpath import Toolpath, endpoints, entries_by_contour
 
 __all__ = [
     "HeightField",
@@ -138,7 +139,8 @@ def toolpath_heights(
     At least the height of both ends of the travel; larger where it must lift.
     """
     field = new_height_field(contours, clearance_mm=clearance_mm, cell_mm=cell_mm)
-    beads = pack_contours(contours, clearance_mm)
+    running = enter_at(contours, entries_by_contour([toolpath], len(contours)))
+    beads = pack_contours(running, clearance_mm)
     entries, exits = endpoints(contours, toolpath)
     heights = np.empty(max(0, len(toolpath) - 1))
     order_heights(

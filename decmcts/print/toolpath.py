@@ -6,6 +6,7 @@ the judge (`sim` has its own).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,14 @@ class Toolpath:
             np.ascontiguousarray(reversed_, np.bool_),
             np.zeros(len(order), np.int32),
         )
+
+
+def entries_by_contour(toolpaths: Sequence[Toolpath], n: int) -> NDArray[np.int32]:
+    """Return the entry vertex of each of `n` contours, 0 for those in no toolpath, (n,)."""
+    entry = np.zeros(n, np.int32)
+    for toolpath in toolpaths:
+        entry[toolpath.order] = toolpath.entry
+    return entry
 
 
 def visit_points(

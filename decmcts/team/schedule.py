@@ -8,12 +8,14 @@ One head is a joint plan of one: same code. No search here.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
+from decmcts.print.loops import enter_at
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan
-from decmcts.print.toolpath import Toolpath
+from decmcts.print.toolpath import Toolpath, entries_by_contour
 from decmcts.team.actions import join_actions
 from decmcts.team.alone import hand_over
 from decmcts.team.order import floor_of, order_units, require_complete, visits_of
@@ -51,5 +53,7 @@ def schedule(
     require_complete(job, machine, space, toolpaths)
     visits = visits_of(job, machine, graph, space, toolpaths)
     order = order_units(visits, floor_of(job, machine, space), toolpaths)
-    travels = unit_travels(job, machine, order, space)
+    entry = entries_by_contour(toolpaths, len(job.contours))
+    running = replace(job, contours=enter_at(job.contours, entry), acceleration=None)
+    travels = unit_travels(running, machine, order, space)
     return join_actions(job, machine, order, travels, toolpaths)

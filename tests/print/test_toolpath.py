@@ -11,7 +11,7 @@ from decmcts.print.toolpath import Toolpath, endpoints, extrusionless_travel, vi
 
 def contours_of(*polylines: list[tuple[float, float, float]], closed: bool = False) -> Contours:
     n = len(polylines)
-    points = np.array([p for line in polylines for p in line], np.float64)
+    points = np.array([p for line in polylines for p in line], np.float64).reshape(-1, 3)
     offsets = np.cumsum([0, *(len(line) for line in polylines)]).astype(np.int64)
     return Contours(
         points,

@@ -19,8 +19,8 @@ from decmcts.formats.gcode.document import Block, GcodeDocument
 from decmcts.formats.gcode.emitter import NEAR_MM, Emitter
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.print.job import PrintJob
+from decmcts.print.loops import traversal
 from decmcts.print.plan import ActionKind, HeadActions
-from decmcts.print.toolpath import visit_points
 
 
 def write_gcode(
@@ -158,11 +158,14 @@ def print_contour(
     turned: bool,
     entry: int,
 ) -> None:
-    """Travel to a contour and print it in the chosen traversal."""
-    rows = slice(int(job.contours.offsets[contour]), int(job.contours.offsets[contour + 1]))
-    points = visit_points(job.contours, contour, reversed_=turned, entry=entry)
-    order = _segments(rows.stop - rows.start, turned, entry if job.contours.closed[contour] else 0)
-    state = emitter.document.point_state[rows][order].tolist()
+    """Travel to a contour and print it in the chosen traversal.
+
+    Filament, feed and machine state go with each segment.
+    """
+    way = traversal(job.contours, contour, entry)
+    step = -1 if turned else 1
+    points = way.points[::step]
+    state = emitter.document.point_state[way.rows[1:]][::step].tolist()
     begin: tuple[float, float, float] = tuple(points[0].tolist())
     emitter.set_state(state[0], before_travel=True)
     written = len(emitter.lines)
@@ -171,8 +174,7 @@ def print_contour(
     if len(emitter.lines) == written and not emitter.parted:
         emitter.say(SPLIT_MARK)
     emitter.parted = False
-    filament = job.contours.extrusion[rows][order].tolist()
-    feed = job.contours.feed[rows][order].tolist()
+    filament, feed = way.extrusion[1:][::step].tolist(), way.feed[1:][::step].tolist()
     held = -1
     for to, e, f, s in zip(points[1:].tolist(), filament, feed, state, strict=True):
         if s != held:
@@ -183,14 +185,6 @@ def print_contour(
         emitter.owed = max(0.0, emitter.owed - float(sum(filament)))
     emitter.tail = points[::-1]
     emitter.top = max(emitter.top, float(points[:, 2].max()))
-
-
-def _segments(n_points: int, turned: bool, entry: int) -> NDArray[np.int64]:
-    """Return the rows of a contour's segments in the order they are printed."""
-    order = np.arange(1, n_points)
-    if entry:
-        order = np.concatenate([order[entry:], order[:entry]])
-    return order[::-1] if turned else order
 
 
 def _go(

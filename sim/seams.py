@@ -1,0 +1,257 @@
+"""Moved seams: where a loop may be entered, and what it lays down then.
+
+A loop as sliced stops a gap before its start. Entered at another vertex it must
+close that gap, follow the loop's own vertices, and stop as far before its new
+start; what is not laid down at the new seam is laid down in the old gap, so that
+a loop's filament stays what it was. The path is judged by lengths along the
+loop; how the planner makes it is not known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from decmcts.formats.gcode import GcodeDocument, Motions
+from decmcts.print.contours import Contours, Role
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions
+
+SAME_MM = 1e-3  # points nearer than this are one point: files keep three decimals
+CLOSED_MM = 2e-3  # a gap shorter than this is none
+LENGTH_MM = 6e-3  # by how much the new gap may be longer or shorter than the old one
+FLOW = 0.15  # share by which filament per mm may differ between the two seams
+FIXED = (Role.IRONING, Role.WIPE_TOWER)
+WALLS = (Role.EXTERNAL_PERIMETER, Role.PERIMETER, Role.OVERHANG_PERIMETER, Role.SKIRT_BRIM)
+LOOP_GAP, OTHER_GAP = 1.0, 0.25  # widths between the ends of a wall's loop, and of any other
+CLOSING = -1  # row of the segment that closes the old gap
+
+
+class Moved(NamedTuple):
+    """One contour entered at another vertex, as a plan or a file runs it."""
+
+    contour: int
+    entry: int
+    path: NDArray[np.float64]  # (k, 3) from the entry on
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a loop lays down on its way from another vertex."""
+
+    points: NDArray[np.float64]  # (k, 3)
+    extrusion: NDArray[np.float64]  # (k,) of the segment ending here
+    feed: NDArray[np.float64]  # (k,)
+    rows: NDArray[np.int64]  # (k,) point of the source whose segment's state it has
+
+
+def run_of(contours: Contours, moved: Moved) -> Run | str:
+    """Return what a moved contour lays down, or in words why it may not run so."""
+    first, last = (int(contours.offsets[moved.contour + k]) - k for k in (0, 1))
+    if reason := _forbidden(contours, moved.contour, moved.entry):
+        return reason
+    rows = _ring(contours, first, last, moved.entry)
+    ring = contours.points[np.where(rows == CLOSING, first, rows)]
+    path, m = moved.path, len(moved.path)
+    if not 2 <= m <= len(ring):
+        return f"has {m} points where the loop has {len(ring)}"
+    off = float(np.abs(path[:-1] - ring[: m - 1]).max())
+    if off > SAME_MM:
+        return f"leaves the contour by {off:.3f} mm"
+    way = _lengths(ring)
+    span = way[m - 1] - way[m - 2]
+    end = float(np.linalg.norm(path[-1] - path[-2]))
+    share = min(end / span, 1.0) if span > 0.0 else 1.0
+    off = float(np.abs(ring[m - 2] + share * (ring[m - 1] - ring[m - 2]) - path[-1]).max())
+    if off > SAME_MM or share <= 0.0:
+        return f"leaves the loop by {off:.3f} mm at its end"
+    gap = float(np.linalg.norm(contours.points[last] - contours.points[first]))
+    left = way[-1] - way[m - 2] - share * span
+    due, allowed = (gap, LENGTH_MM) if gap >= CLOSED_MM else (0.0, SAME_MM)
+    if abs(left - due) > allowed:
+        return f"ends {left:.3f} mm before its entry, as sliced {gap:.3f} mm"
+    return _filled(contours, moved, rows[:m], path, share)
+
+
+def _forbidden(contours: Contours, contour: int, entry: int) -> str:
+    """Return why a contour may not be entered at this vertex, or nothing."""
+    size = int(contours.offsets[contour + 1] - contours.offsets[contour])
+    polyline = contours.polyline(contour)
+    if not contours.closed[contour] or not 0 < entry < size - 1:
+        return f"enters at vertex {entry}, which is no entry of it"
+    if not contours.reversible[contour] or contours.role[contour] in FIXED:
+        return f"enters at vertex {entry}, but the source forbids moving its seam"
+    if np.ptp(polyline[:, 2]) > SAME_MM:
+        return f"enters at vertex {entry}, but it is not at one height"
+    near = LOOP_GAP if contours.role[contour] in WALLS else OTHER_GAP
+    if np.linalg.norm(polyline[0] - polyline[-1]) > near * contours.width[contour]:
+        return f"enters at vertex {entry}, but its ends are too far apart for a loop"
+    return ""
+
+
+def _ring(contours: Contours, first: int, last: int, entry: int) -> NDArray[np.int64]:
+    """Return the rows a loop passes from one vertex round to it, CLOSING for the way over the gap.
+
+    A row stands for the segment that ends there.
+    """
+    gap = np.linalg.norm(contours.points[last] - contours.points[first])
+    over = [CLOSING] if gap >= CLOSED_MM else []
+    start = first + entry
+    return np.concatenate(
+        [np.arange(start, last + 1), over, np.arange(first + 1, start + 1)]
+    ).astype(np.int64)
+
+
+def _lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _filled(
+    contours: Contours,
+    moved: Moved,
+    rows: NDArray[np.int64],
+    path: NDArray[np.float64],
+    share: float,
+) -> Run | str:
+    """Return the run with its filament: the old gap gets what the new one leaves out."""
+    first, last = (int(contours.offsets[moved.contour + k]) - k for k in (0, 1))
+    closing = rows == CLOSING
+    source = np.where(closing, last, rows)
+    extrusion = np.where(closing, 0.0, contours.extrusion[source])
+    extrusion[0] = 0.0
+    extrusion[-1] *= share
+    total = float(contours.extrusion[first + 1 : last + 1].sum())
+    rest = total - float(extrusion.sum())
+    if closing.any():
+        gap = float(np.linalg.norm(contours.points[last] - contours.points[first]))
+        due = _filament_at_end(contours, first, last, gap)
+        if abs(rest - due) > FLOW * due:
+            return f"would fill its old seam with {rest:.5f} mm of filament instead of {due:.5f}"
+        extrusion[closing] = rest
+    source[0] = source[1]
+    return Run(path, extrusion, contours.feed[source], source)
+
+
+def _filament_at_end(contours: Contours, first: int, last: int, length: float) -> float:
+    """Return what the last `length` mm of a contour lay down."""
+    way = _lengths(contours.points[first : last + 1])
+    laid = np.concatenate([[0.0], np.cumsum(contours.extrusion[first + 1 : last + 1])])
+    return float(laid[-1] - np.interp(way[-1] - length, way, laid))
+
+
+def seams_of_plan(lane: HeadActions) -> Iterator[Moved]:
+    """Yield the contours a plan enters at another vertex, each run forwards."""
+    moved = (lane.kind == ActionKind.PRINT) & (lane.entry > 0)
+    for a in np.flatnonzero(moved).tolist():
+        path = lane.action_path(a)
+        yield Moved(
+            int(lane.contour[a]), int(lane.entry[a]), path[::-1] if lane.reversed[a] else path
+        )
+
+
+def seams_of_file(ours: Contours, source: Contours) -> Iterator[Moved]:
+    """Yield the contours of a file that run a loop of the source from another vertex.
+
+    A contour that starts and ends where one of the source does is as sliced.
+    """
+    if not len(ours) or not len(source):
+        return
+    ends = np.hstack([source.start, source.end])
+    given = cKDTree(np.vstack([ends, np.roll(ends, 3, axis=1)]))
+    away, _ = given.query(np.hstack([ours.start, ours.end]), distance_upper_bound=3 * SAME_MM)
+    vertices = cKDTree(source.points)
+    for c in np.flatnonzero(~np.isfinite(away)).tolist():
+        path = ours.polyline(c)
+        found = (_entered(source, vertices, way) for way in (path, path[::-1]))
+        yield from (moved for moved in found if moved is not None)
+
+
+def _entered(source: Contours, vertices: cKDTree, path: NDArray[np.float64]) -> Moved | None:
+    """Return which loop of the source a path runs, and from where; None if it runs none."""
+    for row in vertices.query_ball_point(path[0], 2 * SAME_MM):
+        contour = int(np.searchsorted(source.offsets, row, side="right")) - 1
+        moved = Moved(contour, int(row - source.offsets[contour]), path)
+        if isinstance(run_of(source, moved), Run):
+            return moved
+    return None
+
+
+def job_with(job: PrintJob, seams: Iterable[Moved]) -> tuple[PrintJob, NDArray[np.int64]]:
+    """Return the job with loops as they are run, and whose machine state each point has.
+
+    Those that may not run so stay as sliced, and will be missed.
+    """
+    contours, offsets = job.contours, job.contours.offsets
+    runs = {moved.contour: run_of(contours, moved) for moved in seams}
+    rows = np.arange(len(contours.points), dtype=np.int64)
+    if not runs:
+        return job, rows
+    pieces = []
+    for c in range(len(contours)):
+        run, (a, b) = runs.get(c), offsets[c : c + 2]
+        if not isinstance(run, Run):
+            run = Run(contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows[a:b])
+        pieces.append(run)
+    entered = replace(
+        contours,
+        points=np.concatenate([run.points for run in pieces]),
+        extrusion=np.concatenate([run.extrusion for run in pieces]),
+        feed=np.concatenate([run.feed for run in pieces]),
+        offsets=np.cumsum([0, *(len(run.points) for run in pieces)]).astype(np.int64),
+    )
+    return replace(job, contours=entered), np.concatenate([run.rows for run in pieces])
+
+
+def source_with(
+    job: PrintJob, document: GcodeDocument, seams: Iterable[Moved]
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return job and document with loops as they are run."""
+    entered, rows = job_with(job, seams)
+    return entered, replace(document, point_state=document.point_state[rows])
+
+
+def motions_with(source: Motions, contours: Contours, seams: Iterable[Moved]) -> Motions:
+    """Return the moves of a source with loops as they are run; `contours` are its own.
+
+    A bare move leads to each such loop and from it to where the source's ended.
+    """
+    ids, begin, count = np.unique(source.contour, return_index=True, return_counts=True)
+    place = dict(zip(ids.tolist(), zip(begin.tolist(), count.tolist(), strict=True), strict=True))
+    take, swaps, at, size = [], [], 0, 0
+    for moved in sorted(seams, key=lambda moved: moved.contour):
+        run, (a, moves) = run_of(contours, moved), place.get(moved.contour, (0, 0))
+        first, last = (int(contours.offsets[moved.contour + k]) - k for k in (0, 1))
+        if not isinstance(run, Run) or last - first != moves:
+            continue
+        block = [np.arange(at, a), [a], a + run.rows[1:] - first - 1, [a + moves - 1]]
+        swaps.append((size + a - at, run, source.points[a + moves]))
+        take += block
+        size += sum(map(len, block))
+        at = a + moves
+    if not swaps:
+        return source
+    rows = np.concatenate([*take, np.arange(at, len(source.extrusion))]).astype(np.int64)
+    return _swapped(source, rows, swaps)
+
+
+def _swapped(
+    source: Motions, rows: NDArray[np.int64], swaps: list[tuple[int, Run, NDArray[np.float64]]]
+) -> Motions:
+    """Return these moves of a source; from each place on runs with a bare move around them."""
+    ends, extrusion = source.points[rows + 1], np.asarray(source.extrusion)[rows]
+    contour = np.asarray(source.contour)[rows]
+    for place, run, behind in swaps:
+        inner = slice(place + 1, place + len(run.points))
+        ends[place], ends[inner], ends[inner.stop] = run.points[0], run.points[1:], behind
+        extrusion[inner] = run.extrusion[1:]
+        extrusion[[place, inner.stop]], contour[[place, inner.stop]] = 0.0, -1
+    names = ("feed", "line", "width", "height")
+    rest = {name: np.asarray(getattr(source, name))[rows] for name in names}
+    points = np.concatenate([source.points[:1], ends])
+    return Motions(points, extrusion, contour=contour, **rest)
