@@ -187,3 +187,30 @@ def test_machines_are_readable_in_a_narrow_terminal(monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "slices of Prusa's own gantry model" in " ".join(said.split())
     assert len(said.splitlines()) < 60
+
+
+def test_a_seam_without_its_freedom_is_refused(tmp_path, capsys):
+    """A policy that would be ignored is a misunderstanding."""
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    assert run(["plan", str(source), "--machine", "paper", "--seam", "rear"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1 and "--freedom seam" in said[0]
+    assert run(["post", str(source), "--machine", "paper", "--seam", "rear"]) == 2
+
+
+@pytest.mark.parametrize("seam", [[], ["--seam", "rear"], ["--seam", "corner"]])
+def test_loops_begin_where_the_seam_policy_says(tmp_path, capsys, seam):
+    """The file written is judged against its source again, and the summary says what was done."""
+    source, out = tmp_path / "part.gcode", tmp_path / "out.gcode"
+    source.write_text(gcode(SQUARE + SQUARE.replace("X1", "X2").replace("Y120", "Y110")))
+    asked = ["--machine", "paper", "--freedom", "seam", *seam, "--time-limit", "0.1", "--json"]
+    assert run(["plan", str(source), "-o", str(out), *asked]) == 0
+    after = json.loads(capsys.readouterr().out)["after"]
+    assert after["seam"] == (seam[1] if seam else "nearest")
+    assert "another vertex" in after["bound_skipped"]
+    text = out.read_text()
+    assert f"freedom seam ({after['seam']})" in text
+    first = next(x for x in text.splitlines() if x.startswith("G1 X1") and "E" not in x)
+    assert ("Y120" in first) == (seam == ["--seam", "rear"])
+    assert run(["verify", str(out), "--source", str(source), "--machine", "paper"]) == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ from decmcts.formats.gcode import (
 )
 from decmcts.print.job import PrintJob
 from decmcts.print.toolpath import Toolpath
+from sim.seams import seams_of_plan, source_with
+from tests.print.test_loops import random_entries
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
 START = "G28\nG21\nG90\nM82\nG92 E0\n"
@@ -39,14 +42,23 @@ def read(tmp_path: Path) -> Read:
 
 @pytest.fixture
 def again(tmp_path: Path) -> Callable[..., tuple[PrintJob, GcodeDocument, bytes]]:
-    """Write a job (shuffled within epochs if asked), read it again, and demand the same print."""
+    """Write a job, read it again, and demand the same print.
 
-    def rewrite(job: PrintJob, document: GcodeDocument, *, seed: int | None = None):
+    With a seed it is shuffled within epochs, with `seams` its loops begin anywhere.
+    """
+
+    def rewrite(
+        job: PrintJob, document: GcodeDocument, *, seed: int | None = None, seams: bool = False
+    ):
         out = tmp_path / "out.gcode"
         path = toolpath_of(job, seed)
-        write_gcode(document, job, direct_actions(job, path), out)
+        if seams:
+            path = replace(path, entry=random_entries(job.contours, seed or 0)[path.order])
+        lane = direct_actions(job, path)
+        write_gcode(document, job, lane, out)
         job2, document2 = read_gcode(out)
-        assert same_extrusions(job, document, job2, document2) == []
+        due = source_with(job, document, seams_of_plan(lane))
+        assert same_extrusions(*due, job2, document2) == []
         assert len(job2.contours) == len(job.contours)
         return job2, document2, out.read_bytes()
 

@@ -33,7 +33,7 @@ def test_files_of_a_dozen_slicers(path, again, tmp_path):
     assert [b.text for b in document2.blocks] == [b.text for b in document.blocks]
     total = read_motions(tmp_path / "out.gcode").extrusion.sum()
     assert total == pytest.approx(read_motions(path).extrusion.sum(), rel=5e-4)
-    again(job, document, seed=1)
+    again(job, document, seed=1, seams=True)
 
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.bgcode"), ids=lambda p: p.name)
