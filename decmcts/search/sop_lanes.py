@@ -35,7 +35,11 @@ _CYCLES = (0.15, 0.25, 0.4, 0.55, 0.75, 0.98)  # ends of annealings, shares
 _HOT = (1.0, 0.3, 2.0)  # in turn; multiples of the mean reduced cost of near steps
 _COLD = 0.01
 _NEAR = 12
-_CHANGES = ((0.08, 0.0), (0.2, 0.05), (0.4, 0.02))  # shares spent; lead annealing needs there
+_CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may keep working on
+    (0.08, np.inf, 0.02),
+    (0.2, 0.05, 0.02),
+    (0.4, 0.02, 0.0),
+)
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
@@ -186,7 +190,8 @@ class Race:
                 if stop:
                     return bound
                 if changes and incumbent.spent >= changes[0][0]:
-                    lanes = self._handed_over(lanes, changes.pop(0)[1])
+                    _, lead, gap = changes.pop(0)
+                    lanes = self._handed_over(lanes, lead, cost_above=(1.0 + gap) * bound)
 
     @property
     def costs(self) -> NDArray[np.float64]:
@@ -205,17 +210,18 @@ class Race:
             return min(self.assignment.bound + lane.tree.bound, self.incumbent.cost)
         return -np.inf
 
-    def _handed_over(self, lanes: list[Lane], lead: float) -> list[Lane]:
-        """Return the lanes: annealing in the tree's place, or in the beams' where they lag behind.
+    def _handed_over(self, lanes: list[Lane], lead: float, *, cost_above: float) -> list[Lane]:
+        """Return the lanes: annealing in place of the tree, and of the beams, that will not do.
 
-        They have to lag clearly, since beams find most towards the end.
+        Beams have to lag clearly, since they find most towards the end; the tree stays
+        while the cost is not above `cost_above`.
         """
-        beams, other = lanes
-        if isinstance(other, TreeLane):
-            return [beams, self._annealer(0)]
-        if isinstance(beams, BeamLane) and (1.0 + lead) * self.incumbent.cost < beams.best:
-            return [self._annealer(1), other]
-        return lanes
+        beams, other, cost = *lanes, self.incumbent.cost
+        if isinstance(beams, BeamLane) and (1.0 + lead) * cost < beams.best:
+            beams = self._annealer(1)
+        if isinstance(other, TreeLane) and cost > cost_above:
+            other = self._annealer(0)
+        return [beams, other]
 
     def _tree(self) -> TreeLane:
         """Return a lane of branch and bound."""
