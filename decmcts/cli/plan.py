@@ -34,7 +34,7 @@ def plan(
     source: opt.Input,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write G-code")] = None,
     machine: opt.MachineOption = None,
-    planner: opt.PlannerOption = opt.Planner.LOCAL,
+    planner: opt.PlannerOption = opt.Planner.HYBRID,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,

@@ -24,7 +24,7 @@ from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 def post(
     path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
     machine: opt.MachineOption = None,
-    planner: opt.PlannerOption = opt.Planner.LOCAL,
+    planner: opt.PlannerOption = opt.Planner.HYBRID,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,

@@ -45,7 +45,7 @@ def tour_of(
     position[incumbent.order] = np.arange(n, dtype=np.int32)
     tour = Tour(
         metric,
-        problem.reversible,
+        problem.reversible.copy(),  # writable, as in pieces: kernels are compiled once
         np.zeros(n, np.int32) if group is None else group,
         graph.pred_offsets,
         graph.preds,
