@@ -16,6 +16,8 @@ from decmcts.search.certificate import EXACT_UP_TO, lower_bound
 from decmcts.search.problem import OrderProblem
 
 MOST_S = 10.0  # for the bound
+MOST_EARLY_S = 3.0  # for the bound shown while searching
+EARLY_SHARE = 0.05  # of the search time, for that one
 SHARE = 0.5  # of the search time, at most, for the bound
 WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow computer
 MOST_BYTES = 2 * 2**30  # of relations
@@ -43,6 +45,15 @@ def certify(problem: OrderProblem, travel_mm: float, *, time_limit_s: float) -> 
         "gap_percent": found.gap_percent(travel_mm),
         "bound_method": found.method,
     }
+
+
+def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:
+    """Return a bound made in a twentieth of the search time, to show while searching."""
+    allowed_s = min(MOST_EARLY_S, EARLY_SHARE * time_limit_s)
+    if len(problem) <= EXACT_UP_TO or _too_large(len(problem), allowed_s):
+        return None
+    lower_bound(_row(EXACT_UP_TO + 1), time_limit_s=1.0)  # compiles, off the clock
+    return lower_bound(problem, time_limit_s=allowed_s).bound_mm
 
 
 def bound_line(metrics: Mapping[str, Any]) -> str | None:

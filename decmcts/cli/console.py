@@ -45,7 +45,7 @@ def steps(
                 task,
                 total=time_limit_s,
                 completed=min(state.seconds, time_limit_s),
-                description=f"searching: {amount(state.cost, unit)}",
+                description=f"searching: {amount(state.cost, unit)}{above(state)}",
             )
 
         yield announce, searched
@@ -62,6 +62,13 @@ def clock_time(seconds: float) -> str:
     hours, rest = divmod(round(seconds), 3600)
     minutes, left = divmod(rest, 60)
     return f"{hours} h {minutes:02d} min {left:02d} s" if hours else f"{minutes} min {left:02d} s"
+
+
+def above(state: Any) -> str:
+    """Return how far from optimal a search is at most, as words; nothing if no bound is known."""
+    if state.bound is None or state.bound <= 0.0:
+        return ""
+    return f" ≥ {state.bound:,.0f}, at most {100.0 * (state.cost / state.bound - 1.0):.0f} % above"
 
 
 def amount(cost: float, unit: str) -> str:

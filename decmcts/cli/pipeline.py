@@ -16,7 +16,7 @@ import numpy as np
 
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
-from decmcts.cli.bound import certify
+from decmcts.cli.bound import certify, early_bound
 from decmcts.cli.quality import Quality, search_cooled
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.build import build_graph
@@ -200,6 +200,10 @@ def plan_single(
     """Plan one head: search, bound the travel if `certificate`, schedule, verify."""
     announce("the source's own order")
     before = source_plan(loaded)
+    if certificate and objective == "travel" and freedom != "seam":
+        announce("a first bound on the travel")
+        problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
+        hooks["bound"] = early_bound(problem, time_limit_s=time_limit_s)
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
     lags, guess = _lags(loaded, before)

@@ -30,6 +30,8 @@ class Incumbent:
         Asked after every piece of work.
     report : Callable[[Progress], None] | None
         Told of progress after every piece of work.
+    bound : float | None
+        What no sequence can cost less than; told with progress.
     """
 
     def __init__(
@@ -40,6 +42,7 @@ class Incumbent:
         budget: Budget,
         criterion: StoppingCriterion,
         report: Callable[[Progress], None] | None = None,
+        bound: float | None = None,
     ) -> None:
         self.problem = problem
         self.budget = budget
@@ -55,6 +58,7 @@ class Incumbent:
         self.iterations = 0
         self.notes: dict[str, float] = {}  # what a planner chose, by name
         self._clock, self._criterion, self._report = clock, criterion, report
+        self._bound = bound
         self._started, self._improved_at_s = clock(), 0.0
         self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
 
@@ -66,7 +70,7 @@ class Incumbent:
     @property
     def progress(self) -> Progress:
         """Where the search stands now."""
-        return Progress(self.seconds, self.iterations, self.cost, self._improved_at_s)
+        return Progress(self.seconds, self.iterations, self.cost, self._improved_at_s, self._bound)
 
     @property
     def spent(self) -> float:

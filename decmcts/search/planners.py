@@ -72,6 +72,7 @@ def plan_order(
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
+    bound: float | None = None,
 ) -> SearchResult:
     """Search for a sequence whose travels cost little, in mm, seconds or bare costs.
 
@@ -89,6 +90,8 @@ def plan_order(
         Limit on the planner's own iterations (sequences, rollouts or moves tried).
     stop : Callable[[], bool] | None
         Polled several times a second; True ends the search with the best so far.
+    bound : float | None
+        What no sequence can cost less than, if known; only handed on to `progress`.
 
     Raises
     ------
@@ -105,7 +108,9 @@ def plan_order(
         + ((Asked(stop),) if stop is not None else ())
     )
     budget = Budget(time_limit_s, max_iterations)
-    incumbent = Incumbent(problem, clock=clock, budget=budget, criterion=criteria, report=progress)
+    incumbent = Incumbent(
+        problem, clock=clock, budget=budget, criterion=criteria, report=progress, bound=bound
+    )
     PLANNERS[planner].plan(incumbent, seed=seed)
     return SearchResult(
         _toolpath(incumbent),

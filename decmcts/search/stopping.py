@@ -15,6 +15,7 @@ class Progress:
     iterations: int
     cost: float  # of the best sequence so far, in the problem's unit
     improved_at_s: float  # when that sequence was found
+    bound: float | None = None  # no sequence costs less, if known
 
 
 class StoppingCriterion(Protocol):
