@@ -2,20 +2,25 @@
 
 Every benchmark runs the installed command line as a user would, one process a
 run, and appends one row a run to a CSV file, so that a long table can be made in
-several sittings. Corpus: the environment variable DECMCTS_CORPUS, else ../shared
-beside the checkout.
+several sittings; to repeat a run, delete its row. Corpus: the environment variable
+DECMCTS_CORPUS, else ../shared beside the checkout; `four_nuts` and `plate` are
+examples of this project and need none.
 """
 
 from __future__ import annotations
 
+import argparse
 import csv
 import json
 import os
 import platform
+import statistics
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -32,6 +37,38 @@ def corpus() -> Path:
     return path
 
 
+def print_path(name: str) -> Path:
+    """Return the file of a print: an example of this project, or a model of the corpus."""
+    example = ROOT / "examples" / f"{name}.gcode.gz"
+    return example if example.is_file() else corpus() / "models" / "gcode" / f"{name}.gcode.gz"
+
+
+def arguments(
+    description: str | None, *, time_limit: float, models: str
+) -> argparse.ArgumentParser:
+    """Return a parser of the options all benchmarks share."""
+    parser = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--time-limit", type=float, default=time_limit, help="seconds a search")
+    parser.add_argument("--models", type=names, default=names(models), help="NAME,NAME,…")
+    parser.add_argument("--seeds", type=seeds, default=[0], help="SEED,SEED,…")
+    parser.add_argument("--table-only", action="store_true", help="run nothing")
+    parser.add_argument("--note", default="", help="said beside the setting")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder that is written")
+    return parser
+
+
+def names(text: str) -> list[str]:
+    """Return the words of a list with commas or blanks."""
+    return text.replace(",", " ").split()
+
+
+def seeds(text: str) -> list[int]:
+    """Return the numbers of a list with commas."""
+    return [int(word) for word in names(text)]
+
+
 def setting(**chosen: Any) -> str:
     """Return one line that says what was run, where and with which versions."""
     names = ("decmcts", "numpy", "numba", "eclipse-zenoh", "python-fcl")
@@ -44,15 +81,24 @@ def setting(**chosen: Any) -> str:
 
 
 def measured(arguments: list[str], *, timeout_s: float = 1800.0) -> dict[str, Any]:
-    """Run `decmcts ARGUMENTS --json` in a process of its own.
+    """Run `decmcts ARGUMENTS --json` in a process of its own, see `own_process`."""
+    command = [sys.executable, "-m", "decmcts.cli", *arguments, "--json"]
+    return own_process(command, timeout_s=timeout_s)
 
-    Returns its summary with `wall_s`, `peak_mib` (largest single process) and
+
+def own_process(
+    command: list[str], *, timeout_s: float = 1800.0, environment: dict[str, str] | None = None
+) -> dict[str, Any]:
+    """Run a command that prints one JSON object, in a process of its own.
+
+    Returns that object with `wall_s`, `peak_mib` (largest single process) and
     `exit`; a failed run has its one line of error under `error`.
     """
-    command = [sys.executable, "-m", "decmcts.cli", *arguments, "--json"]
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         started = time.perf_counter()
-        child = subprocess.Popen(command, stdout=out, stderr=err)
+        child = subprocess.Popen(
+            command, stdout=out, stderr=err, env={**os.environ, **(environment or {})}
+        )
         deadline = started + timeout_s
         while True:
             pid, status, usage = os.wait4(child.pid, os.WNOHANG)
@@ -76,7 +122,7 @@ def last(text: str) -> str:
 
 
 class Rows:
-    """A CSV file of results, one row a run; a run that is there is not repeated."""
+    """A CSV file of results, one row a run; a run that is there, and fine, is not repeated."""
 
     def __init__(self, path: Path, key: tuple[str, ...]) -> None:
         self.path, self.key = path, key
@@ -93,7 +139,18 @@ class Rows:
         """Say whether a run with this key was made already, by this process or another."""
         self.read()
         wanted = tuple(str(key[name]) for name in self.key)
-        return any(tuple(row[name] for name in self.key) == wanted for row in self.rows)
+        return any(self.key_of(row) == wanted for row in self.rows if not row.get("error"))
+
+    def key_of(self, row: dict[str, str]) -> tuple[str, ...]:
+        """Return the values of a row that say which run it was."""
+        return tuple(row[name] for name in self.key)
+
+    def failures(self) -> str:
+        """Return a Markdown section on the runs that failed and were not made since, or nothing."""
+        made = {self.key_of(row) for row in self.rows if not row["error"]}
+        failed = {self.key_of(row): row["error"] for row in self.rows if row["error"]}
+        lines = [f"- {' '.join(key)}: {failed[key]}\n" for key in failed if key not in made]
+        return "\n## Failed\n\n" + "".join(lines) if lines else ""
 
     def append(self, row: dict[str, Any]) -> None:
         """Add one row at the end of the file at once."""
@@ -105,6 +162,52 @@ class Rows:
                 writer.writeheader()
             writer.writerow(row)
         self.rows.append({name: str(value) for name, value in row.items()})
+
+
+Run = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+def run_missing(rows: Rows, keys: Iterable[dict[str, Any]], run: Run, *, jobs: int = 1) -> None:
+    """Make the runs that are not there yet, `jobs` at a time, a row each as they end."""
+    missing = [key for key in keys if not rows.has(**key)]
+    with ThreadPoolExecutor(jobs) as pool:
+        try:
+            for done in as_completed([pool.submit(run, key) for key in missing]):
+                rows.append(done.result())
+                print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def grouped(
+    rows: Iterable[dict[str, str]], *fields: str
+) -> dict[tuple[str, ...], list[dict[str, str]]]:
+    """Return the rows without an error by their values of `fields`, in order of appearance."""
+    found: dict[tuple[str, ...], list[dict[str, str]]] = {}
+    for row in rows:
+        if not row["error"]:
+            found.setdefault(tuple(row[name] for name in fields), []).append(row)
+    return found
+
+
+def median(rows: Iterable[dict[str, str]], field: str) -> float:
+    """Return the median of a column over rows, at least one."""
+    return statistics.median(float(row[field]) for row in rows)
+
+
+def spread(values: Sequence[float], digits: int = 1) -> str:
+    """Return the median of values and, in brackets, their quartiles."""
+    if len(values) < 2:
+        return f"{values[0]:.{digits}f}" if values else ""
+    low, mid, high = statistics.quantiles(values, n=4, method="inclusive")
+    return f"{mid:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def in_groups(items: Sequence[Any], size: int) -> Iterator[Sequence[Any]]:
+    """Yield the items, `size` at a time."""
+    for first in range(0, len(items), size):
+        yield items[first : first + size]
 
 
 def markdown(rows: list[list[str]], head: list[str]) -> str:

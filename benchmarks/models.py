@@ -1,32 +1,57 @@
-"""All 63 models, one head: contours, edges, seconds, memory and what was gained.
+"""All 63 models, one head: what is gained, and contours, edges, seconds and memory.
 
-    python benchmarks/models.py [--time-limit 10] [--machines paper,mk4s] [--models a,b]
+    python benchmarks/models.py [--machines paper,mk4s] [--freedoms reversible,seam]
+    python benchmarks/models.py --planners local,mcts --machines paper --jobs 2
 
-Writes docs/results/models.csv (a row a run, resumable), models.md and models.png.
+The second command adds the planners of the paper's figure. Writes
+docs/results/models.csv (a row a run, resumable), models.md, models.png (growth)
+and reductions.png (box plot).
 """
 
 from __future__ import annotations
 
 import argparse
-import statistics
+import itertools
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from common import RESULTS, Rows, corpus, markdown, measured, setting
+from common import (
+    Rows,
+    arguments,
+    corpus,
+    grouped,
+    in_groups,
+    markdown,
+    measured,
+    names,
+    print_path,
+    run_missing,
+    setting,
+    spread,
+)
 
 STEPS = ("read", "graph", "plan", "verify", "write")
 KEY = ("model", "machine", "process", "freedom", "planner", "limit_s", "seed")
+ORDER = "slicer layerwise greedy local mcts hybrid"  # of the planners in tables and plots
 
 
-def run(path: Path, key: dict[str, Any]) -> dict[str, Any]:
+def run(path: Path, key: dict[str, Any], *, write: bool = True) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
-        arguments = ["plan", str(path), "-o", f"{folder}/out.gcode", "--machine", key["machine"]]
+        arguments = ["plan", str(path), "--machine", key["machine"]]
+        arguments += ["-o", f"{folder}/out.gcode"] if write else []
         arguments += ["--planner", key["planner"], "--time-limit", str(key["limit_s"])]
         arguments += ["--freedom", key["freedom"], "--process-order", key["process"]]
+        arguments += ["--seam", "nearest"] if key["freedom"] == "seam" else []
         arguments += ["--no-quality"]  # `free` is geometry only; what quality costs: quality.py
-        result = measured([*arguments, "--seed", str(key["seed"])])
+        arguments += ["--no-certificate", "--seed", str(key["seed"])]  # bounds: certificates.py
+        result = measured(arguments, timeout_s=1800.0 + 2.0 * float(key["limit_s"]))
     return {**key, **figures_of(result)}
+
+
+def run_key(key: dict[str, Any]) -> dict[str, Any]:
+    return run(print_path(key["model"]), key)
 
 
 def figures_of(result: dict[str, Any]) -> dict[str, Any]:
@@ -56,18 +81,15 @@ def figures_of(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def table(rows: list[dict[str, str]]) -> str:
-    head = ["model", "machine", "contours", "edges", "read s", "graph s", "plan s", "verify s",
-            "write s", "peak MiB", "travel before mm", "after mm", "less %", "emitted less %",
-            "time less %", "verified"]  # fmt: skip
+    head = ["model", "machine", "freedom", "contours", "edges", "read s", "graph s", "plan s",
+            "verify s", "write s", "peak MiB", "travel before mm", "after mm", "less %",
+            "emitted less %", "time less %", "verified"]  # fmt: skip
     lines = []
     for r in rows:
-        if r["error"]:
-            lines.append([r["model"], r["machine"], *[""] * 13, r["error"]])
-            continue
         emitted = 100 * (1 - float(r["emitted_after_mm"]) / float(r["emitted_before_mm"]))
         timed = 100 * (1 - float(r["time_after_s"]) / float(r["time_before_s"]))
         lines.append(
-            [r["model"], r["machine"], r["contours"], r["edges"]]
+            [r["model"], r["machine"], r["freedom"], r["contours"], r["edges"]]
             + [f"{float(r[f'{s}_s']):.2f}" for s in STEPS]
             + [r["peak_mib"], f"{float(r['travel_before_mm']):.0f}"]
             + [f"{float(r['travel_after_mm']):.0f}", f"{float(r['less_percent']):.1f}"]
@@ -76,32 +98,40 @@ def table(rows: list[dict[str, str]]) -> str:
     return markdown(lines, head)
 
 
-def medians(rows: list[dict[str, str]], machines: list[str]) -> str:
-    text = ""
-    for machine in machines:
-        gains = [
-            float(r["less_percent"]) for r in rows if r["machine"] == machine and not r["error"]
-        ]
-        if len(gains) > 1:
-            low, mid, high = statistics.quantiles(gains, n=4)
-            text += (
-                f"- `{machine}`: {len(gains)} models, median reduction {mid:.1f} % "
-                f"(quartiles {low:.1f} and {high:.1f}, least {min(gains):.1f}, "
-                f"most {max(gains):.1f})\n"
-            )
-    return text
+def gains_of(rows: Iterable[dict[str, str]]) -> list[float]:
+    return [float(r["less_percent"]) for r in rows]
 
 
-def plot(rows: list[dict[str, str]], path: Path) -> None:
+def medians(rows: list[dict[str, str]]) -> str:
+    """Return the table of reductions by setting and planner."""
+    lines = []
+    for (machine, freedom, planner), mine in sorted_groups(rows):
+        gains = gains_of(mine)
+        peak = max(int(r["peak_mib"]) for r in mine)
+        lines.append([machine, freedom, planner, str(len(gains)), spread(gains),
+                      f"{min(gains):.1f}", f"{max(gains):.1f}", str(peak)])  # fmt: skip
+    head = ["machine", "freedom", "planner", "runs", "median less % (quartiles)", "least", "most",
+            "largest peak MiB"]  # fmt: skip
+    return markdown(lines, head)
+
+
+def sorted_groups(rows: list[dict[str, str]]) -> list[tuple[Any, list[dict[str, str]]]]:
+    """Return the rows by machine, freedom and planner, planners from weak to strong."""
+    found = grouped(rows, "machine", "freedom", "planner")
+    return sorted(
+        found.items(), key=lambda g: (g[0][0] != "paper", g[0][1], names(ORDER).index(g[0][2]))
+    )
+
+
+def plot_growth(rows: list[dict[str, str]], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
-    for machine, colour in (("paper", "tab:blue"), ("mk4s", "tab:orange")):
-        mine = [r for r in rows if r["machine"] == machine and not r["error"]]
+    for k, ((machine,), mine) in enumerate(grouped(rows, "machine").items()):
         n = [int(r["contours"]) for r in mine]
         seconds = [float(r["read_s"]) + float(r["graph_s"]) for r in mine]
-        axes[0].loglog(n, seconds, "o", color=colour, label=machine)
-        axes[1].semilogx(n, [int(r["peak_mib"]) for r in mine], "o", color=colour, label=machine)
+        axes[0].loglog(n, seconds, "o", color=f"C{k}", label=machine)
+        axes[1].semilogx(n, [int(r["peak_mib"]) for r in mine], "o", color=f"C{k}", label=machine)
     low, high = axes[0].get_xlim()
     axes[0].loglog(
         [low, high], [low / 1000, high / 1000], "--", color="grey", label="1 ms a contour"
@@ -114,39 +144,74 @@ def plot(rows: list[dict[str, str]], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--time-limit", type=float, default=10.0)
-    parser.add_argument("--machines", default="paper,mk4s")
-    parser.add_argument("--models", default="")
-    parser.add_argument("--table-only", action="store_true")
-    parser.add_argument("--note", default="", help="said beside the setting")
-    options = parser.parse_args()
-    machines = options.machines.split(",")
-    rows = Rows(RESULTS / "models.csv", KEY)
-    wanted = set(filter(None, options.models.split(",")))
-    files = sorted(
-        (corpus() / "models" / "gcode").glob("*.gcode.gz"), key=lambda p: p.stat().st_size
+def plot_reductions(rows: list[dict[str, str]], path: Path) -> None:
+    """Draw the paper's box plot: the slicer's order is the line at zero."""
+    import matplotlib.pyplot as plt
+
+    groups = sorted_groups(rows)
+    figure, axis = plt.subplots(figsize=(max(6, 1.4 * len(groups)), 5), layout="constrained")
+    axis.axhline(0.0, color="grey", label="the slicer's order")
+    axis.boxplot(
+        [gains_of(mine) for _, mine in groups],
+        tick_labels=[
+            f"{planner}\n{machine}\n{freedom}" for (machine, freedom, planner), _ in groups
+        ],
+        widths=0.5,
     )
-    for path in [] if options.table_only else files:
-        name = path.name.removesuffix(".gcode.gz")
-        if wanted and name not in wanted:
-            continue
-        for machine in machines:
-            key = dict(zip(KEY, (name, machine, "keep", "reversible", "local",
-                                 options.time_limit, 0), strict=True))  # fmt: skip
-            if not rows.has(**key):
-                rows.append(run(path, key))
-                print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
-    done = sorted(rows.rows, key=lambda r: (int(r["contours"] or 0), r["machine"]))
-    said = setting(note=options.note, quality="none",
-                   planner="local", freedom="reversible", process_order="keep",
-                   time_limit=f"{options.time_limit:g} s", seed=0)  # fmt: skip
+    axis.set(ylabel="travel less than in the slicer's order, %", ylim=(-5, 100))
+    axis.grid(axis="y", alpha=0.3)
+    axis.legend()
+    figure.savefig(path, dpi=110)
+
+
+def write_results(rows: Rows, options: argparse.Namespace) -> None:
+    done = [r for r in rows.rows if not r["error"] and float(r["limit_s"]) == options.time_limit]
+    done = [r for r in done if r["process"] == options.process]
+    done.sort(key=lambda r: (int(r["contours"] or 0), r["model"], r["machine"], r["freedom"]))
+    said = setting(
+        note=options.note, quality="none", process_order=options.process,
+        time_limit=f"{options.time_limit:g} s", seeds=" ".join(sorted({r["seed"] for r in done})),
+    )  # fmt: skip
     text = f"# All models, one head\n\n{said}\n\nRepeat: `python benchmarks/models.py`. "
     text += "Gains are against PrusaSlicer 2.5.0 with aligned seam.\n\n"
-    text += medians(done, machines) + "\n![growth](models.png)\n\n" + table(done)
-    (RESULTS / "models.md").write_text(text)
-    plot(done, RESULTS / "models.png")
+    text += medians(done) + "\n![reductions](reductions.png)\n\n![growth](models.png)\n"
+    for (planner,), mine in grouped(done, "planner").items():
+        text += f"\n## `{planner}`\n\n" + table(mine)
+    text += rows.failures()
+    (options.results / "models.md").write_text(text)
+    if done:
+        plot_growth(done, options.results / "models.png")
+        plot_reductions(done, options.results / "reductions.png")
+
+
+def all_models() -> list[str]:
+    """Return the names of the corpus' models, small files first."""
+    files = (corpus() / "models" / "gcode").glob("*.gcode.gz")
+    ordered = sorted(files, key=lambda path: path.stat().st_size)
+    return [path.name.removesuffix(".gcode.gz") for path in ordered]
+
+
+def main() -> None:
+    parser = arguments(__doc__, time_limit=20.0, models="")
+    parser.add_argument("--machines", type=names, default=["paper", "mk4s"])
+    parser.add_argument("--freedoms", type=names, default=["reversible", "seam"])
+    parser.add_argument("--process", default="keep", choices=["keep", "free"])
+    parser.add_argument("--planners", type=names, default=["hybrid"])
+    parser.add_argument("--jobs", type=int, default=1, help="at a time; hybrid uses two threads")
+    options = parser.parse_args()
+    rows = Rows(options.results / "models.csv", KEY)
+    if not options.table_only:
+        keys = [
+            dict(zip(KEY, (model, machine, options.process, freedom, planner,
+                           options.time_limit, seed), strict=True))
+            for seed, model, planner, machine, freedom in itertools.product(
+                options.seeds, options.models or all_models(), options.planners,
+                options.machines, options.freedoms,
+            )
+        ]  # fmt: skip
+        for group in in_groups(keys, options.jobs):
+            run_missing(rows, group, run_key, jobs=options.jobs)
+    write_results(rows, options)
 
 
 if __name__ == "__main__":

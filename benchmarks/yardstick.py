@@ -46,7 +46,11 @@ def main() -> None:
                     path = corpus() / "models" / "gcode" / f"{name}.gcode.gz"
                     rows.append(run(path, key))
                     print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
-    shorter = [r for r in Rows(RESULTS / "models.csv", KEY).rows if r["machine"] == "paper"]
+    shorter = [
+        r
+        for r in Rows(RESULTS / "models.csv", KEY).rows
+        if (r["machine"], r["planner"], r["limit_s"]) == ("paper", "local", "5.0")
+    ]
     found = {
         (r["model"], r["process"], r["freedom"]): r["less_percent"] for r in shorter + rows.rows
     }

@@ -33,7 +33,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
-from decmcts.search.planners import SearchResult, plan_order
+from decmcts.search.planners import Planner, SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.alone import lone_machine
 from decmcts.team.cooling import find_lags, print_times, source_times
@@ -159,7 +159,7 @@ def source_plan(loaded: Loaded) -> PlanDocument:
 def search(
     loaded: Loaded,
     *,
-    planner: str,
+    planner: str | Planner,
     freedom: str,
     time_limit_s: float,
     seed: int,

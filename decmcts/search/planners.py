@@ -65,7 +65,7 @@ class SearchResult:
 def plan_order(
     problem: OrderProblem,
     *,
-    planner: str,
+    planner: str | Planner,
     time_limit_s: float,
     seed: int,
     max_iterations: int | None = None,
@@ -81,8 +81,8 @@ def plan_order(
 
     Parameters
     ----------
-    planner : str
-        One of `PLANNERS`.
+    planner : str | Planner
+        One of `PLANNERS` by name, or a planner of your own making.
     time_limit_s : float
         Wall-clock limit, kept to within a fraction of a second plus the time of
         one greedy pass.
@@ -98,7 +98,8 @@ def plan_order(
     ValueError
         If the planner is unknown or a limit is negative.
     """
-    if planner not in PLANNERS:
+    chosen = PLANNERS.get(planner) if isinstance(planner, str) else planner
+    if chosen is None:
         raise ValueError(f"planner {planner!r} is unknown, expected one of {', '.join(PLANNERS)}")
     if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
         raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
@@ -111,7 +112,7 @@ def plan_order(
     incumbent = Incumbent(
         problem, clock=clock, budget=budget, criterion=criteria, report=progress, bound=bound
     )
-    PLANNERS[planner].plan(incumbent, seed=seed)
+    chosen.plan(incumbent, seed=seed)
     return SearchResult(
         _toolpath(incumbent),
         incumbent.cost,
@@ -119,7 +120,7 @@ def plan_order(
         problem.unit,
         incumbent.iterations,
         incumbent.history,
-        planner,
+        planner if isinstance(planner, str) else type(planner).__name__.lower(),
         seed,
         MappingProxyType(incumbent.notes),
     )

@@ -1,0 +1,227 @@
+"""Every planner on twelve models at equal time, with the annealing yardstick beside.
+
+    python benchmarks/planners.py [--settings paper-fixed,mk4s-seam] [--process free,keep]
+    python benchmarks/planners.py --time-limits 10,60,600 --settings paper-reversible --process keep
+
+The second command measures what a longer search still gains. `hybrid` uses two
+threads and runs alone; the others use one and may run two at a time (`--jobs 2`).
+Runs go a few rows of the table at a time, so that a stopped run leaves whole rows.
+Writes docs/results/planners.csv (a row a run, resumable), planners.md, planners.png.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from common import (
+    Rows,
+    arguments,
+    grouped,
+    in_groups,
+    markdown,
+    median,
+    names,
+    print_path,
+    run_missing,
+    setting,
+    spread,
+)
+from models import KEY, run
+from yardstick import YARDSTICK
+
+MODELS = (
+    "stained_glass_3 xyz_cube_20 openbot_phone_mount pillars_5x5 teaset_chess_7 spool_mount_4 "
+    "benchy_lowpoly odri_pulleys_rollers_9 tardis_drawer_4div quad_lower_leg_plate "
+    "playblock_chess_16 pencil_tubes_64"
+)
+SETTINGS = "paper-fixed paper-reversible paper-seam mk4s-reversible mk4s-seam"
+PLANNERS = "hybrid local mcts greedy layerwise"
+ROW = ("process", "machine", "freedom", "model")
+TIE = 1e-9  # of the travel
+
+
+def batches(options: argparse.Namespace, limit_s: float) -> Iterator[tuple[int, list[Any]]]:
+    """Yield how many may run at a time, and the keys of runs; whole rows of the table in turn."""
+    rows = list(itertools.product(options.seeds, options.process, options.settings, options.models))
+    alone = [name for name in options.planners if name == "hybrid"]
+    others = [name for name in options.planners if name != "hybrid"]
+    for group in in_groups(rows, options.jobs):
+        for jobs, planners in ((1, alone), (options.jobs, others)):
+            yield jobs, [key_of(*row, planner, limit_s) for planner in planners for row in group]
+
+
+def key_of(
+    seed: int, process: str, name: str, model: str, planner: str, limit_s: float
+) -> dict[str, Any]:
+    machine, freedom = name.split("-")
+    return dict(zip(KEY, (model, machine, process, freedom, planner, limit_s, seed), strict=True))
+
+
+def run_key(key: dict[str, Any]) -> dict[str, Any]:
+    return run(print_path(key["model"]), key, write=False)
+
+
+def comparison(rows: list[dict[str, str]], planners: list[str]) -> str:
+    """Return the table of reductions, a line a model and setting, and what it comes to."""
+    lines, verdicts, margins = [], [], []
+    for row, mine in grouped(rows, *ROW).items():
+        found = {key[0]: runs for key, runs in grouped(mine, "planner").items()}
+        verdict, margin = judged(row, found, planners)
+        verdicts.append(verdict)
+        margins += [] if margin is None else [margin]
+        cells = [spread([float(r["less_percent"]) for r in found.get(p, [])], 2) for p in planners]
+        annealing = yardstick_of(row)
+        lines.append([row[3], f"{row[1]} {row[2]}", row[0],
+                      "" if annealing is None else str(annealing), *cells, verdict])  # fmt: skip
+    head = ["model", "setting", "process", "annealing", *planners, "hybrid ≥ all"]
+    judged_rows = [verdict for verdict in verdicts if verdict]
+    worse = [verdict for verdict in judged_rows if verdict != "yes"]
+    text = f"`hybrid` is no worse than all others in {len(judged_rows) - len(worse)} of "
+    text += f"{len(judged_rows)} complete rows"
+    if margins:
+        text += "; its travel is below the best other planner's by "
+        text += f"{spread(margins, 2)} %, {min(margins):.2f} % at the least"
+    return text + ".\n\n" + markdown(lines, head)
+
+
+def judged(
+    row: tuple[str, ...], found: dict[str, list[dict[str, str]]], planners: list[str]
+) -> tuple[str, float | None]:
+    """Return the verdict on `hybrid` ("" if the row is incomplete), and its margin in per cent."""
+    others = [name for name in planners if name != "hybrid"]
+    if not others or any(name not in found for name in planners) or "hybrid" not in planners:
+        return "", None
+    travel = {name: median(runs, "travel_after_mm") for name, runs in found.items()}
+    best = min(others, key=lambda name: travel[name])
+    margin = 100 * (1 - travel["hybrid"] / travel[best]) if travel[best] else 0.0
+    if travel["hybrid"] > travel[best] * (1 + TIE):
+        return f"NO: {best} by {-margin:.2f} %", margin
+    target = yardstick_of(row)
+    if target is not None and round(median(found["hybrid"], "less_percent")) < target:
+        return "NO: annealing", margin
+    return "yes", margin
+
+
+def yardstick_of(row: tuple[str, ...]) -> int | None:
+    """Return the annealing figure for a row; it is known for `paper`, geometry only."""
+    process, machine, freedom, model = row
+    if (process, machine) != ("free", "paper") or freedom not in ("fixed", "reversible"):
+        return None
+    return YARDSTICK[model][freedom == "reversible"] if model in YARDSTICK else None
+
+
+def medians(rows: list[dict[str, str]], planners: list[str]) -> str:
+    """Return the table of median reductions and quartiles, a line a setting."""
+    lines = []
+    for (process, machine, freedom), mine in grouped(rows, *ROW[:3]).items():
+        found = grouped(mine, "planner")
+        cells = [spread([float(r["less_percent"]) for r in found.get((p,), [])]) for p in planners]
+        models = len({r["model"] for r in mine})
+        lines.append([f"{machine} {freedom}", process, str(models), *cells])
+    return markdown(lines, ["setting", "process", "models", *planners])
+
+
+def longer(rows: list[dict[str, str]]) -> str:
+    """Return the table of what `hybrid` gains with more time, for rows with several limits."""
+    mine = [r for r in rows if r["planner"] == "hybrid"]
+    by_row = {row: grouped(runs, "limit_s") for row, runs in grouped(mine, *ROW).items()}
+    by_row = {row: found for row, found in by_row.items() if len(found) > 1}
+    limits = sorted({float(key[0]) for found in by_row.values() for key in found})
+    if not limits:
+        return ""
+    lines, above = [], {limit: [] for limit in limits}
+    for row, found in by_row.items():
+        travel = {
+            limit: median(found[str(limit),], "travel_after_mm")
+            for limit in limits
+            if (str(limit),) in found
+        }
+        longest = travel.get(limits[-1])
+        cells = [f"{travel[limit]:.1f}" if limit in travel else "" for limit in limits]
+        for limit in limits[:-1]:
+            known = bool(longest) and limit in travel
+            excess = 100 * (travel[limit] / longest - 1) if known else None
+            above[limit] += [] if excess is None else [excess]
+            cells.append("" if excess is None else f"{excess:+.2f}")
+        lines.append([row[3], f"{row[1]} {row[2]}", row[0], *cells])
+    head = ["model", "setting", "process", *(f"{limit:g} s, mm" for limit in limits)]
+    head += [f"{limit:g} s over {limits[-1]:g} s, %" for limit in limits[:-1]]
+    text = "\n## What a longer search still gains\n\n"
+    for limit in limits[:-1]:
+        if above[limit]:
+            text += f"- `hybrid` at {limit:g} s travels {spread(above[limit], 2)} % more than at "
+            text += f"{limits[-1]:g} s, {max(above[limit]):.2f} % at the most "
+            text += f"({len(above[limit])} rows)\n"
+    return text + "\n" + markdown(lines, head)
+
+
+def plot(rows: list[dict[str, str]], planners: list[str], path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    by_setting = grouped(rows, *ROW[:3])
+    figure, axis = plt.subplots(figsize=(13, 5), layout="constrained")
+    for k, planner in enumerate(planners):
+        values = [
+            [float(r["less_percent"]) for r in mine if r["planner"] == planner]
+            for mine in by_setting.values()
+        ]
+        places = [x + 0.15 * (k - len(planners) / 2 + 0.5) for x in range(len(values))]
+        axis.boxplot(
+            values, positions=places, widths=0.12, patch_artist=True, manage_ticks=False,
+            boxprops={"facecolor": f"C{k}", "alpha": 0.6}, medianprops={"color": "black"},
+        )  # fmt: skip
+        axis.plot([], [], "s", color=f"C{k}", label=planner)
+    labels = [f"{machine} {freedom}\n{process}" for process, machine, freedom in by_setting]
+    axis.set_xticks(range(len(labels)), labels)
+    axis.set(ylabel="travel less than in the source, %")
+    axis.grid(axis="y", alpha=0.3)
+    axis.legend()
+    figure.savefig(path, dpi=110)
+
+
+def write_results(rows: Rows, options: argparse.Namespace) -> None:
+    at_limit = [
+        r for r in rows.rows if not r["error"] and float(r["limit_s"]) == options.time_limit
+    ]
+    there = {r["planner"] for r in at_limit}
+    planners = [name for name in names(PLANNERS) if name in there]
+    seeds = sorted({int(r["seed"]) for r in at_limit})
+    said = setting(
+        note=options.note, quality="none", time_limit=f"{options.time_limit:g} s",
+        seeds=" ".join(map(str, seeds)),
+    )  # fmt: skip
+    text = f"# Planners at equal time\n\n{said}\n\nRepeat: `python benchmarks/planners.py`. "
+    text += "Reduction of extrusionless travel against the source's order (PrusaSlicer 2.5.0, "
+    text += "aligned seam), in per cent; of several seeds, or models, the median and in brackets "
+    text += "the quartiles. Annealing: the yardstick, whole per cent. Each plan was verified.\n\n"
+    text += "## Medians\n\n" + medians(at_limit, planners) + "\n![reductions](planners.png)\n\n"
+    text += "## All rows\n\n" + comparison(at_limit, planners) + longer(rows.rows)
+    text += rows.failures()
+    (options.results / "planners.md").write_text(text)
+    if at_limit:
+        plot(at_limit, planners, options.results / "planners.png")
+
+
+def main() -> None:
+    parser = arguments(__doc__, time_limit=60.0, models=MODELS)
+    parser.add_argument("--settings", type=names, default=names(SETTINGS))
+    parser.add_argument("--process", type=names, default=["free", "keep"])
+    parser.add_argument("--planners", type=names, help="default: all, or hybrid if --time-limits")
+    parser.add_argument("--time-limits", type=names, default=[], help="several, seconds")
+    parser.add_argument("--jobs", type=int, default=1, help="runs on one thread at a time")
+    options = parser.parse_args()
+    options.planners = options.planners or names("hybrid" if options.time_limits else PLANNERS)
+    rows = Rows(options.results / "planners.csv", KEY)
+    for limit_s in map(float, options.time_limits or [options.time_limit]):
+        for jobs, keys in batches(options, limit_s):
+            if not options.table_only:
+                run_missing(rows, keys, run_key, jobs=jobs)
+    write_results(rows, options)
+
+
+if __name__ == "__main__":
+    main()
