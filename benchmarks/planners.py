@@ -179,14 +179,22 @@ def plot(rows: list[dict[str, str]], planners: list[str], path: Path) -> None:
     axis.set_xticks(range(len(labels)), labels)
     axis.set(ylabel="travel less than in the source, %")
     axis.grid(axis="y", alpha=0.3)
-    axis.legend()
+    axis.legend(loc="lower left", ncols=5)
     figure.savefig(path, dpi=110)
+
+
+def place(row: dict[str, str]) -> tuple[Any, ...]:
+    """Return where a row stands in the tables."""
+    named = ((f"{row['machine']}-{row['freedom']}", SETTINGS), (row["model"], MODELS))
+    places = [names(all_).index(one) if one in names(all_) else 99 for one, all_ in named]
+    return (row["process"], *places, row["machine"], row["freedom"], row["model"])
 
 
 def write_results(rows: Rows, options: argparse.Namespace) -> None:
     at_limit = [
         r for r in rows.rows if not r["error"] and float(r["limit_s"]) == options.time_limit
     ]
+    at_limit.sort(key=place)
     there = {r["planner"] for r in at_limit}
     planners = [name for name in names(PLANNERS) if name in there]
     seeds = sorted({int(r["seed"]) for r in at_limit})
@@ -199,7 +207,9 @@ def write_results(rows: Rows, options: argparse.Namespace) -> None:
     text += "aligned seam), in per cent; of several seeds, or models, the median and in brackets "
     text += "the quartiles. Annealing: the yardstick, whole per cent. Each plan was verified.\n\n"
     text += "## Medians\n\n" + medians(at_limit, planners) + "\n![reductions](planners.png)\n\n"
-    text += "## All rows\n\n" + comparison(at_limit, planners) + longer(rows.rows)
+    text += (
+        "## All rows\n\n" + comparison(at_limit, planners) + longer(sorted(rows.rows, key=place))
+    )
     text += rows.failures()
     (options.results / "planners.md").write_text(text)
     if at_limit:

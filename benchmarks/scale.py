@@ -114,7 +114,8 @@ def verdict(rows: list[dict[str, str]]) -> str:
         latest = max(float(r["first_verified_s"]) for r in large)
         share = min(float(r["share_percent"]) for r in large)
         peak = max(int(r["peak_mib"]) for r in large)
-        held = latest <= WITHIN_S and share >= SHARE and peak <= MEMORY_MIB
+        improved = all(float(r["first_less_percent"]) > 0 for r in large)
+        held = improved and latest <= WITHIN_S and share >= SHARE and peak <= MEMORY_MIB
         text += f"- {len(large)} prints with more than {LARGE} contours: first improved verified "
         text += f"result after {latest:.1f} s at the latest (wanted {WITHIN_S:g}), with "
         text += f"{share:.0f} % of the final gain at the least (wanted {SHARE:g}), "

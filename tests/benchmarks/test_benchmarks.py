@@ -1,0 +1,97 @@
+"""The benchmarks run, resume and write what they promise, on a print that ships with us.
+
+Their long runs are made by hand; here each makes its smallest run twice.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+ONE = ["--models", "four_nuts", "--time-limit", "0.2"]
+SMALLEST = {  # script: (options, rows, files)
+    "planners": (
+        [*ONE, "--settings", "paper-fixed", "--process", "free", "--planners", "hybrid,local"],
+        2,
+        ("planners.md", "planners.png"),
+    ),
+    "models": (
+        [*ONE, "--machines", "paper", "--freedoms", "reversible"],
+        1,
+        ("models.md", "models.png", "reductions.png"),
+    ),
+    "convergence": (
+        [*ONE, "--planners", "greedy,hybrid"],
+        2,
+        ("convergence.md", "convergence.png", "convergence_history.csv"),
+    ),
+    "scale": ([*ONE, "--stop-at", "0.1"], 1, ("scale.md", "scale.png")),
+    "ablation": (
+        [*ONE, "--settings", "paper-reversible", "--variants", "hybrid,no-trees"],
+        2,
+        ("ablation.md", "ablation.png"),
+    ),
+    "certificates": (ONE, 1, ("certificates.md", "certificates.png")),
+}
+
+
+def run(script: str, options: list[str], results: Path, **environment: str) -> None:
+    command = [sys.executable, str(ROOT / "benchmarks" / f"{script}.py"), *options]
+    done = subprocess.run(
+        [*command, "--results", str(results)],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "DECMCTS_CORPUS": "/nowhere", **environment},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("script", SMALLEST)
+def test_runs_once_and_resumes(script, tmp_path):
+    """A long table is made in several sittings; what is there must not be run again."""
+    options, rows, files = SMALLEST[script]
+    run(script, options, tmp_path)
+    written = (tmp_path / f"{script}.csv").read_text()
+    assert len(written.splitlines()) == 1 + rows
+    assert "error" in written.splitlines()[0]
+    assert all((tmp_path / name).stat().st_size > 0 for name in files)
+    assert "## Failed" not in (tmp_path / files[0]).read_text()
+    assert "four_nuts" in (tmp_path / files[0]).read_text()
+    run(script, options, tmp_path)
+    assert (tmp_path / f"{script}.csv").read_text() == written
+
+
+def test_tables_come_from_rows_alone(tmp_path):
+    """A table is made anew, with a note, without a single run."""
+    head = "model,limit_s,cache,repeat,contours,wall_s,first_word_s,error"
+    runs = ["four_nuts,1.0,empty,0,964,61.5,1.0,", "four_nuts,1.0,warm,1,964,6.5,0.4,"]
+    (tmp_path / "startup.csv").write_text("\n".join([head, *runs, ""]))
+    run("startup", ["--table-only", "--note", "a busy machine"], tmp_path)
+    table = (tmp_path / "startup.md").read_text()
+    assert "a busy machine" in table
+    assert "| four_nuts | 964 | warm | 1 | 6.50 | 6.50 | 0.40 | NO |" in table
+
+
+def test_hybrid_is_judged_against_every_other_planner(tmp_path):
+    """One planner that is better, or the yardstick not reached, must show."""
+    head = "model,machine,process,freedom,planner,limit_s,seed,travel_after_mm,less_percent,error"
+    rows = [head]
+    found = {"hybrid": 90.0, "local": 91.0, "mcts": 95.0, "greedy": 99.0, "layerwise": 98.0}
+    for model, freedom in (("won", "seam"), ("lost", "seam"), ("pillars_5x5", "fixed")):
+        for planner, travel in found.items():
+            mm = 80.0 if (model, planner) == ("lost", "mcts") else travel
+            rows.append(f"{model},paper,free,{freedom},{planner},60.0,0,{mm},{100 - mm},")
+    (tmp_path / "planners.csv").write_text("\n".join([*rows, ""]))
+    run("planners", ["--table-only"], tmp_path)
+    text = (tmp_path / "planners.md").read_text()
+    assert "no worse than all others in 1 of 3 complete rows" in text
+    lines = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
+    assert lines["won"].endswith("| yes |")
+    assert lines["lost"].endswith("| NO: mcts by 12.50 % |")
+    assert lines["pillars_5x5"].endswith("| NO: annealing |")
