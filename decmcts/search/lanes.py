@@ -1,9 +1,9 @@
 """Annealing on several threads at once: rivals on whole sequences, or pieces of one.
 
-Rivals anneal a sequence each and the better one is taken: right for the hot
-part, where long moves decide the large structure. Pieces share one sequence out:
-it is cut at places that change with every cut, so that no contour stays beside a
-cut for long; as many steps are made together as threads allow. Each thread has a
+Rivals anneal a sequence each and the better one is taken. Pieces share one
+sequence out: as many steps are made together as threads allow, but nothing moves
+across a cut. Cuts are placed anew all the time, and in every other turn rivals
+take the place of pieces, so that no move is ruled out for long. Each thread has a
 generator of its own and results are joined in a fixed order: equal seeds and
 equal iterations give equal sequences, whatever the threads' pace.
 
@@ -30,10 +30,10 @@ from decmcts.search.annealing import Cooling
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.pieces import Piece, Sequence, cut
 
-_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_POLL_S = 0.05  # how often a search looks at the clock and the stop wish
 _LARGEST_SLICE = 4_000_000
 _SLICES = 400  # of a search that is limited by iterations
-_SLICES_A_CUT = 4
+_CONTOURS_A_SLICE = 800  # a cut lasts a slice for so many: cutting takes a twentieth of the time
 _LEAST_PIECE = 100  # contours
 
 
@@ -96,19 +96,24 @@ def anneal_pieces(
 ) -> bool:
     """Anneal one sequence on all lanes until the share `until` is spent; return whether to stop.
 
-    There are `a_lane` pieces for each lane, fewer where they would be too small.
+    There are `a_lane` pieces for each lane, fewer where they would be too small; in
+    every other turn each lane has the whole sequence, and the best goes on.
     Mutates the sequence and the generators; offers what it passes to the incumbent.
     """
+    n, count = len(sequence.order), len(lanes.states)
     shares: list[list[Piece]] = []
-    done = 0
+    done, lasting = 0, max(1, n // _CONTOURS_A_SLICE)
 
     def slice_of(share: float, proposals: int) -> int:
         nonlocal shares, done
-        if done % _SLICES_A_CUT == 0:
+        rivals = done // lasting % 2 == 1
+        if done % lasting == 0 and rivals:
+            shares = [[cut(sequence, 0, n)] for _ in range(count)]
+        elif done % lasting == 0:
             shares = _shared_out(sequence, lanes, a_lane)
         done += 1
         heat = cooling.at(share)
-        rate = proposals * len(lanes.states) / len(sequence.order)
+        rate = proposals / n if rivals else proposals * count / n
 
         def work(lane: int) -> int:
             steps = [max(1, int(rate * len(piece.ids))) for piece in shares[lane]]
@@ -117,12 +122,17 @@ def anneal_pieces(
             return sum(steps)
 
         steps = sum(lanes.pool.map(work, range(len(shares))))
-        for piece in (piece for pieces in shares for piece in pieces):
+        pieces = [piece for pieces in shares for piece in pieces]
+        for piece in [min(pieces, key=_travel)] if rivals else pieces:
             piece.put_back(sequence)
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)
         return steps
 
     return _in_slices(incumbent, slice_of, until)
+
+
+def _travel(piece: Piece) -> float:
+    return float(piece.tour.after.sum())
 
 
 def _in_slices(incumbent: Incumbent, work: Callable[[float, int], int], until: float) -> bool:
