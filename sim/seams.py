@@ -221,19 +221,20 @@ def motions_with(source: Motions, contours: Contours, seams: Iterable[Moved]) ->
 
     A bare move leads to each such loop and from it to where the source's ended.
     """
-    ids, begin, count = np.unique(source.contour, return_index=True, return_counts=True)
-    place = dict(zip(ids.tolist(), zip(begin.tolist(), count.tolist(), strict=True), strict=True))
+    by_contour = np.argsort(source.contour, kind="stable")
+    begin = np.searchsorted(np.asarray(source.contour)[by_contour], np.arange(len(contours) + 1))
     take, swaps, at, size = [], [], 0, 0
     for moved in sorted(seams, key=lambda moved: moved.contour):
-        run, (a, moves) = run_of(contours, moved), place.get(moved.contour, (0, 0))
-        first, last = (int(contours.offsets[moved.contour + k]) - k for k in (0, 1))
-        if not isinstance(run, Run) or last - first != moves:
+        run, c = run_of(contours, moved), moved.contour
+        moves = by_contour[begin[c] : begin[c + 1]]  # bare ones may lie in between
+        if not isinstance(run, Run) or len(moves) != np.diff(contours.offsets)[c] - 1:
             continue
-        block = [np.arange(at, a), [a], a + run.rows[1:] - first - 1, [a + moves - 1]]
-        swaps.append((size + a - at, run, source.points[a + moves]))
+        a, end = int(moves[0]), int(moves[-1]) + 1
+        block = [np.arange(at, a), [a], moves[run.rows[1:] - contours.offsets[c] - 1], [end - 1]]
+        swaps.append((size + a - at, run, source.points[end]))
         take += block
         size += sum(map(len, block))
-        at = a + moves
+        at = end
     if not swaps:
         return source
     rows = np.concatenate([*take, np.arange(at, len(source.extrusion))]).astype(np.int64)

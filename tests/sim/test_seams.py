@@ -184,9 +184,12 @@ def wall(mode: str, points, *, step: float = 0.5, extra=lambda k: "") -> str:
 
 @pytest.mark.parametrize("mode", ["M82", "M83"])
 def test_filament_feed_and_machine_state_go_with_each_segment(tmp_path, mode) -> None:
-    """A fan set for one side of a wall must blow there, wherever the wall begins."""
+    """A fan set for one side of a wall must blow there, wherever the wall begins.
+
+    A line with nothing but a feed, as where a role changes, is no part of the wall.
+    """
     source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
-    fan = {0: "M106 S10\n", 2: "M106 S30\nM204 S500\n", 3: "M106 S40\n"}
+    fan = {0: "M106 S10\n", 1: "G1 F1800\n", 2: "M106 S30\nM204 S500\n", 3: "M106 S40\n"}
     source.write_text(wall(mode, CLIPPED, step=0.04, extra=lambda k: fan.get(k, "")))
     job, text = read_gcode(source)
     assert len(job.contours) == 1 and job.contours.closed[0]
