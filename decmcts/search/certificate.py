@@ -60,18 +60,20 @@ def lower_bound(
     contour back to the root. Each of them is *possible*: it leads from i to j only
     where no j ≺ i and no k has i ≺ k ≺ j, for i and j are neighbours in a linear
     extension; the first contour has no predecessor and the last no successor.
-    For prices u (contours and root), t (contours that may turn) and ρ ≥ 0 (sets S
-    of contours that each order leaves at least k_S times, see
-    `decmcts.search.crossings`) let a travel from i to j cost
+    For prices u (contours and root), t (contours that may turn), ρ ≥ 0 (sets S of
+    contours that each order leaves at least k_S times, see
+    `decmcts.search.crossings`) and τ ≥ 0 (passages from A to B, where a ≺ b for all
+    a in A and b in B, which each order uses at most once, see
+    `decmcts.search.passages`) let a travel from i to j cost
 
-        length + u_i ± t_i ∓ t_j − Σ {ρ_S : i in S, j not in S},
+        length + u_i ± t_i ∓ t_j − Σ {ρ_S : i in S, j not in S} + Σ {τ_AB : i in A, j in B},
 
     the sign of t being + for a contour printed forwards and − for one printed
     backwards. Over the order, each contour and the root is left once, so the u add
     up to Σ u; each contour is left in the direction in which it was entered, so the
-    t cancel; and the refunds are at least Σ ρ_S k_S. Hence
+    t cancel; the refunds are at least Σ ρ_S k_S and the tolls at most Σ τ. Hence
 
-        travel ≥ cost of arborescence + cost of the way back − Σ u + Σ ρ_S k_S,
+        travel ≥ cost of arborescence + cost of the way back − Σ u + Σ ρ_S k_S − Σ τ,
 
     and replacing both by the cheapest arborescence and the cheapest way back over
     all possible travels can only lower the right side. Travels that are not listed
@@ -97,7 +99,8 @@ def lower_bound(
     ----------
     Held & Karp 1971, "The travelling-salesman problem and minimum spanning trees:
     part II"; Escudero, Guignard & Malik 1994, "A Lagrangian relax-and-cut approach
-    for the sequential ordering problem with precedence relationships".
+    for the sequential ordering problem with precedence relationships". The tolls
+    are ours; they say of travels what x(A, B) ≤ 1 for A ≺ B says in a linear program.
     """
     if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
         raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")

@@ -1,0 +1,112 @@
+"""Pairs of sets between which every order travels at most once.
+
+Where all of one layer must lie before any of the next, an order climbs from one
+to the other once. Bounds that look at single travels climb at every contour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+MOST_MEMBERS = 2_000_000  # travels in all pairs of sets together
+
+
+@dataclass(frozen=True, slots=True)
+class Passages:
+    """Travels from a contour to a direct successor, and the pairs of sets they pass between."""
+
+    keys: NDArray[np.int64]  # (p,) sorted, tail · n + head
+    of: csr_array  # (p, passages) 1.0 where the travel leads from the first set to the second
+
+    @property
+    def count(self) -> int:
+        """Number of pairs of sets."""
+        return int(self.of.shape[1])
+
+
+def single_passages(
+    before: NDArray[np.uint64], offsets: NDArray[np.int64], covers: NDArray[np.int32]
+) -> Passages:
+    """Return pairs of sets A, B with a ≺ b for all a in A, b in B.
+
+    An order travels from A to B at most once: if it leads from a to b, all of A is
+    printed by then, for it precedes b, and none of B is, for it follows a; so a is
+    the last of A and b the first of B.
+
+    A is taken from the direct predecessors of each contour, and from what precedes
+    all direct successors of each; B is all that follows A, as far as travels can
+    lead there, and A is then made as large as B allows. Sets of one contour say
+    nothing new. Search ends at `MOST_MEMBERS` travels.
+
+    Parameters
+    ----------
+    before : (n, ceil(n / 64))
+        Bits of all that precedes a contour.
+    offsets, covers : (n + 1,), (m,)
+        Direct predecessors.
+    """
+    n = len(offsets) - 1
+    preds = [covers[offsets[b] : offsets[b + 1]].astype(np.int64) for b in range(n)]
+    found: dict[bytes, NDArray[np.int64]] = {}
+    members = 0
+    for tails, heads in _seeds(before, preds):
+        heads = heads[_precede(before, tails, heads).all(axis=0)]
+        if len(heads) < 2:
+            continue
+        tails = _union(preds, heads)
+        tails = tails[_precede(before, tails, heads).all(axis=1)]
+        keys = np.sort(np.concatenate([np.intersect1d(preds[b], tails) * n + b for b in heads]))
+        members += 0 if keys.tobytes() in found else len(keys)
+        if members > MOST_MEMBERS:
+            break
+        found[keys.tobytes()] = keys
+    return _passages(list(found.values()))
+
+
+def _seeds(
+    before: NDArray[np.uint64], preds: list[NDArray[np.int64]]
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Yield first sets of two at least, each once, and who may follow all of it."""
+    succs = _successors(preds)
+    seen: set[bytes] = set()
+    for c in range(len(preds)):
+        above = succs[c]
+        below = _union(preds, above)
+        below = below[_precede(before, below, above).all(axis=1)]
+        for tails in (preds[c], below):
+            if len(tails) > 1 and tails.tobytes() not in seen:
+                seen.add(tails.tobytes())
+                yield tails, _union(succs, tails)
+
+
+def _passages(sets: list[NDArray[np.int64]]) -> Passages:
+    keys, place = np.unique(np.concatenate([*sets, np.empty(0, np.int64)]), return_inverse=True)
+    of = np.repeat(np.arange(len(sets)), [len(one) for one in sets])
+    shape = (len(keys), len(sets))
+    return Passages(keys, csr_array((np.ones(len(of)), (place.reshape(-1), of)), shape=shape))
+
+
+def _precede(
+    before: NDArray[np.uint64], tails: NDArray[np.int64], heads: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Tell which tails precede which heads, (tails, heads)."""
+    words = before[heads[None, :], tails[:, None] >> 6]
+    return np.asarray((words >> (tails[:, None] & 63).astype(np.uint64)) & np.uint64(1), np.bool_)
+
+
+def _successors(preds: list[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
+    counts = [len(some) for some in preds]
+    heads = np.repeat(np.arange(len(preds)), counts)
+    tails = np.concatenate([*preds, np.empty(0, np.int64)])
+    order = np.argsort(tails, kind="stable")
+    ends = np.cumsum(np.bincount(tails, minlength=len(preds)))
+    return np.split(heads[order], ends[:-1])
+
+
+def _union(lists: list[NDArray[np.int64]], which: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.unique(np.concatenate([*(lists[c] for c in which), np.empty(0, np.int64)]))
