@@ -110,7 +110,8 @@ class Hybrid:
         """Mutate the guest to the trees' best sequence; return whether to stop."""
         if self.for_structure == 0.0:
             return False
-        return self._found(incumbent, lanes, guest, incumbent.spent + self.for_structure)
+        stop = self._found(incumbent, lanes, guest, incumbent.spent + self.for_structure)
+        return stop or incumbent.cost == 0.0
 
     def _heats(self, incumbent: Incumbent) -> tuple[float, float, float]:
         """Return the hot, the warm and the cold temperature for the best sequence, mm."""

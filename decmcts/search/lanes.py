@@ -146,7 +146,7 @@ def _in_slices(incumbent: Incumbent, work: Callable[[float, int], int], until: f
     while (spent := incumbent.spent) < until:
         before = incumbent.seconds
         made = work((spent - began) / (until - began), proposals)
-        if incumbent.tick(made):
+        if incumbent.tick(made) or incumbent.cost == 0.0:
             return True
         if incumbent.budget.iterations is None:
             speed = proposals / max(incumbent.seconds - before, 1e-6)
