@@ -25,6 +25,7 @@ from decmcts.formats.atomic import write_whole
 
 SOP_SUFFIXES = (".sop", ".sop.gz")
 MOST_NODES = 20_000  # 3.2 GB of costs
+MOST_COST = 1e12  # sums of larger ones are no longer exact
 _EXPECTED = {
     "TYPE": "SOP",
     "EDGE_WEIGHT_TYPE": "EXPLICIT",
@@ -57,7 +58,7 @@ def read_sop(path: Path | str) -> SopInstance:
     ------
     InputError
         With file and line, for a file that cannot be read, is of another kind or
-        form, is cut off, or holds a cost that is neither −1 nor a number ≥ 0.
+        form, is cut off, or holds a cost that is neither −1 nor a number from 0 to `MOST_COST`.
     """
     source = Path(path)
     lines = _text(source).splitlines()
@@ -123,9 +124,9 @@ def _dimension(header: dict[str, tuple[str, int]], source: Path) -> int:
     text, line = header.get("DIMENSION", ("", 0))
     if not line:
         raise InputError("no DIMENSION before the matrix", path=source)
-    if not text.isdigit() or not 1 <= int(text) <= MOST_NODES:
+    if not text.isdigit() or len(text) > 9 or not 1 <= int(text) <= MOST_NODES:
         raise InputError(
-            f"DIMENSION is {text!r}, expected a number from 1 to {MOST_NODES}",
+            f"DIMENSION is {text[:20]!r}, expected a number from 1 to {MOST_NODES}",
             path=source,
             line=line,
         )
@@ -177,10 +178,11 @@ def _numbers(words: list[str], source: Path, line: int) -> NDArray[np.float64]:
         row = np.array(words, np.float64)
     except ValueError as error:
         raise InputError(f"not a number ({error})", path=source, line=line) from error
-    wrong = ~((row == _MUST_PRECEDE) | ((row >= 0) & np.isfinite(row)))
+    wrong = ~((row == _MUST_PRECEDE) | ((row >= 0) & (row <= MOST_COST)))
     if wrong.any():
         raise InputError(
-            f"cost {words[int(np.flatnonzero(wrong)[0])]} is neither -1 nor a number ≥ 0",
+            f"cost {words[int(np.flatnonzero(wrong)[0])]} is neither -1 nor a number from 0 to "
+            f"{MOST_COST:g}",
             path=source,
             line=line,
         )

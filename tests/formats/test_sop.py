@@ -48,6 +48,8 @@ BAD = {
     "a word": (HEAD + "0 4 7\n-1 x 2\n-1 -1 0\n", "9", "'x'"),
     "negative": (HEAD + "0 4 7\n-2 0 2\n-1 -1 0\n", "9", "-2 is neither"),
     "not finite": (HEAD + "0 4 inf\n-1 0 2\n-1 -1 0\n", "8", "inf is neither"),
+    "too large": (HEAD + "0 4 1e13\n-1 0 2\n-1 -1 0\n", "8", "1e13 is neither"),
+    "endless dimension": (HEAD.replace("N: 3", "N: " + "9" * 5000), "4", "expected a number"),
     "another dimension": (HEAD + "4\n" + ROWS, "8", "DIMENSION is 3"),
     "a tour": (HEAD.replace("SOP\n", "ATSP\n", 1), "2", "TYPE is 'ATSP'"),
     "points": (HEAD.replace("EXPLICIT", "EUC_2D"), "5", "EUC_2D"),
