@@ -55,11 +55,13 @@ def _too_soon(document: PlanDocument, lane: HeadActions, arrivals: Floats) -> li
     work[printed] = seconds[rows]
     before = np.concatenate([[0.0], np.cumsum(work)])  # printed before each contour, as sliced
     first = np.searchsorted(ended, begun - rule, side="right")
+    top, floor = contours.top, contours.bottom - contours.height
     lines = []
     for i in range(len(rows)):
         b = int(printed[i])
         recent = printed[first[i] : i]
-        for k in np.flatnonzero(_below(contours, recent, b)).tolist():
+        meets = np.abs(top[recent] - floor[b]) < contours.height[b] / 2
+        for k in np.flatnonzero(meets & (recent < b)).tolist():
             a, gap = int(recent[k]), float(begun[i] - ended[first[i] + k])
             due = min(rule, float(before[b] - before[a + 1]))
             if gap < due - SLACK_S - SLACK * due and _over(contours, a, b):
@@ -77,14 +79,6 @@ def _seconds(lane: HeadActions, arrivals: Floats) -> Floats:
     travel = (lane.kind == ActionKind.TRAVEL) | (lane.kind == ActionKind.PARK)
     most = np.minimum(stated, TRAVEL_TIMES * own + TRAVEL_MORE_S)
     return np.where(travel, np.maximum(own, most), own)
-
-
-def _below(contours: Contours, some: NDArray[np.int32], b: int) -> NDArray[np.bool_]:
-    """Tell which contours end about where b's bead begins."""
-    tops = np.array([contours.polyline(int(a))[:, 2].max() for a in some])
-    height = float(contours.height[b])
-    floor = float(contours.polyline(b)[:, 2].min()) - height
-    return np.asarray((some < b) & (np.abs(tops - floor) < height / 2))
 
 
 def _over(contours: Contours, a: int, b: int) -> bool:

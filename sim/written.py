@@ -2,11 +2,13 @@
 
 The plan was checked already; this checks what the writer made of it: every
 extrusion once, in force what should be, nothing retracted where it is laid
-down, the way to the end G-code, and no contact on the moves really written.
+down, the waits of the plan, the way to the end G-code, and no contact on the moves
+really written.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -22,8 +24,10 @@ from decmcts.formats.gcode import (
     same_ending,
     same_extrusions,
 )
+from decmcts.formats.gcode.source_text import load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind, HeadActions
 from sim.epochs import check_file_epochs
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.file_contacts import check_file_material
@@ -33,6 +37,9 @@ from sim.seams import Moved, source_with
 
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01  # of filament pushed on the spot
+DWELL_S = 2e-3  # files give dwells in whole milliseconds
+SAME_PLACE_MM = 0.02
+DWELL = re.compile(rb"G4 P(\d+)")
 
 
 def verify_written(
@@ -42,10 +49,12 @@ def verify_written(
     machine: Machine,
     *,
     seams: Sequence[Moved] = (),
+    lane: HeadActions | None = None,
 ) -> Verdict:
     """Check a one-head file against the job and the document it was made from.
 
-    `seams` are the loops that have to begin at another vertex.
+    `seams` are the loops that have to begin at another vertex; `lane` is the plan
+    the file was made from, whose waits it has to keep.
     Contacts on moves that make the same contact in the source (in its end code,
     say) are the source's own and are not reported.
     """
@@ -65,7 +74,42 @@ def verify_written(
     faults += _check_owed(motions, laid[known], document.owed[source[match[known]]])
     faults += _check_surplus(motions, lambda: _moves_of(document))
     faults += check_file_material(motions, match, machine, source=lambda: _moves_of(document))
+    if lane is not None:
+        faults += _check_waits(load_text(path), motions, laid, lane)
     return Verdict(tuple(faults), {"moves": float(len(motions.line))})
+
+
+def _check_waits(
+    text: bytes, motions: Motions, laid: NDArray[np.int64], lane: HeadActions
+) -> list[Fault]:
+    """Check that the file stands still wherever the plan waits, as long, before the same bead.
+
+    `laid` are the moves that lay beads, in the file's order.
+    """
+    line = np.asarray(motions.line)[laid]
+    stood: dict[int, float] = {}  # seconds before each laying move
+    for n, row in enumerate(text.split(b"\n"), 1):
+        if dwell := DWELL.match(row):
+            k = int(np.searchsorted(line, n))
+            stood[k] = stood.get(k, 0.0) + int(dwell[1]) / 1000.0
+    dwells = [(motions.points[laid[k]], seconds) for k, seconds in stood.items() if k < len(laid)]
+    lines, due = [], 0.0
+    for a in range(len(lane)):
+        if lane.kind[a] == ActionKind.WAIT:
+            due += float(lane.end_s[a] - lane.begin_s[a])
+        elif lane.kind[a] == ActionKind.PRINT and due > 0.0:
+            begin = lane.action_path(a)[0]
+            at = (k for k, (p, _) in enumerate(dwells) if np.abs(p - begin).max() < SAME_PLACE_MM)
+            found = next(at, None)
+            seconds = 0.0 if found is None else dwells[found][1]
+            if seconds < due - DWELL_S:
+                lines.append(
+                    f"waits {seconds:.1f} s before contour {lane.contour[a]}, planned {due:.1f} s"
+                )
+            if found is not None:
+                dwells = dwells[found + 1 :]
+            due = 0.0
+    return listed(FaultKind.COOLING, lines)
 
 
 def match_job(motions: Motions, job: PrintJob) -> NDArray[np.int64]:

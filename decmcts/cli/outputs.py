@@ -118,9 +118,13 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
             draft,
             header_lines=header_lines(planned),
         )
-        seams = list(seams_of_plan(planned.after.plan.heads[0]))
+        lane = planned.after.plan.heads[0]
+        seams = list(seams_of_plan(lane))
         require_sound(
-            verify_written(draft, loaded.job, loaded.document, loaded.machine, seams=seams), path
+            verify_written(
+                draft, loaded.job, loaded.document, loaded.machine, seams=seams, lane=lane
+            ),
+            path,
         )
         times = _file_times(planned, draft)
         save_text(draft.read_bytes(), path)

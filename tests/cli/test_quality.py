@@ -9,13 +9,23 @@ import shutil
 import subprocess
 from itertools import pairwise
 
+import numpy as np
 import pytest
 import trimesh
 
 from decmcts.cli.app import run
-from decmcts.formats.gcode import read_gcode
+from decmcts.cli.pipeline import parked_above
+from decmcts.feasibility.build import build_graph
+from decmcts.formats.gcode import read_gcode, write_gcode
+from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import ActionKind
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.cooling import find_lags, print_times
+from decmcts.team.schedule import schedule
+from decmcts.team.waits import add_waits
+from sim.faults import FaultKind
+from sim.written import verify_written
 
 LAYERS = 8
 
@@ -81,6 +91,28 @@ def test_waits_are_dwells_off_the_print(tmp_path, capsys):
     summary = json.loads(capsys.readouterr().out)["after"]
     assert summary["waits"] == len(dwells)
     assert summary["waits_s"] == pytest.approx(float(seconds.sum()))
+
+
+def test_a_wait_lost_on_the_way_to_the_file_is_seen(tmp_path):
+    """The plan was judged with its waits; a file without them would print on warm plastic."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(two_towers())
+    job, text = read_gcode(source)
+    machine = parked_above(load_machine("mk4s"), job.contours)
+    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    n = len(job.contours)
+    towers = np.concatenate([np.arange(0, n, 2), np.arange(1, n, 2)]).astype(np.int32)
+    sliced = schedule(job, machine, graph, [Toolpath.as_sliced(n)])
+    plan = schedule(job, machine, graph, [Toolpath.of(towers, np.zeros(n, np.bool_))])
+    (lags,) = find_lags(job.contours, [print_times(sliced.heads[0], n)], 12.0)
+    lane = add_waits(job, machine, plan, lags).heads[0]
+    assert np.count_nonzero(lane.kind == ActionKind.WAIT) == 2 * (LAYERS - 1)
+    write_gcode(text, job, lane, out)
+    assert verify_written(out, job, text, machine, lane=lane).ok
+    written = out.read_text()
+    for shorter in (";", "G4 P1 ;"):
+        out.write_text(re.sub(r"G4 P\d+ ;", shorter, written, count=1))
+        assert verify_written(out, job, text, machine, lane=lane).kinds() == {FaultKind.COOLING}
 
 
 def test_the_paper_knows_no_quality(tmp_path):
