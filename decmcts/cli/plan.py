@@ -60,8 +60,9 @@ def plan(
     """Find a better order for one head and write it, verified; or solve a bare SOP."""
     if is_sop(source):
         sop.refuse_for_sop(
-            machine=machine, seam=seam, plan=plan_file, report=report, picture=picture
-        )
+            machine=machine, seam=seam, plan=plan_file, report=report, picture=picture,
+            quality=quality, min_layer_time=min_layer_time, max_layers_ahead=max_layers_ahead,
+        )  # fmt: skip
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_unwritable([output, plan_file, report, picture], source)

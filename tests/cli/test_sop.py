@@ -44,6 +44,9 @@ def test_json_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[
         (HEAD + "0 -1 -1\n-1 0 2\n-1 -1 0\n", [], "circle"),
         (HEAD + ROWS, ["--machine", "mk4s"], "--machine"),
         (HEAD + ROWS, ["--report", "r.html"], "--report"),
+        (HEAD + ROWS, ["--no-quality"], "--quality"),
+        (HEAD + ROWS, ["--min-layer-time", "0"], "--min-layer-time"),
+        (HEAD + ROWS, ["--max-layers-ahead", "0"], "--max-layers-ahead"),
     ],
 )
 def test_what_cannot_be_used_is_one_line(
