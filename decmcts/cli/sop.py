@@ -22,7 +22,8 @@ def refuse_for_sop(**given: Any) -> None:
     for name, value in given.items():
         if value is not None:
             raise InputError(
-                f"--{name.replace('_', '-')} means nothing for a .sop file: it has costs, but no contours or heads",
+                f"--{name.replace('_', '-')} means nothing for a .sop file: "
+                "it has costs, but no contours or heads",
                 advice="leave it out",
             )
 
