@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 MOST_MEMBERS = 2_000_000  # travels in all pairs of sets together
+MOST_LOOKS = 100_000_000  # pairs of contours asked for their order, some 2 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ def single_passages(
     A is taken from the direct predecessors of each contour, and from what precedes
     all direct successors of each; B is all that follows A, as far as travels can
     lead there, and A is then made as large as B allows. Sets of one contour say
-    nothing new. Search ends at `MOST_MEMBERS` travels.
+    nothing new. Search ends at `MOST_MEMBERS` travels or `MOST_LOOKS` looks.
 
     Parameters
     ----------
@@ -53,14 +54,16 @@ def single_passages(
     n = len(offsets) - 1
     preds = [covers[offsets[b] : offsets[b + 1]].astype(np.int64) for b in range(n)]
     found: dict[bytes, NDArray[np.int64]] = {}
-    members = 0
+    inside, members = np.zeros(n, np.bool_), 0
     for tails, heads in _seeds(before, preds):
         heads = heads[_precede(before, tails, heads).all(axis=0)]
         if len(heads) < 2:
             continue
         tails = _union(preds, heads)
         tails = tails[_precede(before, tails, heads).all(axis=1)]
-        keys = np.sort(np.concatenate([np.intersect1d(preds[b], tails) * n + b for b in heads]))
+        inside[tails] = True
+        keys = np.sort(np.concatenate([preds[b][inside[preds[b]]] * n + b for b in heads]))
+        inside[tails] = False
         members += 0 if keys.tobytes() in found else len(keys)
         if members > MOST_MEMBERS:
             break
@@ -74,14 +77,20 @@ def _seeds(
     """Yield first sets of two at least, each once, and who may follow all of it."""
     succs = _successors(preds)
     seen: set[bytes] = set()
+    looks = 0
     for c in range(len(preds)):
         above = succs[c]
         below = _union(preds, above)
+        looks += len(below) * len(above)
+        if looks > MOST_LOOKS:
+            return
         below = below[_precede(before, below, above).all(axis=1)]
         for tails in (preds[c], below):
             if len(tails) > 1 and tails.tobytes() not in seen:
                 seen.add(tails.tobytes())
-                yield tails, _union(succs, tails)
+                heads = _union(succs, tails)
+                looks += len(tails) * len(heads)
+                yield tails, heads
 
 
 def _passages(sets: list[NDArray[np.int64]]) -> Passages:

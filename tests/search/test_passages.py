@@ -71,7 +71,8 @@ def test_a_chain_has_no_passage() -> None:
     assert passages_of(DependencyGraph.from_pairs(3, np.empty((0, 2), np.int32))).count == 0
 
 
-def test_search_ends_at_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Memory stays bounded on dense graphs; fewer passages are still valid ones."""
-    monkeypatch.setattr(passages, "MOST_MEMBERS", 20)
-    assert passages_of(layered(4, 3)).count == 2
+@pytest.mark.parametrize("limit, most", [("MOST_MEMBERS", 20), ("MOST_LOOKS", 50)])
+def test_search_ends_at_its_limits(monkeypatch: pytest.MonkeyPatch, limit: str, most: int) -> None:
+    """Memory and time stay bounded on dense graphs; fewer passages are still valid ones."""
+    monkeypatch.setattr(passages, limit, most)
+    assert 0 < passages_of(layered(6, 3)).count < 5
