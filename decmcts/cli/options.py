@@ -108,6 +108,7 @@ CoolingOption = Annotated[
     typer.Option(
         "--min-layer-time",
         min=0.0,
+        max=86400.0,
         help="Seconds before a spot is printed over; default: the slicer's rule; 0: none",
     ),
 ]

@@ -26,6 +26,7 @@ from tests.cli.test_bad_input import SQUARE, gcode
         (["plann"], "plann"),
         (["plan", "x", "--seed", "-1"], "--seed"),
         (["plan", "x", "--planner", "tabu"], "tabu"),
+        (["plan", "a.gcode", "--min-layer-time", "inf"], "--min-layer-time"),
     ],
 )
 def test_a_wrong_command_line_is_one_line(arguments, word, capsys):
