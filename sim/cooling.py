@@ -1,10 +1,11 @@
 """Whether a plan for one head prints over any spot too soon.
 
 The plan names a rule: no contour begins over another within so many seconds of
-its end, or than the source gave it where that is less. Of the source's time
-only what it printed in between counts here, so the judge asks for no more than
-is due. Times are those of the judge's own motion model; retractions are no
-motion, so a travel may be as long as the plan says within reason.
+its end, or within the pause that the source made between the last of what is
+under it and its begin where that is less. Of the source's time only what it
+printed in between counts here, so the judge asks for no more than is due. Times
+are those of the judge's own motion model; retractions are no motion, so a travel
+may be as long as the plan says within reason.
 """
 
 from __future__ import annotations
@@ -64,7 +65,12 @@ def _too_soon(document: PlanDocument, lane: HeadActions, arrivals: Floats) -> li
         for k in np.flatnonzero(meets & (recent < b)).tolist():
             a, gap = int(recent[k]), float(begun[i] - ended[first[i] + k])
             due = min(rule, float(before[b] - before[a + 1]))
-            if gap < due - SLACK_S - SLACK * due and _over(contours, a, b):
+            if gap >= due - SLACK_S - SLACK * due or not _over(contours, a, b):
+                continue
+            under = np.arange(a + 1, b)[np.abs(top[a + 1 : b] - floor[b]) < contours.height[b] / 2]
+            last = next((c for c in under[::-1].tolist() if _over(contours, c, b)), a)
+            due = min(rule, float(before[b] - before[last + 1]))
+            if gap < due - SLACK_S - SLACK * due:
                 lines.append(
                     f"contour {b} begins {gap:.1f} s after contour {a} under it, "
                     f"{due:.1f} s are due"

@@ -183,6 +183,8 @@ def entries_allowed(
         way = 0.0
         for at in range(first + 1, last):
             way += distance_of(points, at - 1, at)
+            if distance_of(points, at, at + 1) < SLIVER_MM:
+                continue  # a first segment of no length is lost when the file is rounded
             if gap == 0.0:
                 out[at] = way >= SLIVER_MM
             elif way >= 2.0 * gap and row > first:

@@ -30,7 +30,7 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import close_gaps
 from decmcts.print.machine import Machine
-from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import Planner, SearchResult, plan_order
@@ -239,10 +239,17 @@ def plan_single(
         "seed": seed,
         "time_limit_s": time_limit_s,
         "iterations": result.iterations,
+        "as_sliced": _as_sliced(plan),
         **bound,
     }
     after = document_of(loaded, plan, extra)
     return check(loaded, before, after, result.history, seconds, announce)
+
+
+def _as_sliced(plan: JointPlan) -> bool:
+    """Say whether a plan for one head prints in the source's own order."""
+    lane = plan.heads[0]
+    return bool((np.diff(lane.contour[lane.kind == ActionKind.PRINT]) > 0).all())
 
 
 def _ordered(

@@ -92,4 +92,6 @@ def cooling_line(document: PlanDocument) -> str | None:
         return None
     waits = f"waits {metrics['waits_s']:,.1f} s for cooling in {metrics['waits']} places"
     due = f"a spot is printed over after {rule:g} s, or as soon as in the source"
+    if metrics.get("as_sliced"):
+        return f"the source's own order was the fastest ({due}; --min-layer-time 0 drops this rule)"
     return f"{waits if metrics['waits'] else 'no wait for cooling'}: {due}"

@@ -1,8 +1,10 @@
 """How long each spot of a print must cool before it is printed over, and orders that let it.
 
 The rule is a slicer's: no spot is printed over within so many seconds. The
-source keeps it only for whole layers, so a plan owes each spot no more than the
-source gives it. Waits become actions in `decmcts.team.waits`.
+source keeps it only for whole layers, so a plan owes a contour no longer a pause
+than the source made between the last of what is under it and its own begin: all
+the other towers' time for a tower, next to nothing for a part alone. Waits become
+actions in `decmcts.team.waits`.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ def find_lags(
     times: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
     min_layer_time_s: float,
 ) -> list[Lags]:
-    """Return how long each contour must cool: the rule, or what the source gave if that is less.
+    """Return how long what is under a contour must cool: the rule, or the source's pause if less.
 
     Parameters
     ----------
@@ -62,7 +64,9 @@ def find_lags(
     above = np.repeat(np.arange(n), np.diff(offsets))
     found = []
     for begin, end in times:
-        lag = np.minimum(min_layer_time_s, begin[above] - end[below])
+        pause = np.full(n, np.inf)  # from the last of what is under a contour to its begin
+        np.minimum.at(pause, above, begin[above] - end[below])
+        lag = np.minimum(min_layer_time_s, pause[above])
         kept = lag > LEAST_LAG_S
         count = np.bincount(above[kept], minlength=n)
         offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)

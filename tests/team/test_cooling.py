@@ -100,6 +100,21 @@ def test_lags_are_the_rule_or_what_the_source_gives() -> None:
     assert not len(lags_of(job, machine, graph, 0.0).below)
 
 
+def test_only_the_last_of_what_is_under_a_contour_counts() -> None:
+    """A wall over wall and infill owes the wall no more than the infill's little pause."""
+    job, machine, graph = make([20.0, 20.2])  # the two loops of a layer lie on each other
+    lags = lags_of(job, machine, graph, 60.0)
+    for b in range(4, len(job.contours)):
+        due = lags.seconds[lags.offsets[b] : lags.offsets[b + 1]]
+        assert len(set(np.round(due, 9).tolist())) == 1
+    begin, end = print_times(
+        plan_of(job, machine, graph, Toolpath.as_sliced(len(job.contours))).heads[0],
+        len(job.contours),
+    )
+    last = lags.offsets[5]  # contour 5 runs over 2 and 3; 4 lies between
+    assert lags.seconds[last] == pytest.approx(begin[5] - end[3])
+
+
 def test_beside_is_not_below() -> None:
     """Only what a bead runs over is warm under it; one layer further down is covered already."""
     job, machine, graph = make([20.0, 28.5])  # sides half a millimetre apart
