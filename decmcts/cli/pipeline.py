@@ -31,6 +31,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.loops import close_gaps
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
+from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import Planner, SearchResult, plan_order
@@ -217,7 +218,12 @@ def plan_single(
     timed = objective == "time" or len(lags.below) > 0
     if timed and plan.makespan_s > before.plan.makespan_s:
         # Lifts and waits the search does not see; never worse than the source.
-        plan, result = before.plan, replace(result, cost=result.source_cost)
+        own, sliced = before.plan, source_toolpath(loaded.job, freedom, seam)
+        if sliced.entry.any():
+            own = schedule(loaded.job, loaded.machine, loaded.graph, [sliced])
+            own = add_waits(loaded.job, loaded.machine, own, lags)
+        if own.makespan_s < plan.makespan_s:
+            plan, result = own, replace(result, cost=result.source_cost)
     bound: dict[str, Any] = {}
     if certificate and objective != "travel":
         skipped = "it is on travel, and the search minimised time"
@@ -252,6 +258,15 @@ def _as_sliced(plan: JointPlan) -> bool:
     return bool((np.diff(lane.contour[lane.kind == ActionKind.PRINT]) > 0).all())
 
 
+def source_toolpath(job: PrintJob, freedom: str, seam: str) -> Toolpath:
+    """Return the source's own order, with the seams where a policy names them."""
+    sliced = Toolpath.as_sliced(len(job.contours))
+    if freedom != "seam":
+        return sliced
+    entries = seam_entries(job.contours, seam)  # type: ignore[arg-type]  # typer checked the choice
+    return replace(sliced, entry=entries.vertices[entries.offsets[:-1]])
+
+
 def _ordered(
     loaded: Loaded, lags: Lags, time_limit_s: float, announce: Announce, asked: dict[str, Any]
 ) -> SearchResult:
@@ -263,8 +278,9 @@ def _ordered(
     if not len(lags.below):
         return run(loaded.graph, time_limit_s)
     job, machine = loaded.job, loaded.machine
+    sliced = source_toolpath(job, asked["freedom"], asked["seam"])
     return search_cooled(
-        job, machine, loaded.graph, lags, run, time_limit_s=time_limit_s, announce=announce
+        job, machine, loaded.graph, lags, run, sliced, time_limit_s=time_limit_s, announce=announce
     )
 
 

@@ -51,6 +51,7 @@ def search_cooled(
     graph: DependencyGraph,
     lags: Lags,
     search: Search,
+    sliced: Toolpath,
     *,
     time_limit_s: float,
     announce: Callable[[str], None],
@@ -59,8 +60,8 @@ def search_cooled(
 
     A short search without regard to cooling shows whether it costs anything. If
     so, searches with fewer and fewer layers ahead follow, and the best of these
-    limits gets the time that is left. The source's own order waits for nothing,
-    so the result is never slower than it.
+    limits gets the time that is left. `sliced`, the source's own order, waits for
+    nothing, so the result is never slower than it.
     """
     tries: list[tuple[float, SearchResult]] = []
 
@@ -81,7 +82,7 @@ def search_cooled(
     if found[None].at_first_s > 0.0:
         found |= {layers: attempt(layers, PROBE) for layers in LEADS}
     attempt(min(found, key=lambda layers: found[layers].seconds), 1.0 - PROBE * len(found))
-    keep(replace(tries[0][1], toolpath=Toolpath.as_sliced(len(job.contours))))
+    keep(replace(tries[0][1], toolpath=sliced))
     return min(tries, key=lambda one: one[0])[1]
 
 

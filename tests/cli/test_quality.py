@@ -20,6 +20,7 @@ from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import ActionKind
+from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.cooling import find_lags, print_times
 from decmcts.team.schedule import schedule
@@ -113,6 +114,18 @@ def test_a_wait_lost_on_the_way_to_the_file_is_seen(tmp_path):
     for shorter in (";", "G4 P1 ;"):
         out.write_text(re.sub(r"G4 P\d+ ;", shorter, written, count=1))
         assert verify_written(out, job, text, machine, lane=lane).kinds() == {FaultKind.COOLING}
+
+
+def test_cooling_moves_no_seam_back(tmp_path):
+    """Where the source's own order is best, its seams still go where they were asked for."""
+    rule = "; cooling = 1\n; slowdown_below_layer_time = 30\n"
+    closed = two_towers(rule).replace("Y50.4 E.3", "Y50.06 E.29775")
+    text = closed.replace("F240\n", "F600\n")
+    _, document = plan(tmp_path, "--freedom", "seam", "--seam", "rear", text=text)
+    lane = document.plan.heads[0]
+    rows = lane.kind == ActionKind.PRINT
+    assert (lane.entry[rows] == seam_entries(document.contours, "rear").vertices[0]).all()
+    assert lane.entry[rows].all()
 
 
 def test_the_paper_knows_no_quality(tmp_path):
