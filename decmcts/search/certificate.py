@@ -62,11 +62,10 @@ def lower_bound(
     extension; the first contour has no predecessor and the last no successor.
     For prices u (contours and root), t (contours that may turn), ρ ≥ 0 (sets S of
     contours that each order leaves at least k_S times, see
-    `decmcts.search.crossings`) and τ ≥ 0 (passages from A to B, where a ≺ b for all
-    a in A and b in B, which each order uses at most once, see
-    `decmcts.search.passages`) let a travel from i to j cost
+    `decmcts.search.crossings`) and τ ≥ 0 (sets P of travels of which each order uses
+    at most one, see `decmcts.search.passages`) let a travel from i to j cost
 
-        length + u_i ± t_i ∓ t_j − Σ {ρ_S : i in S, j not in S} + Σ {τ_AB : i in A, j in B},
+        length + u_i ± t_i ∓ t_j − Σ {ρ_S : i in S, j not in S} + Σ {τ_P : (i, j) in P},
 
     the sign of t being + for a contour printed forwards and − for one printed
     backwards. Over the order, each contour and the root is left once, so the u add

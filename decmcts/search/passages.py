@@ -1,7 +1,7 @@
-"""Pairs of sets between which every order travels at most once.
+"""Sets of travels of which every order uses one at most.
 
 Where all of one layer must lie before any of the next, an order climbs from one
-to the other once. Bounds that look at single travels climb at every contour.
+to the other once, and enters a contour from below or leaves it upwards. Bounds that look at single travels climb at every contour.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ MOST_LOOKS = 100_000_000  # pairs of contours asked for their order, some 2 s
 
 @dataclass(frozen=True, slots=True)
 class Passages:
-    """Travels from a contour to a direct successor, and the pairs of sets they pass between."""
+    """Travels from contours to direct successors, and the sets of which one is used at most."""
 
     keys: NDArray[np.int64]  # (p,) sorted, tail · n + head
-    of: csr_array  # (p, passages) 1.0 where the travel leads from the first set to the second
+    of: csr_array  # (p, passages) 1.0 where the travel is in the set
 
     @property
     def count(self) -> int:
-        """Number of pairs of sets."""
+        """Number of sets."""
         return int(self.of.shape[1])
 
 
 def single_passages(
     before: NDArray[np.uint64], offsets: NDArray[np.int64], covers: NDArray[np.int32]
 ) -> Passages:
-    """Return pairs of sets A, B with a ≺ b for all a in A, b in B.
+    """Return the travels from A to B for sets with a ≺ b for all a in A, b in B; and bends.
 
     An order travels from A to B at most once: if it leads from a to b, all of A is
     printed by then, for it precedes b, and none of B is, for it follows a; so a is
@@ -68,7 +68,39 @@ def single_passages(
         if members > MOST_MEMBERS:
             break
         found[keys.tobytes()] = keys
+    for keys in _bends(before, preds):
+        members += len(keys)
+        if members > MOST_MEMBERS:
+            break
+        found[keys.tobytes()] = keys
     return _passages(list(found.values()))
+
+
+def _bends(
+    before: NDArray[np.uint64], preds: list[NDArray[np.int64]]
+) -> Iterator[NDArray[np.int64]]:
+    """Yield travels into and out of one contour b of which an order uses one at most.
+
+    Let k be unrelated to b. Travels to b from a ≺ k put k behind b; travels from b to
+    c ≻ k put k before b. So no order has one of each, and b is entered and left once.
+    Taken are, for each b, the k that bars most.
+    """
+    n, succs = len(preds), _successors(preds)
+    looks = 0
+    for b in range(n):
+        below, above = preds[b], succs[b]
+        beside = _union(succs, below)
+        looks += len(beside) * (len(below) + len(above))
+        if looks > MOST_LOOKS:
+            return
+        one = np.array([b])
+        related = _precede(before, one, beside)[0] | _precede(before, beside, one)[:, 0]
+        beside = beside[~related & (beside != b)]
+        behind, ahead = _precede(before, below, beside), _precede(before, beside, above)
+        bars = behind.sum(axis=0) * ahead.sum(axis=1)
+        if bars.any():
+            k = int(np.argmax(bars))
+            yield np.concatenate([below[behind[:, k]] * n + b, b * n + above[ahead[k]]])
 
 
 def _seeds(

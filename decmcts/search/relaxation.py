@@ -2,8 +2,8 @@
 
 Why its value is a bound is proved in `decmcts.search.certificate`, which also
 looks for good prices. The arithmetic of prices lives in `decmcts._kernels.pricing`,
-sets that must be left often in `decmcts.search.crossings`, sets between which an
-order passes once in `decmcts.search.passages`.
+sets that must be left often in `decmcts.search.crossings`, travels of
+which an order uses one in `decmcts.search.passages`.
 """
 
 from __future__ import annotations
