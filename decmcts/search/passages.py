@@ -1,7 +1,8 @@
 """Sets of travels of which every order uses one at most.
 
 Where all of one layer must lie before any of the next, an order climbs from one
-to the other once, and enters a contour from below or leaves it upwards. Bounds that look at single travels climb at every contour.
+to the other once, and enters a contour from below or leaves it upwards. Bounds
+that look at single travels climb at every contour.
 """
 
 from __future__ import annotations
