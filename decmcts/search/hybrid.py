@@ -33,7 +33,20 @@ from decmcts.search.structure import gamma_searches, search_structure
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    races: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.97)  # shares of the budget at their ends
+    races: tuple[float, ...] = (
+        0.04,
+        0.1,
+        0.19,
+        0.27,
+        0.36,
+        0.45,
+        0.54,
+        0.62,
+        0.71,
+        0.8,
+        0.88,
+        0.97,
+    )  # shares of the budget at their ends
     small: int = 400  # contours up to which races beat working on one sequence together
     first: float = 0.05  # share of the budget for a first, fast annealing
     turn: float = 0.5  # share of the budget at which the trees get their second turn
@@ -74,15 +87,18 @@ class Hybrid:
         return self._share_out(incumbent, near, lanes)
 
     def _race(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
-        """Anneal one whole sequence a thread, the best and the trees'; return whether to stop."""
-        guest = _sequence(incumbent, near)
-        for until in self.races:
-            if self._turn_of_trees(incumbent, lanes, guest):
+        """Anneal one whole sequence a thread in each race; return whether to stop.
+
+        The first is between the best and the trees' sequence, the others among the best's.
+        """
+        for number, until in enumerate(self.races):
+            rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
+            if self._turn_of_trees(incumbent, lanes, rivals[-1]):
                 return True
-            rivals = [_sequence(incumbent, near) for _ in range(self.threads - 1)]
+            if number > 0:
+                rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
             hot, _, cold = self._heats(incumbent)
-            cooling = Cooling(hot, cold)
-            if hot == 0.0 or anneal_rivals(incumbent, [*rivals, guest], lanes, cooling, until):
+            if hot == 0.0 or anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), until):
                 return True
         return False
 
