@@ -128,7 +128,8 @@ def choose_visits(
 ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
     """Return the flips and options, by contour, that are cheapest for a fixed order.
 
-    Dynamic programme over the ways to print each contour, O(n k²) for k options.
+    Dynamic programme over the ways to print each contour, O(n k²) for k options. On
+    ties the sliced direction, or the first option, wins.
     """
     n, most = len(order), 2
     for c in range(n):

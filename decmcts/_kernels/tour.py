@@ -1,4 +1,4 @@
-"""Costs of complete sequences: travel, precedence, and the exact choice of directions.
+"""Costs of complete sequences: travel and precedence.
 
 Port 2c is the start of contour c and port 2c + 1 its end. `flip[c]` is 1 when c
 is printed backwards: it is entered at port 2c + flip and left at 2c + 1 - flip.
@@ -41,36 +41,6 @@ def respects(
             if position[succs[e]] < position[a]:
                 return False
     return True
-
-
-@kernel
-def choose_directions(
-    metric: Metric, order: NDArray[np.int32], reversible: NDArray[np.bool_]
-) -> NDArray[np.uint8]:
-    """Return the flips, by contour, that are cheapest for a fixed order.
-
-    Dynamic programme over the two directions of each contour, O(n). On ties the
-    sliced direction wins.
-    """
-    n = len(order)
-    flip = np.zeros(n, np.uint8)
-    came = np.zeros((n, 2), np.uint8)
-    best = np.array([0.0, 0.0 if n and reversible[order[0]] else np.inf])
-    for k in range(1, n):
-        a, b = order[k - 1], order[k]
-        step = np.full(2, np.inf)
-        for f in range(2 if reversible[b] else 1):
-            for g in range(2 if reversible[a] else 1):
-                cost = best[g] + distance(metric, 2 * a + 1 - g, 2 * b + f)
-                if cost < step[f]:
-                    step[f] = cost
-                    came[k, f] = g
-        best = step
-    f = 1 if n and best[1] < best[0] else 0
-    for k in range(n - 1, -1, -1):
-        flip[order[k]] = f
-        f = came[k, f]
-    return flip
 
 
 @kernel

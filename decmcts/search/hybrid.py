@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.seats import choose_visits
 from decmcts.search.annealing import Cooling, descend_fully, tour_of
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
@@ -143,12 +142,7 @@ class Hybrid:
         )
         guest.order[:], guest.flip[:] = best.order, best.flip
         if incumbent.problem.seams is not None:
-            guest.flip[:], guest.seat[:] = choose_visits(
-                incumbent.metric,
-                guest.order,
-                incumbent.problem.reversible,
-                incumbent.problem.seams.offsets,
-            )
+            guest.flip[:], guest.seat[:] = incumbent.visits_for(guest.order)
         incumbent.notes["gamma"] = best.gamma
         return stop
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.tour import choose_directions, respects, tour_cost
+from decmcts._kernels.seats import choose_visits
+from decmcts._kernels.tour import respects, tour_cost
 from tests.search.problems import random_problem
 
 
@@ -19,7 +20,8 @@ def test_directions_are_the_cheapest_of_all(seed: int, n: int) -> None:
     """The dynamic programme claims to be exact."""
     problem = random_problem(seed, n)
     order = np.random.default_rng(seed).permutation(n).astype(np.int32)
-    flip = choose_directions(problem.ports(), order, problem.reversible)
+    no_options = np.zeros(n + 1, np.int64)
+    flip, _ = choose_visits(problem.ports(), order, problem.reversible, no_options)
     choices = [(0, 1) if turns else (0,) for turns in problem.reversible]
     cheapest = min(
         tour_cost(problem.ports(), order, np.array(flips, np.uint8))
