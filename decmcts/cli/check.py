@@ -19,7 +19,6 @@ from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import PlanDocument
 from sim.faults import FaultKind, Verdict
-from sim.pictures import draw_machine
 from sim.seams import seams_of_file
 from sim.verify import verify_motions, verify_plan
 from sim.written import verify_written
@@ -107,6 +106,8 @@ def machines(
 ) -> None:
     """List the machines; with --draw, draw their heads."""
     from rich.padding import Padding
+
+    from sim.pictures import draw_machine
 
     if draw is not None and not draw.is_dir():
         raise InputError("no such folder", path=draw, advice="make it first")

@@ -21,8 +21,6 @@ from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import write_plan
 from decmcts.print.machine import Machine
 from sim.faults import Verdict
-from sim.pictures import draw_plan
-from sim.report import write_report
 from sim.seams import seams_of_plan
 from sim.written import verify_written
 
@@ -181,6 +179,9 @@ def write_extras(
     planned: Planned, *, plan: Path | None, report: Path | None, picture: Path | None
 ) -> list[Path]:
     """Write plan.json, report and picture where asked; returns what was written."""
+    from sim.pictures import draw_plan  # matplotlib and plotly load for those who ask
+    from sim.report import write_report
+
     written: list[Path] = []
     if plan is not None:
         write_plan(planned.after, plan)

@@ -37,7 +37,6 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import lone_machine, one_head_toolpaths
 from decmcts.team.bound import makespan_bound
 from decmcts.team.schedule import schedule
-from sim.pictures import draw_gantt
 
 
 @app.command()
@@ -283,6 +282,7 @@ def demo(
 ) -> None:
     """Plan the plate that ships with the project for two heads; leaves files to look at."""
     from examples import example_path
+    from sim.pictures import draw_gantt
 
     folder.mkdir(parents=True, exist_ok=True)
     with compiling_ahead():

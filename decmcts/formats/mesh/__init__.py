@@ -15,10 +15,7 @@ from pathlib import Path
 from decmcts import __version__
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument, read_gcode
-from decmcts.formats.mesh.gcode_text import gcode_lines
-from decmcts.formats.mesh.load import load_solid
 from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions
-from decmcts.formats.mesh.sections import cut_layers
 from decmcts.print.job import PrintJob
 
 __all__ = ["MESH_SUFFIXES", "SliceOptions", "slice_mesh", "slice_to_gcode"]
@@ -46,6 +43,11 @@ def slice_mesh(
 
 def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str:
     """Return the G-code of a mesh file as text; raises InputError like `slice_mesh`."""
+    # here, so that only who slices waits for trimesh to load
+    from decmcts.formats.mesh.gcode_text import gcode_lines
+    from decmcts.formats.mesh.load import load_solid
+    from decmcts.formats.mesh.sections import cut_layers
+
     chosen = options or SliceOptions()
     source = Path(path)
     solid = load_solid(source, chosen.center)
