@@ -131,14 +131,15 @@ def heap_arcs(
     heaps: Heaps,
     top: NDArray[np.int64],
 ) -> None:
-    """Fill `heaps` and `top` with the arcs into each node."""
+    """Fill `heaps` and `top` with the arcs into each node that cost less than its escape."""
     m = len(weight)
     heaps.key[:m] = weight
     heaps.key[m:] = escape
     for j in range(len(escape)):
         heap = m + j if escape[j] < np.inf else NONE
         for e in range(offsets[j], offsets[j + 1]):
-            heap = meld(heaps, heap, e)
+            if weight[e] < escape[j]:
+                heap = meld(heaps, heap, e)
         top[j] = heap
 
 

@@ -57,7 +57,11 @@ def _ramped(length: Any, speed: Any, acceleration: Any) -> Any:
 def _seconds(metric: Any, a: Any, b: Any) -> Any:
     points = metric.points
     dx, dy = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1]
-    level, rise = math.sqrt(dx * dx + dy * dy), abs(points[a, 2] - points[b, 2])
+    return _paced(metric, math.sqrt(dx * dx + dy * dy), abs(points[a, 2] - points[b, 2]))
+
+
+@register_jitable
+def _paced(metric: Any, level: Any, rise: Any) -> Any:
     seconds = 0.0
     if level > 0.0:
         seconds += _ramped(level, metric.speed, metric.acceleration)
@@ -89,6 +93,26 @@ def _distance(metric: Any, a: Any, b: Any) -> Any:
         return lambda metric, a, b: _seconds(metric, a, b)
     if getattr(metric, "instance_class", None) is Matrix:
         return lambda metric, a, b: _entry(metric, a, b)
+    return None
+
+
+def price(metric: Metric, level: float, rise: float) -> float:
+    """Return what a travel costs that leads so far across and up or down, mm; not of a matrix.
+
+    It grows with both.
+    """
+    if isinstance(metric, Timed):
+        return float(_paced(metric, level, rise))
+    return math.sqrt(level * level + rise * rise)
+
+
+@overload(price, strict=False)
+def _price(metric: Any, level: Any, rise: Any) -> Any:
+    """Choose the formula for the metric's type."""
+    if isinstance(metric, types.Array):
+        return lambda metric, level, rise: math.sqrt(level * level + rise * rise)
+    if getattr(metric, "instance_class", None) is Timed:
+        return lambda metric, level, rise: _paced(metric, level, rise)
     return None
 
 

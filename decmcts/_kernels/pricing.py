@@ -1,29 +1,43 @@
 """Which travels precedence leaves possible, and which of them cost least at given prices.
 
-A travel leads from an exit port to an entry port; port 2c is the start of contour
-c and 2c + 1 its end. The search for the cheapest is exact: runs of 64 contours
-are skipped only when nothing in them can be among the cheapest.
+A contour may be printed in several ways, forwards or backwards, and a way may have
+several pairs of points, as the options of a loop. A travel from one contour to
+another is as cheap as the cheapest from a way of the one to a way of the other.
+The search for the cheapest is exact: contours, and runs of 64, are skipped only
+when nothing in them can be among the cheapest.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.metric import Metric, distance, price
 
 WORD = 64  # contours looked at or skipped together
 ALL = np.uint64(2**64 - 1)
 
 
-class Places(NamedTuple):
-    """Where contours begin and end."""
+class Ways(NamedTuple):
+    """The ways to print each contour; those of contour c are offsets[c]:offsets[c + 1]."""
 
-    ports: NDArray[np.float64]  # (2n, 3)
-    turns: NDArray[np.bool_]  # (n,)
-    boxes: NDArray[np.float64]  # (ceil(n / 64), 6) bounds of the exit ports of 64 contours
+    metric: Metric
+    offsets: NDArray[np.int64]  # (n + 1,)
+    points: NDArray[np.int64]  # (w + 1,) way w has into and out points[w]:points[w + 1]
+    into: NDArray[np.int64]  # (p,) point of the metric that is entered at
+    out: NDArray[np.int64]  # (p,) and the one left at
+
+
+class Boxes(NamedTuple):
+    """Bounds in space, least and largest x, y, z."""
+
+    enter: NDArray[np.float64]  # (n, 6) of the points a contour may be entered at
+    leave: NDArray[np.float64]  # (n, 6) of those it may be left at
+    words: NDArray[np.float64]  # (ceil(n / 64), 6) of `leave` of 64 contours
 
 
 class Precedence(NamedTuple):
@@ -35,10 +49,10 @@ class Precedence(NamedTuple):
 
 
 class Prices(NamedTuple):
-    """What a travel costs besides its length, mm."""
+    """What a travel costs besides, in the metric's unit."""
 
     leave: NDArray[np.float64]  # (n + 1,) to leave a contour; n is the root
-    turn: NDArray[np.float64]  # (n,) paid leaving forwards, got back entering forwards
+    way: NDArray[np.float64]  # (w,) paid leaving by a way, got back entering by it
     zone: NDArray[np.int64]  # (n,)
     crossing: NDArray[np.float64]  # (zones, zones) refund from zone to zone
 
@@ -84,161 +98,245 @@ def add_descendants(
 
 
 @kernel
-def bound_words(places: Places) -> None:
-    """Write the bounds of each 64 contours into `places`."""
-    for w in range(len(places.boxes)):
-        places.boxes[w, :3] = np.inf
-        places.boxes[w, 3:] = -np.inf
-        for c in range(w * WORD, min(len(places.turns), (w + 1) * WORD)):
-            for port in range(2 * c if places.turns[c] else 2 * c + 1, 2 * c + 2):
-                for axis in range(3):
-                    value = places.ports[port, axis]
-                    places.boxes[w, axis] = min(places.boxes[w, axis], value)
-                    places.boxes[w, 3 + axis] = max(places.boxes[w, 3 + axis], value)
+def bounds_of(ways: Ways, points: NDArray[np.float64], boxes: Boxes) -> None:
+    """Fill `boxes`."""
+    for c in range(len(boxes.enter)):
+        boxes.enter[c, :3], boxes.leave[c, :3] = np.inf, np.inf
+        boxes.enter[c, 3:], boxes.leave[c, 3:] = -np.inf, -np.inf
+        for k in range(ways.points[ways.offsets[c]], ways.points[ways.offsets[c + 1]]):
+            stretch(boxes.enter[c], points[ways.into[k]])
+            stretch(boxes.leave[c], points[ways.out[k]])
+    boxes.words[:, :3] = np.inf
+    boxes.words[:, 3:] = -np.inf
+    for c in range(len(boxes.leave)):
+        stretch(boxes.words[c // WORD], boxes.leave[c, :3])
+        stretch(boxes.words[c // WORD], boxes.leave[c, 3:])
 
 
 @kernel
-def word_prices(places: Places, prices: Prices) -> NDArray[np.float64]:
-    """Return the least that leaving any of each 64 contours costs, without refunds."""
-    least = np.full(len(places.boxes), np.inf)
-    for c in range(len(places.turns)):
-        least[c // WORD] = min(least[c // WORD], prices.leave[c] - abs(prices.turn[c]))
-    return least
-
-
-@kernel
-def distance_to_box(
-    ports: NDArray[np.float64], port: int, boxes: NDArray[np.float64], b: int
-) -> float:
-    """Return the distance of a port from a box."""
-    square = 0.0
+def stretch(box: NDArray[np.float64], point: NDArray[np.float64]) -> None:
+    """Mutate the box to hold the point."""
     for axis in range(3):
-        gap = max(boxes[b, axis] - ports[port, axis], ports[port, axis] - boxes[b, 3 + axis], 0.0)
-        square += gap * gap
-    return float(np.sqrt(square))
+        box[axis] = min(box[axis], point[axis])
+        box[3 + axis] = max(box[3 + axis], point[axis])
 
 
 @kernel
-def port_distance(ports: NDArray[np.float64], a: int, b: int) -> float:
-    """Return the distance of two ports."""
-    dx = ports[a, 0] - ports[b, 0]
-    dy = ports[a, 1] - ports[b, 1]
-    dz = ports[a, 2] - ports[b, 2]
-    return float(np.sqrt(dx * dx + dy * dy + dz * dz))
+def box_price(metric: Metric, one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return what a travel between two boxes costs at least."""
+    dx = max(one[0] - other[3], other[0] - one[3], 0.0)
+    dy = max(one[1] - other[4], other[1] - one[4], 0.0)
+    dz = max(one[2] - other[5], other[2] - one[5], 0.0)
+    return float(price(metric, math.sqrt(dx * dx + dy * dy), dz))
 
 
 @kernel
-def travel_price(places: Places, prices: Prices, a: int, b: int) -> float:
-    """Return what the travel from exit port a to entry port b costs at these prices."""
-    i, j = a >> 1, b >> 1
-    price = port_distance(places.ports, a, b) + prices.leave[i]
-    price += prices.turn[i] if a & 1 else -prices.turn[i]
-    price -= -prices.turn[j] if b & 1 else prices.turn[j]
-    return float(price - prices.crossing[prices.zone[i], prices.zone[j]])
+def way_cost(ways: Ways, p: int, q: int) -> float:
+    """Return what the cheapest travel from way p to way q costs without prices."""
+    least = np.inf
+    for a in range(ways.points[p], ways.points[p + 1]):
+        for b in range(ways.points[q], ways.points[q + 1]):
+            least = min(least, distance(ways.metric, ways.out[a], ways.into[b]))
+    return float(least)
 
 
 @kernel
-def insert(cost: NDArray[np.float64], exits: NDArray[np.int64], value: float, port: int) -> None:
-    """Mutate the sorted lists: put (value, port) in its place, drop the last."""
+def travel_price(ways: Ways, prices: Prices, i: int, j: int) -> float:
+    """Return what the cheapest travel from contour i to contour j costs at these prices."""
+    least = np.inf
+    for p in range(ways.offsets[i], ways.offsets[i + 1]):
+        for q in range(ways.offsets[j], ways.offsets[j + 1]):
+            least = min(least, way_cost(ways, p, q) + prices.way[p] - prices.way[q])
+    return float(least + prices.leave[i] - prices.crossing[prices.zone[i], prices.zone[j]])
+
+
+@kernel
+def insert(cost: NDArray[np.float64], tails: NDArray[np.int64], value: float, tail: int) -> None:
+    """Mutate the sorted lists: put (value, tail) in its place, drop the last."""
     x = len(cost) - 1
     while x > 0 and cost[x - 1] > value:
         cost[x] = cost[x - 1]
-        exits[x] = exits[x - 1]
+        tails[x] = tails[x - 1]
         x -= 1
     cost[x] = value
-    exits[x] = port
+    tails[x] = tail
+
+
+class Extremes(NamedTuple):
+    """What prices come to at the least and at the most."""
+
+    paid: NDArray[np.float64]  # (n,) to leave a contour by its cheapest way, without refunds
+    word: NDArray[np.float64]  # (ceil(n / 64),) the least of 64 contours
+    back: NDArray[np.float64]  # (n,) got back entering a contour by its best way
+
+
+@kernel
+def extremes_of(ways: Ways, prices: Prices) -> Extremes:
+    """Return the extremes of prices."""
+    n = len(ways.offsets) - 1
+    paid, back, word = np.empty(n), np.empty(n), np.full((n + WORD - 1) // WORD, np.inf)
+    for c in range(n):
+        low, high = np.inf, -np.inf
+        for w in range(ways.offsets[c], ways.offsets[c + 1]):
+            low, high = min(low, prices.way[w]), max(high, prices.way[w])
+        paid[c], back[c] = prices.leave[c] + low, high
+        word[c // WORD] = min(word[c // WORD], paid[c])
+    return Extremes(paid, word, back)
+
+
+@kernel
+def pairs_of_points(ways: Ways, c: int) -> int:
+    """Return how many pairs of points all ways of a contour have."""
+    return int(ways.points[ways.offsets[c + 1]] - ways.points[ways.offsets[c]])
 
 
 @kernel
 def offer(
-    places: Places,
+    ways: Ways,
+    boxes: Boxes,
     prices: Prices,
+    extremes: Extremes,
     i: int,
-    entry: int,
+    j: int,
     cost: NDArray[np.float64],
-    exits: NDArray[np.int64],
+    tails: NDArray[np.int64],
 ) -> None:
-    """Mutate the sorted lists: enter the travels from contour i if they are cheap enough."""
-    for port in range(2 * i if places.turns[i] else 2 * i + 1, 2 * i + 2):
-        price = travel_price(places, prices, port, entry)
-        if price < cost[-1]:
-            insert(cost, exits, price, port)
+    """Mutate the sorted lists: enter the travel from i to j if it is cheap enough."""
+    if pairs_of_points(ways, i) * pairs_of_points(ways, j) > 4:
+        least = box_price(ways.metric, boxes.leave[i], boxes.enter[j])
+        least += extremes.paid[i] - extremes.back[j]
+        if least - prices.crossing[prices.zone[i], prices.zone[j]] >= cost[-1]:
+            return
+    value = travel_price(ways, prices, i, j)
+    if value < cost[-1]:
+        insert(cost, tails, value, i)
 
 
 @kernel
-def cheapest_exits(
-    places: Places,
+def cheapest_tails(
+    ways: Ways,
+    boxes: Boxes,
     rule: Precedence,
     prices: Prices,
-    least: NDArray[np.float64],
-    entry: int,
+    extremes: Extremes,
+    j: int,
     cost: NDArray[np.float64],
-    exits: NDArray[np.int64],
+    tails: NDArray[np.int64],
 ) -> None:
-    """Fill `cost` (infinite) and `exits` with the cheapest possible travels into a port, sorted.
+    """Fill `cost` (infinite) and `tails` with the cheapest possible travels to j, sorted.
 
     Possible are travels from direct predecessors and from unrelated contours.
     """
-    j = entry >> 1
-    got = abs(prices.turn[j]) + prices.crossing[:, prices.zone[j]].max()
+    got = extremes.back[j] + prices.crossing[:, prices.zone[j]].max()
     for e in range(rule.offsets[j], rule.offsets[j + 1]):
-        offer(places, prices, rule.covers[e], entry, cost, exits)
-    for step in range(2 * len(places.boxes)):  # own word first: near ones soon rule out others
+        offer(ways, boxes, prices, extremes, rule.covers[e], j, cost, tails)
+    words = len(boxes.words)
+    for step in range(2 * words):  # own word first: near ones soon rule out others
         w = j // WORD + ((step + 1) // 2 if step % 2 else -(step // 2))
-        if w < 0 or w >= len(places.boxes) or rule.related[j, w] == ALL:
+        if w < 0 or w >= words or rule.related[j, w] == ALL:
             continue
         related = rule.related[j, w]
-        near = distance_to_box(places.ports, entry, places.boxes, w)
-        if near + least[w] - got >= cost[-1]:
+        near = box_price(ways.metric, boxes.enter[j], boxes.words[w])
+        if near + extremes.word[w] - got >= cost[-1]:
             continue
         for x in range(WORD):
             if not (related >> np.uint64(x)) & np.uint64(1):
-                offer(places, prices, w * WORD + x, entry, cost, exits)
+                offer(ways, boxes, prices, extremes, w * WORD + x, j, cost, tails)
 
 
 @kernel
 def price_travels(
-    places: Places, rule: Precedence, prices: Prices, width: int
+    ways: Ways, boxes: Boxes, rule: Precedence, prices: Prices, width: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the `width` cheapest exit ports for each entry port, and what the rest costs at least.
+    """Return from where the `width` cheapest travels lead to each contour, and the rest's least.
 
     Returns
     -------
-    exits : (2n, width)
-        NONE (-1) where there are fewer; a row of NONE for ports that are no entry.
+    tails : (n, width)
+        NONE (-1) where there are fewer.
     rest : (n,)
-        No possible travel into the contour that is not listed costs less;
-        infinite if all are listed.
+        No possible travel to the contour that is not listed costs less; infinite
+        if all are listed.
     """
-    n = len(places.turns)
-    exits = np.full((2 * n, width), -1, np.int64)
-    rest = np.full(n, np.inf)
+    n = len(boxes.enter)
+    tails, rest = np.full((n, width), -1, np.int64), np.empty(n)
     cost = np.empty(width)
-    least = word_prices(places, prices)
-    for entry in range(2 * n):
-        j = entry >> 1
-        if entry & 1 and not places.turns[j]:
-            continue
+    extremes = extremes_of(ways, prices)
+    for j in range(n):
         cost[:] = np.inf
-        cheapest_exits(places, rule, prices, least, entry, cost, exits[entry])
-        rest[j] = min(rest[j], cost[-1])
-    return exits, rest
+        cheapest_tails(ways, boxes, rule, prices, extremes, j, cost, tails[j])
+        rest[j] = cost[-1]
+    return tails, rest
+
+
+@kernel
+def travel_costs(
+    ways: Ways,
+    tails: NDArray[np.int64],
+    heads: NDArray[np.int64],
+    first: NDArray[np.int64],
+    costs: NDArray[np.float64],
+) -> None:
+    """Write what travels cost without prices, way by way, from `first` on for each arc."""
+    for e in range(len(tails)):
+        at, i, j = first[e], tails[e], heads[e]
+        for p in range(ways.offsets[i], ways.offsets[i + 1]):
+            for q in range(ways.offsets[j], ways.offsets[j + 1]):
+                costs[at] = way_cost(ways, p, q)
+                at += 1
 
 
 @kernel
 def arc_weights(
-    exits: NDArray[np.int64],
-    entries: NDArray[np.int64],
-    places: Places,
+    offsets: NDArray[np.int64],
+    tails: NDArray[np.int64],
+    heads: NDArray[np.int64],
+    first: NDArray[np.int64],
+    costs: NDArray[np.float64],
     prices: Prices,
     weight: NDArray[np.float64],
 ) -> None:
-    """Write what each arc costs; one from the root has the exit port 2n."""
-    root = 2 * len(places.turns)
-    for e in range(len(exits)):
-        a, b = exits[e], entries[e]
-        if a == root:
-            turn = prices.turn[b >> 1]
-            weight[e] = prices.leave[root >> 1] - (-turn if b & 1 else turn)
+    """Write what each arc costs at these prices; the root is the tail n."""
+    root, way = len(prices.leave) - 1, prices.way
+    for e in range(len(tails)):
+        i, j, at, least = tails[e], heads[e], first[e], np.inf
+        if i == root:
+            for q in range(offsets[j], offsets[j + 1]):
+                least = min(least, -way[q])
+            weight[e] = prices.leave[root] + least
+            continue
+        for p in range(offsets[i], offsets[i + 1]):
+            for q in range(offsets[j], offsets[j + 1]):
+                least = min(least, costs[at] + way[p] - way[q])
+                at += 1
+        weight[e] = least + prices.leave[i] - prices.crossing[prices.zone[i], prices.zone[j]]
+
+
+@kernel
+def used_ways(
+    offsets: NDArray[np.int64],
+    tails: NDArray[np.int64],
+    heads: NDArray[np.int64],
+    first: NDArray[np.int64],
+    costs: NDArray[np.float64],
+    way: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how often arcs leave by each way, less how often they enter by it, (w,)."""
+    root, used = len(offsets) - 1, np.zeros(len(way))
+    for e in range(len(tails)):
+        i, j, at, least = tails[e], heads[e], first[e], np.inf
+        leave, enter = -1, offsets[j]
+        if i == root:
+            for q in range(offsets[j], offsets[j + 1]):
+                if way[q] > way[enter]:
+                    enter = q
         else:
-            weight[e] = travel_price(places, prices, a, b)
+            for p in range(offsets[i], offsets[i + 1]):
+                for q in range(offsets[j], offsets[j + 1]):
+                    value = costs[at] + way[p] - way[q]
+                    if value < least:
+                        least, leave, enter = value, p, q
+                    at += 1
+            used[leave] += 1.0
+        used[enter] -= 1.0
+    return used

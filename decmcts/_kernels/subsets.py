@@ -11,33 +11,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.pricing import Ways, way_cost
 
 
 @kernel
-def least_travel(
-    lengths: NDArray[np.float64], turns: NDArray[np.bool_], before: NDArray[np.int64]
-) -> float:
-    """Return the least travel over all linear extensions and directions, mm.
+def least_travel(ways: Ways, before: NDArray[np.int64]) -> float:
+    """Return the least travel over all linear extensions and ways to print each contour.
 
-    `lengths` (2n, 2n) are the distances of ports, `before` (n,) the predecessors
-    of each contour as bits. O(2ⁿ · n²) time, 2ⁿ · 2n numbers of memory.
+    Each way has one pair of points. `before` (n,) holds the predecessors of each
+    contour as bits. O(2ⁿ · w²) time for w ways in all, 2ⁿ · w numbers of memory.
     """
-    n = len(turns)
-    best = np.full((1 << n, 2 * n), np.inf)  # by what is printed, and by the last exit port
-    for j in range(n):
-        if before[j] == 0:
-            best[1 << j, 2 * j + 1] = 0.0
-            best[1 << j, 2 * j] = 0.0 if turns[j] else np.inf
+    n, count = len(before), len(ways.points) - 1
+    owner = np.empty(count, np.int64)
+    for c in range(n):
+        owner[ways.offsets[c] : ways.offsets[c + 1]] = c
+    cost = np.empty((count, count))
+    for a in range(count):
+        for b in range(count):
+            cost[a, b] = way_cost(ways, a, b)
+    best = np.full((1 << n, count), np.inf)  # by what is printed, and by the last way
+    for b in range(count):
+        if before[owner[b]] == 0:
+            best[1 << owner[b], b] = 0.0
     for done in range(1, (1 << n) - 1):
-        for j in range(n):
-            if (done >> j) & 1 or before[j] & ~done:
+        for a in range(count):
+            travel = best[done, a]
+            if travel == np.inf:
                 continue
-            then = done | (1 << j)
-            for a in range(2 * n):
-                travel = best[done, a]
-                if travel == np.inf:
-                    continue
-                best[then, 2 * j + 1] = min(best[then, 2 * j + 1], travel + lengths[a, 2 * j])
-                if turns[j]:
-                    best[then, 2 * j] = min(best[then, 2 * j], travel + lengths[a, 2 * j + 1])
+            for b in range(count):
+                j = owner[b]
+                if not ((done >> j) & 1 or before[j] & ~done):
+                    then = done | (1 << j)
+                    best[then, b] = min(best[then, b], travel + cost[a, b])
     return float(best[(1 << n) - 1].min())

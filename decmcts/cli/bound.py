@@ -7,6 +7,7 @@ take, for which prints it is tried, and how it is put.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,28 +24,26 @@ WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow comput
 MOST_BYTES = 2 * 2**30  # of relations
 
 
-def certify(problem: OrderProblem, travel_mm: float, *, time_limit_s: float) -> dict[str, Any]:
+def certify(problem: OrderProblem, travel: float, *, time_limit_s: float) -> dict[str, Any]:
     """Return what the metrics say of the bound, or of why there is none.
 
     Parameters
     ----------
-    travel_mm : float
-        Extrusionless travel of the result.
+    travel : float
+        What the result's travels cost, mm or s as the problem has it.
     time_limit_s : float
         The time limit of the search; the bound takes a share of as much again.
     """
     allowed_s = min(MOST_S, SHARE * time_limit_s)
+    name = f"bound_{problem.unit}"
+    said: dict[str, Any] = {"travel_s": travel} if problem.unit == "s" else {}
     reason = _too_large(len(problem), allowed_s)
     if reason:
-        return {"bound_mm": None, "gap_percent": None, "bound_skipped": reason}
-    if len(problem) > EXACT_UP_TO:
-        lower_bound(_row(EXACT_UP_TO + 1), time_limit_s=1.0)  # compiles, off the clock
-    found = lower_bound(problem, time_limit_s=allowed_s, upper_bound_mm=travel_mm)
-    return {
-        "bound_mm": found.bound_mm,
-        "gap_percent": found.gap_percent(travel_mm),
-        "bound_method": found.method,
-    }
+        return {**said, name: None, "gap_percent": None, "bound_skipped": reason}
+    _compile_for(problem)
+    found = lower_bound(problem, time_limit_s=allowed_s, upper_bound=travel)
+    said |= {name: found.bound, "gap_percent": found.gap_percent(travel)}
+    return {**said, "bound_method": found.method}
 
 
 def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:
@@ -52,20 +51,22 @@ def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:
     allowed_s = min(MOST_EARLY_S, EARLY_SHARE * time_limit_s)
     if len(problem) <= EXACT_UP_TO or _too_large(len(problem), allowed_s):
         return None
-    lower_bound(_row(EXACT_UP_TO + 1), time_limit_s=1.0)  # compiles, off the clock
-    return lower_bound(problem, time_limit_s=allowed_s).bound_mm
+    _compile_for(problem)
+    return lower_bound(problem, time_limit_s=allowed_s).bound
 
 
 def bound_line(metrics: Mapping[str, Any]) -> str | None:
     """Return one line on travel, bound and gap; None if no bound was asked for."""
-    if "bound_mm" not in metrics:
+    what, travel, unit = "travel", metrics.get("extrusionless_travel_mm"), "mm"
+    if "bound_s" in metrics:
+        what, travel, unit = "travel time", metrics["travel_s"], "s"
+    elif "bound_mm" not in metrics:
         return None
-    if metrics["bound_mm"] is None:
-        return f"no bound on the travel: {metrics['bound_skipped']}"
-    travel, bound = metrics["extrusionless_travel_mm"], metrics["bound_mm"]
-    gap = metrics["gap_percent"]
+    bound, gap = metrics[f"bound_{unit}"], metrics["gap_percent"]
+    if bound is None:
+        return f"no bound on the {what}: {metrics['bound_skipped']}"
     above = "" if gap is None else f" → at most {gap:.1f} % above optimal"
-    return f"travel {travel:,.1f} mm ≥ bound {bound:,.1f} mm{above}"
+    return f"{what} {travel:,.1f} {unit} ≥ bound {bound:,.1f} {unit}{above}"
 
 
 def _too_large(n: int, allowed_s: float) -> str:
@@ -76,6 +77,12 @@ def _too_large(n: int, allowed_s: float) -> str:
     if n > EXACT_UP_TO and words / WORDS_PER_S > allowed_s:
         return f"{n} contours need more than {allowed_s:.1f} s (half of --time-limit, at most 10 s)"
     return ""
+
+
+def _compile_for(problem: OrderProblem) -> None:
+    """Bound a print of no size, so that compiling is off the clock."""
+    if len(problem) > EXACT_UP_TO:
+        lower_bound(replace(_row(EXACT_UP_TO + 1), pace=problem.pace), time_limit_s=1.0)
 
 
 def _row(n: int) -> OrderProblem:

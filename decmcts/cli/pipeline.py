@@ -34,7 +34,7 @@ from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
-from decmcts.search.planners import Planner, SearchResult, plan_order
+from decmcts.search.planners import Planner, SearchResult, plan_order, toolpath_cost
 from decmcts.search.problem import OrderProblem
 from decmcts.team.alone import lone_machine
 from decmcts.team.cooling import find_lags, print_times, source_times
@@ -169,12 +169,18 @@ def search(
     **hooks: Any,
 ) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
-    pace = pace_of(loaded.job, loaded.machine.limits) if objective == "time" else None
-    smallest = replace(_smallest(), pace=pace)
+    problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
+    smallest = replace(_smallest(), pace=problem.pace)
     plan_order(smallest, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
     options = {"planner": planner, "time_limit_s": time_limit_s, "seed": seed, **hooks}
+    return plan_order(problem, **options)
+
+
+def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:
+    """Return what a search for one head has to solve."""
     problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom, seam)  # type: ignore[arg-type]
-    return plan_order(replace(problem, pace=pace), **options)
+    pace = pace_of(loaded.job, loaded.machine.limits) if objective == "time" else None
+    return replace(problem, pace=pace)
 
 
 def _smallest() -> OrderProblem:
@@ -201,9 +207,9 @@ def plan_single(
     """Plan one head: search, bound the travel if `certificate`, schedule, verify."""
     announce("the source's own order")
     before = source_plan(loaded)
-    if certificate and objective == "travel" and freedom != "seam":
+    problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
+    if certificate:
         announce("a first bound on the travel")
-        problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
         hooks["bound"] = early_bound(problem, time_limit_s=time_limit_s)
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
@@ -213,7 +219,8 @@ def plan_single(
     result = _ordered(loaded, guess, time_limit_s, announce, hooks)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     announce("safe travels and times")
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, [result.toolpath])
+    toolpath = result.toolpath
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, [toolpath])
     plan = add_waits(loaded.job, loaded.machine, plan, lags)
     timed = objective == "time" or len(lags.below) > 0
     if timed and plan.makespan_s > before.plan.makespan_s:
@@ -223,19 +230,12 @@ def plan_single(
             own = schedule(loaded.job, loaded.machine, loaded.graph, [sliced])
             own = add_waits(loaded.job, loaded.machine, own, lags)
         if own.makespan_s < plan.makespan_s:
-            plan, result = own, replace(result, cost=result.source_cost)
+            plan, toolpath = own, sliced
     bound: dict[str, Any] = {}
-    if certificate and objective != "travel":
-        skipped = "it is on travel, and the search minimised time"
-        bound = {"bound_mm": None, "gap_percent": None, "bound_skipped": skipped}
-    elif certificate and freedom == "seam":
-        skipped = "it does not know yet that loops may begin at another vertex"
-        bound = {"bound_mm": None, "gap_percent": None, "bound_skipped": skipped}
-    elif certificate:
+    if certificate:
         announce("proving how far from optimal this is at most")
         started = time.perf_counter()
-        problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom)  # type: ignore[arg-type]
-        bound = certify(problem, result.cost, time_limit_s=time_limit_s)
+        bound = certify(problem, toolpath_cost(problem, toolpath), time_limit_s=time_limit_s)
         seconds["bound"] = time.perf_counter() - started
     extra = {
         "planner": planner,

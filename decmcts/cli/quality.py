@@ -16,7 +16,7 @@ from decmcts.feasibility.lead import limit_lead
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
-from decmcts.print.toolpath import Toolpath, extrusionless_travel
+from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult
 from decmcts.team.cooling import Timed, cooled
 
@@ -61,16 +61,14 @@ def search_cooled(
     A short search without regard to cooling shows whether it costs anything. If
     so, searches with fewer and fewer layers ahead follow, and the best of these
     limits gets the time that is left. `sliced`, the source's own order, waits for
-    nothing, so the result is never slower than it.
+    nothing, so the result is never slower than it. Its cost is that of the search,
+    before anything was moved to make use of waits.
     """
     tries: list[tuple[float, SearchResult]] = []
 
     def keep(result: SearchResult) -> Timed:
         found = cooled(job, machine, graph, lags, result.toolpath)
-        cost = result.cost
-        if result.unit == "mm":
-            cost = extrusionless_travel(job.contours, found.toolpath)
-        tries.append((found.seconds, replace(result, toolpath=found.toolpath, cost=cost)))
+        tries.append((found.seconds, replace(result, toolpath=found.toolpath)))
         return found
 
     def attempt(layers: int | None, share: float) -> Timed:

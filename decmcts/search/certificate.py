@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.subsets import least_travel
 from decmcts._kernels.tour import tour_cost
 from decmcts.search.problem import OrderProblem
-from decmcts.search.relaxation import Relaxation, Relaxed
+from decmcts.search.relaxation import Relaxation, Relaxed, ways_of
 
 EXACT_UP_TO = 12  # contours
 
@@ -26,18 +26,18 @@ Method = Literal["exact", "arborescence"]
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """No order that the graph and the freedom allow has less travel than `bound_mm`."""
+    """No order that the graph and the freedom allow has less travel than `bound`."""
 
-    bound_mm: float
+    bound: float  # in the unit of the problem
     iterations: int  # relaxations solved on the way
-    method: Method  # "exact": `bound_mm` is the least travel, but for rounding
+    method: Method  # "exact": `bound` is the least travel, but for rounding
     arcs: int  # travels looked at one by one; the others are bounded together
 
-    def gap_percent(self, travel_mm: float) -> float | None:
-        """Return how far above optimal `travel_mm` is at most; None if the bound is zero."""
-        if travel_mm <= self.bound_mm:
+    def gap_percent(self, travel: float) -> float | None:
+        """Return how far above optimal `travel` is at most; None if the bound is zero."""
+        if travel <= self.bound:
             return 0.0
-        return 100.0 * (travel_mm / self.bound_mm - 1.0) if self.bound_mm > 0.0 else None
+        return 100.0 * (travel / self.bound - 1.0) if self.bound > 0.0 else None
 
 
 def lower_bound(
@@ -45,7 +45,7 @@ def lower_bound(
     *,
     time_limit_s: float,
     clock: Callable[[], float] = time.monotonic,
-    upper_bound_mm: float | None = None,
+    upper_bound: float | None = None,
     max_iterations: int | None = None,
 ) -> Certificate:
     """Return a bound on the travel of every order and every choice of directions allowed.
@@ -60,17 +60,18 @@ def lower_bound(
     contour back to the root. Each of them is *possible*: it leads from i to j only
     where no j ≺ i and no k has i ≺ k ≺ j, for i and j are neighbours in a linear
     extension; the first contour has no predecessor and the last no successor.
-    For prices u (contours and root), t (contours that may turn), ρ ≥ 0 (sets S of
+    For prices u (contours and root), t (ways to print a contour), ρ ≥ 0 (sets S of
     contours that each order leaves at least k_S times, see
     `decmcts.search.crossings`) and τ ≥ 0 (sets P of travels of which each order uses
     at most one, see `decmcts.search.passages`) let a travel from i to j cost
 
-        length + u_i ± t_i ∓ t_j − Σ {ρ_S : i in S, j not in S} + Σ {τ_P : (i, j) in P},
+        price + u_i + t_p − t_q − Σ {ρ_S : i in S, j not in S} + Σ {τ_P : (i, j) in P}
 
-    the sign of t being + for a contour printed forwards and − for one printed
-    backwards. Over the order, each contour and the root is left once, so the u add
-    up to Σ u; each contour is left in the direction in which it was entered, so the
-    t cancel; the refunds are at least Σ ρ_S k_S and the tolls at most Σ τ. Hence
+    if i is printed in way p and j in way q, forwards or backwards; a loop is entered
+    and left at whichever options are nearest. Over the order, each contour and the root is left
+    once, so the u add up to Σ u; each contour is left in the way in which it was
+    entered, so the t cancel; the refunds are at least Σ ρ_S k_S and the tolls at most
+    Σ τ. Hence
 
         travel ≥ cost of arborescence + cost of the way back − Σ u + Σ ρ_S k_S − Σ τ,
 
@@ -83,7 +84,7 @@ def lower_bound(
     ----------
     time_limit_s : float
         Ends the search for better prices. The first bound is made in any case.
-    upper_bound_mm : float | None
+    upper_bound : float | None
         The travel of a known order; it sets the length of the first steps only.
         None: that of the source.
     max_iterations : int | None
@@ -105,13 +106,13 @@ def lower_bound(
         raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
     n = len(problem)
     if n <= EXACT_UP_TO:
-        return Certificate(_least(problem), 0, "exact", 2 * n * 2 * n)
+        return Certificate(_least(problem), 0, "exact", n * n)
     end = clock() + time_limit_s
-    ascent = Ascent(Relaxation(problem), _target(problem, upper_bound_mm))
+    ascent = Ascent(Relaxation(problem), _target(problem, upper_bound))
     while clock() < end and ascent.may_go_on(max_iterations):
         if not ascent.round(lambda: clock() < end):
             break
-    bound = max(0.0, ascent.bound_mm)
+    bound = max(0.0, ascent.bound)
     return Certificate(bound, ascent.iterations, "arborescence", len(ascent.relaxation.codes))
 
 
@@ -119,19 +120,17 @@ def _least(problem: OrderProblem) -> float:
     """Return the least travel, rounded down."""
     if len(problem) < 2:
         return 0.0
-    graph, ports = problem.graph, problem.ports()
     before = np.zeros(len(problem), np.int64)
-    for a, b in graph.pairs():
+    for a, b in problem.graph.pairs():
         before[b] |= 1 << int(a)
-    lengths = np.linalg.norm(ports[:, None] - ports[None], axis=2)
-    return float(least_travel(lengths, problem.reversible, before)) * (1.0 - 1e-12)
+    return float(least_travel(ways_of(problem, apart=True), before)) * (1.0 - 1e-12)
 
 
-def _target(problem: OrderProblem, upper_bound_mm: float | None) -> float:
-    if upper_bound_mm is not None:
-        return upper_bound_mm
+def _target(problem: OrderProblem, upper_bound: float | None) -> float:
+    if upper_bound is not None:
+        return upper_bound
     n = len(problem)
-    return tour_cost(problem.ports(), np.arange(n, dtype=np.int32), np.zeros(n, np.uint8))
+    return tour_cost(problem.metric(), np.arange(n, dtype=np.int32), np.zeros(n, np.uint8))
 
 
 class Ascent:
@@ -146,14 +145,14 @@ class Ascent:
     shorten = 0.8
     memory = 0.3  # share of the last direction in the next
 
-    def __init__(self, relaxation: Relaxation, target_mm: float) -> None:
-        self.relaxation, self.target_mm = relaxation, target_mm
+    def __init__(self, relaxation: Relaxation, target: float) -> None:
+        self.relaxation, self.target = relaxation, target
         self.iterations = 0
         self._rounds = 0
         self._at = np.zeros(relaxation.size)
         self._step = np.zeros(relaxation.size)
         self._share, self._stale = self.first_share, 0
-        self.bound_mm = -np.inf
+        self.bound = -np.inf
         self._best: Relaxed
         self._best_at: NDArray[np.float64]
         self._certify(self._at)
@@ -192,7 +191,7 @@ class Ascent:
             self._at, self._step = self._best_at.copy(), np.zeros_like(self._step)
             return
         self._step = (1.0 - self.memory) * now.slope + self.memory * self._step
-        missing = max(self.target_mm - now.value, 1e-3 * self.target_mm)
+        missing = max(self.target - now.value, 1e-3 * self.target)
         length = self._share * missing / max(float(self._step @ self._step), 1e-12)
         self._at = self.relaxation.allowed(self._at + length * self._step)
 
@@ -201,5 +200,5 @@ class Ascent:
         before = np.inf if self.iterations == 0 else self._best.value
         self.relaxation.take_up(at)
         self._best, self._best_at = self.relaxation.evaluate(at), at.copy()
-        self.bound_mm = float(max(self.bound_mm, self._best.value - self._best.rounding))
+        self.bound = float(max(self.bound, self._best.value - self._best.rounding))
         return self._best.value < before

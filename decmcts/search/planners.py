@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.seats import visits_cost
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.greedy import Greedy
 from decmcts.search.hybrid import Hybrid
@@ -124,6 +125,21 @@ def plan_order(
         seed,
         MappingProxyType(incumbent.notes),
     )
+
+
+def toolpath_cost(problem: OrderProblem, toolpath: Toolpath) -> float:
+    """Return what the travels of a toolpath for all contours cost, in the problem's unit."""
+    n, order, seams = len(problem), toolpath.order, problem.seams
+    flip, seat = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
+    flip[order] = toolpath.reversed
+    if seams is not None:
+        chosen = order[np.diff(seams.offsets)[order] > 1]
+        entry = np.zeros(n, np.int64)
+        entry[order] = toolpath.entry
+        most = 1 + int(max(seams.vertices.max(initial=0), entry.max(initial=0)))
+        numbers = seams.owner.astype(np.int64) * most + seams.vertices
+        seat[chosen] = np.searchsorted(numbers, chosen.astype(np.int64) * most + entry[chosen])
+    return float(visits_cost(problem.metric(), order, flip, seat))
 
 
 def _toolpath(incumbent: Incumbent) -> Toolpath:

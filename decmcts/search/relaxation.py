@@ -14,109 +14,131 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.arborescence import cheapest_arborescence
+from decmcts._kernels.metric import distance, points_of, with_points
 from decmcts._kernels.pricing import (
     WORD,
-    Places,
+    Boxes,
     Precedence,
     Prices,
+    Ways,
     add_descendants,
     arc_weights,
-    bound_words,
+    bounds_of,
     cover_mask,
     price_travels,
+    travel_costs,
+    used_ways,
 )
 from decmcts.feasibility.build import closure_of
 from decmcts.search.crossings import Crossings, forced_crossings
 from decmcts.search.passages import Passages, single_passages
 from decmcts.search.problem import OrderProblem
 
-WIDTH = 8  # travels taken up per entry port and pricing
+WIDTH = 8  # travels taken up per contour and pricing
 ROUNDING = 1e-9  # of the largest number, times n: what a value is lowered by; see `evaluate`
 
 
 @dataclass(frozen=True, slots=True)
 class Arcs:
-    """Travels that are looked at, by the contour they lead to; the root's exit port is 2n."""
+    """Travels that are looked at, by the contour they lead to; the root is the tail n."""
 
     offsets: NDArray[np.int64]  # (n + 1,)
-    exits: NDArray[np.int64]  # (m,) port
-    entries: NDArray[np.int64]  # (m,) port
+    tails: NDArray[np.int64]  # (m,)
+    heads: NDArray[np.int64]  # (m,)
+    first: NDArray[np.int64]  # (m,) where the costs of its ways begin
 
     @staticmethod
-    def of(codes: NDArray[np.int64], n: int) -> Arcs:
-        """Sort distinct arcs, each coded as exit · 2n + entry, by their head."""
-        exits, entries = codes // (2 * n), codes % (2 * n)
-        order = np.argsort(entries >> 1, kind="stable")
-        count = np.bincount(entries >> 1, minlength=n)
-        offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
-        return Arcs(offsets, exits[order], entries[order])
+    def of(codes: NDArray[np.int64], first: NDArray[np.int64], n: int) -> Arcs:
+        """Sort distinct arcs, each coded as tail · n + head, by their head."""
+        tails, heads = codes // n, codes % n
+        order = np.argsort(heads, kind="stable")
+        offsets = np.concatenate([[0], np.cumsum(np.bincount(heads, minlength=n))])
+        return Arcs(offsets.astype(np.int64), tails[order], heads[order], first[order])
+
+
+class Costs:
+    """What the travels of arcs cost without prices, way by way; only ever grows."""
+
+    def __init__(self, ways: Ways) -> None:
+        self._ways = ways
+        self._count = np.append(np.diff(ways.offsets), 0)  # none of the root's
+        self.values, self._used = np.empty(1024), 0
+
+    def add(self, tails: NDArray[np.int64], heads: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return where the costs of each arc begin."""
+        sizes = self._count[tails] * self._count[heads]
+        ends = self._used + np.cumsum(sizes)
+        before, self._used = self._used, int(ends[-1]) if len(ends) else self._used
+        if self._used > len(self.values):
+            grown = np.empty(2 * self._used)
+            grown[:before] = self.values[:before]
+            self.values = grown
+        real = sizes > 0
+        travel_costs(self._ways, tails[real], heads[real], (ends - sizes)[real], self.values)
+        return np.asarray(ends - sizes)
 
 
 @dataclass(frozen=True, slots=True)
 class Relaxed:
     """The value of the relaxation at some prices, and how to raise it."""
 
-    value: float  # mm
+    value: float  # in the metric's unit
     slope: NDArray[np.float64]  # as the multipliers
-    rounding: float  # what rounding added to the value at the very most, mm
+    rounding: float  # what rounding added to the value at the very most
 
 
 class Relaxation:
-    """Arborescences with a way back to the root, at prices: see `ascend`.
+    """Arborescences with a way back to the root, at prices: see `decmcts.search.certificate`.
 
     Multipliers are one vector: to leave each contour and the root (n + 1), for the
-    directions (n), for the sets (s), for the passages (p).
+    ways to print (w), for the sets (s), for the passages (p).
     """
 
     def __init__(self, problem: OrderProblem) -> None:
-        self.n = len(problem)
-        self.problem = problem
-        self.places = _places(problem)
+        n = self.n = len(problem)
+        self.ways = ways_of(problem)
+        points = points_of(self.ways.metric)
+        self.boxes = Boxes(np.empty((n, 6)), np.empty((n, 6)), np.empty((-(-n // WORD), 6)))
+        bounds_of(self.ways, points, self.boxes)
         self.rule, self.passages = _precedence(problem)
         self.crossings: Crossings = forced_crossings(problem)
-        graph = problem.graph
+        graph, count = problem.graph, np.diff(self.ways.offsets)
         self.first = np.flatnonzero(np.diff(graph.pred_offsets) == 0)
         self.last = np.flatnonzero(np.diff(graph.succ_offsets) == 0)
-        self._list(np.union1d(self._root_codes(), self._passage_codes()))
-        self.escape = np.full(self.n, np.inf)
-        ports = self.places.ports
-        self.reach = float(np.linalg.norm(ports.max(axis=0) - ports.min(axis=0)))
-
-    @property
-    def size(self) -> int:
-        """Number of multipliers."""
-        return 2 * self.n + 1 + len(self.crossings.exits) + self.passages.count
-
-    @property
-    def _sets(self) -> slice:
-        return slice(2 * self.n + 1, 2 * self.n + 1 + len(self.crossings.exits))
-
-    @property
-    def _passes(self) -> slice:
-        return slice(self._sets.stop, None)
+        self.chosen = np.repeat(count > 1, count)  # ways that have another beside them
+        self.size = n + 1 + len(self.chosen) + len(self.crossings.exits) + self.passages.count
+        self._by_way = slice(n + 1, n + 1 + len(self.chosen))
+        self._sets = slice(self._by_way.stop, self._by_way.stop + len(self.crossings.exits))
+        self._passes = slice(self._sets.stop, None)
+        self.costs = Costs(self.ways)
+        self.codes = self._first = np.empty(0, np.int64)
+        self._list(np.union1d(n * n + self.first, self.passages.keys))
+        self.escape = np.full(n, np.inf)
+        corners = np.stack([points.min(axis=0), points.max(axis=0)])
+        self.reach = float(distance(with_points(self.ways.metric, corners), 0, 1))
 
     def prices(self, at: NDArray[np.float64]) -> Prices:
         """Return the multipliers, but those for passages, as prices of travels."""
-        n, member = self.n, self.crossings.member
+        member = self.crossings.member
         refund = (member * at[self._sets]) @ (~member).T.astype(np.float64)
         return Prices(
-            at[: n + 1], at[n + 1 : 2 * n + 1], self.crossings.zone, np.ascontiguousarray(refund)
+            at[: self.n + 1], at[self._by_way], self.crossings.zone, np.ascontiguousarray(refund)
         )
 
     def allowed(self, at: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the nearest multipliers that keep the value a bound."""
-        sets = 2 * self.n + 1
-        return np.concatenate([at[:sets], np.maximum(at[sets:], 0.0)])
+        free = self._by_way.stop
+        return np.concatenate([at[:free], np.maximum(at[free:], 0.0)])
 
     def take_up(self, at: NDArray[np.float64]) -> None:
         """Add the travels that are cheapest at these prices; bound what is left out.
 
         After this `evaluate` at the same multipliers is a valid bound.
         """
-        exits, self.escape = price_travels(self.places, self.rule, self.prices(at), WIDTH)
-        entries = np.broadcast_to(np.arange(2 * self.n)[:, None], exits.shape)
-        new = (exits * (2 * self.n) + entries)[exits >= 0]
-        self._list(np.union1d(self.codes, new))
+        prices = self.prices(at)
+        tails, self.escape = price_travels(self.ways, self.boxes, self.rule, prices, WIDTH)
+        heads = np.broadcast_to(np.arange(self.n)[:, None], tails.shape)
+        self._list(np.union1d(self.codes, (tails * self.n + heads)[tails >= 0]))
 
     def evaluate(self, at: NDArray[np.float64]) -> Relaxed:
         """Return the relaxation's value at some multipliers.
@@ -125,81 +147,85 @@ class Relaxation:
         most n subtractions, so rounding makes the arborescence too dear by no more
         than some 4 n² · 1.1e-16 · M. `ROUNDING` covers that up to a million contours.
         """
-        n, arcs = self.n, self.arcs
-        prices = self.prices(at)
-        weight = np.empty(len(arcs.exits) + n)
-        weight[len(arcs.exits) :] = self.escape
-        arc_weights(arcs.exits, arcs.entries, self.places, prices, weight[: len(arcs.exits)])
+        n, m, arcs = self.n, len(self.codes), self.arcs
+        prices, offsets = self.prices(at), self.ways.offsets
+        weight = np.empty(m + n)
+        weight[m:] = self.escape
+        listed = (offsets, arcs.tails, arcs.heads, arcs.first, self.costs.values)
+        arc_weights(*listed, prices, weight[:m])
         tolls = self.passages.of @ at[self._passes]
         weight[self._passing] += tolls[self._passage]
-        chosen = cheapest_arborescence(
-            arcs.offsets, arcs.exits >> 1, weight[: len(arcs.exits)], self.escape
-        )
-        back = prices.leave[self.last] - np.abs(prices.turn[self.last])
+        chosen = cheapest_arborescence(arcs.offsets, arcs.tails, weight[:m], self.escape)
+        cheapest = np.minimum.reduceat(prices.way, offsets[:-1])
+        back = prices.leave[self.last] + cheapest[self.last]
         home = int(np.argmin(back))
         value = weight[chosen].sum() + back[home] - prices.leave.sum()
         value += at[self._sets] @ self.crossings.exits - at[self._passes].sum()
         largest = self.reach + 4.0 * np.abs(at).max() + prices.crossing.max()
         largest += tolls.max(initial=0.0) + at[self._passes].sum() / n
-        slope = self._slope(prices, chosen[chosen < len(arcs.exits)], int(self.last[home]))
+        slope = self._slope(prices, chosen[chosen < m], int(self.last[home]))
         return Relaxed(float(value), slope, ROUNDING * n * float(largest))
 
     def _slope(self, prices: Prices, chosen: NDArray[np.int64], home: int) -> NDArray[np.float64]:
         """Return the subgradient: how far the arborescence is from a path."""
-        n = self.n
-        exits, entries = self.arcs.exits[chosen], self.arcs.entries[chosen]
-        slope = np.zeros(self.size)
-        slope[: n + 1] = np.bincount(exits >> 1, minlength=n + 1) - 1.0
+        n, offsets, slope = self.n, self.ways.offsets, np.zeros(self.size)
+        tails, heads, first = (
+            of[chosen] for of in (self.arcs.tails, self.arcs.heads, self.arcs.first)
+        )
+        slope[: n + 1] = np.bincount(tails, minlength=n + 1) - 1.0
         slope[home] += 1.0
-        real = exits < 2 * n
-        tails, heads = exits[real] >> 1, entries[real] >> 1
-        turn = np.zeros(n)
-        np.add.at(turn, tails, np.where(exits[real] & 1, 1.0, -1.0))
-        np.add.at(turn, entries >> 1, np.where(entries & 1, 1.0, -1.0))
-        turn[home] -= np.sign(prices.turn[home])
-        slope[n + 1 : 2 * n + 1] = np.where(self.places.turns, turn, 0.0)
+        used = used_ways(offsets, tails, heads, first, self.costs.values, prices.way)
+        mine = slice(offsets[home], offsets[home + 1])
+        used[mine.start + int(np.argmin(prices.way[mine]))] += 1.0
+        slope[self._by_way] = np.where(self.chosen, used, 0.0)
+        real = tails < n
         zone, member = self.crossings.zone, self.crossings.member
-        leaving = member[zone[tails]] & ~member[zone[heads]]
+        leaving = member[zone[tails[real]]] & ~member[zone[heads[real]]]
         slope[self._sets] = self.crossings.exits - leaving.sum(axis=0)
         slope[self._passes] = self.passages.of.T @ self._used(chosen) - 1.0
         return slope
 
     def _used(self, chosen: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return how often each travel that passes is used."""
-        is_chosen = np.zeros(len(self.arcs.exits), np.bool_)
+        is_chosen = np.zeros(len(self.codes), np.bool_)
         is_chosen[chosen] = True
         used = self._passage[is_chosen[self._passing]]
         return np.bincount(used, minlength=len(self.passages.keys)).astype(np.float64)
 
     def _list(self, codes: NDArray[np.int64]) -> None:
-        """Look at these travels from now on, and note which of them pass between sets."""
-        self.codes, self.arcs = codes, Arcs.of(codes, self.n)
-        wanted = (self.arcs.exits >> 1) * self.n + (self.arcs.entries >> 1)
+        """Look at these travels too from now on, and note which of them pass between sets."""
+        known, first = np.isin(codes, self.codes, assume_unique=True), np.empty_like(codes)
+        first[known] = self._first
+        first[~known] = self.costs.add(codes[~known] // self.n, codes[~known] % self.n)
+        self.codes, self._first = codes, first
+        self.arcs = Arcs.of(codes, first, self.n)
+        wanted = self.arcs.tails * self.n + self.arcs.heads
         place = np.searchsorted(self.passages.keys, wanted)
         self._passing = np.flatnonzero(np.append(self.passages.keys, -1)[place] == wanted)
         self._passage = place[self._passing]
 
-    def _passage_codes(self) -> NDArray[np.int64]:
-        """Return all travels that pass; pricing leaves them out."""
-        tails, heads = self.passages.keys // self.n, self.passages.keys % self.n
-        turns = self.places.turns
-        codes = []
-        for leave, enter in ((1, 0), (1, 1), (0, 0), (0, 1)):  # port 2c + 1 ends c as sliced
-            may = (turns[tails] | (leave == 1)) & (turns[heads] | (enter == 0))
-            codes.append((2 * tails[may] + leave) * (2 * self.n) + 2 * heads[may] + enter)
-        return np.concatenate(codes)
 
-    def _root_codes(self) -> NDArray[np.int64]:
-        turning = self.first[self.places.turns[self.first]]
-        entries = np.concatenate([2 * self.first, 2 * turning + 1])
-        return np.unique(2 * self.n * (2 * self.n) + entries)
+def ways_of(problem: OrderProblem, *, apart: bool = False) -> Ways:
+    """Return the ways to print each contour: as sliced or turned, loops by any option.
 
-
-def _places(problem: OrderProblem) -> Places:
-    boxes = np.empty((-(-len(problem) // WORD), 6))
-    places = Places(problem.ports(), problem.reversible, boxes)
-    bound_words(places)
-    return places
+    With `apart` each option of a loop is a way of its own. Prices for them would
+    raise bounds by some two per cent, and a step would take three times as long.
+    """
+    n, seams = len(problem), problem.seams
+    options = np.ones(n, np.int64) if seams is None else np.diff(seams.offsets)
+    count = np.where(problem.reversible, 2, options)
+    owner = np.repeat(np.arange(n), count)
+    first = np.cumsum(count) - count
+    place = np.arange(len(owner)) - first[owner]  # 1: backwards, of those that may turn
+    into, out = 2 * owner + place, 2 * owner + 1 - place
+    if seams is not None:
+        chosen = options[owner] > 1
+        into[chosen] = 2 * (n + seams.offsets[owner] + place)[chosen]
+        out[chosen] = into[chosen] + 1
+    begins = np.flatnonzero((place == 0) | problem.reversible[owner] | apart)
+    ways = np.searchsorted(begins, np.append(first, len(owner)))
+    points = np.append(begins, len(owner)).astype(np.int64)
+    return Ways(problem.metric(), ways.astype(np.int64), points, into, out)
 
 
 def _precedence(problem: OrderProblem) -> tuple[Precedence, Passages]:

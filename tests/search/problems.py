@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.problem import OrderProblem
+from decmcts.search.problem import OrderProblem, Pace, Seams
 
 
 def random_problem(
@@ -19,3 +21,28 @@ def random_problem(
     layer = np.sort(rng.integers(0, 1 + n // 3, n)).astype(np.int32)
     graph = DependencyGraph.from_pairs(n, pairs)
     return OrderProblem(start, end, rng.random(n) < turning, layer, graph)
+
+
+def with_loops(problem: OrderProblem, seed: int) -> OrderProblem:
+    """Let about half of the contours be entered at two to four options instead."""
+    rng = np.random.default_rng(seed)
+    n = len(problem)
+    counts = np.where(rng.random(n) < 0.5, rng.integers(2, 5, n), 1)
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    enter = rng.integers(0, 5, (offsets[-1], 3)).astype(float)
+    leave = enter + rng.integers(0, 2, enter.shape)
+    first, chosen = offsets[:-1], counts > 1
+    enter[first[~chosen]], leave[first[~chosen]] = problem.start[~chosen], problem.end[~chosen]
+    vertices = (np.arange(offsets[-1]) - np.repeat(first, counts)).astype(np.int32)
+    return replace(
+        problem,
+        start=enter[first],
+        end=leave[first],
+        reversible=problem.reversible & ~chosen,
+        seams=Seams(offsets, enter, leave, vertices),
+    )
+
+
+def with_pace(problem: OrderProblem) -> OrderProblem:
+    """Price travels in seconds: short ones never reach full speed, long ones hop."""
+    return replace(problem, pace=Pace(2.0, 1.5, 0.7, 1.1, hop_s=0.8, free_mm=2.5))
