@@ -12,7 +12,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.loops import Turned, entries_allowed, exit_points, turn_loop, turn_loops
+from decmcts._kernels.loops import (
+    SLIVER_MM,
+    Turned,
+    entries_allowed,
+    exit_points,
+    turn_loop,
+    turn_loops,
+)
 from decmcts.print.contours import Contours, Role
 
 FLAT_MM = 1e-6
@@ -23,6 +30,7 @@ LOOPS = (
     Role.OVERHANG_PERIMETER,
     Role.SKIRT_BRIM,
 )  # their ends may be a whole width apart: what these roles close is a loop
+LEAST_GAP_MM = 0.05  # a shorter one holds less filament than files tell exactly
 STAYS = (Role.IRONING, Role.WIPE_TOWER)
 
 
@@ -30,13 +38,15 @@ def movable(contours: Contours) -> NDArray[np.bool_]:
     """Tell which contours may be entered at another vertex, (n,).
 
     Closed ones at one height that the source lets turn: not ironing, wipe
-    towers, slopes, scarf seams or parts of a verbatim block.
+    towers, slopes, scarf seams or parts of a verbatim block. A seam's gap is
+    none or `LEAST_GAP_MM` long at least.
     """
     gap = np.linalg.norm(contours.end - contours.start, axis=1)
     near = np.where(np.isin(contours.role, LOOPS), 1.0, CLIPPED) * contours.width
     able = contours.closed & contours.reversible & ~np.isin(contours.role, STAYS)
     flat = contours.top - contours.bottom <= FLAT_MM if len(contours) else able
-    return np.asarray(able & flat & (gap <= near) & (np.diff(contours.offsets) >= 4))
+    gap_fits = (gap < SLIVER_MM) | ((gap >= LEAST_GAP_MM) & (gap <= near))
+    return np.asarray(able & flat & gap_fits & (np.diff(contours.offsets) >= 4))
 
 
 def allowed_entries(contours: Contours) -> NDArray[np.bool_]:

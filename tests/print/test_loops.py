@@ -137,6 +137,7 @@ def test_a_seam_moves_by_more_than_its_gap() -> None:
 
 @pytest.mark.parametrize(("role", "gap", "moves"), [
     (Role.EXTERNAL_PERIMETER, 0.4, True),
+    (Role.EXTERNAL_PERIMETER, 0.004, False),  # too little filament to tell
     (Role.EXTERNAL_PERIMETER, 0.5, False),  # more than its width of 0.45
     (Role.SOLID_INFILL, 0.1, True),  # clipped by a slicer
     (Role.SOLID_INFILL, 0.4, False),  # lines that happen to end near where they began

@@ -32,6 +32,7 @@ from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limits_of
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
+LEAST_SEGMENT_MM = 5e-4  # files have three decimals
 _SLICERS = re.compile(
     rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
     rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
@@ -264,7 +265,8 @@ def _reversible(
     """Tell which contours give the same bead backwards.
 
     Not ironing (it pushes material ahead of itself), not slopes (vase, scarf
-    seams: one end lies on the other), not ramps of flow at both ends of a seam.
+    seams: one end lies on the other), not ramps of flow at both ends of a seam,
+    not what ends with a segment of no length, which as the first would be lost.
     Beads of varying width keep the filament of each segment, so they may turn;
     so may contours followed by a wipe, which is made again along the end they
     then have.
@@ -278,7 +280,8 @@ def _reversible(
     mean = np.add.reduceat(extrusion, begin) / np.maximum(np.add.reduceat(step, begin), 1e-9)
     ramp = (flow[begin + 1] < 0.6 * mean) & (flow[offsets[1:] - 1] < 0.6 * mean)
     ramp &= np.diff(offsets) > 3
-    return np.asarray(flat & ~ramp & (role != Role.IRONING))
+    pointless = step[offsets[1:] - 1] < LEAST_SEGMENT_MM
+    return np.asarray(flat & ~ramp & ~pointless & (role != Role.IRONING))
 
 
 def _slicer(text: bytes) -> str:

@@ -105,11 +105,12 @@ def test_state_first_set_in_the_print_ends_an_epoch(read):
         ("G1 X0 Y0 Z.2\nG1 X5 Z.3 E1\n", False),
         ("G1 X0 Y0\nG1 X5 E1\n", True),
         ("G1 X0 Y0\nG1 X5 E1\nG1 X4 E0.5\n", True),
+        ("G1 X0 Y0\nG1 X5 E1\nG1 X5 Y0 E1.01\n", False),
         ("G1 X0 Y0\nG1 X2 E.05\nG1 X9 E1\nG1 Y9 E2\nG1 X0 E3\nG1 Y0 E3.1\n", False),
     ],
 )
 def test_what_may_be_printed_backwards(read, text, turns):
-    """Ironing, slopes and flow ramps change when turned; plain beads and wiped ones do not."""
+    """Ironing, slopes, flow ramps and blobs change when turned; plain beads and wipes do not."""
     assert read(text)[0].contours.reversible.tolist() == [turns]
 
 
