@@ -32,20 +32,8 @@ from decmcts.search.structure import gamma_searches, search_structure
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    races: tuple[float, ...] = (
-        0.04,
-        0.1,
-        0.19,
-        0.27,
-        0.36,
-        0.45,
-        0.54,
-        0.62,
-        0.71,
-        0.8,
-        0.88,
-        0.97,
-    )  # shares of the budget at their ends
+    races: tuple[float, ...] = (0.13, 0.23, 0.32, 0.42, 0.51, 0.61, 0.7, 0.8)  # shares of budget
+    reheats: tuple[float, ...] = (0.86, 0.91, 0.97)  # and of races that start warm
     small: int = 400  # contours up to which races beat working on one sequence together
     first: float = 0.05  # share of the budget for a first, fast annealing
     turn: float = 0.5  # share of the budget at which the trees get their second turn
@@ -90,13 +78,14 @@ class Hybrid:
 
         The first is between the best and the trees' sequence, the others among the best's.
         """
-        for number, until in enumerate(self.races):
+        for number, until in enumerate((*self.races, *self.reheats)):
             rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
             if self._turn_of_trees(incumbent, lanes, rivals[-1]):
                 return True
             if number > 0:
                 rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
-            hot, _, cold = self._heats(incumbent)
+            hot, warm, cold = self._heats(incumbent)
+            hot = hot if number < len(self.races) else warm
             if hot == 0.0 or anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), until):
                 return True
         return False
