@@ -137,34 +137,36 @@ def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.fl
     """Return the numbers of the matrix as (n, n), −1 included.
 
     TSPLIB's own SOP files repeat the dimension on a line of its own before the
-    matrix, and rows may be broken over lines.
+    matrix. Rows may be broken over lines, down to a number a line.
     """
     values: list[NDArray[np.float64]] = []
-    count, began = 0, False
+    begin, count = first, 0
     for number, line in enumerate(lines[first - 1 :], start=first):
         words = line.split()
         if not words:
             continue
         if words[0] == "EOF":
             break
-        row = _numbers(words, source, number)
-        if not began and n > 1 and len(row) == 1:
-            if row[0] != n:
-                raise InputError(
-                    f"the matrix begins with {words[0]}, DIMENSION is {n}", path=source, line=number
-                )
-            began = True
-            continue
-        began = True
-        count += len(row)
-        values.append(row)
-        if count > n * n:
+        values.append(_numbers(words, source, number))
+        begin = number if count == 0 else begin
+        count += len(words)
+        if count > n * n + 1:
             raise InputError(
                 f"more than {n} × {n} costs", path=source, line=number, advice="mend DIMENSION"
             )
-    if count < n * n:
+    alone = [len(row) == 1 for row in values]
+    if n > 1 and alone[:1] == [True] and (count > n * n or not all(alone)):
+        if values[0][0] != n:
+            raise InputError(
+                f"the matrix begins with {values[0][0]:g}, DIMENSION is {n}",
+                path=source,
+                line=begin,
+            )
+        del values[0]
+        count -= 1
+    if count != n * n:
         raise InputError(
-            f"the matrix ends after {count} of {n} × {n} costs",
+            f"{count} costs instead of {n} × {n}",
             path=source,
             line=len(lines),
             advice="the file is cut off or DIMENSION is wrong",

@@ -144,7 +144,11 @@ def _checked(
     np.fill_diagonal(bare, 0.0)
     if not (np.isfinite(bare).all() and (bare >= 0.0).all()):
         raise ValueError("a cost is negative or not finite")
-    pairs = np.asarray(precedence, np.int32).reshape(-1, 2)
+    pairs = np.asarray(precedence, np.int32)
+    if pairs.size == 0:
+        pairs = pairs.reshape(0, 2)
+    if pairs.ndim != 2 or pairs.shape[1] != 2:
+        raise ValueError(f"precedence has shape {pairs.shape}, expected (m, 2)")
     if len(pairs) and not (pairs.min() >= 0 and pairs.max() < len(bare)):
         raise ValueError(f"precedence names a node outside 0..{len(bare) - 1}")
     return bare, pairs

@@ -197,6 +197,7 @@ def test_a_circle_is_named() -> None:
         (np.full((2, 2), -1.0), [], "negative"),
         (np.full((2, 2), np.nan), [], "finite"),
         (np.zeros((2, 2)), [(0, 2)], "outside"),
+        (np.zeros((3, 3)), [(0, 0, 1), (1, 2, 2)], "precedence has shape"),
     ],
 )
 def test_unusable_arguments_are_refused(costs: np.ndarray, pairs: list, word: str) -> None:
