@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 from agents.agent import Agent
 from agents.events import Leave, PlanningEnded, Release
@@ -100,9 +101,21 @@ def _transport(options: Options, traffic: Traffic) -> Transport:
     return ZenohTransport(options.session, options.head, options.epoch, endpoints, on_drop=count)
 
 
+def numbers(text: str) -> tuple[int, ...]:
+    """Return the whole numbers of a list with commas."""
+    return tuple(int(part) for part in text.split(",") if part)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong, as the rest of the program does."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(message, advice="--help lists what an agent takes")
+
+
 def arguments() -> argparse.ArgumentParser:
-    """Return the parser of an agent's command line."""
-    parser = argparse.ArgumentParser(prog="agents.extruder", description="One head's agent.")
+    """Return the parser of an agent's command line; it raises `InputError`."""
+    parser = _Parser(prog="decmcts agent", description="One head's agent.")
     parser.add_argument("source", type=Path, nargs="?", help="G-code or mesh to plan")
     parser.add_argument("--machine", default="dual-gantry", help="preset or file")
     parser.add_argument("--process-order", choices=("keep", "free"), default="keep")
@@ -111,9 +124,11 @@ def arguments() -> argparse.ArgumentParser:
     parser.add_argument("--expect", default="", help="digest the problem must have")
     parser.add_argument("--head", type=int, required=True, help="index of this head")
     parser.add_argument("--session", default="local", help="name shared by the agents")
-    parser.add_argument("--ports", default="", help="loopback port of every head; none: alone")
+    parser.add_argument(
+        "--ports", type=numbers, default=(), help="loopback port of every head; none: alone"
+    )
     parser.add_argument("--epoch", type=int, default=0, help="incarnation; default: now")
-    parser.add_argument("--fenced", default="", help="heads that are off")
+    parser.add_argument("--fenced", type=numbers, default=(), help="heads that are off")
     parser.add_argument("--time-limit", type=float, default=30.0, help="seconds of planning")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--controlled", action="store_true", help="obey a launcher on stdin")
@@ -127,18 +142,14 @@ def options_of(given: argparse.Namespace) -> Options:
     return Options(
         head=given.head,
         session=given.session,
-        ports=_numbers(given.ports),
+        ports=given.ports,
         epoch=given.epoch or time.time_ns() // 1_000_000,
-        fenced=_numbers(given.fenced),
+        fenced=given.fenced,
         time_limit_s=given.time_limit,
         seed=given.seed,
         controlled=given.controlled,
         output=given.output,
     )
-
-
-def _numbers(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in text.split(",") if part)
 
 
 def _team_planner(given: argparse.Namespace) -> Planner:
@@ -172,8 +183,9 @@ def _require_problem(digest: str, expected: str) -> None:
 
 def main(argv: Sequence[str] | None = None, *, make_planner: MakePlanner = _team_planner) -> int:
     """Run one agent; return its exit code."""
-    given = arguments().parse_args(argv)
+    given = None
     try:
+        given = arguments().parse_args(argv)
         planner = make_planner(given)
         _require_problem(planner.problem, given.expect)
         run(planner, options_of(given))
@@ -182,7 +194,7 @@ def main(argv: Sequence[str] | None = None, *, make_planner: MakePlanner = _team
         return 2
     except Exception as error:
         # The launcher shows this line; a trace helps nobody there.
-        if given.debug:
+        if given is not None and given.debug:
             raise
         print(f"error: {type(error).__name__}: {error}", file=sys.stderr)
         return 1

@@ -50,7 +50,7 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
         "bound_mm": after.get("bound_mm", ""),
         "gap_percent": after.get("gap_percent", ""),
         "method": after.get("bound_method", ""),
-        "bound_s": result.get("seconds", {}).get("bound", ""),
+        "proof_s": result.get("seconds", {}).get("bound", ""),
         "error": result.get("error", missing),
     }
 

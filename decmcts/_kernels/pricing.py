@@ -271,19 +271,47 @@ def price_travels(
 
 @kernel
 def travel_costs(
-    ways: Ways,
-    tails: NDArray[np.int64],
-    heads: NDArray[np.int64],
-    first: NDArray[np.int64],
-    costs: NDArray[np.float64],
-) -> None:
-    """Write what travels cost without prices, way by way, from `first` on for each arc."""
+    ways: Ways, tails: NDArray[np.int64], heads: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return what travels cost without prices, (m, 4): from way x to way y in column 2x + y.
+
+    No contour has more than two ways; the root, tail n, has none.
+    """
+    cost = np.full((len(tails), 4), np.inf)
     for e in range(len(tails)):
-        at, i, j = first[e], tails[e], heads[e]
-        for p in range(ways.offsets[i], ways.offsets[i + 1]):
-            for q in range(ways.offsets[j], ways.offsets[j + 1]):
-                costs[at] = way_cost(ways, p, q)
-                at += 1
+        if tails[e] == len(ways.offsets) - 1:
+            continue
+        p, q = ways.offsets[tails[e]], ways.offsets[heads[e]]
+        for x in range(ways.offsets[tails[e] + 1] - p):
+            for y in range(ways.offsets[heads[e] + 1] - q):
+                cost[e, 2 * x + y] = way_cost(ways, p + x, q + y)
+    return cost
+
+
+@kernel
+def cheapest_ways(
+    offsets: NDArray[np.int64],
+    i: int,
+    j: int,
+    cost: NDArray[np.float64],
+    way: NDArray[np.float64],
+) -> tuple[float, int, int]:
+    """Return price and ways of the cheapest travel from i to j; the root has way -1.
+
+    `cost` (4,) is a row of `travel_costs`.
+    """
+    q = offsets[j]
+    if i == len(offsets) - 1:
+        for y in range(q + 1, offsets[j + 1]):
+            q = y if way[y] > way[q] else q
+        return float(-way[q]), -1, int(q)
+    p, least, leave, enter = offsets[i], np.inf, -1, -1
+    for x in range(offsets[i + 1] - p):
+        for y in range(offsets[j + 1] - q):
+            value = cost[2 * x + y] + way[p + x] - way[q + y]
+            if value < least:
+                least, leave, enter = value, p + x, q + y
+    return float(least), int(leave), int(enter)
 
 
 @kernel
@@ -291,25 +319,17 @@ def arc_weights(
     offsets: NDArray[np.int64],
     tails: NDArray[np.int64],
     heads: NDArray[np.int64],
-    first: NDArray[np.int64],
-    costs: NDArray[np.float64],
+    cost: NDArray[np.float64],
     prices: Prices,
     weight: NDArray[np.float64],
 ) -> None:
     """Write what each arc costs at these prices; the root is the tail n."""
-    root, way = len(prices.leave) - 1, prices.way
+    root = len(offsets) - 1
     for e in range(len(tails)):
-        i, j, at, least = tails[e], heads[e], first[e], np.inf
-        if i == root:
-            for q in range(offsets[j], offsets[j + 1]):
-                least = min(least, -way[q])
-            weight[e] = prices.leave[root] + least
-            continue
-        for p in range(offsets[i], offsets[i + 1]):
-            for q in range(offsets[j], offsets[j + 1]):
-                least = min(least, costs[at] + way[p] - way[q])
-                at += 1
-        weight[e] = least + prices.leave[i] - prices.crossing[prices.zone[i], prices.zone[j]]
+        i, j = tails[e], heads[e]
+        weight[e] = prices.leave[i] + cheapest_ways(offsets, i, j, cost[e], prices.way)[0]
+        if i != root:
+            weight[e] -= prices.crossing[prices.zone[i], prices.zone[j]]
 
 
 @kernel
@@ -317,26 +337,14 @@ def used_ways(
     offsets: NDArray[np.int64],
     tails: NDArray[np.int64],
     heads: NDArray[np.int64],
-    first: NDArray[np.int64],
-    costs: NDArray[np.float64],
+    cost: NDArray[np.float64],
     way: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Return how often arcs leave by each way, less how often they enter by it, (w,)."""
-    root, used = len(offsets) - 1, np.zeros(len(way))
+    used = np.zeros(len(way))
     for e in range(len(tails)):
-        i, j, at, least = tails[e], heads[e], first[e], np.inf
-        leave, enter = -1, offsets[j]
-        if i == root:
-            for q in range(offsets[j], offsets[j + 1]):
-                if way[q] > way[enter]:
-                    enter = q
-        else:
-            for p in range(offsets[i], offsets[i + 1]):
-                for q in range(offsets[j], offsets[j + 1]):
-                    value = costs[at] + way[p] - way[q]
-                    if value < least:
-                        least, leave, enter = value, p, q
-                    at += 1
+        _, leave, enter = cheapest_ways(offsets, tails[e], heads[e], cost[e], way)
+        if leave >= 0:
             used[leave] += 1.0
         used[enter] -= 1.0
     return used

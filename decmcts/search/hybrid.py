@@ -32,8 +32,9 @@ from decmcts.search.structure import gamma_searches, search_structure
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    races: tuple[float, ...] = (0.13, 0.23, 0.32, 0.42, 0.51, 0.61, 0.7, 0.8)  # shares of budget
-    reheats: tuple[float, ...] = (0.86, 0.91, 0.97)  # and of races that start warm
+    # shares of the budget at the ends of races, and of the last ones, which start warm
+    races: tuple[float, ...] = (0.12, 0.21, 0.29, 0.37, 0.45, 0.53, 0.62, 0.7, 0.78, 0.87)
+    reheats: tuple[float, ...] = (0.92, 0.97)
     small: int = 400  # contours up to which races beat working on one sequence together
     first: float = 0.05  # share of the budget for a first, fast annealing
     turn: float = 0.5  # share of the budget at which the trees get their second turn

@@ -45,37 +45,15 @@ class Arcs:
     offsets: NDArray[np.int64]  # (n + 1,)
     tails: NDArray[np.int64]  # (m,)
     heads: NDArray[np.int64]  # (m,)
-    first: NDArray[np.int64]  # (m,) where the costs of its ways begin
+    cost: NDArray[np.float64]  # (m, 4) without prices, from either way to either way
 
     @staticmethod
-    def of(codes: NDArray[np.int64], first: NDArray[np.int64], n: int) -> Arcs:
+    def of(codes: NDArray[np.int64], cost: NDArray[np.float64], n: int) -> Arcs:
         """Sort distinct arcs, each coded as tail · n + head, by their head."""
         tails, heads = codes // n, codes % n
         order = np.argsort(heads, kind="stable")
         offsets = np.concatenate([[0], np.cumsum(np.bincount(heads, minlength=n))])
-        return Arcs(offsets.astype(np.int64), tails[order], heads[order], first[order])
-
-
-class Costs:
-    """What the travels of arcs cost without prices, way by way; only ever grows."""
-
-    def __init__(self, ways: Ways) -> None:
-        self._ways = ways
-        self._count = np.append(np.diff(ways.offsets), 0)  # none of the root's
-        self.values, self._used = np.empty(1024), 0
-
-    def add(self, tails: NDArray[np.int64], heads: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return where the costs of each arc begin."""
-        sizes = self._count[tails] * self._count[heads]
-        ends = self._used + np.cumsum(sizes)
-        before, self._used = self._used, int(ends[-1]) if len(ends) else self._used
-        if self._used > len(self.values):
-            grown = np.empty(2 * self._used)
-            grown[:before] = self.values[:before]
-            self.values = grown
-        real = sizes > 0
-        travel_costs(self._ways, tails[real], heads[real], (ends - sizes)[real], self.values)
-        return np.asarray(ends - sizes)
+        return Arcs(offsets.astype(np.int64), tails[order], heads[order], cost[order])
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +88,7 @@ class Relaxation:
         self._by_way = slice(n + 1, n + 1 + len(self.chosen))
         self._sets = slice(self._by_way.stop, self._by_way.stop + len(self.crossings.exits))
         self._passes = slice(self._sets.stop, None)
-        self.costs = Costs(self.ways)
-        self.codes = self._first = np.empty(0, np.int64)
+        self.codes, self._cost = np.empty(0, np.int64), np.empty((0, 4))
         self._list(np.union1d(n * n + self.first, self.passages.keys))
         self.escape = np.full(n, np.inf)
         corners = np.stack([points.min(axis=0), points.max(axis=0)])
@@ -151,8 +128,7 @@ class Relaxation:
         prices, offsets = self.prices(at), self.ways.offsets
         weight = np.empty(m + n)
         weight[m:] = self.escape
-        listed = (offsets, arcs.tails, arcs.heads, arcs.first, self.costs.values)
-        arc_weights(*listed, prices, weight[:m])
+        arc_weights(offsets, arcs.tails, arcs.heads, arcs.cost, prices, weight[:m])
         tolls = self.passages.of @ at[self._passes]
         weight[self._passing] += tolls[self._passage]
         chosen = cheapest_arborescence(arcs.offsets, arcs.tails, weight[:m], self.escape)
@@ -169,12 +145,11 @@ class Relaxation:
     def _slope(self, prices: Prices, chosen: NDArray[np.int64], home: int) -> NDArray[np.float64]:
         """Return the subgradient: how far the arborescence is from a path."""
         n, offsets, slope = self.n, self.ways.offsets, np.zeros(self.size)
-        tails, heads, first = (
-            of[chosen] for of in (self.arcs.tails, self.arcs.heads, self.arcs.first)
-        )
+        arcs = self.arcs
+        tails, heads = arcs.tails[chosen], arcs.heads[chosen]
         slope[: n + 1] = np.bincount(tails, minlength=n + 1) - 1.0
         slope[home] += 1.0
-        used = used_ways(offsets, tails, heads, first, self.costs.values, prices.way)
+        used = used_ways(offsets, tails, heads, arcs.cost[chosen], prices.way)
         mine = slice(offsets[home], offsets[home + 1])
         used[mine.start + int(np.argmin(prices.way[mine]))] += 1.0
         slope[self._by_way] = np.where(self.chosen, used, 0.0)
@@ -194,11 +169,11 @@ class Relaxation:
 
     def _list(self, codes: NDArray[np.int64]) -> None:
         """Look at these travels too from now on, and note which of them pass between sets."""
-        known, first = np.isin(codes, self.codes, assume_unique=True), np.empty_like(codes)
-        first[known] = self._first
-        first[~known] = self.costs.add(codes[~known] // self.n, codes[~known] % self.n)
-        self.codes, self._first = codes, first
-        self.arcs = Arcs.of(codes, first, self.n)
+        known, cost = np.isin(codes, self.codes, assume_unique=True), np.empty((len(codes), 4))
+        cost[known] = self._cost
+        cost[~known] = travel_costs(self.ways, codes[~known] // self.n, codes[~known] % self.n)
+        self.codes, self._cost = codes, cost
+        self.arcs = Arcs.of(codes, cost, self.n)
         wanted = self.arcs.tails * self.n + self.arcs.heads
         place = np.searchsorted(self.passages.keys, wanted)
         self._passing = np.flatnonzero(np.append(self.passages.keys, -1)[place] == wanted)
@@ -206,7 +181,7 @@ class Relaxation:
 
 
 def ways_of(problem: OrderProblem, *, apart: bool = False) -> Ways:
-    """Return the ways to print each contour: as sliced or turned, loops by any option.
+    """Return the ways to print each contour, one or two: as sliced or turned; loops by any option.
 
     With `apart` each option of a loop is a way of its own. Prices for them would
     raise bounds by some two per cent, and a step would take three times as long.

@@ -48,6 +48,9 @@ def test_options_are_read() -> None:
         ("--head 0", "error: no print given; name a file, or a folder with --pack"),
         ("--head 0 --pack /nowhere", "error: /nowhere: no problem pack: "),
         ("nowhere.gcode --head 0", "error: nowhere.gcode: no such file"),
+        ("--head one", "error: argument --head: invalid int value: 'one'; --help lists"),
+        ("--head 0 --ports x", "error: argument --ports: invalid numbers value: 'x'; --help"),
+        ("", "error: the following arguments are required: --head; --help lists what"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(

@@ -13,22 +13,14 @@ from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.duration import print_time
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.job import PrintJob, ProcessSettings
-from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule import schedule
 from decmcts.team.timing import action_seconds
 from sim.replay import arrivals_of
+from tests.limits import LIMITS
 
 ROOT = Path(__file__).parents[2]
-LIMITS = MotionLimits(
-    max_feed=(200.0, 200.0, 10.0, 40.0),
-    max_acceleration=(5000.0, 5000.0, 100.0, 5000.0),
-    jerk=(0.0, 0.0, 0.0, 0.0),
-    acceleration=1000.0,
-    retract_acceleration=800.0,
-    travel_acceleration=2000.0,
-)
 SETTINGS = ProcessSettings(
     travel_feed=150.0, retract_mm=2.0, retract_feed=40.0, unretract_feed=20.0, z_feed=5.0
 )

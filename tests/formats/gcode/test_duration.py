@@ -13,16 +13,9 @@ import pytest
 from decmcts.formats.gcode.duration import text_time
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.print.machine import MotionLimits
+from tests.limits import LIMITS
 
 ROOT = Path(__file__).parents[3]
-LIMITS = MotionLimits(
-    max_feed=(200.0, 200.0, 10.0, 40.0),
-    max_acceleration=(5000.0, 5000.0, 100.0, 5000.0),
-    jerk=(0.0, 0.0, 0.0, 0.0),
-    acceleration=1000.0,
-    retract_acceleration=800.0,
-    travel_acceleration=2000.0,
-)
 START = "G90\nM83\nG92 X0 Y0 Z0 E0\n"
 
 
