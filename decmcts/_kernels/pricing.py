@@ -20,6 +20,8 @@ from decmcts._kernels.metric import Metric, distance, price
 
 WORD = 64  # contours looked at or skipped together
 ALL = np.uint64(2**64 - 1)
+NONE = -1
+LOOKS = 4  # pairs of points that are looked at sooner than their boxes
 
 
 class Ways(NamedTuple):
@@ -27,7 +29,7 @@ class Ways(NamedTuple):
 
     metric: Metric
     offsets: NDArray[np.int64]  # (n + 1,)
-    points: NDArray[np.int64]  # (w + 1,) way w has into and out points[w]:points[w + 1]
+    pairs: NDArray[np.int64]  # (w + 1,) way w has into and out pairs[w]:pairs[w + 1]
     into: NDArray[np.int64]  # (p,) point of the metric that is entered at
     out: NDArray[np.int64]  # (p,) and the one left at
 
@@ -45,7 +47,7 @@ class Precedence(NamedTuple):
 
     related: NDArray[np.uint64]  # (n, ceil(n / 64)) bits: itself, before, after, or no contour
     offsets: NDArray[np.int64]  # (n + 1,)
-    covers: NDArray[np.int32]  # direct predecessors; no contour is forced between
+    covers: NDArray[np.int32]  # direct predecessors, but for passages: those are always listed
 
 
 class Prices(NamedTuple):
@@ -67,12 +69,12 @@ def is_before(rows: NDArray[np.uint64], a: int, b: int) -> bool:
 def cover_mask(
     rows: NDArray[np.uint64], offsets: NDArray[np.int64], preds: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
-    """Tell which stored edges have nothing forced between their ends, (m,)."""
+    """Tell which stored edges, each once, have nothing forced between their ends, (m,)."""
     kept = np.ones(len(preds), np.bool_)
     for b in range(len(offsets) - 1):
         for e in range(offsets[b], offsets[b + 1]):
             for f in range(offsets[b], offsets[b + 1]):
-                if is_before(rows, preds[e], preds[f]):
+                if is_before(rows, preds[e], preds[f]) or (f < e and preds[f] == preds[e]):
                     kept[e] = False
                     break
     return kept
@@ -103,7 +105,7 @@ def bounds_of(ways: Ways, points: NDArray[np.float64], boxes: Boxes) -> None:
     for c in range(len(boxes.enter)):
         boxes.enter[c, :3], boxes.leave[c, :3] = np.inf, np.inf
         boxes.enter[c, 3:], boxes.leave[c, 3:] = -np.inf, -np.inf
-        for k in range(ways.points[ways.offsets[c]], ways.points[ways.offsets[c + 1]]):
+        for k in range(ways.pairs[ways.offsets[c]], ways.pairs[ways.offsets[c + 1]]):
             stretch(boxes.enter[c], points[ways.into[k]])
             stretch(boxes.leave[c], points[ways.out[k]])
     boxes.words[:, :3] = np.inf
@@ -134,8 +136,8 @@ def box_price(metric: Metric, one: NDArray[np.float64], other: NDArray[np.float6
 def way_cost(ways: Ways, p: int, q: int) -> float:
     """Return what the cheapest travel from way p to way q costs without prices."""
     least = np.inf
-    for a in range(ways.points[p], ways.points[p + 1]):
-        for b in range(ways.points[q], ways.points[q + 1]):
+    for a in range(ways.pairs[p], ways.pairs[p + 1]):
+        for b in range(ways.pairs[q], ways.pairs[q + 1]):
             least = min(least, distance(ways.metric, ways.out[a], ways.into[b]))
     return float(least)
 
@@ -187,7 +189,7 @@ def extremes_of(ways: Ways, prices: Prices) -> Extremes:
 @kernel
 def pairs_of_points(ways: Ways, c: int) -> int:
     """Return how many pairs of points all ways of a contour have."""
-    return int(ways.points[ways.offsets[c + 1]] - ways.points[ways.offsets[c]])
+    return int(ways.pairs[ways.offsets[c + 1]] - ways.pairs[ways.offsets[c]])
 
 
 @kernel
@@ -202,7 +204,7 @@ def offer(
     tails: NDArray[np.int64],
 ) -> None:
     """Mutate the sorted lists: enter the travel from i to j if it is cheap enough."""
-    if pairs_of_points(ways, i) * pairs_of_points(ways, j) > 4:
+    if pairs_of_points(ways, i) * pairs_of_points(ways, j) > LOOKS:
         least = box_price(ways.metric, boxes.leave[i], boxes.enter[j])
         least += extremes.paid[i] - extremes.back[j]
         if least - prices.crossing[prices.zone[i], prices.zone[j]] >= cost[-1]:
@@ -225,7 +227,8 @@ def cheapest_tails(
 ) -> None:
     """Fill `cost` (infinite) and `tails` with the cheapest possible travels to j, sorted.
 
-    Possible are travels from direct predecessors and from unrelated contours.
+    Possible are travels from direct predecessors and from unrelated contours; those
+    that `rule` leaves out are not looked at.
     """
     got = extremes.back[j] + prices.crossing[:, prices.zone[j]].max()
     for e in range(rule.offsets[j], rule.offsets[j + 1]):
@@ -253,13 +256,13 @@ def price_travels(
     Returns
     -------
     tails : (n, width)
-        NONE (-1) where there are fewer.
+        NONE where there are fewer.
     rest : (n,)
-        No possible travel to the contour that is not listed costs less; infinite
-        if all are listed.
+        No possible travel to the contour that is neither listed nor left out by
+        `rule` costs less; infinite if all are listed.
     """
     n = len(boxes.enter)
-    tails, rest = np.full((n, width), -1, np.int64), np.empty(n)
+    tails, rest = np.full((n, width), NONE, np.int64), np.empty(n)
     cost = np.empty(width)
     extremes = extremes_of(ways, prices)
     for j in range(n):

@@ -21,7 +21,7 @@ def least_travel(ways: Ways, before: NDArray[np.int64]) -> float:
     Each way has one pair of points. `before` (n,) holds the predecessors of each
     contour as bits. O(2ⁿ · w²) time for w ways in all, 2ⁿ · w numbers of memory.
     """
-    n, count = len(before), len(ways.points) - 1
+    n, count = len(before), len(ways.pairs) - 1
     owner = np.empty(count, np.int64)
     for c in range(n):
         owner[ways.offsets[c] : ways.offsets[c + 1]] = c

@@ -16,6 +16,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, read_motions, read_result
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.machine_file import load_machine, preset_names
+from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import PlanDocument
 from sim.faults import FaultKind, Verdict
@@ -59,13 +60,19 @@ def judge(
     result: Path, source: Path | None, machine: str | None, *, seed: int, trials: int
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
-    if result.name.endswith((".json", ".json.gz")):
+    if result.name.lower().endswith((".json", ".json.gz")):
         document = read_plan(result)
         job = read_gcode(source)[0] if source is not None else None
         digest = digest_of(document)
         return verify_plan(document, source=job, digest=digest, trials=trials, seed=seed)
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
+    if source.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            "what was made of a mesh cannot be compared with it",
+            path=source,
+            advice="verify the plan.json of `plan --plan`",
+        )
     refuse_head_file(result)
     chosen = load_machine(machine or guess_machine(source) or "paper")
     job, print_text = read_gcode(source)
@@ -107,8 +114,6 @@ def machines(
     """List the machines; with --draw, draw their heads."""
     from rich.padding import Padding
 
-    from sim.pictures import draw_machine
-
     if draw is not None and not draw.is_dir():
         raise InputError("no such folder", path=draw, advice="make it first")
     for name in [machine] if machine else preset_names():
@@ -119,6 +124,8 @@ def machines(
         out.print(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm", soft_wrap=True)
         out.print(Padding(m.source.split(";")[0], (0, 0, 0, 4)))
         if draw is not None:
+            from sim.pictures import draw_machine  # takes a second to load
+
             draw_machine(m, draw / f"{m.name}.png")
     if draw is not None:
         out.print(f"wrote a PNG a machine to {draw}", soft_wrap=True)

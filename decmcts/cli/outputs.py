@@ -179,17 +179,18 @@ def write_extras(
     planned: Planned, *, plan: Path | None, report: Path | None, picture: Path | None
 ) -> list[Path]:
     """Write plan.json, report and picture where asked; returns what was written."""
-    from sim.pictures import draw_plan  # matplotlib and plotly load for those who ask
-    from sim.report import write_report
-
     written: list[Path] = []
     if plan is not None:
         write_plan(planned.after, plan)
         written.append(plan)
     if report is not None:
+        from sim.report import write_report  # plotly loads for those who ask
+
         write_report(report, before=planned.before, after=planned.after, history=planned.history)
         written.append(report)
     if picture is not None:
+        from sim.pictures import draw_plan  # and so does matplotlib
+
         draw_plan(picture, planned.before, planned.after)
         written.append(picture)
     return written

@@ -80,7 +80,7 @@ def search_cooled(
     if found[None].at_first_s > 0.0:
         found |= {layers: attempt(layers, PROBE) for layers in LEADS}
     attempt(min(found, key=lambda layers: found[layers].seconds), 1.0 - PROBE * len(found))
-    keep(replace(tries[0][1], toolpath=sliced))
+    keep(replace(tries[0][1], toolpath=sliced, cost=tries[0][1].source_cost))
     return min(tries, key=lambda one: one[0])[1]
 
 

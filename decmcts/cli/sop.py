@@ -119,11 +119,9 @@ def show(
             }
         )
         return
-    if found.optimal:
-        proven = "proven optimal"
-    else:
-        above = f", at most {100 * (found.cost / found.bound - 1):.1f} % above optimal"
-        proven = f"bound {found.bound:,.10g}" + (above if found.bound > 0.0 else "")
+    proven = "proven optimal" if found.optimal else f"bound {found.bound:,.10g}"
+    if found.bound > 0.0 and not found.optimal:
+        proven += f", at most {100 * (found.cost / found.bound - 1):.1f} % above optimal"
     out.print(
         f"{source.name}: {len(instance)} nodes, cost {found.cost:,.10g}, {proven} "
         f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified",

@@ -154,16 +154,14 @@ def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.fl
             raise InputError(
                 f"more than {n} × {n} costs", path=source, line=number, advice="mend DIMENSION"
             )
-    alone = [len(row) == 1 for row in values]
-    if n > 1 and alone[:1] == [True] and (count > n * n or not all(alone)):
-        if values[0][0] != n:
-            raise InputError(
-                f"the matrix begins with {values[0][0]:g}, DIMENSION is {n}",
-                path=source,
-                line=begin,
-            )
+    alone = len(values) > 1 and len(values[0]) == 1
+    if alone and values[0][0] == n:
         del values[0]
         count -= 1
+    elif alone and count > n * n:
+        raise InputError(
+            f"the matrix begins with {values[0][0]:g}, DIMENSION is {n}", path=source, line=begin
+        )
     if count != n * n:
         raise InputError(
             f"{count} costs instead of {n} × {n}",

@@ -30,7 +30,7 @@ LOOPS = (
     Role.OVERHANG_PERIMETER,
     Role.SKIRT_BRIM,
 )  # their ends may be a whole width apart: what these roles close is a loop
-LEAST_GAP_MM = 0.03  # a shorter one holds less filament than files tell exactly
+LEAST_GAP_MM = 0.015  # a shorter one's length and filament are mostly rounding in a file
 STAYS = (Role.IRONING, Role.WIPE_TOWER)
 
 

@@ -34,7 +34,15 @@ class Certificate:
     arcs: int  # travels looked at one by one; the others are bounded together
 
     def gap_percent(self, travel: float) -> float | None:
-        """Return how far above optimal `travel` is at most; None if the bound is zero."""
+        """Return how far above optimal `travel` is at most; None if the bound is zero.
+
+        Raises
+        ------
+        ValueError
+            If the travel is below the bound: then one of the two is wrong.
+        """
+        if travel < self.bound * (1.0 - 1e-9):
+            raise ValueError(f"travel {travel} is below the bound {self.bound}")
         if travel <= self.bound:
             return 0.0
         return 100.0 * (travel / self.bound - 1.0) if self.bound > 0.0 else None
@@ -93,7 +101,7 @@ def lower_bound(
     Raises
     ------
     ValueError
-        If a limit is negative.
+        If a limit is negative, or the problem is one of bare costs.
 
     References
     ----------
@@ -104,6 +112,8 @@ def lower_bound(
     """
     if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
         raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
+    if problem.costs is not None:
+        raise ValueError("bare costs are bounded by `decmcts.search.sop`")
     n = len(problem)
     if n <= EXACT_UP_TO:
         return Certificate(_least(problem), 0, "exact", n * n)

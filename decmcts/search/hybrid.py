@@ -4,7 +4,7 @@ Trees over clusters, one for each Γ, propose a start; two threads anneal it
 together, in long pieces while hot, where long moves decide the large structure,
 in many short ones while cold. Half-way the trees, guided by what annealing made
 of the sequence, get another turn. Small prints are annealed whole, one sequence a
-thread, in several races with the trees in between.
+thread, in several races.
 
 References
 ----------
@@ -77,14 +77,14 @@ class Hybrid:
     def _race(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Anneal one whole sequence a thread in each race; return whether to stop.
 
-        The first is between the best and the trees' sequence, the others among the best's.
+        All begin with the best sequence, but for one rival in the first race and in the
+        one half-way, which begins with the trees'.
         """
         for number, until in enumerate((*self.races, *self.reheats)):
             rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
-            if self._turn_of_trees(incumbent, lanes, rivals[-1]):
+            trees = number in (0, len(self.races) // 2)
+            if trees and self._turn_of_trees(incumbent, lanes, rivals[-1]):
                 return True
-            if number > 0:
-                rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
             hot, warm, cold = self._heats(incumbent)
             hot = hot if number < len(self.races) else warm
             if hot == 0.0 or anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), until):
@@ -133,6 +133,7 @@ class Hybrid:
         guest.order[:], guest.flip[:] = best.order, best.flip
         if incumbent.problem.seams is not None:
             guest.flip[:], guest.seat[:] = incumbent.visits_for(guest.order)
+            incumbent.offer(guest.order, guest.flip, guest.seat)
         incumbent.notes["gamma"] = best.gamma
         return stop
 

@@ -1,7 +1,7 @@
-"""The planners by name, and the one function that runs them.
+"""The planners by name, and the function that runs them.
 
 This is the composition root of the search: it joins a planner, a problem and
-the stopping criteria. Each planner lives in a module of its own.
+the stopping criteria, and prices toolpaths. Each planner lives in a module of its own.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class SearchResult:
     """What a search found; never worse than the source."""
 
     toolpath: Toolpath
-    cost: float  # of the travels of the toolpath, in `unit`
+    cost: float  # of the travels the search found, in `unit`
     source_cost: float  # of the travels of the source
     unit: str  # "mm", "s", or "" for bare costs
     iterations: int
@@ -128,17 +128,26 @@ def plan_order(
 
 
 def toolpath_cost(problem: OrderProblem, toolpath: Toolpath) -> float:
-    """Return what the travels of a toolpath for all contours cost, in the problem's unit."""
+    """Return what the travels of a toolpath for all contours cost, in the problem's unit.
+
+    Raises
+    ------
+    ValueError
+        If it enters a contour where the problem has no option.
+    """
     n, order, seams = len(problem), toolpath.order, problem.seams
     flip, seat = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
     flip[order] = toolpath.reversed
     if seams is not None:
-        chosen = order[np.diff(seams.offsets)[order] > 1]
         entry = np.zeros(n, np.int64)
         entry[order] = toolpath.entry
         most = 1 + int(max(seams.vertices.max(initial=0), entry.max(initial=0)))
-        numbers = seams.owner.astype(np.int64) * most + seams.vertices
-        seat[chosen] = np.searchsorted(numbers, chosen.astype(np.int64) * most + entry[chosen])
+        options = seams.owner.astype(np.int64) * most + seams.vertices
+        wanted = np.arange(n) * most + entry
+        place = np.searchsorted(options, wanted)
+        if not (np.append(options, -1)[place] == wanted).all():
+            raise ValueError("a contour is entered where it has no option")
+        seat = np.where(np.diff(seams.offsets) > 1, place, -1).astype(np.int32)
     return float(visits_cost(problem.metric(), order, flip, seat))
 
 

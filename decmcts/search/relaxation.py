@@ -83,9 +83,9 @@ class Relaxation:
         graph, count = problem.graph, np.diff(self.ways.offsets)
         self.first = np.flatnonzero(np.diff(graph.pred_offsets) == 0)
         self.last = np.flatnonzero(np.diff(graph.succ_offsets) == 0)
-        self.chosen = np.repeat(count > 1, count)  # ways that have another beside them
-        self.size = n + 1 + len(self.chosen) + len(self.crossings.exits) + self.passages.count
-        self._by_way = slice(n + 1, n + 1 + len(self.chosen))
+        self.choice = np.repeat(count > 1, count)  # ways that have another beside them
+        self.size = n + 1 + len(self.choice) + len(self.crossings.exits) + self.passages.count
+        self._by_way = slice(n + 1, n + 1 + len(self.choice))
         self._sets = slice(self._by_way.stop, self._by_way.stop + len(self.crossings.exits))
         self._passes = slice(self._sets.stop, None)
         self.codes, self._cost = np.empty(0, np.int64), np.empty((0, 4))
@@ -152,7 +152,7 @@ class Relaxation:
         used = used_ways(offsets, tails, heads, arcs.cost[chosen], prices.way)
         mine = slice(offsets[home], offsets[home + 1])
         used[mine.start + int(np.argmin(prices.way[mine]))] += 1.0
-        slope[self._by_way] = np.where(self.chosen, used, 0.0)
+        slope[self._by_way] = np.where(self.choice, used, 0.0)
         real = tails < n
         zone, member = self.crossings.zone, self.crossings.member
         leaving = member[zone[tails[real]]] & ~member[zone[heads[real]]]
@@ -188,7 +188,7 @@ def ways_of(problem: OrderProblem, *, apart: bool = False) -> Ways:
     """
     n, seams = len(problem), problem.seams
     options = np.ones(n, np.int64) if seams is None else np.diff(seams.offsets)
-    count = np.where(problem.reversible, 2, options)
+    count = np.where(options > 1, options, 1 + problem.reversible)
     owner = np.repeat(np.arange(n), count)
     first = np.cumsum(count) - count
     place = np.arange(len(owner)) - first[owner]  # 1: backwards, of those that may turn
@@ -197,10 +197,10 @@ def ways_of(problem: OrderProblem, *, apart: bool = False) -> Ways:
         chosen = options[owner] > 1
         into[chosen] = 2 * (n + seams.offsets[owner] + place)[chosen]
         out[chosen] = into[chosen] + 1
-    begins = np.flatnonzero((place == 0) | problem.reversible[owner] | apart)
+    begins = np.flatnonzero((place == 0) | (options[owner] == 1) | apart)
     ways = np.searchsorted(begins, np.append(first, len(owner)))
-    points = np.append(begins, len(owner)).astype(np.int64)
-    return Ways(problem.metric(), ways.astype(np.int64), points, into, out)
+    pairs = np.append(begins, len(owner)).astype(np.int64)
+    return Ways(problem.metric(), ways.astype(np.int64), pairs, into, out)
 
 
 def _precedence(problem: OrderProblem) -> tuple[Precedence, Passages]:

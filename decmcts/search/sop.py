@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.sop import MOST_COST
 from decmcts.search.assignment import Assignment, assign, patched
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.precedence import Precedence
@@ -68,7 +69,7 @@ def solve_sop(
     Parameters
     ----------
     costs : NDArray[np.float64]
-        (n, n) cost of going from row to column, finite and ≥ 0; the diagonal is not used.
+        (n, n) cost of going from row to column, 0 to `MOST_COST`; the diagonal is not used.
     precedence : NDArray[np.int32]
         (m, 2) rows (a, b): a somewhere before b. May be redundant.
     max_iterations : int | None
@@ -79,7 +80,7 @@ def solve_sop(
     Raises
     ------
     ValueError
-        If shapes do not fit, a cost is negative or not finite, a node is unknown
+        If shapes do not fit, a cost is negative or too large, a node is unknown
         or a limit is negative.
     InputError
         If the precedence is a circle.
@@ -142,16 +143,18 @@ def _checked(
     if bare.ndim != 2 or bare.shape[0] != bare.shape[1]:
         raise ValueError(f"costs have shape {bare.shape}, expected (n, n)")
     np.fill_diagonal(bare, 0.0)
-    if not (np.isfinite(bare).all() and (bare >= 0.0).all()):
-        raise ValueError("a cost is negative or not finite")
-    pairs = np.asarray(precedence, np.int32)
+    if not ((bare >= 0.0) & (bare <= MOST_COST)).all():
+        raise ValueError(f"a cost is negative, above {MOST_COST:g} or not a number")
+    pairs = np.asarray(precedence)
     if pairs.size == 0:
         pairs = pairs.reshape(0, 2)
     if pairs.ndim != 2 or pairs.shape[1] != 2:
         raise ValueError(f"precedence has shape {pairs.shape}, expected (m, 2)")
     if len(pairs) and not (pairs.min() >= 0 and pairs.max() < len(bare)):
         raise ValueError(f"precedence names a node outside 0..{len(bare) - 1}")
-    return bare, pairs
+    if len(pairs) and not np.issubdtype(pairs.dtype, np.integer):
+        raise ValueError(f"precedence is of {pairs.dtype}, expected whole numbers")
+    return bare, pairs.astype(np.int32)
 
 
 def _with_ends(n: int, pairs: NDArray[np.int32]) -> tuple[int, NDArray[np.int32]]:

@@ -44,18 +44,23 @@ def test_rows_may_be_broken_and_packed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("start", ["", "3\n"])
 def test_a_number_a_line_is_read_too(tmp_path: Path, start: str) -> None:
-    """Some tools write so; whether the dimension stands before is told by the count."""
-    lines = "\n".join(ROWS.split())
-    assert (
-        read_sop(written(tmp_path, HEAD + start + lines)).costs
-        == read_sop(written(tmp_path, HEAD + ROWS)).costs
-    ).all()
+    """Some tools write so, with or without the dimension before, or break off one number only."""
+    plain = read_sop(written(tmp_path, HEAD + ROWS)).costs
+    for text in ("\n".join(ROWS.split()), ROWS.replace("0 4", "0\n4", 1)):
+        assert (read_sop(written(tmp_path, HEAD + start + text)).costs == plain).all()
+    one = HEAD.replace("N: 3", "N: 1") + start.replace("3", "1") + "0\n"
+    assert read_sop(written(tmp_path, one)).costs.tolist() == [[0.0]]
 
 
 BAD = {
     "cut off": (HEAD + "0 4 7\n-1 0 2\n", "9", "6 costs instead of 3 × 3"),
     "cut off by one": (HEAD + "3\n0 4 7\n-1 0 2\n-1 -1\n", "11", "8 costs instead of 3 × 3"),
     "one too many": (HEAD + "0 4 7\n-1 0 2\n-1 -1 0\n5\n", "11", "10 costs instead of 3 × 3"),
+    "a number a line, cut off by one": (
+        HEAD + "\n".join(["3", *ROWS.split()][:-1]),
+        "16",
+        "8 costs instead of 3 × 3",
+    ),
     "too long": (HEAD + ROWS + "5 5 5\n", "11", "more than 3 × 3"),
     "a word": (HEAD + "0 4 7\n-1 x 2\n-1 -1 0\n", "9", "'x'"),
     "negative": (HEAD + "0 4 7\n-2 0 2\n-1 -1 0\n", "9", "-2 is neither"),

@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from decmcts._kernels.pricing import price_travels
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
-from decmcts.search import certificate
+from decmcts.search import certificate, relaxation
 from decmcts.search.certificate import Ascent, lower_bound
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import Freedom, OrderProblem
@@ -75,7 +76,12 @@ def price(problem: OrderProblem, a: np.ndarray, b: np.ndarray) -> float:
 
 def relaxed_bound(problem: OrderProblem, rounds: int) -> float:
     """Bound by the relaxation alone, also where the exact path would be taken."""
-    ascent = Ascent(Relaxation(problem), 1.05 * optimum(problem) + 0.1)
+    return relaxed_bound_of(problem, rounds, 1.05 * optimum(problem) + 0.1)
+
+
+def relaxed_bound_of(problem: OrderProblem, rounds: int, target: float = 200.0) -> float:
+    """Bound by the relaxation, steps set by a target."""
+    ascent = Ascent(Relaxation(problem), target)
     for _ in range(rounds):
         if ascent.may_go_on(None):
             ascent.round(lambda: True)
@@ -132,6 +138,85 @@ def test_relaxation_never_exceeds_the_optimum() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("width", [1, 2])
+def test_travels_that_are_not_listed_are_bounded_too(
+    width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With so few travels listed most of them count by what the rest costs at least."""
+    monkeypatch.setattr(relaxation, "WIDTH", width)
+    rng = np.random.default_rng(width)
+    for seed in range(150):
+        problem = varied(small_problem(seed) if seed % 2 else layered_problem(seed // 2), seed)
+        least = optimum(problem)
+        assert relaxed_bound(problem, 6) <= least + 1e-12, seed
+        relaxed = Relaxation(problem)
+        at = relaxed.allowed(rng.normal(0.0, 2.0, relaxed.size))
+        relaxed.take_up(at)
+        found = relaxed.evaluate(at)
+        assert found.value - found.rounding <= least, seed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_the_cheapest_travels_are_those_of_a_plain_search(seed: int) -> None:
+    """Boxes of contours and of 64 contours may hide nothing."""
+    n, width = 150, 3
+    problem = varied(random_problem(seed, n, density=0.02, turning=0.5), 2 * seed)
+    relaxed = Relaxation(problem)
+    rng = np.random.default_rng(seed)
+    prices = relaxed.prices(relaxed.allowed(rng.normal(0.0, 1.0, relaxed.size)))
+    tails, rest = price_travels(relaxed.ways, relaxed.boxes, relaxed.rule, prices, width)
+    after = np.zeros((n, n), np.bool_)
+    for b in range(n - 1, -1, -1):
+        for a, c in problem.graph.pairs():
+            if a == b:
+                after[b] |= after[c]
+                after[b, c] = True
+    rule, offsets = relaxed.rule, relaxed.ways.offsets
+    for j in range(n):
+        covers = set(rule.covers[rule.offsets[j] : rule.offsets[j + 1]].tolist())
+        unrelated = set(np.flatnonzero(~(after[j] | after[:, j])).tolist()) - {j}
+        assert covers <= set(np.flatnonzero(after[:, j]).tolist())
+        cost = {}
+        for i in covers | unrelated:
+            cost[i] = (
+                prices.leave[i]
+                - prices.crossing[prices.zone[i], prices.zone[j]]
+                + min(
+                    price(problem, out, into)
+                    + prices.way[offsets[i] + p]
+                    - prices.way[offsets[j] + q]
+                    for p, (_, out) in numbered(problem, i)
+                    for q, (into, _) in numbered(problem, j)
+                )
+            )
+        cheapest = sorted(cost, key=lambda i: cost[i])
+        listed = [i for i in tails[j].tolist() if i >= 0]
+        assert [cost[i] for i in listed] == pytest.approx([cost[i] for i in cheapest[:width]])
+        last = cost[cheapest[width - 1]] if len(cost) >= width else np.inf
+        assert rest[j] == pytest.approx(last)
+
+
+def numbered(problem: OrderProblem, c: int) -> list[tuple[int, tuple[np.ndarray, np.ndarray]]]:
+    """Ways of a contour with the number of each; all of a loop's options have one."""
+    return [(k if problem.reversible[c] else 0, way) for k, way in enumerate(ways(problem, c))]
+
+
+def test_edges_given_twice_change_nothing() -> None:
+    """Each travel pays its toll once; layers in series have many passages."""
+    problem = columns(2, 4, 4)
+    pairs = problem.graph.pairs()
+    twice = replace(problem, graph=DependencyGraph.from_pairs(16, np.concatenate([pairs, pairs])))
+    assert relaxed_bound_of(twice, 10) == pytest.approx(relaxed_bound_of(problem, 10))
+
+
+def test_a_travel_below_the_bound_is_an_error() -> None:
+    """One of the two is wrong then; to call it optimal would hide that."""
+    with pytest.raises(ValueError, match="below the bound"):
+        certificate.Certificate(80.0, 0, "exact", 0).gap_percent(79.0)
+
+
+@pytest.mark.slow
 def test_few_contours_are_solved_exactly() -> None:
     """Tiny prints get the optimum itself."""
     for seed in range(300):
@@ -149,10 +234,10 @@ def test_relaxation_holds_at_any_prices() -> None:
     for seed in range(60):
         problem = (small_problem(seed), towers(seed, 6), columns(seed, 3, 2))[seed % 3]
         problem = varied(problem, seed)
-        relaxation = Relaxation(problem)
-        at = relaxation.allowed(rng.normal(0.0, 3.0, relaxation.size))
-        relaxation.take_up(at)
-        found = relaxation.evaluate(at)
+        relaxed = Relaxation(problem)
+        at = relaxed.allowed(rng.normal(0.0, 3.0, relaxed.size))
+        relaxed.take_up(at)
+        found = relaxed.evaluate(at)
         assert found.value - found.rounding <= optimum(problem)
 
 

@@ -19,7 +19,7 @@ from decmcts.search.annealing import tour_of
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence, cut
-from decmcts.search.planners import PLANNERS, plan_order
+from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
 from decmcts.search.problem import OrderProblem, Pace, Seams
 from decmcts.search.stopping import Budget, IterationLimit
 from tests.search.problems import random_problem
@@ -134,6 +134,9 @@ def test_every_planner_uses_the_freedom_and_reports_the_vertex(planner: str) -> 
     leave = np.where(turned, start[order], end[order])
     travel = float(np.linalg.norm(enter[1:] - leave[:-1], axis=1).sum())
     assert result.cost == pytest.approx(travel)
+    assert toolpath_cost(problem, result.toolpath) == pytest.approx(travel)
+    with pytest.raises(ValueError, match="no option"):
+        toolpath_cost(problem, replace(result.toolpath, entry=result.toolpath.entry + 99))
     if planner != "slicer":
         fixed = replace(problem, seams=None)
         without = plan_order(

@@ -195,7 +195,10 @@ def test_a_circle_is_named() -> None:
     [
         (np.zeros((2, 3)), [], "shape"),
         (np.full((2, 2), -1.0), [], "negative"),
-        (np.full((2, 2), np.nan), [], "finite"),
+        (np.full((2, 2), np.nan), [], "not a number"),
+        (np.full((2, 2), 1e13), [], "above 1e"),
+        (np.zeros((2, 2)), [(0, 2**32)], "outside"),
+        (np.zeros((2, 2)), [(0.0, 1.0)], "whole numbers"),
         (np.zeros((2, 2)), [(0, 2)], "outside"),
         (np.zeros((3, 3)), [(0, 0, 1), (1, 2, 2)], "precedence has shape"),
     ],
@@ -203,4 +206,4 @@ def test_a_circle_is_named() -> None:
 def test_unusable_arguments_are_refused(costs: np.ndarray, pairs: list, word: str) -> None:
     """A public function says what is wrong before it computes nonsense."""
     with pytest.raises(ValueError, match=word):
-        solve_sop(costs, np.array(pairs, np.int32), time_limit_s=1.0)
+        solve_sop(costs, np.array(pairs), time_limit_s=1.0)

@@ -32,7 +32,6 @@ from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limits_of
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
-LEAST_SEGMENT_MM = 5e-4  # files have three decimals
 _SLICERS = re.compile(
     rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
     rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
@@ -234,11 +233,13 @@ def _contours(parsed: _Parsed, blocks: Blocks) -> tuple[Contours, NDArray[np.int
     extrusion[slot], feed[slot] = motion.extrusion[moves], motion.feed[moves]
     state[slot] = parsed.track.at(motion.line[moves])
     state[offsets[:-1]] = state[offsets[:-1] + 1]
+    rounding_mm = 0.5 * 10.0 ** -motion.decimals[0]
+    turns = _reversible(points, extrusion, offsets, beads.role, rounding_mm)
     contours = Contours(
         points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
         height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
         layer=beads.layer, tool=motion.modes[motion.line[runs.first], 2].astype(np.int16),
-        reversible=_reversible(points, extrusion, offsets, beads.role) & ~blocks.tied,
+        reversible=turns & ~blocks.tied,
         epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
     )  # fmt: skip
     state.setflags(write=False)
@@ -261,12 +262,14 @@ def _reversible(
     extrusion: NDArray[np.float64],
     offsets: NDArray[np.int64],
     role: NDArray[np.int8],
+    rounding_mm: float,
 ) -> NDArray[np.bool_]:
     """Tell which contours give the same bead backwards.
 
     Not ironing (it pushes material ahead of itself), not slopes (vase, scarf
     seams: one end lies on the other), not ramps of flow at both ends of a seam,
-    not what ends with a segment of no length, which as the first would be lost.
+    not what ends with a segment of no length once rounded, which as the first would
+    be lost.
     Beads of varying width keep the filament of each segment, so they may turn;
     so may contours followed by a wipe, which is made again along the end they
     then have.
@@ -280,7 +283,7 @@ def _reversible(
     mean = np.add.reduceat(extrusion, begin) / np.maximum(np.add.reduceat(step, begin), 1e-9)
     ramp = (flow[begin + 1] < 0.6 * mean) & (flow[offsets[1:] - 1] < 0.6 * mean)
     ramp &= np.diff(offsets) > 3
-    pointless = step[offsets[1:] - 1] < LEAST_SEGMENT_MM
+    pointless = step[offsets[1:] - 1] < rounding_mm
     return np.asarray(flat & ~ramp & ~pointless & (role != Role.IRONING))
 
 

@@ -36,7 +36,10 @@ def slice_mesh(
     with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
         sliced = Path(folder) / f"{source.stem}.gcode"
         sliced.write_text(text, encoding="utf-8", newline="\n")
-        job, document = read_gcode(sliced)
+        try:
+            job, document = read_gcode(sliced)
+        except InputError as error:  # of a file that is gone by now
+            raise InputError(error.what, path=source, advice=error.advice) from error
     slicer = f"decmcts {__version__}, built-in slicer"
     return replace(job, slicer=slicer), replace(document, path=str(source))
 
