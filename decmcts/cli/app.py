@@ -110,7 +110,7 @@ def run(arguments: list[str]) -> int:
     except Exception as error:
         return _failed(
             f"internal error: {type(error).__name__}: {error}; no file was left "
-            "half written; run again with --debug for the traceback",
+            "half written; `decmcts --debug COMMAND` shows the traceback",
             70,
         )
     if code == STOPPED:

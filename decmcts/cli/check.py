@@ -109,7 +109,7 @@ def machines(
     draw: Annotated[
         Path | None, typer.Option("--draw", help="Folder for a PNG of every machine listed")
     ] = None,
-    machine: opt.MachineOption = None,
+    machine: opt.ListedMachineOption = None,
 ) -> None:
     """List the machines; with --draw, draw their heads."""
     from rich.padding import Padding

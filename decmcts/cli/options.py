@@ -64,12 +64,15 @@ Input = Annotated[
         help="G-code (.gcode, .gcode.gz), mesh (.stl, .3mf, .obj); `plan`: SOP (.sop, .sop.gz)"
     ),
 ]
+_MACHINE = "Preset, FILE.toml or geometries.json:NAME; default: "
 MachineOption = Annotated[
-    str | None,
-    typer.Option(
-        "--machine",
-        help="Preset, FILE.toml or geometries.json:NAME; default: the source's printer, else paper",
-    ),
+    str | None, typer.Option("--machine", help=_MACHINE + "the source's printer, else paper")
+]
+PostMachineOption = Annotated[
+    str | None, typer.Option("--machine", help=_MACHINE + "the source's printer, else refused")
+]
+ListedMachineOption = Annotated[
+    str | None, typer.Option("--machine", help=_MACHINE + "all presets")
 ]
 PlannerOption = Annotated[Planner, typer.Option("--planner", help="How the order is found")]
 FreedomOption = Annotated[
@@ -98,8 +101,8 @@ QualityOption = Annotated[
     bool | None,
     typer.Option(
         "--quality/--no-quality",
-        help="Shells, what is anchored in them, and cooling as sliced; default: on but for the "
-        "paper's machine",
+        help="Shells and what is anchored in them as sliced, and cooling (not in `launch`); "
+        "default: on but for the paper's machine",
         show_default=False,
     ),
 ]
@@ -109,7 +112,8 @@ CoolingOption = Annotated[
         "--min-layer-time",
         min=0.0,
         max=86400.0,
-        help="Seconds before a spot is printed over; default: the slicer's rule; 0: none",
+        help="Seconds before a spot is printed over, or the source's if fewer; default: the "
+        "slicer's rule, none with --no-quality or machine `paper`; 0: none",
     ),
 ]
 LeadOption = Annotated[
@@ -129,7 +133,11 @@ ObjectiveOption = Annotated[
 ]
 LimitsOption = Annotated[
     Limits,
-    typer.Option("--limits", help="Motion limits: the source's where it states them, or ours"),
+    typer.Option(
+        "--limits",
+        help="Motion limits. source: as the file states them, else the machine file's; "
+        "machine: always the machine file's",
+    ),
 ]
 TimeOption = Annotated[float, typer.Option("--time-limit", min=0.0, help="Search time, seconds")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Equal seeds give equal searches")]

@@ -23,7 +23,7 @@ from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 @app.command()
 def post(
     path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
-    machine: opt.MachineOption = None,
+    machine: opt.PostMachineOption = None,
     planner: opt.PlannerOption = opt.Planner.HYBRID,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
