@@ -1,10 +1,11 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
-Trees over clusters, one for each Γ, propose a start; two threads anneal it
-together, in long pieces while hot, where long moves decide the large structure,
-in many short ones while cold. Half-way the trees, guided by what annealing made
-of the sequence, get another turn. Small prints are annealed whole, one sequence a
-thread, in several races.
+Trees over clusters, one for each Γ, propose a start. What follows depends on size.
+Small prints: races of whole sequences, one a thread. Medium: one sequence a
+thread, then only what the two differ in, then the better one in pieces. Large:
+one sequence in pieces, long ones while hot, where long moves decide the large
+structure, many short ones while cold; half-way the trees, guided by what
+annealing made of the sequence, get another turn.
 
 References
 ----------
@@ -23,6 +24,7 @@ from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals, open_lanes
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
+from decmcts.search.merging import merge
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
 from decmcts.search.structure import gamma_searches, search_structure
@@ -36,6 +38,10 @@ class Hybrid:
     races: tuple[float, ...] = (0.12, 0.21, 0.29, 0.37, 0.45, 0.53, 0.62, 0.7, 0.78, 0.87)
     reheats: tuple[float, ...] = (0.92, 0.97)
     small: int = 400  # contours up to which races beat working on one sequence together
+    medium: int = 3000  # contours up to which two sequences, merged, beat one
+    apart: float = 0.7  # share of the budget at which two sequences are merged
+    together: float = 0.85  # and at which what they differ in has been annealed
+    fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
     first: float = 0.05  # share of the budget for a first, fast annealing
     turn: float = 0.5  # share of the budget at which the trees get their second turn
     end: float = 0.97  # share of the budget at which the descent begins
@@ -72,7 +78,7 @@ class Hybrid:
             return self._found(incumbent, lanes, _sequence(incumbent, near), self.end)
         if len(incumbent.problem) <= self.small:
             return self._race(incumbent, near, lanes)
-        return self._share_out(incumbent, near, lanes)
+        return self._improve(incumbent, near, lanes)
 
     def _race(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Anneal one whole sequence a thread in each race; return whether to stop.
@@ -91,17 +97,39 @@ class Hybrid:
                 return True
         return False
 
-    def _share_out(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
-        """Anneal one sequence on all threads together; return whether to stop."""
-        sequence = _sequence(incumbent, near)
-        if self._turn_of_trees(incumbent, lanes, sequence):
+    def _improve(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+        """Take trees, a first fast annealing and a long one; return whether to stop."""
+        if self._turn_of_trees(incumbent, lanes, _sequence(incumbent, near)):
             return True
-        sequence = _sequence(incumbent, near)
-        hot, warm, cold = self._heats(incumbent)
+        sequence, (hot, _, cold) = _sequence(incumbent, near), self._heats(incumbent)
         if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, cold), self.first, a_lane=1):
             return True
-        sequence = _sequence(incumbent, near)
-        hot, warm, cold = self._heats(incumbent)
+        if len(incumbent.problem) <= self.medium:
+            return self._merge(incumbent, near, lanes)
+        return self._share_out(incumbent, near, lanes)
+
+    def _merge(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+        """Anneal a whole sequence a thread, then what they differ in; return whether to stop."""
+        hot, _, cold = self._heats(incumbent)
+        rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
+        if anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), self.apart):
+            return True
+        one, *others = sorted(rivals, key=lambda rival: rival.cost)
+        if others:
+            merger = merge(one, others[0])
+            fused = [merger.start() for _ in range(self.threads)]
+            mean = fused[0].cost / len(merger.problem)
+            cooling = Cooling(self.fused * mean, self.cold * mean)
+            if mean > 0.0 and anneal_rivals(
+                incumbent, fused, lanes, cooling, self.together, merger=merger
+            ):
+                return True
+        sequence, (_, warm, cold) = _sequence(incumbent, near), self._heats(incumbent)
+        return anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), self.end, a_lane=4)
+
+    def _share_out(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+        """Anneal one sequence on all threads together; return whether to stop."""
+        sequence, (hot, warm, cold) = _sequence(incumbent, near), self._heats(incumbent)
         if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, warm), self.turn, a_lane=1):
             return True
         before, guest = sequence.cost, _sequence(incumbent, near)

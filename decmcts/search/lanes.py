@@ -28,6 +28,7 @@ from decmcts._kernels.anneal import anneal
 from decmcts._kernels.random import seeded, uniform
 from decmcts.search.annealing import Cooling
 from decmcts.search.incumbent import Incumbent
+from decmcts.search.merging import Merger
 from decmcts.search.pieces import Piece, Sequence, cut
 
 _POLL_S = 0.05  # how often a search looks at the clock and the stop wish
@@ -64,10 +65,13 @@ def anneal_rivals(
     lanes: Lanes,
     cooling: Cooling,
     until: float,
+    *,
+    merger: Merger | None = None,
 ) -> bool:
     """Anneal one whole sequence a lane until the share `until` is spent; return whether to stop.
 
-    Mutates the sequences and the generators; the incumbent gets what is best.
+    Mutates the sequences and the generators; the incumbent gets what is best, of
+    fused sequences by way of their merger.
     """
     tours = [cut(rival, 0, len(rival.order)) for rival in rivals]
 
@@ -79,7 +83,8 @@ def anneal_rivals(
         list(lanes.pool.map(work, range(len(rivals))))
         for rival, tour in zip(rivals, tours, strict=True):
             tour.put_back(rival)
-            incumbent.offer(rival.order, rival.flip, rival.seat)
+            found = rival if merger is None else merger.unfused(rival)
+            incumbent.offer(found.order, found.flip, found.seat)
         return proposals * len(rivals)
 
     return _in_slices(incumbent, slice_of, until)

@@ -1,0 +1,76 @@
+"""Merging two sequences loses nothing and allows nothing new but other orders of what differs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from decmcts._kernels.tour import respects
+from decmcts.search.merging import merge
+from decmcts.search.neighbours import near_ports
+from decmcts.search.pieces import Sequence
+from decmcts.search.planners import plan_order
+from decmcts.search.problem import OrderProblem
+from tests.search.problems import random_problem, with_loops, with_pace
+
+
+def found(problem: OrderProblem, seed: int, iterations: int = 3000) -> Sequence:
+    """A sequence that a short search ends with."""
+    result = plan_order(
+        problem, planner="local", time_limit_s=60.0, seed=seed, max_iterations=iterations
+    )
+    n, order = len(problem), result.toolpath.order
+    flip, seat = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
+    flip[order] = result.toolpath.reversed
+    if problem.seams is not None:
+        chosen = order[np.diff(problem.seams.offsets)[order] > 1]
+        entry = np.zeros(n, np.int64)
+        entry[order] = result.toolpath.entry
+        seat[chosen] = problem.seams.offsets[chosen] + entry[chosen]
+    return Sequence(problem, problem.metric(), near_ports(problem), order.copy(), flip, seat)
+
+
+def varied(seed: int) -> OrderProblem:
+    """Points, loops, seconds or bare costs, in turn."""
+    problem = random_problem(seed, 60, density=0.03)
+    if seed % 4 == 3:
+        costs = np.random.default_rng(seed).random((60, 60))
+        return replace(problem, reversible=np.zeros(60, np.bool_), costs=costs)
+    problem = with_loops(problem, seed) if seed % 4 == 1 else problem
+    return with_pace(problem) if seed % 4 == 2 else problem
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(8))
+def test_fused_sequences_stand_for_allowed_ones_at_their_cost(seed: int) -> None:
+    """In any order of the runs the travels inside them stay, the others are the fused ones."""
+    problem = varied(seed)
+    one, other = found(problem, 0), found(problem, 1)
+    merger = merge(one, other)
+    start = merger.start()
+    assert len(merger.problem) < len(problem)
+    assert (merger.unfused(start).order == one.order).all()
+    inside = one.cost - start.cost
+    graph = problem.graph
+    for again in range(3):
+        fused = found(merger.problem, again, iterations=500 * again)
+        whole = merger.unfused(fused)
+        assert sorted(whole.order.tolist()) == list(range(len(problem)))
+        assert respects(whole.order, graph.succ_offsets, graph.succs)
+        assert not (whole.flip & ~problem.reversible).any()
+        assert whole.cost == pytest.approx(inside + fused.cost)
+
+
+@pytest.mark.slow
+def test_what_both_share_is_fused_and_nothing_else() -> None:
+    """Two sequences that are one leave a single run; without any in common all stay."""
+    problem = random_problem(5, 30, density=0.0, turning=0.0)
+    one = found(problem, 0)
+    assert len(merge(one, one).problem) == 1
+    backwards = replace(problem)
+    other = Sequence(
+        backwards, one.metric, one.near, one.order[::-1].copy(), one.flip.copy(), one.seat.copy()
+    )
+    assert len(merge(one, other).problem) == 30
