@@ -24,7 +24,7 @@ from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals, open_lanes
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
-from decmcts.search.merging import merge
+from decmcts.search.merging import Merger, merge
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
 from decmcts.search.structure import gamma_searches, search_structure
@@ -114,18 +114,20 @@ class Hybrid:
         rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
         if anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), self.apart):
             return True
-        one, *others = sorted(rivals, key=lambda rival: rival.cost)
-        if others:
-            merger = merge(one, others[0])
-            fused = [merger.start() for _ in range(self.threads)]
-            mean = fused[0].cost / len(merger.problem)
-            cooling = Cooling(self.fused * mean, self.cold * mean)
-            if mean > 0.0 and anneal_rivals(
-                incumbent, fused, lanes, cooling, self.together, merger=merger
-            ):
-                return True
+        rivals.sort(key=lambda rival: rival.cost)
+        if len(rivals) > 1 and self._settle(incumbent, merge(*rivals[:2]), lanes):
+            return True
         sequence, (_, warm, cold) = _sequence(incumbent, near), self._heats(incumbent)
         return anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), self.end, a_lane=4)
+
+    def _settle(self, incumbent: Incumbent, merger: Merger, lanes: Lanes) -> bool:
+        """Anneal what two sequences differ in; return whether to stop."""
+        if len(merger.problem) < 2:
+            return False
+        rivals = [merger.start() for _ in range(self.threads)]
+        mean = rivals[0].cost / len(merger.problem)
+        cooling, until = Cooling(self.fused * mean, self.cold * mean), self.together
+        return mean > 0.0 and anneal_rivals(incumbent, rivals, lanes, cooling, until, merger=merger)
 
     def _share_out(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Anneal one sequence on all threads together; return whether to stop."""
