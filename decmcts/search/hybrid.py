@@ -1,11 +1,11 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
 Trees over clusters, one for each Γ, propose a start. What follows depends on size.
-Small prints: races of whole sequences, one a thread. Medium: one sequence a
-thread, then only what the two differ in, then the better one in pieces. Large:
-one sequence in pieces, long ones while hot, where long moves decide the large
-structure, many short ones while cold; half-way the trees, guided by what
-annealing made of the sequence, get another turn.
+Small prints: each layer for itself, then races of whole sequences, one a thread.
+Medium: one sequence a thread, then only what the two differ in, then the better
+one in pieces. Large: one sequence in pieces, long ones while hot, where long
+moves decide the large structure, many short ones while cold; half-way the trees,
+guided by what annealing made of the sequence, get another turn.
 
 References
 ----------
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.annealing import Cooling, descend_fully, tour_of
+from decmcts.search.annealing import Cooling, anneal_until, descend_fully, tour_of
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals, open_lanes
@@ -35,8 +35,9 @@ class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
     # shares of the budget at the ends of races, and of the last ones, which start warm
-    races: tuple[float, ...] = (0.12, 0.21, 0.29, 0.37, 0.45, 0.53, 0.62, 0.7, 0.78, 0.87)
+    races: tuple[float, ...] = (0.16, 0.24, 0.32, 0.4, 0.48, 0.56, 0.64, 0.72, 0.8, 0.87)
     reheats: tuple[float, ...] = (0.92, 0.97)
+    layers: float = 0.08  # share of the budget for small prints at which layers are left
     small: int = 400  # contours up to which races beat working on one sequence together
     medium: int = 3000  # contours up to which two sequences, merged, beat one
     apart: float = 0.7  # share of the budget at which two sequences are merged
@@ -83,9 +84,12 @@ class Hybrid:
     def _race(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Anneal one whole sequence a thread in each race; return whether to stop.
 
-        All begin with the best sequence, but for one rival in the first race and in the
-        one half-way, which begins with the trees'.
+        First comes annealing that leaves no layer: where layers hang together loosely,
+        all else is refinement. Races begin with the best sequence, but for one rival in
+        the first and in the one half-way, which begins with the trees'.
         """
+        if self._in_layers(incumbent, near, lanes):
+            return True
         for number, until in enumerate((*self.races, *self.reheats)):
             rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
             trees = number in (0, len(self.races) // 2)
@@ -96,6 +100,14 @@ class Hybrid:
             if hot == 0.0 or anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), until):
                 return True
         return False
+
+    def _in_layers(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+        """Anneal within layers; return whether to stop."""
+        hot, _, cold = self._heats(incumbent)
+        if hot == 0.0:
+            return True
+        tour = tour_of(incumbent, near, layer_runs(incumbent.problem.layer))
+        return anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), self.layers)
 
     def _improve(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Take trees, a first fast annealing and a long one; return whether to stop."""
