@@ -40,7 +40,7 @@ def test_json_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("text", "extra", "word"),
     [
-        (HEAD + "0 4 7\n", [], "tiny.sop:8: the matrix ends"),
+        (HEAD + "0 4 7\n", [], "tiny.sop:8: 3 costs instead of"),
         (HEAD + "0 -1 -1\n-1 0 2\n-1 -1 0\n", [], "circle"),
         (HEAD + ROWS, ["--machine", "mk4s"], "--machine"),
         (HEAD + ROWS, ["--report", "r.html"], "--report"),
