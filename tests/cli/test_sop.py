@@ -37,6 +37,18 @@ def test_json_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert not (tmp_path / "tiny.tour").exists()
 
 
+@pytest.mark.slow
+def test_a_bound_of_nothing_is_told_without_a_share(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Circles of no cost bound nothing; without time they are all that is known."""
+    source = tmp_path / "circles.sop"
+    rows = "0 0 5 5 5\n0 0 5 5 5\n5 5 0 0 5\n5 5 0 0 5\n5 5 5 5 0\n"
+    source.write_text(HEAD.replace("N: 3", "N: 5") + rows)
+    assert run(["plan", str(source), "--time-limit", "0"]) == 0
+    assert "cost 10, bound 0 (" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("text", "extra", "word"),
     [
