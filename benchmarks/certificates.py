@@ -110,7 +110,8 @@ def write_results(rows: Rows, options: argparse.Namespace) -> None:
         time_limit=f"{options.time_limit:g} s, and at most half of that, or 10 s, for the bound",
         seeds=" ".join(sorted({r["seed"] for r in mine})),
     )  # fmt: skip
-    text = f"# Certificates\n\n{said}\n\nRepeat: `python benchmarks/certificates.py`. Models with "
+    text = f"# Certificates\n\n{said}\n\nRepeat: `python benchmarks/certificates.py"
+    text += f" --time-limit {options.time_limit:g}`. Models with "
     text += f"at most {MOST_CONTOURS} contours. The gap is proven: the optimum lies between bound "
     text += f"and travel.\n\n{summary(mine)}\n![gaps](certificates.png)\n\n" + table(mine)
     text += rows.failures()

@@ -125,7 +125,8 @@ def write_results(rows: list[dict[str, str]], points: Rows, options: argparse.Na
         note=options.note, machine="paper", process_order="free", quality="none", freedom="fixed",
         time_limit=f"{options.time_limit:g} s", seeds=" ".join(sorted({r["seed"] for r in rows})),
     )  # fmt: skip
-    text = f"# Convergence\n\n{said}\n\nRepeat: `python benchmarks/convergence.py`. An iteration "
+    text = f"# Convergence\n\n{said}\n\nRepeat: `python benchmarks/convergence.py"
+    text += f" --time-limit {options.time_limit:g}`. An iteration "
     text += "is the planner's own: a sequence, a rollout, or a move tried. Reading, graph and "
     text += "compiling are off the clock.\n\n![convergence](convergence.png)\n\n" + table(rows)
     (options.results / "convergence.md").write_text(text)
