@@ -31,7 +31,6 @@ from decmcts.print.job import PrintJob
 from decmcts.print.loops import close_gaps
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
-from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import Planner, SearchResult, plan_order, toolpath_cost
@@ -170,10 +169,14 @@ def search(
 ) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
+    return _solve(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
+
+
+def _solve(problem: OrderProblem, *, planner: str | Planner, **asked: Any) -> SearchResult:
+    """Search; the planner is compiled off the clock."""
     smallest = replace(_smallest(), pace=problem.pace)
     plan_order(smallest, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
-    options = {"planner": planner, "time_limit_s": time_limit_s, "seed": seed, **hooks}
-    return plan_order(problem, **options)
+    return plan_order(problem, planner=planner, **asked)
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:
@@ -214,9 +217,9 @@ def plan_single(
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
     lags, guess = _lags(loaded, before)
-    asked = {"planner": planner, "freedom": freedom, "seam": seam, "seed": seed}
-    hooks = {**asked, "objective": objective, **hooks}
-    result = _ordered(loaded, guess, time_limit_s, announce, hooks)
+    asked = {"planner": planner, "seed": seed, **hooks}
+    sliced = source_toolpath(problem)
+    result = _ordered(loaded, problem, guess, sliced, time_limit_s, announce, asked)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     announce("safe travels and times")
     toolpath = result.toolpath
@@ -225,7 +228,7 @@ def plan_single(
     timed = objective == "time" or len(lags.below) > 0
     if timed and plan.makespan_s > before.plan.makespan_s:
         # Lifts and waits the search does not see; never worse than the source.
-        own, sliced = before.plan, source_toolpath(loaded.job, freedom, seam)
+        own = before.plan
         if sliced.entry.any():
             own = schedule(loaded.job, loaded.machine, loaded.graph, [sliced])
             own = add_waits(loaded.job, loaded.machine, own, lags)
@@ -258,27 +261,31 @@ def _as_sliced(plan: JointPlan) -> bool:
     return bool((np.diff(lane.contour[lane.kind == ActionKind.PRINT]) > 0).all())
 
 
-def source_toolpath(job: PrintJob, freedom: str, seam: str) -> Toolpath:
+def source_toolpath(problem: OrderProblem) -> Toolpath:
     """Return the source's own order, with the seams where a policy names them."""
-    sliced = Toolpath.as_sliced(len(job.contours))
-    if freedom != "seam":
+    sliced, seams = Toolpath.as_sliced(len(problem)), problem.seams
+    if seams is None:
         return sliced
-    entries = seam_entries(job.contours, seam)  # type: ignore[arg-type]  # typer checked the choice
-    return replace(sliced, entry=entries.vertices[entries.offsets[:-1]])
+    return replace(sliced, entry=seams.vertices[seams.offsets[:-1]])
 
 
 def _ordered(
-    loaded: Loaded, lags: Lags, time_limit_s: float, announce: Announce, asked: dict[str, Any]
+    loaded: Loaded,
+    problem: OrderProblem,
+    lags: Lags,
+    sliced: Toolpath,
+    time_limit_s: float,
+    announce: Announce,
+    asked: dict[str, Any],
 ) -> SearchResult:
     """Search; where spots must cool, for what is done first with its waits."""
 
     def run(graph: DependencyGraph, limit_s: float) -> SearchResult:
-        return search(replace(loaded, graph=graph), time_limit_s=limit_s, **asked)
+        return _solve(replace(problem, graph=graph), time_limit_s=limit_s, **asked)
 
     if not len(lags.below):
         return run(loaded.graph, time_limit_s)
     job, machine = loaded.job, loaded.machine
-    sliced = source_toolpath(job, asked["freedom"], asked["seam"])
     return search_cooled(
         job, machine, loaded.graph, lags, run, sliced, time_limit_s=time_limit_s, announce=announce
     )

@@ -69,8 +69,7 @@ def test_what_both_share_is_fused_and_nothing_else() -> None:
     problem = random_problem(5, 30, density=0.0, turning=0.0)
     one = found(problem, 0)
     assert len(merge(one, one).problem) == 1
-    backwards = replace(problem)
     other = Sequence(
-        backwards, one.metric, one.near, one.order[::-1].copy(), one.flip.copy(), one.seat.copy()
+        problem, one.metric, one.near, one.order[::-1].copy(), one.flip.copy(), one.seat.copy()
     )
     assert len(merge(one, other).problem) == 30
