@@ -1,11 +1,11 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
 Trees over clusters, one for each Γ, propose a start. What follows depends on size.
-Small prints: each layer for itself, then races of whole sequences, one a thread.
-Medium: one sequence a thread, then only what the two differ in, then the better
-one in pieces. Large: one sequence in pieces, long ones while hot, where long
-moves decide the large structure, many short ones while cold; half-way the trees,
-guided by what annealing made of the sequence, get another turn.
+Up to some thousand contours: races of whole sequences, one a thread, from unlike
+starts; then only what the last two differ in; then region by region. Large: one
+sequence in pieces, long ones while hot, where long moves decide the large
+structure, many short ones while cold; half-way the trees, guided by what
+annealing made of the sequence, get another turn.
 
 References
 ----------
@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.search.annealing import Cooling, anneal_until, descend_fully, tour_of
+from decmcts.search.fusing import Fused, merge
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals, open_lanes
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
-from decmcts.search.merging import Merger, merge
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
+from decmcts.search.regions import anneal_regions
 from decmcts.search.structure import gamma_searches, search_structure
 
 
@@ -34,15 +35,13 @@ from decmcts.search.structure import gamma_searches, search_structure
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    # shares of the budget at the ends of races, and of the last ones, which start warm
-    races: tuple[float, ...] = (0.16, 0.24, 0.32, 0.4, 0.48, 0.56, 0.64, 0.72, 0.8, 0.87)
-    reheats: tuple[float, ...] = (0.92, 0.97)
-    layers: float = 0.08  # share of the budget for small prints at which layers are left
-    small: int = 400  # contours up to which races beat working on one sequence together
-    medium: int = 3000  # contours up to which two sequences, merged, beat one
-    apart: float = 0.7  # share of the budget at which two sequences are merged
-    together: float = 0.85  # and at which what they differ in has been annealed
+    layers: float = 0.06  # share of the budget at which annealing within layers ends
+    raced: float = 0.5  # share of the budget at which races end and regions are annealed
+    merged: float = 0.6  # and at which what the last two rivals differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
+    racing: int = 2400  # contours in all races together: small prints have more of them
+    most_races: int = 6
+    medium: int = 4000  # contours up to which races and regions beat sharing one sequence out
     first: float = 0.05  # share of the budget for a first, fast annealing
     turn: float = 0.5  # share of the budget at which the trees get their second turn
     end: float = 0.97  # share of the budget at which the descent begins
@@ -51,6 +50,7 @@ class Hybrid:
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
     threads: int = 2  # fixed, so that results do not depend on the machine
     hot: float = 1.5
+    mild: float = 0.7  # from here on some of the structure stays
     warm: float = 0.2  # from here on the structure stays
     cold: float = 0.03
     anneals: bool = True  # False: trees and descent only
@@ -77,73 +77,76 @@ class Hybrid:
             return True
         if not self.anneals:
             return self._found(incumbent, lanes, _sequence(incumbent, near), self.end)
-        if len(incumbent.problem) <= self.small:
+        if len(incumbent.problem) <= self.medium:
             return self._race(incumbent, near, lanes)
         return self._improve(incumbent, near, lanes)
 
     def _race(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
-        """Anneal one whole sequence a thread in each race; return whether to stop.
+        """Anneal whole sequences in races, then regions; return whether to stop.
 
-        First comes annealing that leaves no layer: where layers hang together loosely,
-        all else is refinement. Races begin with the best sequence, but for one rival in
-        the first and in the one half-way, which begins with the trees'.
+        What a race ends in depends on what it begins with, and no start is best for all
+        prints. One lane has the best sequence, or the trees'; the others have in turn
+        what annealing within layers made and the plain start, hot and mild.
         """
-        if self._in_layers(incumbent, near, lanes):
+        plain = _sequence(incumbent, near)
+        layered = self._in_layers(incumbent, near, lanes)
+        if layered is None:
             return True
-        for number, until in enumerate((*self.races, *self.reheats)):
-            rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
-            trees = number in (0, len(self.races) // 2)
-            if trees and self._turn_of_trees(incumbent, lanes, rivals[-1]):
+        races = min(max(self.racing // len(incumbent.problem), 1), self.most_races)
+        for number in range(races):
+            other = (layered, plain)[number % 2]
+            rivals = [_sequence(incumbent, near), *(other.copy() for _ in lanes.states[1:])]
+            trees = number in (0, races // 2)
+            if trees and self._turn_of_trees(incumbent, lanes, rivals[0]):
                 return True
-            hot, warm, cold = self._heats(incumbent)
-            hot = hot if number < len(self.races) else warm
-            if hot == 0.0 or anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), until):
+            hot, mild, _, cold = self._heats(incumbent)
+            if hot == 0.0:
                 return True
-        return False
+            second = Cooling(mild if (number + 1) // 2 % 2 else hot, cold)
+            coolings = [Cooling(hot, cold), *(second for _ in rivals[1:])]
+            until = self.layers + (self.raced - self.layers) * (number + 1) / races
+            if anneal_rivals(incumbent, rivals, lanes, coolings, until):
+                return True
+        rivals.sort(key=lambda rival: rival.cost)
+        if len(rivals) > 1 and self._settle(incumbent, merge(*rivals[:2]), lanes):
+            return True
+        return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
 
-    def _in_layers(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
-        """Anneal within layers; return whether to stop."""
-        hot, _, cold = self._heats(incumbent)
+    def _settle(self, incumbent: Incumbent, fused: Fused, lanes: Lanes) -> bool:
+        """Anneal what two sequences differ in; return whether to stop."""
+        if len(fused.problem) < 2:
+            return False
+        rivals = [fused.start() for _ in lanes.states]
+        mean = rivals[0].cost / len(fused.problem)
+        coolings = [Cooling(self.fused * mean, self.cold * mean) for _ in rivals]
+        return mean > 0.0 and anneal_rivals(
+            incumbent, rivals, lanes, coolings, self.merged, fused=fused
+        )
+
+    def _in_layers(
+        self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes
+    ) -> Sequence | None:
+        """Anneal within layers; return what comes of it, None to stop."""
+        hot, *_, cold = self._heats(incumbent)
         if hot == 0.0:
-            return True
+            return None
         tour = tour_of(incumbent, near, layer_runs(incumbent.problem.layer))
-        return anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), self.layers)
+        if anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), self.layers):
+            return None
+        return _sequence(incumbent, near)
 
     def _improve(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Take trees, a first fast annealing and a long one; return whether to stop."""
         if self._turn_of_trees(incumbent, lanes, _sequence(incumbent, near)):
             return True
-        sequence, (hot, _, cold) = _sequence(incumbent, near), self._heats(incumbent)
+        sequence, (hot, *_, cold) = _sequence(incumbent, near), self._heats(incumbent)
         if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, cold), self.first, a_lane=1):
             return True
-        if len(incumbent.problem) <= self.medium:
-            return self._merge(incumbent, near, lanes)
         return self._share_out(incumbent, near, lanes)
-
-    def _merge(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
-        """Anneal a whole sequence a thread, then what they differ in; return whether to stop."""
-        hot, _, cold = self._heats(incumbent)
-        rivals = [_sequence(incumbent, near) for _ in range(self.threads)]
-        if anneal_rivals(incumbent, rivals, lanes, Cooling(hot, cold), self.apart):
-            return True
-        rivals.sort(key=lambda rival: rival.cost)
-        if len(rivals) > 1 and self._settle(incumbent, merge(*rivals[:2]), lanes):
-            return True
-        sequence, (_, warm, cold) = _sequence(incumbent, near), self._heats(incumbent)
-        return anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), self.end, a_lane=4)
-
-    def _settle(self, incumbent: Incumbent, merger: Merger, lanes: Lanes) -> bool:
-        """Anneal what two sequences differ in; return whether to stop."""
-        if len(merger.problem) < 2:
-            return False
-        rivals = [merger.start() for _ in range(self.threads)]
-        mean = rivals[0].cost / len(merger.problem)
-        cooling, until = Cooling(self.fused * mean, self.cold * mean), self.together
-        return mean > 0.0 and anneal_rivals(incumbent, rivals, lanes, cooling, until, merger=merger)
 
     def _share_out(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Anneal one sequence on all threads together; return whether to stop."""
-        sequence, (hot, warm, cold) = _sequence(incumbent, near), self._heats(incumbent)
+        sequence, (hot, _, warm, cold) = _sequence(incumbent, near), self._heats(incumbent)
         if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, warm), self.turn, a_lane=1):
             return True
         before, guest = sequence.cost, _sequence(incumbent, near)
@@ -160,10 +163,10 @@ class Hybrid:
         stop = self._found(incumbent, lanes, guest, incumbent.spent + self.for_structure)
         return stop or incumbent.cost == 0.0
 
-    def _heats(self, incumbent: Incumbent) -> tuple[float, float, float]:
-        """Return the hot, the warm and the cold temperature for the best sequence, mm."""
+    def _heats(self, incumbent: Incumbent) -> tuple[float, float, float, float]:
+        """Return the hot, mild, warm and cold temperatures for the best sequence."""
         mean = incumbent.cost / len(incumbent.problem)
-        return self.hot * mean, self.warm * mean, self.cold * mean
+        return self.hot * mean, self.mild * mean, self.warm * mean, self.cold * mean
 
     def _found(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence, until: float) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.random import seeded, uniform
 from decmcts.search.annealing import Cooling
+from decmcts.search.fusing import Fused
 from decmcts.search.incumbent import Incumbent
-from decmcts.search.merging import Merger
 from decmcts.search.pieces import Piece, Sequence, cut
 
 _POLL_S = 0.05  # how often a search looks at the clock and the stop wish
@@ -63,27 +63,27 @@ def anneal_rivals(
     incumbent: Incumbent,
     rivals: list[Sequence],
     lanes: Lanes,
-    cooling: Cooling,
+    coolings: list[Cooling],
     until: float,
     *,
-    merger: Merger | None = None,
+    fused: Fused | None = None,
 ) -> bool:
     """Anneal one whole sequence a lane until the share `until` is spent; return whether to stop.
 
-    Mutates the sequences and the generators; the incumbent gets what is best, of
-    fused sequences by way of their merger.
+    Each has a cooling of its own. Mutates the sequences and the generators; the
+    incumbent gets what is best, of fused sequences the whole one they stand for.
     """
     tours = [cut(rival, 0, len(rival.order)) for rival in rivals]
 
     def slice_of(share: float, proposals: int) -> int:
         def work(lane: int) -> None:
-            heat = cooling.at(share)
+            heat = coolings[lane].at(share)
             anneal(tours[lane].tour, lanes.states[lane], heat, proposals)
 
         list(lanes.pool.map(work, range(len(rivals))))
         for rival, tour in zip(rivals, tours, strict=True):
             tour.put_back(rival)
-            found = rival if merger is None else merger.unfused(rival)
+            found = rival if fused is None else fused.unfused(rival)
             incumbent.offer(found.order, found.flip, found.seat)
         return proposals * len(rivals)
 

@@ -8,7 +8,7 @@ it: any chain between two of its contours stays within. Nothing is searched here
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +31,10 @@ class Sequence:
     order: NDArray[np.int32]  # (n,)
     flip: NDArray[np.uint8]  # (n,) by contour
     seat: NDArray[np.int32]  # (n,) by contour
+
+    def copy(self) -> Sequence:
+        """Return the same sequence, to be changed apart from this one."""
+        return replace(self, order=self.order.copy(), flip=self.flip.copy(), seat=self.seat.copy())
 
     @property
     def cost(self) -> float:

@@ -185,14 +185,15 @@ def test_bad_options_are_named(options: dict[str, object], message: str) -> None
         plan_order(random_problem(1, 3), **arguments)  # type: ignore[arg-type]  # bad on purpose
 
 
-def test_hybrid_stops_where_no_travel_is_left() -> None:
+@pytest.mark.parametrize("medium", [10, 100])
+def test_hybrid_stops_where_no_travel_is_left(medium: int) -> None:
     """Annealing may reach zero where greedy does not; there is no heat below it."""
     start, end = np.zeros((60, 3)), np.zeros((60, 3))
     start[30:, 0] = end[30:, 0] = end[0, 0] = 10.0  # 0 leads from one spot to the other
     graph = DependencyGraph.from_pairs(60, np.empty((0, 2), np.int32))
     problem = OrderProblem(start, end, np.zeros(60, np.bool_), np.zeros(60, np.int32), graph)
     result = plan_order(
-        problem, planner=Hybrid(small=10), time_limit_s=60.0, seed=0, max_iterations=100_000
+        problem, planner=Hybrid(medium=medium), time_limit_s=60.0, seed=0, max_iterations=100_000
     )
     assert result.cost == 0.0
     assert result.iterations < 100_000

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.tour import respects
-from decmcts.search.merging import merge
+from decmcts.search.fusing import merge
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
 from decmcts.search.planners import plan_order
@@ -48,15 +48,15 @@ def test_fused_sequences_stand_for_allowed_ones_at_their_cost(seed: int) -> None
     """In any order of the runs the travels inside them stay, the others are the fused ones."""
     problem = varied(seed)
     one, other = found(problem, 0), found(problem, 1)
-    merger = merge(one, other)
-    start = merger.start()
-    assert len(merger.problem) < len(problem)
-    assert (merger.unfused(start).order == one.order).all()
+    fused_problem = merge(one, other)
+    start = fused_problem.start()
+    assert len(fused_problem.problem) < len(problem)
+    assert (fused_problem.unfused(start).order == one.order).all()
     inside = one.cost - start.cost
     graph = problem.graph
     for again in range(3):
-        fused = found(merger.problem, again, iterations=500 * again)
-        whole = merger.unfused(fused)
+        fused = found(fused_problem.problem, again, iterations=500 * again)
+        whole = fused_problem.unfused(fused)
         assert sorted(whole.order.tolist()) == list(range(len(problem)))
         assert respects(whole.order, graph.succ_offsets, graph.succs)
         assert not (whole.flip & ~problem.reversible).any()
