@@ -22,6 +22,7 @@ from common import (
     markdown,
     median,
     names,
+    of_models,
     run_missing,
     setting,
     spread,
@@ -113,7 +114,9 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     )  # fmt: skip
     lines, above = table([r for r in mine if r["process"] == options.process])
     text = f"# What each part of `hybrid` is worth\n\n{said}\n\nRepeat: "
-    text += "`python benchmarks/ablation.py`. Of several seeds the median travel counts. The Γ "
+    settings = ",".join(dict.fromkeys(f"{r['machine']}-{r['freedom']}" for r in mine))
+    text += f"`python benchmarks/ablation.py --settings {settings}"
+    text += f"{of_models(mine, MODELS)}`. Of several seeds the median travel counts. The Γ "
     text += "chosen is that of the trees' last turn, seed by seed.\n\n"
     text += summary(above) + "\n![ablation](ablation.png)\n\n" + lines
     (options.results / "ablation.md").write_text(text)

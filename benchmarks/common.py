@@ -69,6 +69,12 @@ def seeds(text: str) -> list[int]:
     return [int(word) for word in names(text)]
 
 
+def of_models(rows: Iterable[dict[str, str]], all_models: str) -> str:
+    """Return ` --models …` as a repeated command needs it, nothing if rows are of all models."""
+    there = list(dict.fromkeys(row["model"] for row in rows))
+    return "" if set(names(all_models)) <= set(there) else f" --models {','.join(there)}"
+
+
 def setting(**chosen: Any) -> str:
     """Return one line that says what was run, where and with which versions."""
     names = ("decmcts", "numpy", "numba", "eclipse-zenoh", "python-fcl")

@@ -26,6 +26,7 @@ from common import (
     grouped,
     markdown,
     names,
+    of_models,
     own_process,
     run_missing,
     setting,
@@ -168,7 +169,8 @@ def write_results(rows: Rows, options: argparse.Namespace) -> None:
         seeds=" ".join(sorted({r["seed"] for r in mine})),
     )  # fmt: skip
     text = f"# Scale\n\n{said}\n\nRepeat: `python benchmarks/scale.py"
-    text += f" --time-limit {options.time_limit:g}`. First verified: the search "
+    text += f" --time-limit {options.time_limit:g}{of_models(mine, MODELS)}`. "
+    text += "First verified: the search "
     text += f"stopped after {options.stop_at:g} s of planning, its plan made and verified.\n\n"
     text += verdict(mine) + "\n![scale](scale.png)\n\n" + table(mine) + rows.failures()
     (options.results / "scale.md").write_text(text)

@@ -31,6 +31,7 @@ from decmcts.formats.sop import is_sop
 
 @app.command()
 def plan(
+    context: typer.Context,
     source: opt.Input,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Write G-code")] = None,
     machine: opt.MachineOption = None,
@@ -59,10 +60,7 @@ def plan(
 ) -> None:
     """Find a better order for one head and write it, verified; or solve a bare SOP."""
     if is_sop(source):
-        sop.refuse_for_sop(
-            machine=machine, seam=seam, plan=plan_file, report=report, picture=picture,
-            quality=quality, min_layer_time=min_layer_time, max_layers_ahead=max_layers_ahead,
-        )  # fmt: skip
+        sop.refuse_for_sop(context)
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_unwritable([output, plan_file, report, picture], source)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import typer
 
 from decmcts.cli.app import interrupt_stops
 from decmcts.cli.console import out, print_json, steps
@@ -16,14 +16,18 @@ from decmcts.errors import InputError, VerificationError
 from decmcts.formats.sop import SopInstance, read_sop, write_tour
 from decmcts.search.sop import SopResult, solve_sop
 
+_MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})
 
-def refuse_for_sop(**given: Any) -> None:
-    """Raise InputError for an option that means nothing to a bare problem."""
-    for name, value in given.items():
-        if value is not None:
+
+def refuse_for_sop(context: typer.Context) -> None:
+    """Raise InputError for an option given that means nothing to a bare problem."""
+    for option in context.command.params:
+        name = option.name or ""
+        origin = context.get_parameter_source(name)
+        if origin is not None and origin.name == "COMMANDLINE" and name not in _MEANT:
+            said = [*option.opts, *option.secondary_opts][0 if context.params[name] else -1]
             raise InputError(
-                f"--{name.replace('_', '-')} means nothing for a .sop file: "
-                "it has costs, but no contours or heads",
+                f"{said} means nothing for a .sop file: it has costs, but no contours or heads",
                 advice="leave it out",
             )
 

@@ -78,3 +78,13 @@ def test_the_table_shows_change(make):
     rows = {row[0]: row[1:] for row in gained(before, after)}
     assert rows["travel between contours (the paper's metric), mm"] == ("200", "50", "-75.0 %")
     assert rows["planner"] == ("", "local", "")
+
+
+def test_the_table_says_what_is_proven(make):
+    """The bound stands beside the travel; without a gap it stands alone."""
+    document = make.tower_plan()
+    metrics = {"bound_mm": 40.0, "gap_percent": 25.0, "extrusionless_travel_mm": 50.0}
+    for gap, said in ((25.0, "at most 25.0 % above"), (None, "")):
+        after = replace(document, metrics={**metrics, "gap_percent": gap})
+        rows = {row[0]: row[1:] for row in gained(document, after)}
+        assert rows["least travel any order can have (proven), mm"] == ("", "40", said)
