@@ -36,11 +36,11 @@ class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
     layers: float = 0.06  # share of the budget at which annealing within layers ends
-    raced: float = 0.5  # share of the budget at which races end and regions are annealed
-    merged: float = 0.6  # and at which what the last two rivals differ in has been annealed
+    raced: float = 0.55  # share of the budget at which races end and regions are annealed
+    merged: float = 0.65  # and at which what the last two rivals differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
-    racing: int = 2400  # contours in all races together: small prints have more of them
-    most_races: int = 6
+    racing: int = 2000  # contours for which one race is enough; a half, four; a third, nine
+    most_races: int = 16
     medium: int = 4000  # contours up to which races and regions beat sharing one sequence out
     first: float = 0.05  # share of the budget for a first, fast annealing
     turn: float = 0.5  # share of the budget at which the trees get their second turn
@@ -92,7 +92,8 @@ class Hybrid:
         layered = self._in_layers(incumbent, near, lanes)
         if layered is None:
             return True
-        races = min(max(self.racing // len(incumbent.problem), 1), self.most_races)
+        size = len(incumbent.problem) / self.racing
+        races = int(min(max(1.0, size**-2), self.most_races))
         for number in range(races):
             other = (layered, plain)[number % 2]
             rivals = [_sequence(incumbent, near), *(other.copy() for _ in lanes.states[1:])]
