@@ -61,6 +61,12 @@ def judge(
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if result.name.lower().endswith((".json", ".json.gz")):
+        if machine is not None:
+            raise InputError(
+                "a plan names its machine, --machine means nothing beside it",
+                path=result,
+                advice="leave it out",
+            )
         document = read_plan(result)
         job = read_gcode(source)[0] if source is not None else None
         digest = digest_of(document)

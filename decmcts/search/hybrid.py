@@ -41,10 +41,11 @@ class Hybrid:
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
     racing: int = 2000  # contours for which one race is enough; a half, four; a third, nine
     most_races: int = 16
-    medium: int = 4000  # contours up to which races and regions beat sharing one sequence out
+    medium: int = 2500  # contours up to which races and regions beat sharing one sequence out
     first: float = 0.05  # share of the budget for a first, fast annealing
     turn: float = 0.5  # share of the budget at which the trees get their second turn
     end: float = 0.97  # share of the budget at which the descent begins
+    shared: float = 0.75  # share of the budget at which a shared sequence goes on in regions
     large: int = 6000  # contours from which one Γ is all that time allows
     for_structure: float = 0.02  # share of the budget for each turn of the trees; 0: no trees
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
@@ -155,7 +156,9 @@ class Hybrid:
             return True
         if guest.cost < before:
             sequence = guest
-        return anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), self.end, a_lane=4)
+        if anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), self.shared, a_lane=4):
+            return True
+        return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
 
     def _turn_of_trees(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""

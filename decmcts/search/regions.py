@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.random import below, uniform
 from decmcts.search.annealing import Cooling
-from decmcts.search.fusing import fuse
+from decmcts.search.fusing import Fused, fuse
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes
 from decmcts.search.pieces import Sequence, cut
@@ -39,6 +39,9 @@ _STEPS = (400.0, 1500.0, 50_000.0)  # a contour left: least, most at first, most
 _PASSES = 20  # regions each contour is to be in; the more time, the longer each takes
 _SLICES = 12  # of equal temperature
 _STRETCHES = (1.0, 3.0, 10.0)  # of heights: towers to layers
+_WHOLE = 6000  # contours up to which regions are taken of the whole print
+_PART = 1500  # contours set free in a part of a larger one
+_PART_PASSES = 2  # parts each contour is to be in
 _WINDOWS = 3  # stretches of the sequence in a region that is no ball
 
 
@@ -59,38 +62,70 @@ class Places:
     def draw(self, sequence: Sequence, size: int, state: NDArray[np.uint64]) -> NDArray[np.bool_]:
         """Mutate the generator; return which contours are set free, (n,) by contour.
 
-        Either those next to a random one, or what is printed about it and about some
-        that lie near it.
+        Either a ball, or what is printed before and after some contours of one.
         """
-        n, shape = len(sequence.order), below(state, len(self.trees))
-        centre = below(state, n)
-        _, ball = self.trees[shape].query(self.points[shape][centre], k=np.arange(1, size + 1))
-        free = np.zeros(n, np.bool_)
+        free = self.ball(size, state)
         if below(state, 2) == 0:
-            free[ball] = True
             return free
+        n, ball = len(free), np.flatnonzero(free)
         position = np.empty(n, np.int32)
         position[sequence.order] = np.arange(n, dtype=np.int32)
         half = max(1, size // (2 * _WINDOWS))
-        others = [ball[below(state, len(ball))] for _ in range(_WINDOWS - 1)]
-        for at in position[[centre, *others]]:
+        chosen = [ball[below(state, len(ball))] for _ in range(_WINDOWS)]
+        free[:] = False
+        for at in position[chosen]:
             free[sequence.order[max(at - half, 0) : at + half]] = True
+        return free
+
+    def ball(self, size: int, state: NDArray[np.uint64]) -> NDArray[np.bool_]:
+        """Mutate the generator; return which contours lie next to a random one, (n,)."""
+        shape = below(state, len(self.trees))
+        points = self.points[shape]
+        centre = points[below(state, len(points))]
+        _, near = self.trees[shape].query(centre, k=np.arange(1, min(size, len(points)) + 1))
+        free = np.zeros(len(points), np.bool_)
+        free[near] = True
         return free
 
 
 def anneal_regions(incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until: float) -> bool:
     """Improve a sequence until the share `until` is spent; return whether to stop.
 
-    Each lane tries a region of the same sequence and the better result goes on, to
-    the incumbent too. Mutates the generators.
+    The incumbent gets what is better. Of a large print a part is fused out first, in
+    which regions are tried for a while: fusing takes time with all contours there are.
+    Mutates the generators.
+    """
+    n, began = len(sequence.order), incumbent.spent
+    if n <= _WHOLE:
+        return _improved(incumbent, sequence, lanes, until)[1]
+    places, turn = Places.of(sequence), (until - began) * _PART / (_PART_PASSES * n)
+    stop = False
+    while not stop and incumbent.spent < until:
+        fused = _fused_but(sequence, places.ball(_PART, lanes.cutting))
+        turn_ends = min(until, incumbent.spent + turn)
+        found, stop = _improved(incumbent, fused.start(), lanes, turn_ends, fused)
+        sequence = fused.unfused(found)
+    return stop
+
+
+def _improved(
+    incumbent: Incumbent,
+    sequence: Sequence,
+    lanes: Lanes,
+    until: float,
+    fused: Fused | None = None,
+) -> tuple[Sequence, bool]:
+    """Return what regions make of a sequence until the share `until`, and whether to stop.
+
+    Each lane tries a region of the same sequence and the better result goes on, to the
+    incumbent too: of a fused problem the whole sequence it stands for.
     """
     n, places = len(sequence.order), Places.of(sequence)
     began, made, longest = incumbent.spent, 0, _STEPS[1]
-    while (spent := incumbent.spent) < until:
+    while (spent := incumbent.spent) < until and (mean := sequence.cost / n) > 0.0:
         if spent > began and made:
             all_steps = made * (until - began) / (spent - began)
             longest = min(max(all_steps / (_PASSES * n), _STEPS[1]), _STEPS[2])
-        mean = sequence.cost / n
         size = min(n, round(_between(*_SIZE, lanes.cutting)))
         free = [places.draw(sequence, size, lanes.cutting) for _ in lanes.states]
         coolings = [Cooling(mean * _between(*_HOT, lanes.cutting), mean * _COLD) for _ in free]
@@ -101,13 +136,15 @@ def anneal_regions(incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until
         found = list(lanes.pool.map(_annealed, *tried))
         best = min((result for result, _ in found), key=lambda result: result.cost)
         if best.cost <= sequence.cost:
-            sequence = best
-            incumbent.offer(sequence.order, sequence.flip, sequence.seat)
+            better, sequence = best.cost < sequence.cost, best
+            if better:
+                whole = best if fused is None else fused.unfused(best)
+                incumbent.offer(whole.order, whole.flip, whole.seat)
         total = sum(number for _, number in found)
         made += total
         if incumbent.tick(total) or incumbent.cost == 0.0:
-            return True
-    return False
+            return sequence, True
+    return sequence, False
 
 
 def _annealed(
@@ -122,8 +159,7 @@ def _annealed(
 
     There are `steps` for each contour of the fused problem, but no more than `most`.
     """
-    loose = free[sequence.order]
-    fused = fuse(sequence, ~(loose[:-1] | loose[1:]))
+    fused = _fused_but(sequence, free)
     start = fused.start()
     piece = cut(start, 0, len(start.order))
     slice_ = max(1, int(min(steps * len(start.order), most) / _SLICES))
@@ -131,6 +167,12 @@ def _annealed(
         anneal(piece.tour, state, cooling.at(k / (_SLICES - 1)), slice_)
     piece.put_back(start)
     return fused.unfused(start), slice_ * _SLICES
+
+
+def _fused_but(sequence: Sequence, free: NDArray[np.bool_]) -> Fused:
+    """Return the problem in which all but the free contours is fused."""
+    loose = free[sequence.order]
+    return fuse(sequence, ~(loose[:-1] | loose[1:]))
 
 
 def _between(least: float, most: float, state: NDArray[np.uint64]) -> float:
