@@ -9,6 +9,7 @@ import pytest
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.tour import respects
+from decmcts.search import regions
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import open_lanes
 from decmcts.search.regions import Places, anneal_regions
@@ -75,3 +76,20 @@ def test_a_region_is_some_contours_but_not_all() -> None:
     assert max(sizes) == 60
     assert 10 <= min(sizes) < 60
     assert len({tuple(np.flatnonzero(places.draw(sequence, 60, state))) for _ in range(20)}) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", CASES)
+def test_parts_of_a_large_print_are_put_back_whole(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regions within parts: the result is complete, allowed, better and repeatable."""
+    monkeypatch.setattr(regions, "_WHOLE", 20)
+    monkeypatch.setattr(regions, "_PART", 30)
+    incumbent, again = improved(seed, 40_000), improved(seed, 40_000)
+    problem = incumbent.problem
+    assert incumbent.cost < found(problem, seed, iterations=10).cost
+    assert sorted(incumbent.order.tolist()) == list(range(len(problem)))
+    assert respects(incumbent.order, problem.graph.succ_offsets, problem.graph.succs)
+    assert (incumbent.order == again.order).all()
+    assert incumbent.cost == again.cost
