@@ -32,7 +32,7 @@ class Fused:
     whole: Sequence
     problem: OrderProblem
     begins: NDArray[np.int64]  # (runs + 1,) positions in `whole`
-    options: NDArray[np.int64]  # (m,) number in the whole problem of each of its options
+    options: NDArray[np.int64]  # (m,) number in the whole problem of each option of single ones
 
     def start(self) -> Sequence:
         """Return the fused problem's sequence that is `whole`."""
@@ -73,7 +73,11 @@ def merge(one: Sequence, other: Sequence) -> Fused:
 
 
 def fuse(sequence: Sequence, together: NDArray[np.bool_]) -> Fused:
-    """Fuse the contours at positions p and p + 1 for which `together[p]`, (n - 1,)."""
+    """Fuse the contours at positions p and p + 1 for which `together[p]`, (n - 1,).
+
+    Stored edges suffice: a run is contiguous in a linear extension, so a chain of edges
+    between two of its contours stays within, and one from run to run is a chain of runs.
+    """
     whole, order = sequence.problem, sequence.order
     begins = np.flatnonzero(np.concatenate([[True], ~together, [True]])).astype(np.int64)
     k = len(begins) - 1
@@ -106,7 +110,7 @@ def _shared(one: Sequence, other: Sequence) -> NDArray[np.bool_]:
     """Tell after which positions of `one` both go on alike, (n - 1,)."""
     follows = np.full(len(one.order), -1, np.int32)
     follows[other.order[:-1]] = other.order[1:]
-    alike = one.flip == other.flip
+    alike = (one.flip == other.flip) & (one.seat == other.seat)
     a, b = one.order[:-1], one.order[1:]
     return np.asarray((follows[a] == b) & alike[a] & alike[b])
 

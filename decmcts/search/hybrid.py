@@ -39,7 +39,7 @@ class Hybrid:
     raced: float = 0.55  # share of the budget at which races end
     merged: float = 0.65  # and at which what the last two rivals differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
-    racing: int = 2000  # contours for which one race is enough; a half, four; a third, nine
+    racing: int = 2000  # contours for which one race is enough; for half as many, four
     most_races: int = 16
     medium: int = 2500  # contours up to which races and regions beat sharing one sequence out
     first: float = 0.05  # share of the budget for a first, fast annealing
@@ -56,6 +56,10 @@ class Hybrid:
     cold: float = 0.03
     anneals: bool = True  # False: trees and descent only
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
+
+    def __post_init__(self) -> None:
+        if min(self.racing, self.most_races, self.threads) < 1:
+            raise ValueError("racing, most_races and threads: expected 1 or more")
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
         """Spend the budget, or stop at the first sequence without any travel."""
@@ -87,14 +91,15 @@ class Hybrid:
 
         What a race ends in depends on what it begins with, and no start is best for all
         prints. One lane has the best sequence, or the trees'; the others have in turn
-        what annealing within layers made and the plain start, hot and mild.
+        the plain start, and what annealing within layers makes of it, hot and mild.
         """
         plain = _sequence(incumbent, near)
-        layered = self._in_layers(incumbent, near, lanes)
-        if layered is None:
+        if self._in_layers(incumbent, near, lanes):
             return True
-        size = len(incumbent.problem) / self.racing
+        layered = _sequence(incumbent, near)
+        size, began = len(incumbent.problem) / self.racing, incumbent.spent
         races = int(min(max(1.0, size**-2), self.most_races))
+        rivals: list[Sequence] = []
         for number in range(races):
             other = (layered, plain)[number % 2]
             rivals = [_sequence(incumbent, near), *(other.copy() for _ in lanes.states[1:])]
@@ -106,12 +111,15 @@ class Hybrid:
                 return True
             second = Cooling(mild if (number + 1) // 2 % 2 else hot, cold)
             coolings = [Cooling(hot, cold), *(second for _ in rivals[1:])]
-            until = self.layers + (self.raced - self.layers) * (number + 1) / races
+            until = began + (self.raced - began) * (number + 1) / races
             if anneal_rivals(incumbent, rivals, lanes, coolings, until):
                 return True
-        rivals.sort(key=lambda rival: rival.cost)
-        if len(rivals) > 1 and self._settle(incumbent, merge(*rivals[:2]), lanes):
-            return True
+        best = _sequence(incumbent, near)
+        others = [rival for rival in rivals if rival.cost > best.cost]
+        if others:
+            fused = merge(best, min(others, key=lambda rival: rival.cost))
+            if self._settle(incumbent, fused, lanes):
+                return True
         return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
 
     def _settle(self, incumbent: Incumbent, fused: Fused, lanes: Lanes) -> bool:
@@ -125,17 +133,16 @@ class Hybrid:
             incumbent, rivals, lanes, coolings, self.merged, fused=fused
         )
 
-    def _in_layers(
-        self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes
-    ) -> Sequence | None:
-        """Anneal within layers; return what comes of it, None to stop."""
+    def _in_layers(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+        """Anneal within layers if the best sequence goes by layers; return whether to stop."""
         hot, *_, cold = self._heats(incumbent)
         if hot == 0.0:
-            return None
-        tour = tour_of(incumbent, near, layer_runs(incumbent.problem.layer))
-        if anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), self.layers):
-            return None
-        return _sequence(incumbent, near)
+            return True
+        group = layer_runs(incumbent.problem.layer)
+        if (np.diff(group[incumbent.order]) < 0).any():
+            return False
+        tour = tour_of(incumbent, near, group)
+        return anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), self.layers)
 
     def _improve(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Take trees, a first fast annealing and a long one; return whether to stop."""

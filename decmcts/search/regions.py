@@ -1,9 +1,9 @@
 """Large neighbourhood search: one region of the print at a time is annealed anew.
 
-A region is some hundred contours that lie near each other, in space or along the
+A region is about a hundred contours that lie near each other, in space or along the
 sequence. All else is fused to runs (`decmcts.search.fusing`), so that annealing of
-the region, from a temperature drawn for it, takes some hundredths of a second and
-may carry what lies between elsewhere. What is no worse is kept. Annealing of a
+the region, from a temperature drawn for it, takes a fraction of a second and may
+carry what lies between elsewhere. A result that is no worse goes on. Annealing of a
 whole sequence ends as good as an average outcome everywhere; this takes the best
 of many for each region.
 
@@ -16,7 +16,6 @@ routing problems" (large neighbourhoods, relatedness). Taillard & Helsgaun 2019,
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import repeat
 
@@ -36,6 +35,8 @@ _SIZE = (60.0, 200.0)  # contours of a region
 _HOT = (0.3, 5.0)  # between these a region's first temperature is drawn, in mean travels
 _COLD = 0.03  # and its last
 _STEPS = (400.0, 1500.0, 50_000.0)  # a contour left: least, most at first, most ever
+_MOST_AT_FIRST = 200_000.0  # steps, before it is known how long they take
+_LONGEST_S = 0.5  # for a region: between regions the clock and the stop wish are looked at
 _PASSES = 20  # regions each contour is to be in; the more time, the longer each takes
 _SLICES = 12  # of equal temperature
 _STRETCHES = (1.0, 3.0, 10.0)  # of heights: towers to layers
@@ -62,12 +63,14 @@ class Places:
     def draw(self, sequence: Sequence, size: int, state: NDArray[np.uint64]) -> NDArray[np.bool_]:
         """Mutate the generator; return which contours are set free, (n,) by contour.
 
-        Either a ball, or what is printed before and after some contours of one.
+        Either a ball, or what is printed before and after some contours of one; of bare
+        costs, which have no places, before and after any.
         """
-        free = self.ball(size, state)
-        if below(state, 2) == 0:
+        n, bare = len(sequence.order), sequence.problem.costs is not None
+        free = np.ones(n, np.bool_) if bare else self.ball(size, state)
+        if not bare and below(state, 2) == 0:
             return free
-        n, ball = len(free), np.flatnonzero(free)
+        ball = np.flatnonzero(free)
         position = np.empty(n, np.int32)
         position[sequence.order] = np.arange(n, dtype=np.int32)
         half = max(1, size // (2 * _WINDOWS))
@@ -129,9 +132,12 @@ def _improved(
         size = min(n, round(_between(*_SIZE, lanes.cutting)))
         free = [places.draw(sequence, size, lanes.cutting) for _ in lanes.states]
         coolings = [Cooling(mean * _between(*_HOT, lanes.cutting), mean * _COLD) for _ in free]
-        steps, most = _between(_STEPS[0], longest, lanes.cutting), math.inf
+        steps, most = _between(_STEPS[0], longest, lanes.cutting), _MOST_AT_FIRST
         if incumbent.budget.iterations is not None:
             most = (until - spent) * incumbent.budget.iterations / len(free)
+        elif spent > began and made:
+            a_share = made / (spent - began) / len(free)
+            most = a_share * min(until - spent, _LONGEST_S / incumbent.budget.seconds)
         tried = (repeat(sequence), free, lanes.states, coolings, repeat(steps), repeat(most))
         found = list(lanes.pool.map(_annealed, *tried))
         best = min((result for result, _ in found), key=lambda result: result.cost)

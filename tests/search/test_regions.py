@@ -17,7 +17,7 @@ from decmcts.search.stopping import Budget, IterationLimit
 from tests.search.problems import random_problem
 from tests.search.test_fusing import found, varied
 
-CASES = [0, 1, 2]  # points, loops, seconds; see `varied`
+CASES = [0, 1, 2, 3]  # points, loops, seconds, bare costs; see `varied`
 
 
 def improved(seed: int, iterations: int) -> Incumbent:
