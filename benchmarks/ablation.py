@@ -107,16 +107,23 @@ def plot(above: dict[str, list[float]], path: Path) -> None:
 
 
 def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> None:
-    mine = [r for r in rows if float(r["limit_s"]) == options.time_limit]
+    mine = [
+        r for r in rows
+        if float(r["limit_s"]) == options.time_limit and r["process"] == options.process
+        and not r["error"]
+    ]  # fmt: skip
+    seeds = ",".join(sorted({r["seed"] for r in mine}))
     said = setting(
         note=options.note, quality="none", process_order=options.process,
-        time_limit=f"{options.time_limit:g} s", seeds=" ".join(sorted({r["seed"] for r in mine})),
+        time_limit=f"{options.time_limit:g} s", seeds=seeds,
     )  # fmt: skip
-    lines, above = table([r for r in mine if r["process"] == options.process])
-    text = f"# What each part of `hybrid` is worth\n\n{said}\n\nRepeat: "
+    lines, above = table(mine)
     settings = ",".join(dict.fromkeys(f"{r['machine']}-{r['freedom']}" for r in mine))
-    text += f"`python benchmarks/ablation.py --settings {settings}"
-    text += f"{of_models(mine, MODELS)}`. Of several seeds the median travel counts. The Γ "
+    text = f"# What each part of `hybrid` is worth\n\n{said}\n\nRepeat: "
+    text += f"`python benchmarks/ablation.py --settings {settings} --process {options.process} "
+    text += f"--time-limit {options.time_limit:g} --seeds {seeds}{of_models(mine, MODELS)}`. "
+    text += "One thread also means no rival starts and no merging. Of several seeds the median "
+    text += "travel counts. The Γ "
     text += "chosen is that of the trees' last turn, seed by seed.\n\n"
     text += summary(above) + "\n![ablation](ablation.png)\n\n" + lines
     (options.results / "ablation.md").write_text(text)

@@ -70,9 +70,9 @@ def seeds(text: str) -> list[int]:
 
 
 def of_models(rows: Iterable[dict[str, str]], all_models: str) -> str:
-    """Return ` --models …` as a repeated command needs it, nothing if rows are of all models."""
+    """Return ` --models …` as a repeated command needs it, nothing for none or the usual ones."""
     there = list(dict.fromkeys(row["model"] for row in rows))
-    return "" if set(names(all_models)) <= set(there) else f" --models {','.join(there)}"
+    return "" if set(there) in (set(), set(names(all_models))) else f" --models {','.join(there)}"
 
 
 def setting(**chosen: Any) -> str:

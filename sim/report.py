@@ -112,11 +112,13 @@ def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, st
         if isinstance(was, int | float) and isinstance(now, int | float):
             change = f"{100 * (now / was - 1):+.1f} %" if was else ""
             rows.append((text, f"{was:,.0f}", f"{now:,.0f}", change))
+    if isinstance(spent := after.metrics.get("travel_s"), int | float):
+        rows.append(("time of travels, as the search prices it, s", "", f"{spent:,.1f}", ""))
     for unit, text in (("mm", "least travel"), ("s", "shortest travel time")):
         bound, gap = after.metrics.get(f"bound_{unit}"), after.metrics.get("gap_percent")
         if isinstance(bound, int | float):
             above = "" if gap is None else f"at most {gap:.1f} % above"
-            rows.append((f"{text} any order can have (proven), {unit}", "", f"{bound:,.0f}", above))
+            rows.append((f"{text} any order can have (proven), {unit}", "", f"{bound:,.1f}", above))
     chosen = [key for key in ("planner", "freedom", "seed") if key in after.metrics]
     rows += [(k, str(before.metrics.get(k, "")), str(after.metrics[k]), "") for k in chosen]
     return rows

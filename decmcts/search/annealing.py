@@ -23,7 +23,7 @@ _LONGEST_SWAP = 50  # segments tried exhaustively; longer ones are left to annea
 
 @dataclass(frozen=True, slots=True)
 class Cooling:
-    """Geometric cooling between two temperatures in mm."""
+    """Geometric cooling between two temperatures, in the unit of costs."""
 
     hot_mm: float
     cold_mm: float

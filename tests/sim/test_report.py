@@ -80,11 +80,14 @@ def test_the_table_shows_change(make):
     assert rows["planner"] == ("", "local", "")
 
 
-def test_the_table_says_what_is_proven(make):
-    """The bound stands beside the travel; without a gap it stands alone."""
+@pytest.mark.parametrize(("unit", "text"), [("mm", "least travel"), ("s", "shortest travel time")])
+def test_the_table_says_what_is_proven(make, unit, text):
+    """The bound stands beside what it bounds; without a gap it stands alone."""
     document = make.tower_plan()
-    metrics = {"bound_mm": 40.0, "gap_percent": 25.0, "extrusionless_travel_mm": 50.0}
+    metrics = {f"bound_{unit}": 40.0, f"travel_{unit}": 50.0}
     for gap, said in ((25.0, "at most 25.0 % above"), (None, "")):
         after = replace(document, metrics={**metrics, "gap_percent": gap})
         rows = {row[0]: row[1:] for row in gained(document, after)}
-        assert rows["least travel any order can have (proven), mm"] == ("", "40", said)
+        assert rows[f"{text} any order can have (proven), {unit}"] == ("", "40.0", said)
+        times = rows.get("time of travels, as the search prices it, s")
+        assert times == (("", "50.0", "") if unit == "s" else None)
