@@ -2,10 +2,10 @@
 
 Trees over clusters, one for each Γ, propose a start. What follows depends on size.
 Up to some thousand contours: races of whole sequences, one a thread, from unlike
-starts; then only what the last two differ in. Larger: one sequence in pieces, long
-ones while hot, where long moves decide the large structure, many short ones while
-cold; half-way the trees, guided by what annealing made of the sequence, get
-another turn. At last regions, one after the other.
+starts; then only what the best and a rival differ in. Larger: one sequence in
+pieces, long ones while hot, where long moves decide the large structure, many
+short ones while cold; half-way the trees, guided by what annealing made of the
+sequence, get another turn. At last regions, one after the other.
 
 References
 ----------
@@ -37,7 +37,7 @@ class Hybrid:
 
     layers: float = 0.06  # share of the budget at which annealing within layers ends
     raced: float = 0.55  # share of the budget at which races end
-    merged: float = 0.65  # and at which what the last two rivals differ in has been annealed
+    merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
     racing: int = 2000  # contours for which one race is enough; for half as many, four
     most_races: int = 16

@@ -108,6 +108,7 @@ def anneal_regions(incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until
         turn_ends = min(until, incumbent.spent + turn)
         found, stop = _improved(incumbent, fused.start(), lanes, turn_ends, fused)
         sequence = fused.unfused(found)
+        stop = stop or incumbent.tick()  # a part without travels asks nobody
     return stop
 
 
@@ -141,11 +142,11 @@ def _improved(
         tried = (repeat(sequence), free, lanes.states, coolings, repeat(steps), repeat(most))
         found = list(lanes.pool.map(_annealed, *tried))
         best = min((result for result, _ in found), key=lambda result: result.cost)
+        if best.cost < sequence.cost:
+            whole = best if fused is None else fused.unfused(best)
+            incumbent.offer(whole.order, whole.flip, whole.seat)
         if best.cost <= sequence.cost:
-            better, sequence = best.cost < sequence.cost, best
-            if better:
-                whole = best if fused is None else fused.unfused(best)
-                incumbent.offer(whole.order, whole.flip, whole.seat)
+            sequence = best
         total = sum(number for _, number in found)
         made += total
         if incumbent.tick(total) or incumbent.cost == 0.0:
