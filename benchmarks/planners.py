@@ -1,12 +1,14 @@
 """Every planner on twelve models at equal time, with the annealing yardstick beside.
 
     python benchmarks/planners.py [--settings paper-fixed,mk4s-seam] [--process free,keep]
+    python benchmarks/planners.py --time-limit 10
     python benchmarks/planners.py --time-limits 10,60,600 --settings paper-reversible --process keep
 
-The second command measures what a longer search still gains. `hybrid` uses two
+The last command measures what a longer search still gains. `hybrid` uses two
 threads and runs alone; the others use one and may run two at a time (`--jobs 2`).
 Runs go a few rows of the table at a time, so that a stopped run leaves whole rows.
-Writes docs/results/planners.csv (a row a run, resumable), planners.md, planners.png.
+Writes docs/results/planners.csv (a row a run, resumable), planners.md and a picture
+for each time limit.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from common import (
+    CPU_TIME,
     Rows,
     arguments,
     grouped,
@@ -191,29 +194,27 @@ def place(row: dict[str, str]) -> tuple[Any, ...]:
 
 
 def write_results(rows: Rows, options: argparse.Namespace) -> None:
-    at_limit = [
-        r for r in rows.rows if not r["error"] and float(r["limit_s"]) == options.time_limit
-    ]
-    at_limit.sort(key=place)
-    there = {r["planner"] for r in at_limit}
-    planners = [name for name in names(PLANNERS) if name in there]
-    seeds = sorted({int(r["seed"]) for r in at_limit})
+    done = sorted((r for r in rows.rows if not r["error"]), key=place)
     said = setting(
-        note=options.note, quality="none", time_limit=f"{options.time_limit:g} s",
-        seeds=" ".join(map(str, seeds)),
+        note=options.note, quality="none", seeds=" ".join(sorted({r["seed"] for r in done})),
+        seconds=CPU_TIME,
     )  # fmt: skip
     text = f"# Planners at equal time\n\n{said}\n\nRepeat: `python benchmarks/planners.py`. "
     text += "Reduction of extrusionless travel against the source's order (PrusaSlicer 2.5.0, "
     text += "aligned seam), in per cent; of several seeds, or models, the median and in brackets "
-    text += "the quartiles. Annealing: the yardstick, whole per cent. Each plan was verified.\n\n"
-    text += "## Medians\n\n" + medians(at_limit, planners) + "\n![reductions](planners.png)\n\n"
-    text += (
-        "## All rows\n\n" + comparison(at_limit, planners) + longer(sorted(rows.rows, key=place))
-    )
-    text += rows.failures()
+    text += "the quartiles. Annealing: the yardstick, whole per cent. Each plan was verified.\n"
+    by_limit = grouped(done, "limit_s")
+    for limit in sorted((limit for (limit,) in by_limit), key=float, reverse=True):
+        mine = by_limit[limit,]
+        planners = [name for name in names(PLANNERS) if name in {r["planner"] for r in mine}]
+        if len(planners) < 2:  # only what a longer search gains
+            continue
+        picture = f"planners_{float(limit):g}s.png"
+        plot(mine, planners, options.results / picture)
+        text += f"\n## {float(limit):g} s\n\n{medians(mine, planners)}\n"
+        text += f"![reductions]({picture})\n\n{comparison(mine, planners)}"
+    text += longer(done) + rows.failures()
     (options.results / "planners.md").write_text(text)
-    if at_limit:
-        plot(at_limit, planners, options.results / "planners.png")
 
 
 def main() -> None:

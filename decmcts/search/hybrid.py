@@ -27,6 +27,7 @@ from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals, open_lanes
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
+from decmcts.search.problem import OrderProblem
 from decmcts.search.regions import anneal_regions
 from decmcts.search.structure import gamma_searches, search_structure
 
@@ -35,17 +36,18 @@ from decmcts.search.structure import gamma_searches, search_structure
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    layers: float = 0.06  # share of the budget at which annealing within layers ends
+    layers: float = 0.06  # share of the budget for annealing within layers
     raced: float = 0.55  # share of the budget at which races end
     merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
-    racing: int = 2000  # contours for which one race is enough; for half as many, four
+    racing: int = 2000  # contours and entries for which one race will do; for half as many, four
     most_races: int = 16
-    medium: int = 2500  # contours up to which races and regions beat sharing one sequence out
-    first: float = 0.05  # share of the budget for a first, fast annealing
+    medium: int = 1000  # contours up to which races and regions beat sharing one sequence out
+    first: float = 0.05  # share of the budget for a first, fast annealing of a larger one
     turn: float = 0.5  # share of the budget at which the trees get their second turn
     end: float = 0.97  # share of the budget at which the descent begins
-    shared: float = 0.75  # share of the budget at which a shared sequence goes on in regions
+    shared: float = 0.75  # share of the budget at which a shared sequence goes on in regions,
+    for_regions: float = 15_000.0  # if there are so many steps for each contour in all
     large: int = 6000  # contours from which one Γ is all that time allows
     for_structure: float = 0.02  # share of the budget for each turn of the trees; 0: no trees
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
@@ -97,7 +99,7 @@ class Hybrid:
         if self._in_layers(incumbent, near, lanes):
             return True
         layered = _sequence(incumbent, near)
-        size, began = len(incumbent.problem) / self.racing, incumbent.spent
+        size, began = _choices(incumbent.problem) / self.racing, incumbent.spent
         races = int(min(max(1.0, size**-2), self.most_races))
         rivals: list[Sequence] = []
         for number in range(races):
@@ -142,14 +144,18 @@ class Hybrid:
         if (np.diff(group[incumbent.order]) < 0).any():
             return False
         tour = tour_of(incumbent, near, group)
-        return anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), self.layers)
+        until = incumbent.spent + self.layers
+        return anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), until)
 
     def _improve(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Take trees, a first fast annealing and a long one; return whether to stop."""
+        if len(incumbent.problem) >= self.large and self._in_layers(incumbent, near, lanes):
+            return True
         if self._turn_of_trees(incumbent, lanes, _sequence(incumbent, near)):
             return True
         sequence, (hot, *_, cold) = _sequence(incumbent, near), self._heats(incumbent)
-        if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, cold), self.first, a_lane=1):
+        first = incumbent.spent + self.first
+        if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, cold), first, a_lane=1):
             return True
         return self._share_out(incumbent, near, lanes)
 
@@ -163,7 +169,9 @@ class Hybrid:
             return True
         if guest.cost < before:
             sequence = guest
-        if anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), self.shared, a_lane=4):
+        steps = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
+        until = self.shared if steps >= self.for_regions else self.end
+        if anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), until, a_lane=4):
             return True
         return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
 
@@ -192,6 +200,11 @@ class Hybrid:
             incumbent.offer(guest.order, guest.flip, guest.seat)
         incumbent.notes["gamma"] = best.gamma
         return stop
+
+
+def _choices(problem: OrderProblem) -> int:
+    """Return the number of contours and of entries that they have beside the sliced one."""
+    return len(problem) + (0 if problem.seams is None else len(problem.seams.owner))
 
 
 def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:

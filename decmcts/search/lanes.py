@@ -19,7 +19,9 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +29,19 @@ from numpy.typing import NDArray
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.random import seeded, uniform
 from decmcts.search.annealing import Cooling
+from decmcts.search.crossover import crossover
 from decmcts.search.fusing import Fused
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.pieces import Piece, Sequence, cut
 
-_POLL_S = 0.05  # how often a search looks at the clock and the stop wish
-_LARGEST_SLICE = 4_000_000
-_SLICES = 400  # of a search that is limited by iterations
-_CONTOURS_A_SLICE = 800  # a cut lasts a slice for so many: cutting takes a twentieth of the time
+ROUND_S = 0.4  # how long lanes work before they meet: a lane held up keeps others waiting then
+_CHUNK_S = 0.02  # how often a lane looks at the clock
+_LARGEST_CHUNK = 4_000_000
+_ROUNDS = 400  # of a search that is limited by iterations
+_CUT_A_ROUND = 50_000  # a cut lasts a round for so many contours and edges: cutting takes time
 _LEAST_PIECE = 100  # contours
+
+Chunks: TypeAlias = Iterator[tuple[float, int]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,19 +81,17 @@ def anneal_rivals(
     """
     tours = [cut(rival, 0, len(rival.order)) for rival in rivals]
 
-    def slice_of(share: float, proposals: int) -> int:
-        def work(lane: int) -> None:
-            heat = coolings[lane].at(share)
-            anneal(tours[lane].tour, lanes.states[lane], heat, proposals)
+    def work(lane: int, chunks: Chunks) -> None:
+        for share, proposals in chunks:
+            anneal(tours[lane].tour, lanes.states[lane], coolings[lane].at(share), proposals)
 
-        list(lanes.pool.map(work, range(len(rivals))))
+    def meet() -> None:
         for rival, tour in zip(rivals, tours, strict=True):
             tour.put_back(rival)
             found = rival if fused is None else fused.unfused(rival)
             incumbent.offer(found.order, found.flip, found.seat)
-        return proposals * len(rivals)
 
-    return _in_slices(incumbent, slice_of, until)
+    return _in_rounds(incumbent, lanes, until, lambda: None, work, meet)
 
 
 def anneal_pieces(
@@ -102,69 +106,109 @@ def anneal_pieces(
     """Anneal one sequence on all lanes until the share `until` is spent; return whether to stop.
 
     There are `a_lane` pieces for each lane, fewer where they would be too small; in
-    every other turn each lane has the whole sequence, and the best goes on.
+    every other turn each lane has the whole sequence, and the best of both goes on.
     Mutates the sequence and the generators; offers what it passes to the incumbent.
     """
     n, count = len(sequence.order), len(lanes.states)
     shares: list[list[Piece]] = []
-    done, lasting = 0, max(1, n // _CONTOURS_A_SLICE)
+    rivals, begun, lasting = False, 0, 1 + (n + len(sequence.problem.graph.preds)) // _CUT_A_ROUND
 
-    def slice_of(share: float, proposals: int) -> int:
-        nonlocal shares, done
-        rivals = done // lasting % 2 == 1
-        if done % lasting == 0 and rivals:
-            shares = [[cut(sequence, 0, n)] for _ in range(count)]
-        elif done % lasting == 0:
-            shares = _shared_out(sequence, lanes, a_lane)
-        done += 1
-        heat = cooling.at(share)
-        rate = proposals / n if rivals else proposals * count / n
+    def begin() -> None:
+        nonlocal shares, rivals, begun
+        if begun % lasting == 0:
+            rivals = n < _LEAST_PIECE * count or begun // lasting % 2 == 1
+            shares = _whole(sequence, count) if rivals else _shared_out(sequence, lanes, a_lane)
+        begun += 1
 
-        def work(lane: int) -> int:
-            steps = [max(1, int(rate * len(piece.ids))) for piece in shares[lane]]
-            for piece, step in zip(shares[lane], steps, strict=True):
-                anneal(piece.tour, lanes.states[lane], heat, step)
-            return sum(steps)
+    def work(lane: int, chunks: Chunks) -> None:
+        contours = sum(len(piece.ids) for piece in shares[lane])
+        for share, proposals in chunks:
+            heat = cooling.at(share)
+            for piece in shares[lane]:
+                steps = max(1, proposals * len(piece.ids) // contours)
+                anneal(piece.tour, lanes.states[lane], heat, steps)
 
-        steps = sum(lanes.pool.map(work, range(len(shares))))
-        pieces = [piece for pieces in shares for piece in pieces]
-        for piece in [min(pieces, key=_travel)] if rivals else pieces:
-            piece.put_back(sequence)
+    def meet() -> None:
+        found = [sequence.copy() if rivals else sequence for _ in shares]
+        for own, pieces in zip(found, shares, strict=True):
+            for piece in pieces:
+                piece.put_back(own)
+        if rivals:
+            sequence.become(reduce(crossover, found))
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)
-        return steps
 
-    return _in_slices(incumbent, slice_of, until)
-
-
-def _travel(piece: Piece) -> float:
-    return float(piece.tour.after.sum())
+    return _in_rounds(incumbent, lanes, until, begin, work, meet)
 
 
-def _in_slices(incumbent: Incumbent, work: Callable[[float, int], int], until: float) -> bool:
-    """Call `work(share done, proposals a lane)` until the budget's share `until` is spent.
+def _in_rounds(
+    incumbent: Incumbent,
+    lanes: Lanes,
+    until: float,
+    begin: Callable[[], None],
+    work: Callable[[int, Chunks], None],
+    meet: Callable[[], None],
+) -> bool:
+    """Let lanes work until the budget's share `until` is spent; return whether to stop.
 
-    `work` returns how many proposals there were. Returns whether to stop.
+    They meet after each round only: on a machine that is shared a lane is held up now
+    and then, and others shall not wait for it more often than needed.
     """
-    began, proposals = incumbent.spent, 2000
+    began, count = incumbent.spent, len(lanes.states)
+    sizes = [2000] * count
     if incumbent.budget.iterations is not None:
-        proposals = int(min(max(incumbent.budget.iterations / _SLICES, 1.0), _LARGEST_SLICE))
-    while (spent := incumbent.spent) < until:
-        before = incumbent.seconds
-        made = work((spent - began) / (until - began), proposals)
-        if incumbent.tick(made) or incumbent.cost == 0.0:
+        size = min(max(incumbent.budget.iterations / _ROUNDS, 1.0), _LARGEST_CHUNK)
+        sizes = [int(size)] * count
+    while incumbent.spent < until:
+        begin()
+        rounds = [_Round(incumbent, began, until, size) for size in sizes]
+        list(lanes.pool.map(work, range(count), map(_Round.chunks, rounds)))
+        meet()
+        sizes = [round_.size for round_ in rounds]
+        if incumbent.tick(sum(round_.made for round_ in rounds)) or incumbent.cost == 0.0:
             return True
-        if incumbent.budget.iterations is None:
-            speed = proposals / max(incumbent.seconds - before, 1e-6)
-            proposals = int(min(max(_POLL_S * speed, 1000.0), 4.0 * proposals, _LARGEST_SLICE))
     return False
+
+
+@dataclass(slots=True)
+class _Round:
+    """A lane's proposals between two meetings: until a time, or one chunk of a set size."""
+
+    incumbent: Incumbent
+    began: float  # share of the budget spent at the first round
+    until: float  # and after the last
+    size: int  # proposals of the next chunk
+    made: int = 0
+
+    def chunks(self) -> Chunks:
+        """Yield the share done of all rounds and how many proposals to make, chunk by chunk."""
+        incumbent, length = self.incumbent, self.until - self.began
+        spent = incumbent.spent
+        if incumbent.budget.iterations is not None:
+            self.made = self.size
+            yield (spent - self.began) / length, self.size
+            return
+        ends = min(self.until, spent + ROUND_S / incumbent.budget.seconds)
+        while (spent := incumbent.spent) < ends:
+            before = incumbent.seconds
+            yield (spent - self.began) / length, self.size
+            self.made += self.size
+            speed = self.size / max(incumbent.seconds - before, 1e-6)
+            most = min(4.0 * self.size, _LARGEST_CHUNK)
+            self.size = int(min(max(_CHUNK_S * speed, 1000.0), most))
+
+
+def _whole(sequence: Sequence, count: int) -> list[list[Piece]]:
+    """Return the whole sequence for each lane."""
+    piece = cut(sequence, 0, len(sequence.order))
+    return [[piece], *([piece.twin()] for _ in range(count - 1))]
 
 
 def _shared_out(sequence: Sequence, lanes: Lanes, a_lane: int) -> list[list[Piece]]:
     """Return the pieces of each lane, about as many contours for each."""
     n, count = len(sequence.order), len(lanes.states)
-    parts = min(n // (_LEAST_PIECE * count), a_lane) * count
+    parts = min(n // (_LEAST_PIECE * count), a_lane) * count  # at least `count`
     shift = uniform(lanes.cutting)
-    places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n] if parts else [0, n]
+    places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n]
     pieces = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
     shares: list[list[Piece]] = [[] for _ in range(count)]
     for piece in sorted(pieces, key=lambda piece: (-len(piece.ids), piece.first)):

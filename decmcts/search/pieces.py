@@ -36,6 +36,10 @@ class Sequence:
         """Return the same sequence, to be changed apart from this one."""
         return replace(self, order=self.order.copy(), flip=self.flip.copy(), seat=self.seat.copy())
 
+    def become(self, other: Sequence) -> None:
+        """Mutate the sequence to another of the same problem."""
+        self.order[:], self.flip[:], self.seat[:] = other.order, other.flip, other.seat
+
     @property
     def cost(self) -> float:
         """What its travels cost together."""
@@ -51,6 +55,23 @@ class Piece:
     options: NDArray[np.int64]  # number in the whole problem of each local option
     guards: tuple[int, int]  # 0 or 1 before and behind
     tour: Tour  # local numbers are positions at the time of cutting
+
+    def twin(self) -> Piece:
+        """Return the same piece, to be changed apart from this one."""
+        tour, own = self.tour, self.tour.metric
+        if len(self.options):
+            own = with_points(own, points_of(own).copy())
+        twin = tour._replace(
+            metric=own,
+            seat=tour.seat.copy(),
+            order=tour.order.copy(),
+            position=tour.position.copy(),
+            flip=tour.flip.copy(),
+            after=tour.after.copy(),
+            scratch=tour.scratch.copy(),
+            mark=tour.mark.copy(),
+        )
+        return replace(self, tour=twin)
 
     def put_back(self, sequence: Sequence) -> None:
         """Mutate the sequence: print these positions as the piece does now."""

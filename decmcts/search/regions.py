@@ -17,6 +17,7 @@ routing problems" (large neighbourhoods, relatedness). Taillard & Helsgaun 2019,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 from itertools import repeat
 
 import numpy as np
@@ -26,9 +27,10 @@ from scipy.spatial import cKDTree
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.random import below, uniform
 from decmcts.search.annealing import Cooling
+from decmcts.search.crossover import crossover
 from decmcts.search.fusing import Fused, fuse
 from decmcts.search.incumbent import Incumbent
-from decmcts.search.lanes import Lanes
+from decmcts.search.lanes import ROUND_S, Lanes
 from decmcts.search.pieces import Sequence, cut
 
 _SIZE = (60.0, 200.0)  # contours of a region
@@ -121,37 +123,68 @@ def _improved(
 ) -> tuple[Sequence, bool]:
     """Return what regions make of a sequence until the share `until`, and whether to stop.
 
-    Each lane tries a region of the same sequence and the better result goes on, to the
-    incumbent too: of a fused problem the whole sequence it stands for.
+    Each lane tries regions by itself for a while; then the best of what both have, stretch
+    by stretch, goes on, to the incumbent too: of a fused problem the whole sequence it
+    stands for.
     """
-    n, places = len(sequence.order), Places.of(sequence)
-    began, made, longest = incumbent.spent, 0, _STEPS[1]
-    while (spent := incumbent.spent) < until and (mean := sequence.cost / n) > 0.0:
-        if spent > began and made:
-            all_steps = made * (until - began) / (spent - began)
-            longest = min(max(all_steps / (_PASSES * n), _STEPS[1]), _STEPS[2])
-        size = min(n, round(_between(*_SIZE, lanes.cutting)))
-        free = [places.draw(sequence, size, lanes.cutting) for _ in lanes.states]
-        coolings = [Cooling(mean * _between(*_HOT, lanes.cutting), mean * _COLD) for _ in free]
-        steps, most = _between(_STEPS[0], longest, lanes.cutting), _MOST_AT_FIRST
-        if incumbent.budget.iterations is not None:
-            most = (until - spent) * incumbent.budget.iterations / len(free)
-        elif spent > began and made:
-            a_share = made / (spent - began) / len(free)
-            most = a_share * min(until - spent, _LONGEST_S / incumbent.budget.seconds)
-        tried = (repeat(sequence), free, lanes.states, coolings, repeat(steps), repeat(most))
-        found = list(lanes.pool.map(_annealed, *tried))
-        best = min((result for result, _ in found), key=lambda result: result.cost)
+    places, began, made = Places.of(sequence), incumbent.spent, 0
+    while (spent := incumbent.spent) < until and sequence.cost > 0.0:
+        rate = made / (spent - began) if spent > began else 0.0
+        count, steps = len(lanes.states), rate * (until - began)
+        trial = _Trial(incumbent, places, until, rate / count, steps, count)
+        found = list(lanes.pool.map(trial.run, repeat(sequence), lanes.states))
+        best = reduce(crossover, (result for result, _ in found))
         if best.cost < sequence.cost:
             whole = best if fused is None else fused.unfused(best)
             incumbent.offer(whole.order, whole.flip, whole.seat)
-        if best.cost <= sequence.cost:
-            sequence = best
+        sequence = best
         total = sum(number for _, number in found)
         made += total
         if incumbent.tick(total) or incumbent.cost == 0.0:
             return sequence, True
     return sequence, False
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """How a lane tries regions between two meetings of all."""
+
+    incumbent: Incumbent
+    places: Places
+    until: float  # share of the budget
+    rate: float  # steps of a lane for all of the budget, 0: not known yet
+    steps: float  # of all lanes until the end, 0: not known yet
+    lanes: int
+
+    def run(self, sequence: Sequence, state: NDArray[np.uint64]) -> tuple[Sequence, int]:
+        """Mutate the generator; return what some regions made of it, and the steps.
+
+        If iterations are limited there is one region, so that results repeat.
+        """
+        n, made, cost, began = len(sequence.order), 0, sequence.cost, self.incumbent.seconds
+        longest = min(max(self.steps / (_PASSES * n), _STEPS[1]), _STEPS[2])
+        while cost > 0.0:
+            free = self.places.draw(sequence, min(n, round(_between(*_SIZE, state))), state)
+            cooling = Cooling(cost / n * _between(*_HOT, state), cost / n * _COLD)
+            steps, most = _between(_STEPS[0], longest, state), self._most()
+            found, number = _annealed(sequence, free, state, cooling, steps, most)
+            made += number
+            if (now := found.cost) <= cost:
+                sequence, cost = found, now
+            if self.incumbent.seconds >= began + ROUND_S or self._is_over():
+                break
+        return sequence, made
+
+    def _most(self) -> float:
+        """Return the most steps a region may take."""
+        budget, left = self.incumbent.budget, self.until - self.incumbent.spent
+        if budget.iterations is not None:
+            return left * budget.iterations / self.lanes
+        return self.rate * min(left, _LONGEST_S / budget.seconds) or _MOST_AT_FIRST
+
+    def _is_over(self) -> bool:
+        incumbent = self.incumbent
+        return incumbent.budget.iterations is not None or incumbent.spent >= self.until
 
 
 def _annealed(

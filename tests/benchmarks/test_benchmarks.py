@@ -18,7 +18,7 @@ SMALLEST = {  # script: (options, rows, files)
     "planners": (
         [*ONE, "--settings", "paper-fixed", "--process", "free", "--planners", "hybrid,local"],
         2,
-        ("planners.md", "planners.png"),
+        ("planners.md", "planners_0.2s.png"),
     ),
     "models": (
         [*ONE, "--machines", "paper", "--freedoms", "reversible"],
