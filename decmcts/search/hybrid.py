@@ -1,11 +1,12 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
 Trees over clusters, one for each Γ, propose a start. What follows depends on size.
-Up to some thousand contours: races of whole sequences, one a thread, from unlike
+Up to a thousand contours: races of whole sequences, one a thread, from unlike
 starts; then only what the best and a rival differ in. Larger: one sequence in
 pieces, long ones while hot, where long moves decide the large structure, many
 short ones while cold; half-way the trees, guided by what annealing made of the
-sequence, get another turn. At last regions, one after the other.
+sequence, get another turn. At last regions, one after the other, where there is
+time for many steps a contour.
 
 References
 ----------
@@ -203,7 +204,7 @@ class Hybrid:
 
 
 def _choices(problem: OrderProblem) -> int:
-    """Return the number of contours and of entries that they have beside the sliced one."""
+    """Return the number of contours, and of entries that loops may have."""
     return len(problem) + (0 if problem.seams is None else len(problem.seams.owner))
 
 

@@ -3,7 +3,8 @@
 Rivals anneal a sequence each and the better one is taken. Pieces share one
 sequence out: as many steps are made together as threads allow, but nothing moves
 across a cut. Cuts are placed anew all the time, and in every other turn rivals
-take the place of pieces, so that no move is ruled out for long. Each thread has a
+take the place of pieces, so that no move is ruled out for long; what those find is
+joined stretch by stretch (`decmcts.search.crossover`). Each thread has a
 generator of its own and results are joined in a fixed order: equal seeds and
 equal iterations give equal sequences, whatever the threads' pace.
 
