@@ -28,9 +28,10 @@ from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals, open_lanes
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
-from decmcts.search.problem import OrderProblem
 from decmcts.search.regions import anneal_regions
 from decmcts.search.structure import gamma_searches, search_structure
+
+_STEPS_A_S = 1.5e6  # of a lane, about
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class Hybrid:
     raced: float = 0.55  # share of the budget at which races end
     merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
-    racing: int = 2000  # contours and entries for which one race will do; for half as many, four
+    racing: float = 10_000.0  # steps of a lane in a race, for each contour and entry
     most_races: int = 16
     medium: int = 1000  # contours up to which races and regions beat sharing one sequence out
     first: float = 0.05  # share of the budget for a first, fast annealing of a larger one
@@ -100,8 +101,7 @@ class Hybrid:
         if self._in_layers(incumbent, near, lanes):
             return True
         layered = _sequence(incumbent, near)
-        size, began = _choices(incumbent.problem) / self.racing, incumbent.spent
-        races = int(min(max(1.0, size**-2), self.most_races))
+        began, races = incumbent.spent, self._races(incumbent)
         rivals: list[Sequence] = []
         for number in range(races):
             other = (layered, plain)[number % 2]
@@ -124,6 +124,16 @@ class Hybrid:
             if self._settle(incumbent, fused, lanes):
                 return True
         return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
+
+    def _races(self, incumbent: Incumbent) -> int:
+        """Return how many races there is time for."""
+        budget, seams = incumbent.budget, incumbent.problem.seams
+        choices = len(incumbent.problem) + (0 if seams is None else len(seams.owner))
+        steps = budget.seconds * _STEPS_A_S
+        if budget.iterations is not None:
+            steps = budget.iterations / self.threads
+        left = self.raced - incumbent.spent
+        return int(min(max(1.0, steps * left / (self.racing * choices)), self.most_races))
 
     def _settle(self, incumbent: Incumbent, fused: Fused, lanes: Lanes) -> bool:
         """Anneal what two sequences differ in; return whether to stop."""
@@ -201,11 +211,6 @@ class Hybrid:
             incumbent.offer(guest.order, guest.flip, guest.seat)
         incumbent.notes["gamma"] = best.gamma
         return stop
-
-
-def _choices(problem: OrderProblem) -> int:
-    """Return the number of contours, and of entries that loops may have."""
-    return len(problem) + (0 if problem.seams is None else len(problem.seams.owner))
 
 
 def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:
