@@ -38,7 +38,7 @@ _STEPS_A_S = 1.5e6  # of a lane, about
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
-    layers: float = 0.06  # share of the budget for annealing within layers
+    layers: float = 0.06  # share of the budget for annealing within layers of a large print
     raced: float = 0.55  # share of the budget at which races end
     merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
@@ -95,12 +95,11 @@ class Hybrid:
 
         What a race ends in depends on what it begins with, and no start is best for all
         prints. One lane has the best sequence, or the trees'; the others have in turn
-        the plain start, and what annealing within layers makes of it, hot and mild.
+        the plain start, and what annealing within layers makes of it, hot and mild. That
+        is their first race, if the plain start goes by layers.
         """
-        plain = _sequence(incumbent, near)
-        if self._in_layers(incumbent, near, lanes):
-            return True
-        layered = _sequence(incumbent, near)
+        plain, layers = _sequence(incumbent, near), _layers_of(incumbent)
+        layered, whole = plain, np.zeros_like(plain.order)
         began, races = incumbent.spent, self._races(incumbent)
         rivals: list[Sequence] = []
         for number in range(races):
@@ -115,8 +114,11 @@ class Hybrid:
             second = Cooling(mild if (number + 1) // 2 % 2 else hot, cold)
             coolings = [Cooling(hot, cold), *(second for _ in rivals[1:])]
             until = began + (self.raced - began) * (number + 1) / races
-            if anneal_rivals(incumbent, rivals, lanes, coolings, until):
+            groups = [whole, *(whole if number or layers is None else layers for _ in rivals[1:])]
+            if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
                 return True
+            if number == 0 and layers is not None and len(rivals) > 1:
+                layered = rivals[-1].copy()
         best = _sequence(incumbent, near)
         others = [rival for rival in rivals if rival.cost > best.cost]
         if others:
@@ -128,7 +130,9 @@ class Hybrid:
     def _races(self, incumbent: Incumbent) -> int:
         """Return how many races there is time for."""
         budget, seams = incumbent.budget, incumbent.problem.seams
-        choices = len(incumbent.problem) + (0 if seams is None else len(seams.owner))
+        choices = len(incumbent.problem)
+        if seams is not None:
+            choices += int((np.diff(seams.offsets) - 1).clip(0).sum())
         steps = budget.seconds * _STEPS_A_S
         if budget.iterations is not None:
             steps = budget.iterations / self.threads
@@ -151,8 +155,8 @@ class Hybrid:
         hot, *_, cold = self._heats(incumbent)
         if hot == 0.0:
             return True
-        group = layer_runs(incumbent.problem.layer)
-        if (np.diff(group[incumbent.order]) < 0).any():
+        group = _layers_of(incumbent)
+        if group is None:
             return False
         tour = tour_of(incumbent, near, group)
         until = incumbent.spent + self.layers
@@ -188,8 +192,8 @@ class Hybrid:
 
     def _turn_of_trees(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""
-        if self.for_structure == 0.0:
-            return False
+        if self.for_structure == 0.0 or incumbent.cost == 0.0:
+            return incumbent.cost == 0.0
         stop = self._found(incumbent, lanes, guest, incumbent.spent + self.for_structure)
         return stop or incumbent.cost == 0.0
 
@@ -211,6 +215,12 @@ class Hybrid:
             incumbent.offer(guest.order, guest.flip, guest.seat)
         incumbent.notes["gamma"] = best.gamma
         return stop
+
+
+def _layers_of(incumbent: Incumbent) -> NDArray[np.int32] | None:
+    """Return the layer of each contour if the best sequence goes layer by layer, else None."""
+    group = layer_runs(incumbent.problem.layer)
+    return None if (np.diff(group[incumbent.order]) < 0).any() else group
 
 
 def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:

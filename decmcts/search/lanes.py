@@ -73,14 +73,18 @@ def anneal_rivals(
     coolings: list[Cooling],
     until: float,
     *,
+    groups: list[NDArray[np.int32]] | None = None,
     fused: Fused | None = None,
 ) -> bool:
     """Anneal one whole sequence a lane until the share `until` is spent; return whether to stop.
 
-    Each has a cooling of its own. Mutates the sequences and the generators; the
+    Each has a cooling of its own, and moves stay within equal `groups`, (n,) by contour
+    and non-decreasing along the sequence. Mutates the sequences and the generators; the
     incumbent gets what is best, of fused sequences the whole one they stand for.
     """
     tours = [cut(rival, 0, len(rival.order)) for rival in rivals]
+    if groups is not None:
+        tours = [tour.within(group) for tour, group in zip(tours, groups, strict=True)]
 
     def work(lane: int, chunks: Chunks) -> None:
         for share, proposals in chunks:
@@ -161,7 +165,10 @@ def _in_rounds(
         sizes = [int(size)] * count
     while incumbent.spent < until:
         begin()
-        rounds = [_Round(incumbent, began, until, size) for size in sizes]
+        ends = incumbent.spent
+        if incumbent.budget.iterations is None:
+            ends = min(until, ends + ROUND_S / incumbent.budget.seconds)
+        rounds = [_Round(incumbent, began, until, ends, size) for size in sizes]
         list(lanes.pool.map(work, range(count), map(_Round.chunks, rounds)))
         meet()
         sizes = [round_.size for round_ in rounds]
@@ -177,19 +184,18 @@ class _Round:
     incumbent: Incumbent
     began: float  # share of the budget spent at the first round
     until: float  # and after the last
+    ends: float  # and after this one
     size: int  # proposals of the next chunk
     made: int = 0
 
     def chunks(self) -> Chunks:
         """Yield the share done of all rounds and how many proposals to make, chunk by chunk."""
         incumbent, length = self.incumbent, self.until - self.began
-        spent = incumbent.spent
         if incumbent.budget.iterations is not None:
             self.made = self.size
-            yield (spent - self.began) / length, self.size
+            yield (incumbent.spent - self.began) / length, self.size
             return
-        ends = min(self.until, spent + ROUND_S / incumbent.budget.seconds)
-        while (spent := incumbent.spent) < ends:
+        while (spent := incumbent.spent) < self.ends:
             before = incumbent.seconds
             yield (spent - self.began) / length, self.size
             self.made += self.size

@@ -73,11 +73,15 @@ class Piece:
         )
         return replace(self, tour=twin)
 
+    def within(self, group: NDArray[np.int32]) -> Piece:
+        """Return the piece with moves only within equal `group`, (n,) by contour."""
+        return replace(self, tour=self.tour._replace(group=group[self.ids]))
+
     def put_back(self, sequence: Sequence) -> None:
         """Mutate the sequence: print these positions as the piece does now."""
         inner = self.tour.order[self.guards[0] : len(self.ids) - self.guards[1]]
         sequence.order[self.first : self.first + len(inner)] = self.ids[inner]
-        sequence.flip[self.ids] = self.tour.flip
+        sequence.flip[self.ids[inner]] = self.tour.flip[inner]
         if len(self.options):
             seated = self.tour.seat >= 0
             sequence.seat[self.ids[seated]] = self.options[self.tour.seat[seated]]

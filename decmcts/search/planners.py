@@ -90,7 +90,9 @@ def plan_order(
     max_iterations : int | None
         Limit on the planner's own iterations (sequences, rollouts or moves tried).
     stop : Callable[[], bool] | None
-        Polled several times a second; True ends the search with the best so far.
+        Polled about twice a second; True ends the search with the best so far.
+    clock : Callable[[], float]
+        Seconds; only differences matter. Threads ask it at the same time.
     bound : float | None
         What no sequence can cost less than, if known; only handed on to `progress`.
 

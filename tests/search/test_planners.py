@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from decmcts.search.mcts import Mcts
 from decmcts.search.planners import PLANNERS, SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.search.stopping import Budget, IterationLimit
-from tests.search.problems import random_problem
+from tests.search.problems import random_problem, with_loops
 
 
 def run(
@@ -77,15 +78,26 @@ def test_annealing_finds_the_optimum_of_small_problems(planner: str, seed: int) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [300, 900])
-def test_threads_do_not_make_hybrid_unrepeatable(n: int) -> None:
-    """Two threads share the work; which is faster must not matter. Cuts need larger prints."""
+@pytest.mark.parametrize("n", [300, 900, 1200])
+@pytest.mark.parametrize("loops", [False, True])
+def test_threads_do_not_make_hybrid_unrepeatable(n: int, loops: bool) -> None:
+    """Two threads share the work; which is faster must not matter. 1200 contours are cut."""
     problem = random_problem(5, n, density=0.01)
+    problem = with_loops(problem, 5) if loops else problem
     first = run(problem, "hybrid", iterations=400_000)
     second = run(problem, "hybrid", iterations=400_000)
     assert (first.toolpath.order == second.toolpath.order).all()
     assert (first.history[:, 1:] == second.history[:, 1:]).all()
     assert first.cost < 0.8 * first.source_cost
+
+
+def test_hybrid_without_trees_stops_where_no_travel_is_left() -> None:
+    """Annealing within layers of a large print may end there."""
+    problem = random_problem(1, 30, density=0.1)
+    alike = np.zeros_like(problem.start)
+    still = replace(problem, start=alike, end=alike.copy())
+    planner = Hybrid(medium=10, large=10, for_structure=0.0)
+    assert plan_order(still, planner=planner, time_limit_s=60.0, seed=0).cost == 0.0
 
 
 def test_hybrid_says_which_gamma_it_chose() -> None:
