@@ -13,16 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.metric import Metric, distance
-
-
-@kernel
-def _into(n: int, flip: NDArray[np.uint8], seat: NDArray[np.int32], c: int) -> int:
-    return int(2 * c + flip[c] if seat[c] < 0 else 2 * n + 2 * seat[c])
-
-
-@kernel
-def _out_of(n: int, flip: NDArray[np.uint8], seat: NDArray[np.int32], c: int) -> int:
-    return int(2 * c + 1 - flip[c] if seat[c] < 0 else 2 * n + 2 * seat[c] + 1)
+from decmcts._kernels.seats import port_in, port_out
 
 
 @kernel
@@ -47,9 +38,9 @@ def crossed(
     best, ahead = np.zeros(2), -1
     for k in range(1, n):
         ahead = max(ahead, place[other[k - 1]])
-        out = (_out_of(n, flip, seat, order[k - 1]),
-               _out_of(n, other_flip, other_seat, other[k - 1]))  # fmt: skip
-        into = (_into(n, flip, seat, order[k]), _into(n, other_flip, other_seat, other[k]))
+        out = (port_out(n, flip, seat, order[k - 1]),
+               port_out(n, other_flip, other_seat, other[k - 1]))  # fmt: skip
+        into = (port_in(n, flip, seat, order[k]), port_in(n, other_flip, other_seat, other[k]))
         stay = best[0] + distance(metric, out[0], into[0])
         go_on = best[1] + distance(metric, out[1], into[1])
         came[k, 1] = True

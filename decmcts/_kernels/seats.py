@@ -82,6 +82,18 @@ def settle(tour: Tour, p: int) -> float:
 
 
 @kernel
+def port_in(n: int, flip: NDArray[np.uint8], seat: NDArray[np.int32], c: int) -> int:
+    """Return the point of the metric at which contour c of n is entered."""
+    return int(2 * c + flip[c] if seat[c] < 0 else 2 * n + 2 * seat[c])
+
+
+@kernel
+def port_out(n: int, flip: NDArray[np.uint8], seat: NDArray[np.int32], c: int) -> int:
+    """Return the point of the metric at which contour c of n is left."""
+    return int(2 * c + 1 - flip[c] if seat[c] < 0 else 2 * n + 2 * seat[c] + 1)
+
+
+@kernel
 def visits_cost(
     metric: Metric,
     order: NDArray[np.int32],
@@ -92,9 +104,7 @@ def visits_cost(
     n, total = len(order), 0.0
     for k in range(1, n):
         a, b = order[k - 1], order[k]
-        out = 2 * a + 1 - flip[a] if seat[a] < 0 else 2 * n + 2 * seat[a] + 1
-        into = 2 * b + flip[b] if seat[b] < 0 else 2 * n + 2 * seat[b]
-        total += distance(metric, out, into)
+        total += distance(metric, port_out(n, flip, seat, a), port_in(n, flip, seat, b))
     return total
 
 
