@@ -31,7 +31,7 @@ from decmcts._kernels.moves import (
     turned_entry,
 )
 from decmcts._kernels.random import below, length_up_to, uniform
-from decmcts._kernels.seats import contour_of, near_row, seat_change, settle, sit
+from decmcts._kernels.seats import contour_of, near_row, seat_change, settle, sit, slide
 from decmcts._kernels.sift import try_sift
 
 LONGEST_TURN = 50  # longer segments rarely turn: some edge lies inside
@@ -39,6 +39,7 @@ SWAP, TURN, CARRY, SIFT, NOTHING, SEAT = 0, 1, 2, 3, 4, 5
 SIFT_ONE_IN = 16  # a sift costs some twenty exchanges
 ANY_ONE_IN = 16  # proposals that heed no distance
 SETTLE_ONE_IN = 16  # where contours may be entered at several places
+SLIDE_ONE_IN = 4  # of these
 REACH = 1.0  # temperatures by which a new travel may be longer than the one it replaces
 MOST = 16.0  # temperatures; no step of such a cost is ever taken
 
@@ -225,7 +226,14 @@ def anneal(
         if below(state, ANY_ONE_IN) == 0:
             kind, i, j, k = propose_any(n, state)
         elif len(seat_owner) > 0 and below(state, SETTLE_ONE_IN) == 0:
-            total += settle(tour, below(state, n))
+            i = below(state, n)
+            if below(state, SLIDE_ONE_IN) > 0:
+                total += settle(tour, i)
+            elif seat[order[i]] >= 0:
+                first, last = tour.seat_offsets[order[i]], tour.seat_offsets[order[i] + 1]
+                option, ahead = first + below(state, last - first), below(state, 2) == 0
+                slack = -temperature * math.log(uniform(state))
+                total += slide(tour, i, option, ahead, slack)
             continue
         else:
             kind, i, j, k, option = propose_follow(

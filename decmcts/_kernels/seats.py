@@ -14,6 +14,8 @@ from decmcts._kernels.jit import kernel
 from decmcts._kernels.metric import Metric, distance, points_of
 from decmcts._kernels.moves import Tour, entry, leave, refresh
 
+LONGEST_SLIDE = 100  # contours
+
 
 @kernel
 def near_row(
@@ -79,6 +81,49 @@ def settle(tour: Tour, p: int) -> float:
         return 0.0
     sit(tour, p, best)
     return least
+
+
+@kernel
+def nearest_option(tour: Tour, q: int, ahead: bool) -> int:
+    """Return the option of the contour at q nearest to the one before (ahead) or behind it."""
+    n, d, best, least = len(tour.order), tour.order[q], -1, np.inf
+    c = tour.order[q - 1 if ahead else q + 1]
+    other = leave(tour.flip, c) if ahead else entry(tour.flip, c)
+    for option in range(tour.seat_offsets[d], tour.seat_offsets[d + 1]):
+        door = 2 * n + 2 * option
+        if ahead:
+            length = distance(tour.metric, other, door)
+        else:
+            length = distance(tour.metric, door + 1, other)
+        if length < least:
+            best, least = option, length
+    return best
+
+
+@kernel
+def slide(tour: Tour, p: int, option: int, ahead: bool, slack: float) -> float:
+    """Mutate the tour: the contour at p takes an option, and loops behind (or before) it follow.
+
+    Each takes what is nearest to the last one, until all together costs no more than
+    `slack`. Returns the change; 0 if that never is, then nothing has changed.
+    """
+    n, q, made, total, step = len(tour.order), p, 0, 0.0, 1 if ahead else -1
+    while True:
+        tour.scratch[made] = tour.seat[tour.order[q]]
+        made += 1
+        total += seat_change(tour, q, option)
+        sit(tour, q, option)
+        if total <= slack:
+            return total
+        q += step
+        if made == LONGEST_SLIDE or q < 0 or q >= n or tour.seat[tour.order[q]] < 0:
+            break
+        option = nearest_option(tour, q, ahead)
+        if option == tour.seat[tour.order[q]]:
+            break
+    for x in range(made):
+        sit(tour, p + step * x, tour.scratch[x])
+    return 0.0
 
 
 @kernel

@@ -16,11 +16,13 @@ Yoo et al. 2020 (tree and clusters); Gambardella & Dorigo 2000 (moves).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.search.annealing import Cooling, anneal_until, descend_fully, tour_of
+from decmcts.search.crossover import crossover
 from decmcts.search.fusing import Fused, merge
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
@@ -42,7 +44,7 @@ class Hybrid:
     raced: float = 0.55  # share of the budget at which races end
     merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
-    racing: float = 10_000.0  # steps of a lane in a race, for each contour and entry
+    racing: float = 3000.0  # steps of a lane in a race, for each contour and entry
     most_races: int = 16
     medium: int = 1000  # contours up to which races and regions beat sharing one sequence out
     first: float = 0.05  # share of the budget for a first, fast annealing of a larger one
@@ -77,6 +79,7 @@ class Hybrid:
         with open_lanes(self.threads, seed) as lanes:
             if self._search(incumbent, near, lanes):
                 return
+        incumbent.offer_order(incumbent.order)
         if not descend_fully(incumbent, tour_of(incumbent, near)):
             incumbent.offer_order(incumbent.order)
 
@@ -96,7 +99,9 @@ class Hybrid:
         What a race ends in depends on what it begins with, and no start is best for all
         prints. One lane has the best sequence, or the trees'; the others have in turn
         the plain start, and what annealing within layers makes of it, hot and mild. That
-        is their first race, if the plain start goes by layers.
+        is their first race, if the plain start goes by layers. The best of all races so
+        far is joined stretch by stretch: where layers follow each other strictly, it has
+        the best that was found of each.
         """
         plain, layers = _sequence(incumbent, near), _layers_of(incumbent)
         layered, whole = plain, np.zeros_like(plain.order)
@@ -117,6 +122,9 @@ class Hybrid:
             groups = [whole, *(whole if number or layers is None else layers for _ in rivals[1:])]
             if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
                 return True
+            joined = reduce(crossover, rivals, _sequence(incumbent, near))
+            joined.settle()
+            incumbent.offer(joined.order, joined.flip, joined.seat)
             if number == 0 and layers is not None and len(rivals) > 1:
                 layered = rivals[-1].copy()
         best = _sequence(incumbent, near)
@@ -210,9 +218,8 @@ class Hybrid:
             incumbent, searches, lanes, exploration=self.exploration, until=until
         )
         guest.order[:], guest.flip[:] = best.order, best.flip
-        if incumbent.problem.seams is not None:
-            guest.flip[:], guest.seat[:] = incumbent.visits_for(guest.order)
-            incumbent.offer(guest.order, guest.flip, guest.seat)
+        guest.settle()
+        incumbent.offer(guest.order, guest.flip, guest.seat)
         incumbent.notes["gamma"] = best.gamma
         return stop
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.seats import choose_visits, visits_cost
+from decmcts._kernels.seats import visits_cost
 from decmcts._kernels.tour import respects
 from decmcts.search.problem import OrderProblem, Seams
 from decmcts.search.stopping import Budget, Progress, StoppingCriterion
@@ -118,14 +118,7 @@ class Incumbent:
 
     def offer_order(self, order: NDArray[np.int32]) -> bool:
         """Offer an order with the directions and entries that suit it best."""
-        return self.offer(order, *self.visits_for(order))
-
-    def visits_for(self, order: NDArray[np.int32]) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-        """Return the directions and entries, by contour, that suit an order best."""
-        problem, seams = self.problem, self.problem.seams
-        offsets = np.zeros(len(problem) + 1, np.int64) if seams is None else seams.offsets
-        flip, seat = choose_visits(self.metric, order, problem.reversible, offsets)
-        return flip, seat
+        return self.offer(order, *self.problem.visits_for(self.metric, order))
 
     def tick(self, iterations: int = 0) -> bool:
         """Count `iterations`, report, and return whether to stop."""

@@ -82,9 +82,12 @@ def anneal_rivals(
     and non-decreasing along the sequence. Mutates the sequences and the generators; the
     incumbent gets what is best, of fused sequences the whole one they stand for.
     """
-    tours = [cut(rival, 0, len(rival.order)) for rival in rivals]
-    if groups is not None:
-        tours = [tour.within(group) for tour, group in zip(tours, groups, strict=True)]
+    tours: list[Piece] = []
+
+    def begin() -> None:
+        tours[:] = [cut(rival, 0, len(rival.order)) for rival in rivals]
+        if groups is not None:
+            tours[:] = [tour.within(group) for tour, group in zip(tours, groups, strict=True)]
 
     def work(lane: int, chunks: Chunks) -> None:
         for share, proposals in chunks:
@@ -93,10 +96,11 @@ def anneal_rivals(
     def meet() -> None:
         for rival, tour in zip(rivals, tours, strict=True):
             tour.put_back(rival)
+            rival.settle()
             found = rival if fused is None else fused.unfused(rival)
             incumbent.offer(found.order, found.flip, found.seat)
 
-    return _in_rounds(incumbent, lanes, until, lambda: None, work, meet)
+    return _in_rounds(incumbent, lanes, until, begin, work, meet)
 
 
 def anneal_pieces(
@@ -140,6 +144,7 @@ def anneal_pieces(
                 piece.put_back(own)
         if rivals:
             sequence.become(reduce(crossover, found))
+        sequence.settle()
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)
 
     return _in_rounds(incumbent, lanes, until, begin, work, meet)

@@ -40,6 +40,14 @@ class Sequence:
         """Mutate the sequence to another of the same problem."""
         self.order[:], self.flip[:], self.seat[:] = other.order, other.flip, other.seat
 
+    def settle(self) -> None:
+        """Mutate the sequence: loops with a choice are entered where it suits the order best.
+
+        Moves enter one loop anew, or a few; this all of them at once, exactly.
+        """
+        if self.problem.seams is not None:
+            self.flip[:], self.seat[:] = self.problem.visits_for(self.metric, self.order)
+
     @property
     def cost(self) -> float:
         """What its travels cost together."""

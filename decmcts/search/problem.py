@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.metric import Matrix, Metric, Timed, distance
+from decmcts._kernels.seats import choose_visits
 from decmcts._kernels.tour import longest_hop
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
@@ -189,6 +190,17 @@ class OrderProblem:
             options = np.stack([self.seams.enter, self.seams.leave], axis=1).reshape(-1, 3)
             points = np.concatenate([points, options])
         return points if self.pace is None else _timed(points, self.pace)
+
+    def visits_for(
+        self, metric: Metric, order: NDArray[np.int32]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Return the directions and entries, by contour, that suit an order best.
+
+        `metric` is the problem's own, whatever its ports have been changed to.
+        """
+        offsets = np.zeros(len(self) + 1, np.int64) if self.seams is None else self.seams.offsets
+        flip, seat = choose_visits(metric, order, self.reversible, offsets)
+        return flip, seat
 
     def longest_hop(self) -> float:
         """Return the cost of the longest travel there can be."""

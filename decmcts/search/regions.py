@@ -1,6 +1,6 @@
 """Large neighbourhood search: one region of the print at a time is annealed anew.
 
-A region is about a hundred contours that lie near each other, in space or along the
+A region is some dozens of contours that lie near each other, in space or along the
 sequence. All else is fused to runs (`decmcts.search.fusing`), so that annealing of
 the region, from a temperature drawn for it, takes a fraction of a second and may
 carry what lies between elsewhere. A result that is no worse goes on. Annealing of a
@@ -33,7 +33,7 @@ from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import ROUND_S, Lanes
 from decmcts.search.pieces import Sequence, cut
 
-_SIZE = (60.0, 200.0)  # contours of a region
+_SIZE = (15.0, 200.0)  # contours of a region
 _HOT = (0.3, 5.0)  # between these a region's first temperature is drawn, in mean travels
 _COLD = 0.03  # and its last
 _STEPS = (400.0, 1500.0, 50_000.0)  # a contour left: least, most at first, most ever
@@ -45,7 +45,7 @@ _STRETCHES = (1.0, 3.0, 10.0)  # of heights: towers to layers
 _WHOLE = 6000  # contours up to which regions are taken of the whole print
 _PART = 1500  # contours set free in a part of a larger one
 _PART_PASSES = 2  # parts each contour is to be in
-_WINDOWS = 3  # stretches of the sequence in a region that is no ball
+_WINDOWS = (1, 3)  # stretches of the sequence in a region that is no ball
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +65,8 @@ class Places:
     def draw(self, sequence: Sequence, size: int, state: NDArray[np.uint64]) -> NDArray[np.bool_]:
         """Mutate the generator; return which contours are set free, (n,) by contour.
 
-        Either a ball, or what is printed before and after some contours of one; of bare
-        costs, which have no places, before and after any.
+        Either a ball, or what is printed before and after one or some contours of it; of
+        bare costs, which have no places, before and after any.
         """
         n, bare = len(sequence.order), sequence.problem.costs is not None
         free = np.ones(n, np.bool_) if bare else self.ball(size, state)
@@ -75,8 +75,9 @@ class Places:
         ball = np.flatnonzero(free)
         position = np.empty(n, np.int32)
         position[sequence.order] = np.arange(n, dtype=np.int32)
-        half = max(1, size // (2 * _WINDOWS))
-        chosen = [ball[below(state, len(ball))] for _ in range(_WINDOWS)]
+        windows = _WINDOWS[below(state, len(_WINDOWS))]
+        half = max(1, size // (2 * windows))
+        chosen = [ball[below(state, len(ball))] for _ in range(windows)]
         free[:] = False
         for at in position[chosen]:
             free[sequence.order[max(at - half, 0) : at + half]] = True
@@ -206,7 +207,9 @@ def _annealed(
     for k in range(_SLICES):
         anneal(piece.tour, state, cooling.at(k / (_SLICES - 1)), slice_)
     piece.put_back(start)
-    return fused.unfused(start), slice_ * _SLICES
+    found = fused.unfused(start)
+    found.settle()
+    return found, slice_ * _SLICES
 
 
 def _fused_but(sequence: Sequence, free: NDArray[np.bool_]) -> Fused:
