@@ -80,8 +80,8 @@ class Hybrid:
             if self._search(incumbent, near, lanes):
                 return
         incumbent.offer_order(incumbent.order)
-        if not descend_fully(incumbent, tour_of(incumbent, near)):
-            incumbent.offer_order(incumbent.order)
+        descend_fully(incumbent, tour_of(incumbent, near))
+        incumbent.offer_order(incumbent.order)
 
     def _search(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
         """Take turns until the descent is due; return whether to stop."""

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.descent import descend
 from decmcts._kernels.random import seeded
-from decmcts._kernels.seats import choose_visits, visits_cost
+from decmcts._kernels.seats import choose_visits, slide, visits_cost
 from decmcts._kernels.tour import respects, tour_cost
+from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.annealing import tour_of
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
@@ -69,6 +70,85 @@ def test_summed_changes_equal_the_recomputed_cost(
     assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(after)
     assert tour.after.sum() == pytest.approx(after, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
+
+
+@pytest.mark.parametrize("ahead", [True, False])
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), slack=st.floats(-20.0, 20.0))
+def test_a_slide_costs_what_it_says_or_leaves_no_trace(
+    ahead: bool, seed: int, slack: float
+) -> None:
+    """Never more than the slack; refused, every loop is entered as before."""
+    problem, rng = loops(seed, 12), np.random.default_rng(seed)
+    tour = tour_of(started(problem), near_ports(problem))
+    chosen = np.flatnonzero(tour.seat[tour.order] >= 0)
+    if len(chosen) == 0:
+        return
+    p = int(rng.choice(chosen))
+    option = int(rng.integers(*tour.seat_offsets[tour.order[p] : tour.order[p] + 2]))
+    before, cost = tour.seat.copy(), tour.after.sum()
+    change = slide(tour, p, option, ahead, slack)
+    after = visits_cost(problem.metric(), tour.order, tour.flip, tour.seat)
+    assert after == pytest.approx(cost + change, abs=1e-9)
+    assert tour.after.sum() == pytest.approx(after, abs=1e-9)
+    if change == 0.0:
+        assert (tour.seat == before).all() or slack >= 0.0
+    else:
+        assert change <= slack
+        assert tour.seat[tour.order[p]] == option
+
+
+def tower(height: int) -> OrderProblem:
+    """Square loops of 50 mm above each other, sliced with their seams in the far corner.
+
+    What is printed before and after them lies at the corner opposite.
+    """
+    corners = np.array([[50.0, 50.0], [0.0, 50.0], [0.0, 0.0], [50.0, 0.0]])
+    counts = np.array([1, *([4] * height), 1])
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    z = np.repeat(np.arange(height + 2.0), counts)
+    xy = np.concatenate([[[-1.0, 0.0]], np.tile(corners, (height, 1)), [[-1.0, 0.0]]])
+    enter = np.column_stack([xy, z])
+    first, n = offsets[:-1], height + 2
+    chain = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
+    return OrderProblem(
+        enter[first],
+        enter[first],
+        np.zeros(n, np.bool_),
+        np.arange(n, dtype=np.int32),
+        DependencyGraph.from_pairs(n, chain),
+        seams=Seams(offsets, enter, enter, np.arange(len(enter), dtype=np.int32)),
+    )
+
+
+def test_the_seams_of_a_tower_slide_to_another_corner_together() -> None:
+    """As far as it takes to gain what was asked for; not at all if it never does."""
+    problem = tower(20)
+    tour = tour_of(started(problem), near_ports(problem))
+    corner = int(tour.seat_offsets[1]) + 2
+    sliced = tour.seat.copy()
+    assert slide(tour, 1, corner, True, -1000.0) == 0.0
+    assert (tour.seat == sliced).all()
+    assert slide(tour, 1, corner, True, -100.0) < -100.0
+    assert (tour.seat[1:-1] - tour.seat_offsets[1:-2] == 2).all()
+
+
+def test_a_settled_sequence_is_entered_as_suits_its_order_best() -> None:
+    """All entries at once: no way to enter the tower is cheaper; without a choice none changes."""
+    problem = tower(20)
+    n = len(problem)
+    order, flip = np.arange(n, dtype=np.int32), np.zeros(n, np.uint8)
+    assert problem.seams is not None
+    near = near_ports(problem)
+    sequence = Sequence(problem, problem.metric(), near, order, flip, problem.seams.sliced)
+    sequence.settle()
+    assert sequence.cost == pytest.approx(2 * np.hypot(1.0, 1.0) + 19)
+    fixed = replace(problem, seams=None)
+    seat = np.full(n, -1, np.int32)
+    other = Sequence(fixed, fixed.metric(), near_ports(fixed), order, flip, seat)
+    cost = other.cost
+    other.settle()
+    assert other.cost == cost
 
 
 @settings(max_examples=40, deadline=None)
@@ -143,3 +223,12 @@ def test_every_planner_uses_the_freedom_and_reports_the_vertex(planner: str) -> 
             fixed, planner=planner, time_limit_s=60.0, seed=1, max_iterations=20_000
         )
         assert result.cost < without.cost
+
+
+def test_a_search_out_of_iterations_still_ends_with_the_best_entries() -> None:
+    """The exact choice for the order found must not be lost when the descent is cut short."""
+    problem = loops(5, 300, density=0.01)
+    result = plan_order(problem, planner="hybrid", time_limit_s=60.0, seed=1, max_iterations=9000)
+    flip, seat = problem.visits_for(problem.metric(), result.toolpath.order)
+    least = visits_cost(problem.metric(), result.toolpath.order, flip, seat)
+    assert result.cost == pytest.approx(least)
