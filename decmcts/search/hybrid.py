@@ -34,6 +34,7 @@ from decmcts.search.regions import anneal_regions
 from decmcts.search.structure import gamma_searches, search_structure
 
 _STEPS_A_S = 1.5e6  # of a lane, about
+_CLUSTERING_S = 0.6e-6  # an edge and Γ, about
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,10 +201,22 @@ class Hybrid:
 
     def _turn_of_trees(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""
-        if self.for_structure == 0.0 or incumbent.cost == 0.0:
+        if incumbent.cost == 0.0 or not self._has_time_for_trees(incumbent):
             return incumbent.cost == 0.0
         stop = self._found(incumbent, lanes, guest, incumbent.spent + self.for_structure)
         return stop or incumbent.cost == 0.0
+
+    def _has_time_for_trees(self, incumbent: Incumbent) -> bool:
+        """Tell whether clustering takes no more than the share of time the trees have."""
+        edges, budget = len(incumbent.problem.graph.preds), incumbent.budget
+        if self.for_structure == 0.0 or budget.iterations is not None:
+            return self.for_structure > 0.0
+        seconds = _CLUSTERING_S * edges * len(self._gammas_for(incumbent))
+        return seconds <= self.for_structure * budget.seconds
+
+    def _gammas_for(self, incumbent: Incumbent) -> tuple[float, ...]:
+        """Return each Γ to be tried."""
+        return self.gammas if len(incumbent.problem) < self.large else self.gammas[1:2]
 
     def _heats(self, incumbent: Incumbent) -> tuple[float, float, float, float]:
         """Return the hot, mild, warm and cold temperatures for the best sequence."""
@@ -212,7 +225,7 @@ class Hybrid:
 
     def _found(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence, until: float) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""
-        gammas = self.gammas if len(guest.order) < self.large else self.gammas[1:2]
+        gammas = self._gammas_for(incumbent)
         searches = gamma_searches(incumbent, gammas, lanes.fresh(len(gammas)))
         best, stop = search_structure(
             incumbent, searches, lanes, exploration=self.exploration, until=until

@@ -39,7 +39,7 @@ ROUND_S = 0.4  # how long lanes work before they meet: a lane held up keeps othe
 _CHUNK_S = 0.02  # how often a lane looks at the clock
 _LARGEST_CHUNK = 4_000_000
 _ROUNDS = 400  # of a search that is limited by iterations
-_CUT_A_ROUND = 50_000  # a cut lasts a round for so many contours and edges: cutting takes time
+_CUT_A_ROUND = 1_000_000  # a cut lasts a round for so many contours and edges: cutting takes time
 _LEAST_PIECE = 100  # contours
 
 Chunks: TypeAlias = Iterator[tuple[float, int]]

@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.inner import inner_edges, inner_ports
 from decmcts._kernels.metric import Metric, points_of, restricted, with_points
 from decmcts._kernels.moves import Tour, refresh
 from decmcts._kernels.seats import sit_all, visits_cost
-from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.problem import OrderProblem
 
 
@@ -101,9 +101,11 @@ def cut(sequence: Sequence, first: int, last: int) -> Piece:
     guards = (int(first > 0), int(last < n))
     ids = sequence.order[first - guards[0] : last + guards[1]].copy()
     k = len(ids)
-    local = np.full(n, -1, np.int32)
-    local[ids] = np.arange(k, dtype=np.int32)
-    graph = DependencyGraph.from_pairs(k, _inner_pairs(sequence.problem.graph, ids, local, guards))
+    graph = sequence.problem.graph
+    pred_offsets, preds, succ_offsets, succs = inner_edges(
+        graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
+        ids, guards[0], k - guards[1],
+    )  # fmt: skip
     turns = sequence.problem.reversible[ids]
     turns[: guards[0]] = turns[k - guards[1] :] = False
     seams = _inner_seams(sequence, ids, guards)
@@ -111,11 +113,11 @@ def cut(sequence: Sequence, first: int, last: int) -> Piece:
         seams.metric,
         turns,
         np.zeros(k, np.int32),
-        graph.pred_offsets,
-        graph.preds,
-        graph.succ_offsets,
-        graph.succs,
-        _inner_near(sequence, ids, local, seams),
+        pred_offsets,
+        preds,
+        succ_offsets,
+        succs,
+        _inner_near(sequence, ids, seams),
         seams.offsets,
         seams.owner,
         seams.row,
@@ -178,44 +180,16 @@ def _inner_seams(
     return _InnerSeams(metric, options, offsets, owner, row, np.concatenate([rows, kept]), seat)
 
 
-def _inner_pairs(
-    graph: DependencyGraph,
-    ids: NDArray[np.int32],
-    local: NDArray[np.int32],
-    guards: tuple[int, int],
-) -> NDArray[np.int32]:
-    """Return the edges inside the piece, and those that hold the guards at the ends."""
-    k, counts = len(ids), np.diff(graph.pred_offsets)[ids]
-    starts = np.repeat(graph.pred_offsets[ids] - np.cumsum(counts) + counts, counts)
-    before = local[graph.preds[starts + np.arange(len(starts))]]
-    after = np.repeat(np.arange(k, dtype=np.int32), counts)
-    low, high = guards[0], k - guards[1]
-    inner = (before >= low) & (after >= low) & (after < high) & (before < high)
-    pairs = [np.stack([before[inner], after[inner]], axis=1)]
-    if guards[0]:
-        free = np.setdiff1d(np.arange(low, high), after[inner])
-        pairs.append(np.stack([np.zeros_like(free), free], axis=1))
-    if guards[1]:
-        free = np.setdiff1d(np.arange(low, high), before[inner])
-        pairs.append(np.stack([free, np.full_like(free, k - 1)], axis=1))
-    return np.concatenate(pairs).astype(np.int32)
-
-
 def _inner_near(
-    sequence: Sequence, ids: NDArray[np.int32], local: NDArray[np.int32], seams: _InnerSeams
+    sequence: Sequence, ids: NDArray[np.int32], seams: _InnerSeams
 ) -> NDArray[np.int32]:
     """Return the near ports in local numbers; those inside are repeated to fill the lists.
 
     A proposal drawn from a list then never falls outside the piece.
     """
-    n, k, near = len(sequence.order), len(ids), sequence.near[seams.rows]
-    inside = np.where((near >= 0) & (near < 2 * n), local[(near >> 1) % n], -1)
-    ports = np.where(inside >= 0, 2 * inside + (near & 1), -1).astype(np.int32)
-    if len(seams.options):
-        place = np.full(int(sequence.problem.seams.offsets[-1]), -1, np.int32)  # type: ignore[union-attr]
+    local, place = np.full(len(sequence.order), -1, np.int32), np.empty(0, np.int32)
+    local[ids] = np.arange(len(ids), dtype=np.int32)
+    if sequence.problem.seams is not None:
+        place = np.full(int(sequence.problem.seams.offsets[-1]), -1, np.int32)
         place[seams.options] = np.arange(len(seams.options), dtype=np.int32)
-        option = np.where(near >= 2 * n, place[np.maximum(near - 2 * n, 0)], -1)
-        ports = np.where(option >= 0, 2 * k + option, ports).astype(np.int32)
-    ports = np.take_along_axis(ports, np.argsort(ports < 0, axis=1, kind="stable"), axis=1)
-    width = np.maximum((ports >= 0).sum(axis=1), 1)
-    return np.take_along_axis(ports, np.arange(near.shape[1]) % width[:, None], axis=1)
+    return inner_ports(sequence.near, seams.rows, local, place, len(ids))
