@@ -69,3 +69,44 @@ def test_near_lists_of_a_piece_name_only_what_is_inside() -> None:
     assert ports.max() < 2 * len(piece.ids)
     assert piece.guards == (1, 1)
     assert piece.ids.tolist() == list(range(9, 21))
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), density=st.sampled_from([0.0, 0.05, 0.2]))
+def test_a_piece_has_the_edges_inside_and_guards_hold_the_ends(seed: int, density: float) -> None:
+    """Both sides, against the whole graph edge by edge."""
+    problem, rng = random_problem(seed, 20, density=density), np.random.default_rng(seed)
+    first, last = np.sort(rng.choice(21, 2, replace=False)).tolist()
+    piece = cut(as_sliced(problem), first, last)
+    tour, ids, k = piece.tour, piece.ids.tolist(), len(piece.ids)
+    inner = range(piece.guards[0], k - piece.guards[1])
+    edges = {
+        (ids.index(a), ids.index(b)) for a, b in problem.graph.pairs() if a in ids and b in ids
+    }
+    edges = {(a, b) for a, b in edges if a in inner and b in inner}
+    headless = set(inner) - {b for _, b in edges}
+    endless = set(inner) - {a for a, _ in edges}
+    if piece.guards[0]:
+        edges |= {(0, b) for b in headless}
+    if piece.guards[1]:
+        edges |= {(a, k - 1) for a in endless}
+    preds = np.split(tour.preds, tour.pred_offsets[1:-1])
+    succs = np.split(tour.succs, tour.succ_offsets[1:-1])
+    assert sorted((a, b) for b in range(k) for a in preds[b]) == sorted(edges)
+    assert sorted((a, b) for a in range(k) for b in succs[a]) == sorted(edges)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_near_ports_of_a_piece_are_those_inside(seed: int) -> None:
+    """Each row has what is there of the whole row, in turn until it is full."""
+    problem, rng = random_problem(seed, 20), np.random.default_rng(seed)
+    first, last = np.sort(rng.choice(21, 2, replace=False)).tolist()
+    sequence = as_sliced(problem)
+    piece = cut(sequence, first, last)
+    ids = piece.ids.tolist()
+    for row, ports in enumerate(piece.tour.near):
+        whole = sequence.near[2 * ids[row // 2] + row % 2]
+        there = [2 * ids.index(p >> 1) + (p & 1) for p in whole if p >= 0 and p >> 1 in ids]
+        full = (there * len(whole))[: len(whole)] or [-1] * len(whole)
+        assert ports.tolist() == full
