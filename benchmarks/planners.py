@@ -182,7 +182,7 @@ def plot(rows: list[dict[str, str]], planners: list[str], path: Path) -> None:
     axis.set_xticks(range(len(labels)), labels)
     axis.set(ylabel="travel less than in the source, %")
     axis.grid(axis="y", alpha=0.3)
-    axis.legend(loc="lower left", ncols=5)
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
     figure.savefig(path, dpi=110)
 
 
