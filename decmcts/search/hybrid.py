@@ -15,13 +15,13 @@ Yoo et al. 2020 (tree and clusters); Gambardella & Dorigo 2000 (moves).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.annealing import Cooling, anneal_until, descend_fully, tour_of
+from decmcts.search.annealing import Cooling, descend_fully, tour_of
 from decmcts.search.crossover import crossover
 from decmcts.search.fusing import Fused, merge
 from decmcts.search.greedy import Greedy
@@ -41,6 +41,7 @@ _CLUSTERING_S = 0.6e-6  # an edge and Γ, about
 class Hybrid:
     """Tree search and annealing in turns; temperatures in multiples of the mean travel."""
 
+    promising: float = 1.15  # cost of going by layers, in those of the best start, worth a try
     layers: float = 0.06  # share of the budget for annealing within layers of a large print
     raced: float = 0.55  # share of the budget at which races end
     merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
@@ -72,44 +73,59 @@ class Hybrid:
         """Spend the budget, or stop at the first sequence without any travel."""
         if len(incumbent.problem) < 2:
             return
-        incumbent.offer(*nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer)))
+        by_layers = nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer))
+        incumbent.offer(*by_layers)
         Greedy().plan(incumbent, seed=seed)
         if incumbent.tick():
             return
         near = near_ports(incumbent.problem)
+        layered = layered_start(incumbent, near, *by_layers, promising=self.promising)
         with open_lanes(self.threads, seed) as lanes:
-            if self._search(incumbent, near, lanes):
+            if self._search(incumbent, near, lanes, layered):
                 return
         incumbent.offer_order(incumbent.order)
         descend_fully(incumbent, tour_of(incumbent, near))
         incumbent.offer_order(incumbent.order)
 
-    def _search(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+    def _search(
+        self,
+        incumbent: Incumbent,
+        near: NDArray[np.int32],
+        lanes: Lanes,
+        layered: Sequence | None,
+    ) -> bool:
         """Take turns until the descent is due; return whether to stop."""
         if incumbent.cost == 0.0:
             return True
         if not self.anneals:
             return self._found(incumbent, lanes, _sequence(incumbent, near), self.end)
         if len(incumbent.problem) <= self.medium:
-            return self._race(incumbent, near, lanes)
-        return self._improve(incumbent, near, lanes)
+            return self._race(incumbent, near, lanes, layered)
+        return self._improve(incumbent, near, lanes, layered)
 
-    def _race(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+    def _race(
+        self,
+        incumbent: Incumbent,
+        near: NDArray[np.int32],
+        lanes: Lanes,
+        layered: Sequence | None,
+    ) -> bool:
         """Anneal whole sequences in races, then regions; return whether to stop.
 
         What a race ends in depends on what it begins with, and no start is best for all
         prints. One lane has the best sequence, or the trees'; the others have in turn
-        the plain start, and what annealing within layers makes of it, hot and mild. That
-        is their first race, if the plain start goes by layers. The best of all races so
-        far is joined stretch by stretch: where layers follow each other strictly, it has
-        the best that was found of each.
+        the plain start, and what annealing within layers makes of the layered one, hot
+        and mild. That is their first race, if there is a layered one. The best of all
+        races so far is joined stretch by stretch: where layers follow each other
+        strictly, it has the best that was found of each.
         """
-        plain, layers = _sequence(incumbent, near), _layers_of(incumbent)
-        layered, whole = plain, np.zeros_like(plain.order)
+        plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
+        whole = np.zeros_like(layers)
         began, races = incumbent.spent, self._races(incumbent)
         rivals: list[Sequence] = []
         for number in range(races):
-            other = (layered, plain)[number % 2]
+            in_layers = number == 0 and layered is not None
+            other = plain if layered is None or number % 2 else layered
             rivals = [_sequence(incumbent, near), *(other.copy() for _ in lanes.states[1:])]
             trees = number in (0, races // 2)
             if trees and self._turn_of_trees(incumbent, lanes, rivals[0]):
@@ -120,13 +136,13 @@ class Hybrid:
             second = Cooling(mild if (number + 1) // 2 % 2 else hot, cold)
             coolings = [Cooling(hot, cold), *(second for _ in rivals[1:])]
             until = began + (self.raced - began) * (number + 1) / races
-            groups = [whole, *(whole if number or layers is None else layers for _ in rivals[1:])]
+            groups = [whole, *(layers if in_layers else whole for _ in rivals[1:])]
             if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
                 return True
             joined = reduce(crossover, rivals, _sequence(incumbent, near))
             joined.settle()
             incumbent.offer(joined.order, joined.flip, joined.seat)
-            if number == 0 and layers is not None and len(rivals) > 1:
+            if in_layers and len(rivals) > 1:
                 layered = rivals[-1].copy()
         best = _sequence(incumbent, near)
         others = [rival for rival in rivals if rival.cost > best.cost]
@@ -159,21 +175,31 @@ class Hybrid:
             incumbent, rivals, lanes, coolings, self.merged, fused=fused
         )
 
-    def _in_layers(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
-        """Anneal within layers if the best sequence goes by layers; return whether to stop."""
+    def _in_layers(self, incumbent: Incumbent, lanes: Lanes, layered: Sequence) -> bool:
+        """Anneal within layers on each lane, join the best; return whether to stop."""
         hot, *_, cold = self._heats(incumbent)
         if hot == 0.0:
             return True
-        group = _layers_of(incumbent)
-        if group is None:
-            return False
-        tour = tour_of(incumbent, near, group)
-        until = incumbent.spent + self.layers
-        return anneal_until(incumbent, tour, lanes.states[0], Cooling(hot, cold), until)
+        rivals, until = [layered.copy() for _ in lanes.states], incumbent.spent + self.layers
+        coolings = [Cooling(hot, cold) for _ in rivals]
+        groups = [layer_runs(incumbent.problem.layer) for _ in rivals]
+        if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
+            return True
+        joined = reduce(crossover, rivals)
+        joined.settle()
+        incumbent.offer(joined.order, joined.flip, joined.seat)
+        return False
 
-    def _improve(self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes) -> bool:
+    def _improve(
+        self,
+        incumbent: Incumbent,
+        near: NDArray[np.int32],
+        lanes: Lanes,
+        layered: Sequence | None,
+    ) -> bool:
         """Take trees, a first fast annealing and a long one; return whether to stop."""
-        if len(incumbent.problem) >= self.large and self._in_layers(incumbent, near, lanes):
+        large = len(incumbent.problem) >= self.large
+        if large and layered is not None and self._in_layers(incumbent, lanes, layered):
             return True
         if self._turn_of_trees(incumbent, lanes, _sequence(incumbent, near)):
             return True
@@ -237,10 +263,24 @@ class Hybrid:
         return stop
 
 
-def _layers_of(incumbent: Incumbent) -> NDArray[np.int32] | None:
-    """Return the layer of each contour if the best sequence goes layer by layer, else None."""
-    group = layer_runs(incumbent.problem.layer)
-    return None if (np.diff(group[incumbent.order]) < 0).any() else group
+def layered_start(
+    incumbent: Incumbent,
+    near: NDArray[np.int32],
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    *,
+    promising: float,
+) -> Sequence | None:
+    """Return the best sequence if it goes by layers, else the one given if it promises enough.
+
+    That one gets the entries that suit it and may then cost `promising` times the best.
+    """
+    best, group = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
+    if (np.diff(group[best.order]) >= 0).all():
+        return best
+    layered = replace(best.copy(), order=order.copy(), flip=flip.copy())
+    layered.settle()
+    return layered if layered.cost <= promising * best.cost else None
 
 
 def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:

@@ -10,11 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from decmcts._kernels.seats import visits_cost
 from decmcts._kernels.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid import Hybrid
+from decmcts.search.greedy import Greedy
+from decmcts.search.hybrid import Hybrid, layered_start
 from decmcts.search.incumbent import Incumbent
+from decmcts.search.layerwise import layer_runs, nearest_in_layers
 from decmcts.search.mcts import Mcts
+from decmcts.search.neighbours import near_ports
 from decmcts.search.planners import PLANNERS, SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.search.stopping import Budget, IterationLimit
@@ -98,6 +102,35 @@ def test_hybrid_without_trees_stops_where_no_travel_is_left() -> None:
     still = replace(problem, start=alike, end=alike.copy())
     planner = Hybrid(medium=10, large=10, for_structure=0.0)
     assert plan_order(still, planner=planner, time_limit_s=60.0, seed=0).cost == 0.0
+
+
+@pytest.mark.parametrize("loops", [False, True])
+def test_hybrid_tries_layers_though_another_start_is_a_little_better(loops: bool) -> None:
+    """Annealing within layers ended better there on real prints, and it was never begun."""
+    problem = random_problem(4, 60, density=0.02)
+    problem = with_loops(problem, 4) if loops else problem
+    incumbent = Incumbent(
+        problem, clock=lambda: 0.0, budget=Budget(1.0, None), criterion=IterationLimit(1000)
+    )
+    group = layer_runs(problem.layer)
+    order, flip = nearest_in_layers(incumbent, group)
+    Greedy().plan(incumbent, seed=0)
+    assert (np.diff(group[incumbent.order]) < 0).any()  # greedy's own does not go by layers
+    given, near = (order, flip), near_ports(problem)
+    layered = layered_start(incumbent, near, *given, promising=100.0)
+    assert layered is not None
+    assert (layered.order == order).all()
+    ratio = layered.cost / incumbent.cost
+    assert ratio > 1.0
+    assert layered_start(incumbent, near, *given, promising=0.99 * ratio) is None
+    if loops:
+        assert layered.cost == visits_cost(
+            incumbent.metric, order, *problem.visits_for(incumbent.metric, order)
+        )
+    incumbent.order, incumbent.flip, incumbent.seat = layered.order, layered.flip, layered.seat
+    best = layered_start(incumbent, near, *given, promising=0.0)
+    assert best is not None
+    assert (best.order == incumbent.order).all()
 
 
 def test_hybrid_says_which_gamma_it_chose() -> None:
