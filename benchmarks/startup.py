@@ -49,6 +49,7 @@ def measure(model: str, options: argparse.Namespace, rows: Rows) -> None:
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "XDG_CACHE_HOME": folder}
         environment.pop("NUMBA_CACHE_DIR", None)
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has bytecode
         command = [sys.executable, "-m", "decmcts.cli", "plan", str(print_path(model))]
         command += ["-o", str(Path(folder) / "out.gcode")]
         command += ["--time-limit", f"{options.time_limit:g}"]
