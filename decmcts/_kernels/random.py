@@ -26,7 +26,7 @@ def seeded(seed: int) -> NDArray[np.uint64]:
 
 @kernel
 def uniform(state: NDArray[np.uint64]) -> float:
-    """Mutate `state`; return a number in (0, 1)."""
+    """Mutate `state`; return a number in (0, 1]; 1 by rounding, once in 2^53."""
     x = state[0]
     x ^= x << np.uint64(13)
     x ^= x >> np.uint64(7)
@@ -38,7 +38,7 @@ def uniform(state: NDArray[np.uint64]) -> float:
 @kernel
 def below(state: NDArray[np.uint64], n: int) -> int:
     """Mutate `state`; return an integer in 0..n - 1."""
-    return int(uniform(state) * n)
+    return min(int(uniform(state) * n), n - 1)
 
 
 @kernel

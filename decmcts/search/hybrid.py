@@ -214,11 +214,10 @@ class Hybrid:
         sequence, (hot, _, warm, cold) = _sequence(incumbent, near), self._heats(incumbent)
         if anneal_pieces(incumbent, sequence, lanes, Cooling(hot, warm), self.turn, a_lane=1):
             return True
-        before, guest = sequence.cost, _sequence(incumbent, near)
-        if self._turn_of_trees(incumbent, lanes, guest):
+        if self._turn_of_trees(incumbent, lanes, _sequence(incumbent, near)):
             return True
-        if guest.cost < before:
-            sequence = guest
+        if incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
+            sequence = _sequence(incumbent, near)
         steps = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
         until = self.shared if steps >= self.for_regions else self.end
         if anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), until, a_lane=4):

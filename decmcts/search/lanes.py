@@ -144,7 +144,8 @@ def anneal_pieces(
                 piece.put_back(own)
         if rivals:
             sequence.become(reduce(crossover, found))
-        sequence.settle()
+        if begun % lasting == 0:  # else the same pieces go on, with entries of their own
+            sequence.settle()
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)
 
     return _in_rounds(incumbent, lanes, until, begin, work, meet)

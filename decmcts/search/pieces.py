@@ -1,7 +1,8 @@
 """A stretch of a sequence as a small search problem of its own.
 
 The contours next to it stay as guards at its ends, so that what is gained inside
-is gained in the whole sequence, to the bit. Since the stretch is contiguous in a
+is gained in the whole sequence, to the bit; but where pieces that touch are changed
+at once, the travel between them becomes what neither saw. Since the stretch is contiguous in a
 linear extension, the stored edges inside it have the closure of all edges inside
 it: any chain between two of its contours stays within. Nothing is searched here.
 """
@@ -27,7 +28,7 @@ class Sequence:
 
     problem: OrderProblem
     metric: Metric
-    near: NDArray[np.int32]  # (2n, k) entry ports near each exit port, -1 padded
+    near: NDArray[np.int32]  # (2n + anchors, k) entry ports near each exit, see `near_ports`
     order: NDArray[np.int32]  # (n,)
     flip: NDArray[np.uint8]  # (n,) by contour
     seat: NDArray[np.int32]  # (n,) by contour

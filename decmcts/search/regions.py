@@ -105,9 +105,13 @@ def anneal_regions(incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until
     if n <= _WHOLE:
         return _improved(incumbent, sequence, lanes, until)[1]
     places, turn = Places.of(sequence), (until - began) * _PART / (_PART_PASSES * n)
-    stop = False
+    bare, stop = sequence.problem.costs is not None, False
     while not stop and incumbent.spent < until:
-        fused = _fused_but(sequence, places.ball(_PART, lanes.cutting))
+        if bare:  # all in one place
+            free = places.draw(sequence, _PART, lanes.cutting)
+        else:
+            free = places.ball(_PART, lanes.cutting)
+        fused = _fused_but(sequence, free)
         turn_ends = min(until, incumbent.spent + turn)
         found, stop = _improved(incumbent, fused.start(), lanes, turn_ends, fused)
         sequence = fused.unfused(found)

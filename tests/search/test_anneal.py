@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.descent import descend
 from decmcts._kernels.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
-from decmcts._kernels.random import seeded
+from decmcts._kernels.random import below, seeded, uniform
 from decmcts._kernels.sift import try_sift
 from decmcts._kernels.tour import respects, tour_cost
 from decmcts.search.annealing import tour_of
@@ -159,3 +159,16 @@ def test_a_sift_makes_one_contour_follow_another_feasibly(seed: int, density: fl
     assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(before + change)
     if (tour.order != np.arange(25)).any():
         assert tour.position[follower] == tour.position[leader] + 1
+
+
+def test_the_largest_random_number_is_still_below_its_limit() -> None:
+    """It rounds to 1 once in 2^53 draws; an index of n would read past the end unseen."""
+    word, all_ones = (1 << 64) - 1, (1 << 64) - 1
+    for shift in (-17, 7, -13):  # undoes the generator's steps, the last first
+        undone = word
+        for _ in range(10):
+            moved = undone << -shift if shift < 0 else undone >> shift
+            undone = word ^ (moved & all_ones)
+        word = undone
+    assert uniform(np.array([word], np.uint64)) == 1.0
+    assert below(np.array([word], np.uint64), 7) == 6

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +17,11 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.greedy import Greedy
 from decmcts.search.hybrid import Hybrid, layered_start
 from decmcts.search.incumbent import Incumbent
+from decmcts.search.lanes import anneal_pieces
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
 from decmcts.search.mcts import Mcts
 from decmcts.search.neighbours import near_ports
+from decmcts.search.pieces import Sequence
 from decmcts.search.planners import PLANNERS, SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.search.stopping import Budget, IterationLimit
@@ -131,6 +134,25 @@ def test_hybrid_tries_layers_though_another_start_is_a_little_better(loops: bool
     best = layered_start(incumbent, near, *given, promising=0.0)
     assert best is not None
     assert (best.order == incumbent.order).all()
+
+
+@pytest.mark.parametrize("trees", [0.0, 0.02])
+def test_hybrid_goes_on_from_the_best_of_what_it_has_half_way(
+    monkeypatch: pytest.MonkeyPatch, trees: float
+) -> None:
+    """A large print half-way is still warm and may cost more than the first, fast annealing."""
+    begun: list[tuple[float, float]] = []
+
+    def watched(incumbent: Incumbent, sequence: Sequence, *args: Any, **options: Any) -> bool:
+        begun.append((sequence.cost, incumbent.cost))
+        return anneal_pieces(incumbent, sequence, *args, **options)
+
+    monkeypatch.setattr("decmcts.search.hybrid.anneal_pieces", watched)
+    planner = Hybrid(medium=10, for_structure=trees, warm=1.4)  # hardly cooled half-way
+    problem = random_problem(5, 300, density=0.01)
+    plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=200_000)
+    assert len(begun) == 3
+    assert begun[2][0] == begun[2][1]
 
 
 def test_hybrid_says_which_gamma_it_chose() -> None:
