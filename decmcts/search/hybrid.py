@@ -139,9 +139,7 @@ class Hybrid:
             groups = [whole, *(layers if in_layers else whole for _ in rivals[1:])]
             if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
                 return True
-            joined = reduce(crossover, rivals, _sequence(incumbent, near))
-            joined.settle()
-            incumbent.offer(joined.order, joined.flip, joined.seat)
+            _offer_joined(incumbent, [_sequence(incumbent, near), *rivals])
             if in_layers and len(rivals) > 1:
                 layered = rivals[-1].copy()
         best = _sequence(incumbent, near)
@@ -182,12 +180,10 @@ class Hybrid:
             return True
         rivals, until = [layered.copy() for _ in lanes.states], incumbent.spent + self.layers
         coolings = [Cooling(hot, cold) for _ in rivals]
-        groups = [layer_runs(incumbent.problem.layer) for _ in rivals]
+        groups = [layer_runs(incumbent.problem.layer)] * len(rivals)
         if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
             return True
-        joined = reduce(crossover, rivals)
-        joined.settle()
-        incumbent.offer(joined.order, joined.flip, joined.seat)
+        _offer_joined(incumbent, rivals)
         return False
 
     def _improve(
@@ -280,6 +276,13 @@ def layered_start(
     layered = replace(best.copy(), order=order.copy(), flip=flip.copy())
     layered.settle()
     return layered if layered.cost <= promising * best.cost else None
+
+
+def _offer_joined(incumbent: Incumbent, sequences: list[Sequence]) -> None:
+    """Offer the best of what the sequences have, stretch by stretch."""
+    joined = reduce(crossover, sequences)
+    joined.settle()
+    incumbent.offer(joined.order, joined.flip, joined.seat)
 
 
 def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:

@@ -2,9 +2,10 @@
 
 The contours next to it stay as guards at its ends, so that what is gained inside
 is gained in the whole sequence, to the bit; but where pieces that touch are changed
-at once, the travel between them becomes what neither saw. Since the stretch is contiguous in a
-linear extension, the stored edges inside it have the closure of all edges inside
-it: any chain between two of its contours stays within. Nothing is searched here.
+at once, the travel between them becomes what neither saw. Since the stretch is
+contiguous in a linear extension, the stored edges inside it have the closure of all
+edges inside it: any chain between two of its contours stays within. Nothing is
+searched here.
 """
 
 from __future__ import annotations
