@@ -2,8 +2,8 @@
 
 Trees over clusters, one for each Γ, propose a start. What follows depends on size.
 Up to a thousand contours: races of whole sequences, one a thread, from unlike
-starts; then only what the best and a rival differ in. Larger: one sequence in
-pieces, long ones while hot, where long moves decide the large structure, many
+starts, within layers once that is ahead; then only what the best and a rival differ
+in. Larger: one sequence in pieces, long ones while hot, where long moves decide the large structure, many
 short ones while cold; half-way the trees, guided by what annealing made of the
 sequence, get another turn. At last regions, one after the other, where there is
 time for many steps a contour.
@@ -47,7 +47,7 @@ class Hybrid:
     merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
     racing: float = 3000.0  # steps of a lane in a race, for each contour and entry
-    most_races: int = 16
+    most_races: int = 4
     medium: int = 1000  # contours up to which races and regions beat sharing one sequence out
     first: float = 0.05  # share of the budget for a first, fast annealing of a larger one
     turn: float = 0.5  # share of the budget at which the trees get their second turn
@@ -113,35 +113,38 @@ class Hybrid:
         """Anneal whole sequences in races, then regions; return whether to stop.
 
         What a race ends in depends on what it begins with, and no start is best for all
-        prints. One lane has the best sequence, or the trees'; the others have in turn
-        the plain start, and what annealing within layers makes of the layered one, hot
-        and mild. That is their first race, if there is a layered one. The best of all
-        races so far is joined stretch by stretch: where layers follow each other
+        prints. One lane has the best sequence, or the trees'; the others the plain start,
+        hot and mild in turn, or, if there is a layered one, what annealing within layers
+        has made of that so far. Once that is ahead, all lanes stay within layers. The best
+        of all races so far is joined stretch by stretch: where layers follow each other
         strictly, it has the best that was found of each.
         """
         plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
-        whole = np.zeros_like(layers)
+        whole, ahead = np.zeros_like(layers), False  # ahead: the layered one
         began, races = incumbent.spent, self._races(incumbent)
         rivals: list[Sequence] = []
         for number in range(races):
-            in_layers = number == 0 and layered is not None
-            other = plain if layered is None or number % 2 else layered
-            rivals = [_sequence(incumbent, near), *(other.copy() for _ in lanes.states[1:])]
-            trees = number in (0, races // 2)
-            if trees and self._turn_of_trees(incumbent, lanes, rivals[0]):
+            other = plain if layered is None else layered
+            first = other.copy() if ahead else _sequence(incumbent, near)
+            rivals = [first, *(other.copy() for _ in lanes.states[1:])]
+            trees = number in (0, races // 2) and not ahead
+            if trees and self._turn_of_trees(incumbent, lanes, first):
                 return True
             hot, mild, _, cold = self._heats(incumbent)
             if hot == 0.0:
                 return True
-            second = Cooling(mild if (number + 1) // 2 % 2 else hot, cold)
-            coolings = [Cooling(hot, cold), *(second for _ in rivals[1:])]
+            heats = [mild if ahead else hot]
+            heats += [mild if ahead or number % 2 else hot for _ in rivals[1:]]
+            groups = [layers if ahead else whole]
+            groups += [whole if layered is None else layers for _ in rivals[1:]]
+            coolings = [Cooling(heat, cold) for heat in heats]
             until = began + (self.raced - began) * (number + 1) / races
-            groups = [whole, *(layers if in_layers else whole for _ in rivals[1:])]
             if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
                 return True
-            _offer_joined(incumbent, [_sequence(incumbent, near), *rivals])
-            if in_layers and len(rivals) > 1:
-                layered = rivals[-1].copy()
+            _offer(incumbent, _joined([_sequence(incumbent, near), *rivals]))
+            if layered is not None:
+                layered = _joined([layered, *rivals[0 if ahead else 1 :]])
+                ahead = ahead or rivals[-1].cost < first.cost
         best = _sequence(incumbent, near)
         others = [rival for rival in rivals if rival.cost > best.cost]
         if others:
@@ -183,7 +186,7 @@ class Hybrid:
         groups = [layer_runs(incumbent.problem.layer)] * len(rivals)
         if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
             return True
-        _offer_joined(incumbent, rivals)
+        _offer(incumbent, _joined(rivals))
         return False
 
     def _improve(
@@ -278,11 +281,15 @@ def layered_start(
     return layered if layered.cost <= promising * best.cost else None
 
 
-def _offer_joined(incumbent: Incumbent, sequences: list[Sequence]) -> None:
-    """Offer the best of what the sequences have, stretch by stretch."""
+def _joined(sequences: list[Sequence]) -> Sequence:
+    """Return the best of what the sequences have, stretch by stretch."""
     joined = reduce(crossover, sequences)
     joined.settle()
-    incumbent.offer(joined.order, joined.flip, joined.seat)
+    return joined
+
+
+def _offer(incumbent: Incumbent, sequence: Sequence) -> None:
+    incumbent.offer(sequence.order, sequence.flip, sequence.seat)
 
 
 def _sequence(incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:

@@ -17,7 +17,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.greedy import Greedy
 from decmcts.search.hybrid import Hybrid, layered_start
 from decmcts.search.incumbent import Incumbent
-from decmcts.search.lanes import anneal_pieces
+from decmcts.search.lanes import anneal_pieces, anneal_rivals
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
 from decmcts.search.mcts import Mcts
 from decmcts.search.neighbours import near_ports
@@ -264,3 +264,30 @@ def test_hybrid_stops_where_no_travel_is_left(medium: int) -> None:
     )
     assert result.cost == 0.0
     assert result.iterations < 100_000
+
+
+def test_hybrid_stays_within_layers_once_that_is_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Races within layers, joined layer by layer, beat races of the whole there."""
+    layer = np.repeat(np.arange(8, dtype=np.int32), 25)
+    pairs = np.argwhere(layer[:, None] + 1 == layer[None, :]).astype(np.int32)
+    graph = DependencyGraph.from_pairs(200, pairs)
+    problem = replace(random_problem(2, 200), layer=layer, graph=graph)
+    layers, raced = layer_runs(problem.layer), []
+
+    def watched(incumbent: Incumbent, rivals: list[Sequence], *args: Any, **options: Any) -> bool:
+        stop = anneal_rivals(incumbent, rivals, *args, **options)
+        if "groups" in options:
+            within = [bool(group.any()) for group in options["groups"]]
+            for rival, stays in zip(rivals, within, strict=True):
+                assert not stays or (np.diff(layers[rival.order]) >= 0).all()
+            raced.append((within, rivals[-1].cost < rivals[0].cost))
+        return stop
+
+    monkeypatch.setattr("decmcts.search.hybrid.anneal_rivals", watched)
+    planner = Hybrid(promising=10.0, racing=100.0)
+    plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=400_000)
+    assert len(raced) == planner.most_races
+    first = [ahead for _, ahead in raced].index(True)
+    assert first < planner.most_races - 1
+    assert all(within == [False, True] for within, _ in raced[: first + 1])
+    assert all(within == [True, True] for within, _ in raced[first + 1 :])
