@@ -3,10 +3,10 @@
 Trees over clusters, one for each Γ, propose a start. What follows depends on size.
 Up to a thousand contours: races of whole sequences, one a thread, from unlike
 starts, within layers once that is ahead; then only what the best and a rival differ
-in. Larger: one sequence in pieces, long ones while hot, where long moves decide the large structure, many
-short ones while cold; half-way the trees, guided by what annealing made of the
-sequence, get another turn. At last regions, one after the other, where there is
-time for many steps a contour.
+in. Larger: one sequence in pieces, long ones while hot, where long moves decide the
+large structure, many short ones while cold; half-way the trees, guided by what
+annealing made of the sequence, get another turn. At last regions, one after the
+other, where there is time for many steps a contour.
 
 References
 ----------
