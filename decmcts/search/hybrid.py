@@ -115,9 +115,9 @@ class Hybrid:
         What a race ends in depends on what it begins with, and no start is best for all
         prints. One lane has the best sequence, or the trees'; the others the plain start,
         hot and mild in turn, or, if there is a layered one, what annealing within layers
-        has made of that so far. Once that is ahead, all lanes stay within layers. The best
-        of all races so far is joined stretch by stretch: where layers follow each other
-        strictly, it has the best that was found of each.
+        has made of that so far, hot. Once that is ahead, all lanes stay within layers, the
+        first one mild. The best of all races so far is joined stretch by stretch: where
+        layers follow each other strictly, it has the best that was found of each.
         """
         plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
         whole, ahead = np.zeros_like(layers), False  # ahead: the layered one
@@ -134,7 +134,7 @@ class Hybrid:
             if hot == 0.0:
                 return True
             heats = [mild if ahead else hot]
-            heats += [mild if ahead or number % 2 else hot for _ in rivals[1:]]
+            heats += [mild if layered is None and number % 2 else hot for _ in rivals[1:]]
             groups = [layers if ahead else whole]
             groups += [whole if layered is None else layers for _ in rivals[1:]]
             coolings = [Cooling(heat, cold) for heat in heats]
