@@ -122,9 +122,9 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     text = f"# What each part of `hybrid` is worth\n\n{said}\n\nRepeat: "
     text += f"`python benchmarks/ablation.py --settings {settings} --process {options.process} "
     text += f"--time-limit {options.time_limit:g} --seeds {seeds}{of_models(mine, MODELS)}`. "
-    text += "One thread also means no rival starts and no merging. Of several seeds the median "
-    text += "travel counts. The Γ "
-    text += "chosen is that of the trees' last turn, seed by seed.\n\n"
+    text += "One thread also means no rival starts, no merging, no races within layers. Of "
+    text += "several seeds the median travel counts. The Γ chosen is that of the trees' last "
+    text += "turn, seed by seed.\n\n"
     text += summary(above) + "\n![ablation](ablation.png)\n\n" + lines
     (options.results / "ablation.md").write_text(text)
     if any(above.values()):

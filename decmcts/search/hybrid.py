@@ -115,12 +115,13 @@ class Hybrid:
         What a race ends in depends on what it begins with, and no start is best for all
         prints. One lane has the best sequence, or the trees'; the others the plain start,
         hot and mild in turn, or, if there is a layered one, what annealing within layers
-        has made of that so far, hot. Once that is ahead, all lanes stay within layers, the
-        first one mild. The best of all races so far is joined stretch by stretch: where
-        layers follow each other strictly, it has the best that was found of each.
+        has made of that so far, hot. Once that is ahead, all lanes stay within layers and
+        begin with it, the first one mild; of one lane none does. The best of all races so
+        far is joined stretch by stretch: where layers follow each other strictly, it has
+        the best that was found of each.
         """
         plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
-        whole, ahead = np.zeros_like(layers), False  # ahead: the layered one
+        whole, least, ahead = np.zeros_like(layers), np.inf, False  # the layered one is ahead
         began, races = incumbent.spent, self._races(incumbent)
         rivals: list[Sequence] = []
         for number in range(races):
@@ -142,9 +143,13 @@ class Hybrid:
             if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
                 return True
             _offer(incumbent, _joined([_sequence(incumbent, near), *rivals]))
-            if layered is not None:
+            if layered is not None and len(rivals) > 1:
+                least = min(least, first.cost)
                 layered = _joined([layered, *rivals[0 if ahead else 1 :]])
-                ahead = ahead or rivals[-1].cost < first.cost
+                ahead = ahead or layered.cost < least
+                best = _sequence(incumbent, near)
+                if _goes_by(layers, best):
+                    layered = _joined([layered, best])
         best = _sequence(incumbent, near)
         others = [rival for rival in rivals if rival.cost > best.cost]
         if others:
@@ -272,13 +277,21 @@ def layered_start(
     """Return the best sequence if it goes by layers, else the one given if it promises enough.
 
     That one gets the entries that suit it and may then cost `promising` times the best.
+    None too if there is but one layer.
     """
     best, group = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
-    if (np.diff(group[best.order]) >= 0).all():
+    if group[-1] == 0:
+        return None
+    if _goes_by(group, best):
         return best
     layered = replace(best.copy(), order=order.copy(), flip=flip.copy())
     layered.settle()
     return layered if layered.cost <= promising * best.cost else None
+
+
+def _goes_by(layers: NDArray[np.int32], sequence: Sequence) -> bool:
+    """Tell whether a sequence prints layer after layer."""
+    return bool((np.diff(layers[sequence.order]) >= 0).all())
 
 
 def _joined(sequences: list[Sequence]) -> Sequence:

@@ -266,28 +266,45 @@ def test_hybrid_stops_where_no_travel_is_left(medium: int) -> None:
     assert result.iterations < 100_000
 
 
-def test_hybrid_stays_within_layers_once_that_is_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Races within layers, joined layer by layer, beat races of the whole there."""
+@pytest.mark.parametrize("ahead", [False, True])
+def test_hybrid_stays_within_layers_once_that_is_ahead(
+    monkeypatch: pytest.MonkeyPatch, ahead: bool
+) -> None:
+    """Races within layers, joined layer by layer, beat races of the whole on real prints."""
     layer = np.repeat(np.arange(8, dtype=np.int32), 25)
-    pairs = np.argwhere(layer[:, None] + 1 == layer[None, :]).astype(np.int32)
-    graph = DependencyGraph.from_pairs(200, pairs)
-    problem = replace(random_problem(2, 200), layer=layer, graph=graph)
-    layers, raced = layer_runs(problem.layer), []
+    problem = replace(random_problem(2, 200, density=0.01), layer=layer)
+    found: list[float] = []  # by races within layers
+    raced: list[list[bool]] = []
 
     def watched(incumbent: Incumbent, rivals: list[Sequence], *args: Any, **options: Any) -> bool:
+        if "groups" not in options:
+            return anneal_rivals(incumbent, rivals, *args, **options)
+        within = [bool(group.any()) for group in options["groups"]]
+        coolings = args[1]
+        assert (coolings[0].hot_mm < coolings[1].hot_mm) == within[0]
+        for rival, stays in zip(rivals, within, strict=True):
+            assert not stays or (np.diff(layer[rival.order]) >= 0).all()
+            assert not stays or rival.cost <= min(found, default=np.inf) + 1e-9
         stop = anneal_rivals(incumbent, rivals, *args, **options)
-        if "groups" in options:
-            within = [bool(group.any()) for group in options["groups"]]
-            for rival, stays in zip(rivals, within, strict=True):
-                assert not stays or (np.diff(layers[rival.order]) >= 0).all()
-            raced.append((within, rivals[-1].cost < rivals[0].cost))
+        if not within[0]:  # one of them has bad luck
+            rivals[0 if ahead else 1].order[:] = np.arange(200)
+            rivals[0 if ahead else 1].flip[:] = 0
+        found.extend(rival.cost for rival, stays in zip(rivals, within, strict=True) if stays)
+        raced.append(within)
         return stop
 
     monkeypatch.setattr("decmcts.search.hybrid.anneal_rivals", watched)
     planner = Hybrid(promising=10.0, racing=100.0)
     plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=400_000)
-    assert len(raced) == planner.most_races
-    first = [ahead for _, ahead in raced].index(True)
-    assert first < planner.most_races - 1
-    assert all(within == [False, True] for within, _ in raced[: first + 1])
-    assert all(within == [True, True] for within, _ in raced[first + 1 :])
+    assert raced == [[False, True], *[[ahead, True]] * (planner.most_races - 1)]
+
+
+def test_hybrid_has_no_races_within_a_single_layer() -> None:
+    """There they would be races of the whole."""
+    problem = random_problem(2, 30)
+    problem = replace(problem, layer=np.zeros_like(problem.layer))
+    incumbent = Incumbent(
+        problem, clock=lambda: 0.0, budget=Budget(1.0, None), criterion=IterationLimit(1000)
+    )
+    given = nearest_in_layers(incumbent, layer_runs(problem.layer))
+    assert layered_start(incumbent, near_ports(problem), *given, promising=9.0) is None
