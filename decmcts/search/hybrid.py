@@ -115,10 +115,10 @@ class Hybrid:
         What a race ends in depends on what it begins with, and no start is best for all
         prints. One lane has the best sequence, or the trees'; the others the plain start,
         hot and mild in turn, or, if there is a layered one, what annealing within layers
-        has made of that so far, hot. Once that is ahead, all lanes stay within layers and
-        begin with it, the first one mild; of one lane none does. The best of all races so
-        far is joined stretch by stretch: where layers follow each other strictly, it has
-        the best that was found of each.
+        has made of that so far, hot. Once that is ahead, all lanes stay within layers, the
+        first one mild; of one lane none does. Sharing the best with all lanes would make
+        them alike. The best of all races so far is joined stretch by stretch: where layers
+        follow each other strictly, it has the best that was found of each.
         """
         plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
         whole, least, ahead = np.zeros_like(layers), np.inf, False  # the layered one is ahead
@@ -126,7 +126,9 @@ class Hybrid:
         rivals: list[Sequence] = []
         for number in range(races):
             other = plain if layered is None else layered
-            first = other.copy() if ahead else _sequence(incumbent, near)
+            first = _sequence(incumbent, near)
+            if ahead and not _goes_by(layers, first):
+                first = other.copy()
             rivals = [first, *(other.copy() for _ in lanes.states[1:])]
             trees = number in (0, races // 2) and not ahead
             if trees and self._turn_of_trees(incumbent, lanes, first):
@@ -147,9 +149,6 @@ class Hybrid:
                 least = min(least, first.cost)
                 layered = _joined([layered, *rivals[0 if ahead else 1 :]])
                 ahead = ahead or layered.cost < least
-                best = _sequence(incumbent, near)
-                if _goes_by(layers, best):
-                    layered = _joined([layered, best])
         best = _sequence(incumbent, near)
         others = [rival for rival in rivals if rival.cost > best.cost]
         if others:
