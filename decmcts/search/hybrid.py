@@ -121,14 +121,12 @@ class Hybrid:
         follow each other strictly, it has the best that was found of each.
         """
         plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
-        whole, least, ahead = np.zeros_like(layers), np.inf, False  # the layered one is ahead
+        whole, ahead = np.zeros_like(layers), False  # ahead: the layered one
         began, races = incumbent.spent, self._races(incumbent)
         rivals: list[Sequence] = []
         for number in range(races):
             other = plain if layered is None else layered
-            first = _sequence(incumbent, near)
-            if ahead and not _goes_by(layers, first):
-                first = other.copy()
+            first = other.copy() if ahead else _sequence(incumbent, near)
             rivals = [first, *(other.copy() for _ in lanes.states[1:])]
             trees = number in (0, races // 2) and not ahead
             if trees and self._turn_of_trees(incumbent, lanes, first):
@@ -146,9 +144,8 @@ class Hybrid:
                 return True
             _offer(incumbent, _joined([_sequence(incumbent, near), *rivals]))
             if layered is not None and len(rivals) > 1:
-                least = min(least, first.cost)
                 layered = _joined([layered, *rivals[0 if ahead else 1 :]])
-                ahead = ahead or layered.cost < least
+                ahead = ahead or rivals[-1].cost < first.cost
         best = _sequence(incumbent, near)
         others = [rival for rival in rivals if rival.cost > best.cost]
         if others:
