@@ -257,7 +257,7 @@ class Hybrid:
         )
         guest.order[:], guest.flip[:] = best.order, best.flip
         guest.settle()
-        incumbent.offer(guest.order, guest.flip, guest.seat)
+        _offer(incumbent, guest)
         incumbent.notes["gamma"] = best.gamma
         return stop
 
@@ -278,16 +278,11 @@ def layered_start(
     best, group = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
     if group[-1] == 0:
         return None
-    if _goes_by(group, best):
+    if (np.diff(group[best.order]) >= 0).all():
         return best
     layered = replace(best.copy(), order=order.copy(), flip=flip.copy())
     layered.settle()
     return layered if layered.cost <= promising * best.cost else None
-
-
-def _goes_by(layers: NDArray[np.int32], sequence: Sequence) -> bool:
-    """Tell whether a sequence prints layer after layer."""
-    return bool((np.diff(layers[sequence.order]) >= 0).all())
 
 
 def _joined(sequences: list[Sequence]) -> Sequence:
