@@ -27,7 +27,7 @@ def unit_travels(
     What a printing unit gets here means nothing; its path is the contour's.
     """
     starts, goals = _starts(order, space), order.target.copy()
-    level = np.empty(len(order.head))
+    level = np.zeros(len(order.head))  # units that print keep it
     packed = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     beads = Beads(packed.points, packed.offsets, packed.radius)
     units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)

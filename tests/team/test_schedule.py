@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise, product
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from decmcts.errors import InputError
 from decmcts.print.motion import filament_time
 from decmcts.print.plan import ActionKind, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
+from decmcts.team import travels
 from decmcts.team.alone import one_head_toolpaths
 from decmcts.team.schedule import schedule
 from decmcts.team.space import build_space
@@ -175,6 +177,22 @@ def test_long_travels_hop_as_the_source_does(case: Callable[..., Any]) -> None:
                 assert path[:, 2].max() >= path[[0, -1], 2].max() + 0.4 - 1e-9
                 hopped += 1
     assert hopped > len(job.contours) // 4
+
+
+def test_fresh_memory_may_hold_anything(
+    case: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Levels of units that print are no travels' levels; left unset they were at times infinite."""
+    spoiled = SimpleNamespace(**vars(np))
+    spoiled.empty = lambda shape: np.full(shape, np.inf)
+    spoiled.empty_like = lambda like: np.full_like(like, np.inf)
+    monkeypatch.setattr(travels, "np", spoiled)
+    chosen = case(3)
+    paths = one_head_toolpaths(
+        chosen.job, chosen.machine, Toolpath.as_sliced(len(chosen.job.contours))
+    )
+    plan = schedule(chosen.job, chosen.machine, chosen.graph, paths)
+    assert all(np.isfinite(head.path).all() for head in plan.heads)
 
 
 def test_nothing_to_print(case_of: Callable[..., Any]) -> None:
