@@ -22,9 +22,12 @@ EARLY_SHARE = 0.05  # of the search time, for that one
 SHARE = 0.5  # of the search time, at most, for the bound
 WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow computer
 MOST_BYTES = 2 * 2**30  # of relations
+ROUNDING = 1e-9  # of a travel: what lies no further from it is the same
 
 
-def certify(problem: OrderProblem, travel: float, *, time_limit_s: float) -> dict[str, Any]:
+def certify(
+    problem: OrderProblem, travel: float, *, time_limit_s: float, known: float | None = None
+) -> dict[str, Any]:
     """Return what the metrics say of the bound, or of why there is none.
 
     Parameters
@@ -33,10 +36,14 @@ def certify(problem: OrderProblem, travel: float, *, time_limit_s: float) -> dic
         What the result's travels cost, mm or s as the problem has it.
     time_limit_s : float
         The time limit of the search; the bound takes a share of as much again.
+    known : float | None
+        What the search itself has proven. If it is the travel, no more is done.
     """
     allowed_s = min(MOST_S, SHARE * time_limit_s)
     name = f"bound_{problem.unit}"
     said: dict[str, Any] = {"travel_s": travel} if problem.unit == "s" else {}
+    if known is not None and travel <= known * (1.0 + ROUNDING):
+        return {**said, name: known, "gap_percent": 0.0, "bound_method": "exact"}
     reason = _too_large(len(problem), allowed_s)
     if reason:
         return {**said, name: None, "gap_percent": None, "bound_skipped": reason}
@@ -66,6 +73,8 @@ def bound_line(metrics: Mapping[str, Any]) -> str | None:
     if bound is None:
         return f"no bound on the {what}: {metrics['bound_skipped']}"
     above = "" if gap is None else f" → at most {gap:.1f} % above optimal"
+    if gap is not None and gap <= 100.0 * ROUNDING:
+        above = " → proven optimal"
     return f"{what} {travel:,.1f} {unit} ≥ bound {bound:,.1f} {unit}{above}"
 
 

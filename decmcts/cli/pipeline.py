@@ -16,6 +16,7 @@ import numpy as np
 
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
+from decmcts._kernels.ideals import WINDOW
 from decmcts.cli.bound import certify, early_bound
 from decmcts.cli.quality import Quality, search_cooled
 from decmcts.errors import InputError, VerificationError
@@ -174,8 +175,9 @@ def search(
 
 def _solve(problem: OrderProblem, *, planner: str | Planner, **asked: Any) -> SearchResult:
     """Search; the planner is compiled off the clock."""
-    smallest = replace(_smallest(), pace=problem.pace)
-    plan_order(smallest, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
+    for apart in (3, 2 * WINDOW):
+        small = replace(_row(apart), pace=problem.pace)
+        plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
     return plan_order(problem, planner=planner, **asked)
 
 
@@ -186,12 +188,14 @@ def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> Or
     return replace(problem, pace=pace)
 
 
-def _smallest() -> OrderProblem:
-    """Return a problem of three contours; solving it compiles the planner off the clock."""
-    start = np.array([[0.0, 0.0, 0.2], [1.0, 0.0, 0.2], [2.0, 0.0, 0.4]])
-    graph = DependencyGraph.from_pairs(3, np.array([[0, 2]], np.int32))
-    layer = np.array([0, 0, 1], np.int32)
-    return OrderProblem(start, start[::-1].copy(), np.ones(3, np.bool_), layer, graph)
+def _row(n: int) -> OrderProblem:
+    """Return a problem to compile the planner with: few contours are solved exactly, many not."""
+    start = np.zeros((n, 3))
+    start[:, 0] = np.arange(n)
+    start[-1, 2] = 0.2
+    graph = DependencyGraph.from_pairs(n, np.array([[0, n - 1]], np.int32))
+    layer = (start[:, 2] > 0.0).astype(np.int32)
+    return OrderProblem(start, start[::-1].copy(), np.ones(n, np.bool_), layer, graph)
 
 
 def plan_single(
@@ -238,7 +242,8 @@ def plan_single(
     if certificate:
         announce("proving how far from optimal this is at most")
         started = time.perf_counter()
-        bound = certify(problem, toolpath_cost(problem, toolpath), time_limit_s=time_limit_s)
+        travel = toolpath_cost(problem, toolpath)
+        bound = certify(problem, travel, time_limit_s=time_limit_s, known=result.bound)
         seconds["bound"] = time.perf_counter() - started
     extra = {
         "planner": planner,
@@ -281,7 +286,8 @@ def _ordered(
     """Search; where spots must cool, for what is done first with its waits."""
 
     def run(graph: DependencyGraph, limit_s: float) -> SearchResult:
-        return _solve(replace(problem, graph=graph), time_limit_s=limit_s, **asked)
+        result = _solve(replace(problem, graph=graph), time_limit_s=limit_s, **asked)
+        return result if graph is loaded.graph else replace(result, bound=None)
 
     if not len(lags.below):
         return run(loaded.graph, time_limit_s)

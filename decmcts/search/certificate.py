@@ -1,7 +1,7 @@
 """The certificate: a proven lower bound on extrusionless travel.
 
-Looks for good prices of the relaxation (`decmcts.search.relaxation`); problems of
-a few contours are solved exactly. Nothing here finds sequences.
+Problems whose layers have few contours are solved exactly (`decmcts.search.exact`);
+for others good prices of the relaxation (`decmcts.search.relaxation`) are looked for.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.subsets import least_travel
 from decmcts._kernels.tour import tour_cost
+from decmcts.search.exact import solve_exactly
 from decmcts.search.problem import OrderProblem
-from decmcts.search.relaxation import Relaxation, Relaxed, ways_of
+from decmcts.search.relaxation import Relaxation, Relaxed
 
-EXACT_UP_TO = 12  # contours
+EXACT_UP_TO = 12  # contours, whatever time that takes
+EXACT_SHARE = 0.5  # of the time, at most, for an exact solution of larger problems
+PROBE_SHARE = 0.05  # of the time, for finding out whether there is hope of one
 
 Method = Literal["exact", "arborescence"]
 
@@ -58,9 +60,10 @@ def lower_bound(
 ) -> Certificate:
     """Return a bound on the travel of every order and every choice of directions allowed.
 
-    Up to `EXACT_UP_TO` contours the bound is the optimum (rounded down). Beyond,
-    it is the best value of a Lagrangian relaxation at the prices that were tried.
-    More time, or more iterations, never gives a lower bound.
+    Up to `EXACT_UP_TO` contours the bound is the optimum (rounded down), and beyond
+    where the time suffices for it. Else it is the best value of a Lagrangian
+    relaxation at the prices that were tried. More time, or more iterations, never
+    gives a lower bound.
 
     **Why it holds.** Take any order with directions that is allowed. Its travels,
     with one of length zero from a root to the first contour, are an arborescence
@@ -96,7 +99,8 @@ def lower_bound(
         The travel of a known order; it sets the length of the first steps only.
         None: that of the source.
     max_iterations : int | None
-        Limit on the relaxations solved; results are then repeatable.
+        Limit on the relaxations solved; results are then repeatable, and more than
+        `EXACT_UP_TO` contours are not solved exactly.
 
     Raises
     ------
@@ -114,26 +118,25 @@ def lower_bound(
         raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
     if problem.costs is not None:
         raise ValueError("bare costs are bounded by `decmcts.search.sop`")
-    n = len(problem)
-    if n <= EXACT_UP_TO:
-        return Certificate(_least(problem), 0, "exact", n * n)
-    end = clock() + time_limit_s
+    n, began = len(problem), clock()
+    if n < 2:
+        return Certificate(0.0, 0, "exact", 0)
+
+    def go_on(made: int, share: float) -> bool:
+        used = (clock() - began) / max(time_limit_s, 1e-9)
+        return n <= EXACT_UP_TO or used <= max(PROBE_SHARE, EXACT_SHARE * share)
+
+    if n <= EXACT_UP_TO or (max_iterations is None and time_limit_s > 0.0):
+        optimum = solve_exactly(problem, go_on)
+        if optimum is not None:
+            return Certificate(optimum.bound, 0, "exact", n * n)
+    end = began + time_limit_s
     ascent = Ascent(Relaxation(problem), _target(problem, upper_bound))
     while clock() < end and ascent.may_go_on(max_iterations):
         if not ascent.round(lambda: clock() < end):
             break
     bound = max(0.0, ascent.bound)
     return Certificate(bound, ascent.iterations, "arborescence", len(ascent.relaxation.codes))
-
-
-def _least(problem: OrderProblem) -> float:
-    """Return the least travel, rounded down."""
-    if len(problem) < 2:
-        return 0.0
-    before = np.zeros(len(problem), np.int64)
-    for a, b in problem.graph.pairs():
-        before[b] |= 1 << int(a)
-    return float(least_travel(ways_of(problem, apart=True), before)) * (1.0 - 1e-12)
 
 
 def _target(problem: OrderProblem, upper_bound: float | None) -> float:

@@ -1,6 +1,7 @@
 """The planner `hybrid`: tree search for the large structure, annealing for the rest.
 
-Trees over clusters, one for each Γ, propose a start. What follows depends on size.
+Prints whose layers have few contours are solved exactly, if there is time. Else trees
+over clusters, one for each Γ, propose a start, and what follows depends on size.
 Up to a thousand contours: races of whole sequences, one a thread, from unlike
 starts, within layers once that is ahead; then only what the best and a rival differ
 in. Larger: one sequence in pieces, long ones while hot, where long moves decide the
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 
 from decmcts.search.annealing import Cooling, descend_fully, tour_of
 from decmcts.search.crossover import crossover
+from decmcts.search.exact import WIDEST, solve_exactly
 from decmcts.search.fusing import Fused, merge
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
@@ -54,6 +56,8 @@ class Hybrid:
     end: float = 0.97  # share of the budget at which the descent begins
     shared: float = 0.75  # share of the budget at which a shared sequence goes on in regions,
     for_regions: float = 15_000.0  # if there are so many steps for each contour in all
+    probe: float = 0.1  # share of the budget after which an exact solution must be in sight,
+    exact: float = 0.9  # and the share that one may take
     large: int = 6000  # contours from which one Γ is all that time allows
     for_structure: float = 0.02  # share of the budget for each turn of the trees; 0: no trees
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
@@ -76,7 +80,7 @@ class Hybrid:
         by_layers = nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer))
         incumbent.offer(*by_layers)
         Greedy().plan(incumbent, seed=seed)
-        if incumbent.tick():
+        if incumbent.tick() or self._solve(incumbent) or incumbent.tick():
             return
         near = near_ports(incumbent.problem)
         layered = layered_start(incumbent, near, *by_layers, promising=self.promising)
@@ -86,6 +90,25 @@ class Hybrid:
         incumbent.offer_order(incumbent.order)
         descend_fully(incumbent, tour_of(incumbent, near))
         incumbent.offer_order(incumbent.order)
+
+    def _solve(self, incumbent: Incumbent) -> bool:
+        """Solve the problem exactly, if it is of that kind; return whether it was."""
+        began, widest = incumbent.spent, WIDEST
+        if incumbent.budget.iterations is not None:
+            widest = min(widest, int(self.probe * incumbent.budget.iterations))
+
+        def go_on(made: int, share: float) -> bool:
+            stop = incumbent.tick(made)
+            return not stop and incumbent.spent - began <= max(self.probe, self.exact * share)
+
+        if self.exact == 0.0:
+            return False
+        optimum = solve_exactly(incumbent.problem, go_on, widest=widest)
+        if optimum is not None:
+            incumbent.offer(optimum.order, optimum.flip, optimum.seat)
+            incumbent.prove(optimum.bound)
+            incumbent.tick()
+        return optimum is not None
 
     def _search(
         self,

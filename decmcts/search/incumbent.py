@@ -31,7 +31,7 @@ class Incumbent:
     report : Callable[[Progress], None] | None
         Told of progress after every piece of work.
     bound : float | None
-        What no sequence can cost less than; told with progress.
+        What no sequence can cost less than, if known; told with progress.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class Incumbent:
         self.iterations = 0
         self.notes: dict[str, float] = {}  # what a planner chose, by name
         self._clock, self._criterion, self._report = clock, criterion, report
-        self._bound = bound
+        self.bound = bound  # what no sequence can cost less than, if known
         self._started, self._improved_at_s = clock(), 0.0
         self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
 
@@ -70,7 +70,7 @@ class Incumbent:
     @property
     def progress(self) -> Progress:
         """Where the search stands now."""
-        return Progress(self.seconds, self.iterations, self.cost, self._improved_at_s, self._bound)
+        return Progress(self.seconds, self.iterations, self.cost, self._improved_at_s, self.bound)
 
     @property
     def spent(self) -> float:
@@ -119,6 +119,10 @@ class Incumbent:
     def offer_order(self, order: NDArray[np.int32]) -> bool:
         """Offer an order with the directions and entries that suit it best."""
         return self.offer(order, *self.problem.visits_for(self.metric, order))
+
+    def prove(self, bound: float) -> None:
+        """Take a bound that the planner has proven, if it is higher than what was known."""
+        self.bound = bound if self.bound is None else max(self.bound, bound)
 
     def tick(self, iterations: int = 0) -> bool:
         """Count `iterations`, report, and return whether to stop."""

@@ -61,6 +61,7 @@ class SearchResult:
     planner: str
     seed: int
     notes: Mapping[str, float] = field(default_factory=dict)  # what the planner chose, by name
+    bound: float | None = None  # no sequence of the problem costs less, if known
 
 
 def plan_order(
@@ -94,7 +95,8 @@ def plan_order(
     clock : Callable[[], float]
         Seconds; only differences matter. Threads ask it at the same time.
     bound : float | None
-        What no sequence can cost less than, if known; only handed on to `progress`.
+        What no sequence can cost less than, if known; handed on to `progress`. The
+        result has the planner's own instead where that is higher.
 
     Raises
     ------
@@ -126,6 +128,7 @@ def plan_order(
         planner if isinstance(planner, str) else type(planner).__name__.lower(),
         seed,
         MappingProxyType(incumbent.notes),
+        incumbent.bound,
     )
 
 

@@ -33,6 +33,7 @@ from decmcts.feasibility.build import closure_of
 from decmcts.search.crossings import Crossings, forced_crossings
 from decmcts.search.passages import Passages, single_passages
 from decmcts.search.problem import OrderProblem
+from decmcts.search.ways import ways_of
 
 WIDTH = 8  # travels taken up per contour and pricing
 ROUNDING = 1e-9  # of the largest number, times n: what a value is lowered by; see `evaluate`
@@ -178,29 +179,6 @@ class Relaxation:
         place = np.searchsorted(self.passages.keys, wanted)
         self._passing = np.flatnonzero(np.append(self.passages.keys, -1)[place] == wanted)
         self._passage = place[self._passing]
-
-
-def ways_of(problem: OrderProblem, *, apart: bool = False) -> Ways:
-    """Return the ways to print each contour, one or two: as sliced or turned; loops by any option.
-
-    With `apart` each option of a loop is a way of its own. Prices for them would
-    raise bounds by some two per cent, and a step would take three times as long.
-    """
-    n, seams = len(problem), problem.seams
-    options = np.ones(n, np.int64) if seams is None else np.diff(seams.offsets)
-    count = np.where(options > 1, options, 1 + problem.reversible)
-    owner = np.repeat(np.arange(n), count)
-    first = np.cumsum(count) - count
-    place = np.arange(len(owner)) - first[owner]  # 1: backwards, of those that may turn
-    into, out = 2 * owner + place, 2 * owner + 1 - place
-    if seams is not None:
-        chosen = options[owner] > 1
-        into[chosen] = 2 * (n + seams.offsets[owner] + place)[chosen]
-        out[chosen] = into[chosen] + 1
-    begins = np.flatnonzero((place == 0) | (options[owner] == 1) | apart)
-    ways = np.searchsorted(begins, np.append(first, len(owner)))
-    pairs = np.append(begins, len(owner)).astype(np.int64)
-    return Ways(problem.metric(), ways.astype(np.int64), pairs, into, out)
 
 
 def _precedence(problem: OrderProblem) -> tuple[Precedence, Passages]:

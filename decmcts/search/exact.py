@@ -1,0 +1,107 @@
+"""Sequences that are proven optimal, for prints whose layers have few contours.
+
+See `decmcts._kernels.ideals`. Prints of up to `decmcts._kernels.ideals.WINDOW` contours
+fit in any case as far as numbers go, but not always as far as memory does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.ideals import Ideals, Rules, Stand, make_ideals, needs, reaches, trace
+from decmcts.search.problem import OrderProblem
+from decmcts.search.ways import ways_of
+
+_IDEALS, _ENDS, _TRAVELS = 2_000_000, 8_000_000, 32_000_000  # half a gigabyte, if all is used
+_SLOTS = 1_000_003  # a prime
+_QUOTA = 20_000  # ends between two questions
+WIDEST = 500_000  # ends of a level: with more there is no hope
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """A sequence, and the proof that none costs less: all of them were looked at."""
+
+    order: NDArray[np.int32]  # (n,)
+    flip: NDArray[np.uint8]  # (n,) by contour
+    seat: NDArray[np.int32]  # (n,) by contour
+    cost: float
+    bound: float  # the cost, rounded down
+
+
+def solve_exactly(
+    problem: OrderProblem,
+    go_on: Callable[[int, float], bool] = lambda made, share: True,
+    *,
+    widest: int = WIDEST,
+) -> Optimum | None:
+    """Return an optimal sequence, or None if that takes too much.
+
+    Time grows with the order ideals of the graph: about evenly with the number of
+    layers, with 2ᵏ at most for k contours in a layer. That is too much, too, where a
+    contour may be overtaken by one far behind it in the source.
+
+    Parameters
+    ----------
+    go_on : Callable[[int, float], bool]
+        Asked after every piece of work: with how many beginnings of sequences were
+        looked at since the last time, and the share of contours they have printed.
+        False gives up.
+    widest : int
+        Beginnings with equally many contours, by set and last contour, beyond which to give up.
+    """
+    n, graph = len(problem), problem.graph
+    reach, near = reaches(graph.pred_offsets, graph.preds)
+    if n == 0 or not near:
+        return None
+    ways = ways_of(problem, apart=True)
+    rules = Rules(reach, needs(graph.pred_offsets, graph.preds), _slack(problem))
+    ideals, at, ends = _room(), Stand(0, 0, 1, 0, False), 0
+    while at.level < n:
+        at = make_ideals(ideals, ways, rules, at, min(_QUOTA, widest), widest)
+        made, ends = int(ideals.begin[at.ideals]) - ends, int(ideals.begin[at.ideals])
+        if at.full or not go_on(made, at.level / n):
+            return None
+    cost, order, chosen = trace(ideals, ways, at.first)
+    way, place = np.empty(n, np.int64), chosen - ways.offsets[order]
+    way[order] = place
+    options = np.ones(n, np.int64) if problem.seams is None else np.diff(problem.seams.offsets)
+    seat = np.full(n, -1, np.int64)
+    if problem.seams is not None:
+        seat[options > 1] = (problem.seams.offsets[:-1] + way)[options > 1]
+    flip = np.where(options > 1, 0, way)
+    return Optimum(
+        order, flip.astype(np.uint8), seat.astype(np.int32), cost, cost * (1.0 - 1e-12)
+    )
+
+
+def _slack(problem: OrderProblem) -> float:
+    """Return by how much a detour may be cheaper than the direct travel.
+
+    Two travels may each be short enough to go without retraction where one is not.
+    """
+    if problem.costs is not None:
+        return float(np.inf)
+    return 0.0 if problem.pace is None else problem.pace.hop_s
+
+
+def _room() -> Ideals:
+    """Return room with nothing but the empty set in it; what is not used takes no memory."""
+    ideals = Ideals(
+        np.empty(_IDEALS, np.int32),
+        np.empty(_IDEALS, np.uint64),
+        np.empty(_IDEALS + 1, np.int32),
+        np.empty(_ENDS, np.int32),
+        np.empty(_ENDS, np.int32),
+        np.empty(_ENDS, np.int64),
+        np.empty(_TRAVELS),
+        np.empty((_ENDS, 3), np.int32),
+        np.full(_SLOTS, -1, np.int32),
+    )
+    ideals.lacks[0] = ideals.bits[0] = 0
+    ideals.begin[:2] = 0
+    return ideals
