@@ -126,7 +126,7 @@ def _slot_of(ideals: Ideals, oldest: int, lacks: int, bits: np.uint64) -> int:
         i = ideals.slots[slot]
         if i < oldest or (ideals.lacks[i] == lacks and ideals.bits[i] == bits):
             return int(slot)
-        slot = slot + 1 if slot + 1 < size else 0
+        slot = (slot + 1) % size
 
 
 @kernel

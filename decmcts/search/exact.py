@@ -74,9 +74,7 @@ def solve_exactly(
     if problem.seams is not None:
         seat[options > 1] = (problem.seams.offsets[:-1] + way)[options > 1]
     flip = np.where(options > 1, 0, way)
-    return Optimum(
-        order, flip.astype(np.uint8), seat.astype(np.int32), cost, cost * (1.0 - 1e-12)
-    )
+    return Optimum(order, flip.astype(np.uint8), seat.astype(np.int32), cost, cost * (1.0 - 1e-12))
 
 
 def _slack(problem: OrderProblem) -> float:

@@ -20,7 +20,6 @@ from decmcts._kernels.pricing import (
     Boxes,
     Precedence,
     Prices,
-    Ways,
     add_descendants,
     arc_weights,
     bounds_of,

@@ -46,3 +46,27 @@ def with_loops(problem: OrderProblem, seed: int) -> OrderProblem:
 def with_pace(problem: OrderProblem) -> OrderProblem:
     """Price travels in seconds: short ones never reach full speed, long ones hop."""
     return replace(problem, pace=Pace(2.0, 1.5, 0.7, 1.1, hop_s=0.8, free_mm=2.5))
+
+
+def ways(problem: OrderProblem, c: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Where a contour may be entered, and where it is left then."""
+    seams, ends = problem.seams, (problem.start[c], problem.end[c])
+    if seams is not None and seams.offsets[c + 1] > seams.offsets[c] + 1:
+        mine = range(seams.offsets[c], seams.offsets[c + 1])
+        return [(seams.enter[o], seams.leave[o]) for o in mine]
+    return [ends, ends[::-1]] if problem.reversible[c] else [ends]
+
+
+def price(problem: OrderProblem, a: np.ndarray, b: np.ndarray) -> float:
+    """What a travel costs: mm, or seconds for a trapezoid across and one upright."""
+    if problem.pace is None:
+        return float(np.linalg.norm(a - b))
+    pace, seconds = problem.pace, 0.0
+    level, rise = float(np.hypot(*(a - b)[:2])), abs(float(a[2] - b[2]))
+    for way, speed, rate in (
+        (level, pace.speed, pace.acceleration),
+        (rise, pace.z_speed, pace.z_acceleration),
+    ):
+        ramps = min(way, speed**2 / rate)
+        seconds += 2.0 * np.sqrt(ramps / rate) + (way - ramps) / speed
+    return float(seconds + (pace.hop_s if level + rise > pace.free_mm else 0.0))

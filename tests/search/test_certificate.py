@@ -20,7 +20,7 @@ from decmcts.search.certificate import Ascent, lower_bound
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import Freedom, OrderProblem
 from decmcts.search.relaxation import Relaxation
-from tests.search.problems import random_problem, with_loops, with_pace
+from tests.search.problems import price, random_problem, ways, with_loops, with_pace
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[2].parent / "shared"))
 
@@ -48,30 +48,6 @@ def optimum(problem: OrderProblem) -> float:
 
     visit([], None, 0.0)
     return float(best)
-
-
-def ways(problem: OrderProblem, c: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Where a contour may be entered, and where it is left then."""
-    seams, ends = problem.seams, (problem.start[c], problem.end[c])
-    if seams is not None and seams.offsets[c + 1] > seams.offsets[c] + 1:
-        mine = range(seams.offsets[c], seams.offsets[c + 1])
-        return [(seams.enter[o], seams.leave[o]) for o in mine]
-    return [ends, ends[::-1]] if problem.reversible[c] else [ends]
-
-
-def price(problem: OrderProblem, a: np.ndarray, b: np.ndarray) -> float:
-    """What a travel costs: mm, or seconds for a trapezoid across and one upright."""
-    if problem.pace is None:
-        return float(np.linalg.norm(a - b))
-    pace, seconds = problem.pace, 0.0
-    level, rise = float(np.hypot(*(a - b)[:2])), abs(float(a[2] - b[2]))
-    for way, speed, rate in (
-        (level, pace.speed, pace.acceleration),
-        (rise, pace.z_speed, pace.z_acceleration),
-    ):
-        ramps = min(way, speed**2 / rate)
-        seconds += 2.0 * np.sqrt(ramps / rate) + (way - ramps) / speed
-    return float(seconds + (pace.hop_s if level + rise > pace.free_mm else 0.0))
 
 
 def relaxed_bound(problem: OrderProblem, rounds: int) -> float:

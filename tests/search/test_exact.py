@@ -1,0 +1,184 @@
+"""Prints whose layers have few contours are solved exactly, whatever their size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from decmcts._kernels.ideals import WINDOW
+from decmcts._kernels.seats import visits_cost
+from decmcts._kernels.tour import respects
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search import exact
+from decmcts.search.exact import Optimum, solve_exactly
+from decmcts.search.hybrid import Hybrid
+from decmcts.search.planners import plan_order
+from decmcts.search.problem import OrderProblem
+from tests.search.problems import price, random_problem, ways, with_loops, with_pace
+
+
+def kinds(problem: OrderProblem, seed: int) -> OrderProblem:
+    """The problem as it is, with loops, in seconds, both, or with bare costs, in turn."""
+    if seed % 5 == 4:
+        n = len(problem)
+        costs = np.random.default_rng(seed).integers(0, 30, (n, n)).astype(float)
+        return replace(problem, reversible=np.zeros(n, np.bool_), costs=costs)
+    problem = with_loops(problem, seed) if seed % 5 in (1, 3) else problem
+    return with_pace(problem) if seed % 5 in (2, 3) else problem
+
+
+def layers(seed: int, count: int, each: int, *, apart: bool = False) -> OrderProblem:
+    """Layers of `each` contours, one after the other; if `apart`, only each above its like."""
+    n = count * each
+    problem = random_problem(seed, n, density=0.0)
+    if apart:
+        pairs = [(k, k + each) for k in range(n - each)]
+    else:
+        pairs = [(k, m) for k in range(n - each) for m in range(k // each * each + each, n)]
+    graph = DependencyGraph.from_pairs(n, np.array(pairs, np.int32))
+    return replace(problem, layer=(np.arange(n) // each).astype(np.int32), graph=graph)
+
+
+def least(problem: OrderProblem) -> float:
+    """The optimum by plain recursion over the set printed and the last contour's way."""
+    n, needed = len(problem), [set[int]() for _ in range(len(problem))]
+    for a, b in problem.graph.pairs().tolist():
+        needed[b].add(a)
+    ends = [ways(problem, c) for c in range(n)]
+
+    @cache
+    def step(c: int, k: int, d: int, m: int) -> float:
+        if problem.costs is not None:
+            return float(problem.costs[c, d])
+        return price(problem, ends[c][k][1], ends[d][m][0])
+
+    @cache
+    def rest(done: frozenset[int], last: tuple[int, int] | None) -> float:
+        costs = [
+            (step(*last, c, k) if last else 0.0) + rest(done | {c}, (c, k))
+            for c in range(n)
+            if c not in done and needed[c] <= done
+            for k in range(len(ends[c]))
+        ]
+        return min(costs, default=0.0)
+
+    return rest(frozenset(), None)
+
+
+def check(problem: OrderProblem, found: Optimum) -> None:
+    """Refuse a sequence that is not allowed, or does not cost what it says."""
+    graph = problem.graph
+    assert sorted(found.order.tolist()) == list(range(len(problem)))
+    assert respects(found.order, graph.succ_offsets, graph.succs)
+    assert not (found.flip.astype(bool) & ~problem.reversible).any()
+    cost = visits_cost(problem.metric(), found.order, found.flip, found.seat)
+    assert found.cost == pytest.approx(cost)
+    assert found.bound <= cost
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_small_problems_of_every_kind(seed: int) -> None:
+    """Sparse and dense graphs, loops, seconds with retractions, bare costs."""
+    problem = random_problem(seed, 2 + seed % 6, density=(0.0, 0.3, 0.7)[seed % 3])
+    problem = kinds(problem, seed)
+    found = solve_exactly(problem)
+    assert found is not None
+    check(problem, found)
+    assert found.cost == pytest.approx(least(problem))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_many_thin_layers(seed: int) -> None:
+    """As many contours as it takes, in strict layers or in towers side by side."""
+    problem = kinds(layers(seed, 7, 3, apart=seed % 2 == 0), seed)
+    found = solve_exactly(problem)
+    assert found is not None
+    check(problem, found)
+    assert found.cost == pytest.approx(least(problem))
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_annealing_finds_nothing_better(apart: bool) -> None:
+    """Six hundred contours; what must be searched for is proven here."""
+    problem = with_loops(layers(3, 200, 3), 3) if not apart else layers(3, 100, 3, apart=True)
+    found = solve_exactly(problem)
+    if apart:  # three towers of a hundred: each may be far ahead of the others
+        assert found is None
+        return
+    assert found is not None
+    check(problem, found)
+    planner = Hybrid(exact=0.0)
+    other = plan_order(
+        problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=2_000_000
+    )
+    assert found.cost <= other.cost + 1e-9
+    assert other.cost <= 1.2 * found.cost
+
+
+def test_given_up_when_asked_or_too_wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Time, the width of a level, and room each end it, without a result."""
+    problem = layers(1, 40, 8)
+    asked: list[tuple[int, float]] = []
+
+    def once(made: int, share: float) -> bool:
+        asked.append((made, share))
+        return len(asked) < 2
+
+    assert solve_exactly(problem, once) is None
+    assert len(asked) == 2
+    assert 0.0 < asked[0][1] < asked[1][1] < 1.0
+    assert solve_exactly(problem, widest=100) is None
+    for name, room in (("_IDEALS", 1000), ("_ENDS", 1000), ("_TRAVELS", 1000), ("_SLOTS", 101)):
+        with monkeypatch.context() as small:
+            small.setattr(exact, name, room)
+            assert solve_exactly(problem) is None
+    assert solve_exactly(problem) is not None
+
+
+@pytest.mark.parametrize("behind", [WINDOW - 1, WINDOW])
+def test_a_contour_far_behind(behind: int) -> None:
+    """A chain, and a contour at its end that may come first: up to 63 behind it is seen."""
+    n = behind + 1
+    problem = random_problem(5, n, density=0.0)
+    chain = np.array([(k, k + 1) for k in range(n - 2)], np.int32)
+    problem = replace(problem, graph=DependencyGraph.from_pairs(n, chain))
+    found = solve_exactly(problem)
+    assert (found is not None) == (behind < WINDOW)
+    if found is not None:
+        check(problem, found)
+        assert found.cost == pytest.approx(least(problem))
+
+
+def test_nothing_and_one() -> None:
+    """No contour, and a single one."""
+    assert solve_exactly(random_problem(0, 0)) is None
+    found = solve_exactly(random_problem(0, 1))
+    assert found is not None
+    assert found.cost == 0.0
+
+
+@pytest.mark.parametrize("max_iterations", [None, 300_000])
+def test_hybrid_proves_what_it_can(max_iterations: int | None) -> None:
+    """It ends early then, and says that the result is optimal."""
+    problem = layers(2, 60, 4)
+    result = plan_order(
+        problem, planner="hybrid", time_limit_s=60.0, seed=0, max_iterations=max_iterations
+    )
+    assert result.bound is not None
+    assert result.bound <= result.cost
+    assert result.cost == pytest.approx(result.bound)
+    assert result.history[-1, 0] < 30.0
+
+
+def test_hybrid_searches_where_it_cannot_prove() -> None:
+    """A hopeless attempt takes a small share of the budget and no bound is claimed."""
+    problem = layers(2, 4, 20)
+    result = plan_order(
+        problem, planner="hybrid", time_limit_s=60.0, seed=0, max_iterations=200_000
+    )
+    assert result.bound is None
+    assert result.cost < result.source_cost
