@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.metric import distance
-from decmcts._kernels.pricing import Ways
+from decmcts._kernels.pricing import NONE, Ways
 
 WINDOW = 64
 _ONE = np.uint64(1)
@@ -44,20 +44,19 @@ class Rules(NamedTuple):
 
 
 class Ideals(NamedTuple):
-    """Room for ideals, level by level, and for their ends: a last contour and where it came from.
+    """Room for ideals, level by level, and for steps, each of which adds a contour to one.
 
-    The ends of ideal i are begin[i]:begin[i + 1]; those of ideals in the making stand
-    in `fresh`, by the ideal they extend, until they are sorted.
+    The steps from ideal i are begin[i]:begin[i + 1]; those that lead to it are linked.
     """
 
     lacks: NDArray[np.int32]  # (ideals,) first contour not printed
     bits: NDArray[np.uint64]  # (ideals,) bit k: contour `lacks` + k is printed
-    begin: NDArray[np.int32]  # (ideals + 1,) first end of each
-    contour: NDArray[np.int32]  # (ends,) printed last
-    parent: NDArray[np.int32]  # (ends,) ideal before that
-    base: NDArray[np.int64]  # (ends,) first entry of `travel`, one for each way of the contour
-    travel: NDArray[np.float64]  # (travels,) least travel that leads there
-    fresh: NDArray[np.int32]  # (ends, 3) contour, parent, ideal
+    begin: NDArray[np.int32]  # (ideals + 1,) first step from each
+    newest: NDArray[np.int32]  # (ideals,) last step that leads there, NONE if none
+    older: NDArray[np.int32]  # (steps,) the one that leads to the same before that, NONE if none
+    contour: NDArray[np.int32]  # (steps,) printed
+    base: NDArray[np.int64]  # (steps,) first entry of `travel`, one for each way of the contour
+    travel: NDArray[np.float64]  # (travels,) least travel until the step's contour is printed
     slots: NDArray[np.int32]  # hash table of ideals of the level in the making; others are free
 
 
@@ -68,7 +67,7 @@ class Stand(NamedTuple):
     first: int  # the first of these
     ideals: int  # all
     travels: int
-    full: bool  # there was no room for the next level, or it has too many ends
+    full: bool  # there was no room for the next level, or it has too many steps
 
 
 @kernel
@@ -130,11 +129,11 @@ def _slot_of(ideals: Ideals, oldest: int, lacks: int, bits: np.uint64) -> int:
 
 
 @kernel
-def _extend(ideals: Ideals, rules: Rules, at: Stand, widest: int) -> tuple[int, int]:
-    """Mutate the ideals: add those of the next level; return (ideals, fresh ends), or -1 twice."""
-    top, made = at.ideals, 0
+def _extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) -> Stand:
+    """Mutate the ideals: add those of the next level, and the steps to them."""
+    top, travels, step = at.ideals, at.travels, ideals.begin[at.first]
     most = min(len(ideals.lacks), at.ideals + len(ideals.slots) // 2)
-    room = min(widest, len(ideals.contour) - ideals.begin[at.ideals])
+    room = min(step + widest, len(ideals.contour))
     for i in range(at.first, at.ideals):
         lacks, bits = ideals.lacks[i], ideals.bits[i]
         for j in range(lacks, rules.reach[lacks] + 1):
@@ -148,46 +147,34 @@ def _extend(ideals: Ideals, rules: Rules, at: Stand, widest: int) -> tuple[int, 
             slot = _slot_of(ideals, at.ideals, following, then)
             if ideals.slots[slot] < at.ideals:
                 if top == most:
-                    return -1, -1
+                    return Stand(at.level, at.first, at.ideals, at.travels, True)
                 ideals.slots[slot] = top
-                ideals.lacks[top], ideals.bits[top] = following, then
+                ideals.lacks[top], ideals.bits[top], ideals.newest[top] = following, then, NONE
                 top += 1
-            if made == room:
-                return -1, -1
-            ideals.fresh[made, 0] = j
-            ideals.fresh[made, 1] = i
-            ideals.fresh[made, 2] = ideals.slots[slot]
-            made += 1
-    return top, made
+            count = ways.offsets[j + 1] - ways.offsets[j]
+            if step == room or travels + count > len(ideals.travel):
+                return Stand(at.level, at.first, at.ideals, at.travels, True)
+            child = ideals.slots[slot]
+            ideals.contour[step], ideals.base[step] = j, travels
+            ideals.older[step], ideals.newest[child] = ideals.newest[child], step
+            step += 1
+            travels += count
+        ideals.begin[i + 1] = step
+    return Stand(at.level + 1, at.ideals, top, travels, False)
 
 
 @kernel
-def _sort(ideals: Ideals, ways: Ways, at: Stand, top: int, made: int) -> int:
-    """Mutate the ideals: give fresh ends their place; return travels with theirs, or -1.
+def make_ideals(
+    ideals: Ideals, ways: Ways, rules: Rules, at: Stand, quota: int, widest: int
+) -> Stand:
+    """Mutate the ideals: make level after level, until about `quota` steps or the last level.
 
-    `fresh` then has the place of each instead of the ideal.
+    Ideal 0, with nothing printed, must be there. A level has `widest` steps at most.
     """
-    begin, travels = ideals.begin, at.travels
-    first = begin[at.ideals]
-    begin[at.ideals + 1 : top + 1] = 0
-    for e in range(made):
-        begin[ideals.fresh[e, 2] + 1] += 1
-    for i in range(at.ideals, top):
-        begin[i + 1] += begin[i]
-    for e in range(made):
-        i = ideals.fresh[e, 2]
-        place = begin[i]
-        begin[i] += 1
-        ideals.contour[place], ideals.parent[place] = ideals.fresh[e, 0], ideals.fresh[e, 1]
-        ideals.fresh[e, 2] = place
-    for i in range(top, at.ideals, -1):
-        begin[i] = begin[i - 1]
-    begin[at.ideals] = first
-    for e in range(first, first + made):
-        ideals.base[e] = travels
-        c = ideals.contour[e]
-        travels += ways.offsets[c + 1] - ways.offsets[c]
-    return int(travels) if travels <= len(ideals.travel) else -1
+    until = ideals.begin[at.first] + quota
+    while at.level < len(rules.reach) and not at.full and ideals.begin[at.first] < until:
+        at = _extend(ideals, ways, rules, at, widest)
+    return at
 
 
 @kernel
@@ -204,12 +191,13 @@ def _gather(
     Left out is what a travel from another of them reaches no later: whatever follows
     costs no less from there.
     """
-    count = 0
-    for e in range(ideals.begin[i], ideals.begin[i + 1]):
+    count, e = 0, ideals.newest[i]
+    while e != NONE:
         w = ways.offsets[ideals.contour[e]]
         for k in range(ways.offsets[ideals.contour[e] + 1] - w):
             port[count], travel[count] = ways.out[w + k], ideals.travel[ideals.base[e] + k]
             count += 1
+        e = ideals.older[e]
     kept = 0
     while slack < np.inf and kept < count:
         best = kept
@@ -230,63 +218,31 @@ def _gather(
 
 
 @kernel
-def _price(
-    ideals: Ideals,
-    ways: Ways,
-    rules: Rules,
-    made: int,
-    port: NDArray[np.int64],
-    travel: NDArray[np.float64],
-) -> None:
-    """Mutate the ideals: give the fresh ends their travel."""
-    parent, count = -1, 0
-    for e in range(made):
-        c, i, place = ideals.fresh[e, 0], ideals.fresh[e, 1], ideals.fresh[e, 2]
-        if i != parent:
-            parent, count = i, _gather(ideals, ways, rules.slack, i, port, travel)
-        base, w = ideals.base[place], ways.offsets[c]
-        for k in range(ways.offsets[c + 1] - w):
-            least = np.inf if count > 0 else 0.0
-            for o in range(count):
-                least = min(least, travel[o] + distance(ways.metric, port[o], ways.into[w + k]))
-            ideals.travel[base + k] = least
-
-
-@kernel
-def make_ideals(
-    ideals: Ideals, ways: Ways, rules: Rules, at: Stand, quota: int, widest: int
-) -> Stand:
-    """Mutate the ideals: make level after level, until about `quota` ends or the last level.
-
-    Ideal 0, with nothing printed and no end, must be there. A level has `widest` ends at most.
-    """
-    until = ideals.begin[at.ideals] + quota
+def price_steps(ideals: Ideals, ways: Ways, rules: Rules, first: int, last: int) -> None:
+    """Mutate the ideals: give the steps from ideals first:last their travel, all before known."""
     port, travel = np.empty(len(ways.into), np.int64), np.empty(len(ways.into))
-    while at.level < len(rules.reach) and not at.full and ideals.begin[at.ideals] < until:
-        top, made = _extend(ideals, rules, at, widest)
-        travels = _sort(ideals, ways, at, top, made) if made >= 0 else -1
-        if travels < 0:
-            return Stand(at.level, at.first, at.ideals, at.travels, True)
-        _price(ideals, ways, rules, made, port, travel)
-        at = Stand(at.level + 1, at.ideals, top, travels, False)
-    return at
+    for i in range(first, last):
+        count = _gather(ideals, ways, rules.slack, i, port, travel)
+        for e in range(ideals.begin[i], ideals.begin[i + 1]):
+            w = ways.offsets[ideals.contour[e]]
+            for k in range(ways.offsets[ideals.contour[e] + 1] - w):
+                least = np.inf if count > 0 else 0.0
+                for o in range(count):
+                    least = min(least, travel[o] + distance(ways.metric, port[o], ways.into[w + k]))
+                ideals.travel[ideals.base[e] + k] = least
 
 
 @kernel
 def trace(
     ideals: Ideals, ways: Ways, last: int
 ) -> tuple[float, NDArray[np.int32], NDArray[np.int64]]:
-    """Return the least travel to an ideal, the contours on the way and their ways, by position."""
-    lacks, bits = ideals.lacks[last], ideals.bits[last]
-    n = int(lacks)
-    while bits:
-        n += int(bits & _ONE)
-        bits >>= _ONE
+    """Return the least travel to the last ideal, the contours on the way and their ways."""
+    n = int(ideals.lacks[last])
     order, way = np.empty(n, np.int32), np.empty(n, np.int64)
     i, goal, least = last, -1, 0.0
     for position in range(n - 1, -1, -1):
-        best, found = np.inf, -1
-        for e in range(ideals.begin[i], ideals.begin[i + 1]):
+        best, found, e = np.inf, NONE, ideals.newest[i]
+        while e != NONE:
             w = ways.offsets[ideals.contour[e]]
             for k in range(ways.offsets[ideals.contour[e] + 1] - w):
                 cost = ideals.travel[ideals.base[e] + k]
@@ -295,8 +251,10 @@ def trace(
                 if cost < best:
                     best, found = cost, e
                     way[position] = w + k
+            e = ideals.older[e]
         if goal < 0:
             least = best
-        order[position], i = ideals.contour[found], ideals.parent[found]
+        order[position] = ideals.contour[found]
         goal = ways.into[way[position]]
+        i = int(np.searchsorted(ideals.begin[: i + 1], found, side="right")) - 1
     return least, order, way

@@ -21,7 +21,7 @@ from decmcts.search.relaxation import Relaxation, Relaxed
 
 EXACT_UP_TO = 12  # contours, whatever time that takes
 EXACT_SHARE = 0.5  # of the time, at most, for an exact solution of larger problems
-PROBE_SHARE = 0.05  # of the time, for finding out whether there is hope of one
+PROBE_SHARE = 0.1  # of the time, besides, for finding out whether there is hope of one
 
 Method = Literal["exact", "arborescence"]
 
@@ -124,7 +124,7 @@ def lower_bound(
 
     def go_on(made: int, share: float) -> bool:
         used = (clock() - began) / max(time_limit_s, 1e-9)
-        return n <= EXACT_UP_TO or used <= max(PROBE_SHARE, EXACT_SHARE * share)
+        return n <= EXACT_UP_TO or used <= PROBE_SHARE + EXACT_SHARE * share
 
     if n <= EXACT_UP_TO or (max_iterations is None and time_limit_s > 0.0):
         optimum = solve_exactly(problem, go_on)

@@ -12,14 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.ideals import Ideals, Rules, Stand, make_ideals, needs, reaches, trace
+from decmcts._kernels.ideals import (
+    Ideals,
+    Rules,
+    Stand,
+    make_ideals,
+    needs,
+    price_steps,
+    reaches,
+    trace,
+)
+from decmcts._kernels.pricing import NONE
 from decmcts.search.problem import OrderProblem
 from decmcts.search.ways import ways_of
 
-_IDEALS, _ENDS, _TRAVELS = 2_000_000, 8_000_000, 32_000_000  # half a gigabyte, if all is used
+_IDEALS, _STEPS, _TRAVELS = 2_000_000, 8_000_000, 32_000_000  # 0.4 GiB, if all is used
 _SLOTS = 1_000_003  # a prime
-_QUOTA = 20_000  # ends between two questions
-WIDEST = 500_000  # ends of a level: with more there is no hope
+_QUOTA = 20_000  # steps between two questions
+WIDEST = 500_000  # steps from a level: with more there is no hope
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +58,11 @@ def solve_exactly(
     Parameters
     ----------
     go_on : Callable[[int, float], bool]
-        Asked after every piece of work: with how many beginnings of sequences were
-        looked at since the last time, and the share of contours they have printed.
-        False gives up.
+        Asked after every piece of work: with how many steps, from a set of printed
+        contours to one with another, were made since the last time, and the share of
+        all that have been priced, 0 while they are still being found. False gives up.
     widest : int
-        Beginnings with equally many contours, by set and last contour, beyond which to give up.
+        Steps from all sets of equally many contours beyond which to give up.
     """
     n, graph = len(problem), problem.graph
     reach, near = reaches(graph.pred_offsets, graph.preds)
@@ -60,12 +70,21 @@ def solve_exactly(
         return None
     ways = ways_of(problem, apart=True)
     rules = Rules(reach, needs(graph.pred_offsets, graph.preds), _slack(problem))
-    ideals, at, ends = _room(), Stand(0, 0, 1, 0, False), 0
+    ideals, at, steps = _room(), Stand(0, 0, 1, 0, False), 0
     while at.level < n:
         at = make_ideals(ideals, ways, rules, at, min(_QUOTA, widest), widest)
-        made, ends = int(ideals.begin[at.ideals]) - ends, int(ideals.begin[at.ideals])
-        if at.full or not go_on(made, at.level / n):
+        made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])
+        if at.full or not go_on(made, 0.0):
             return None
+    first = priced = 0
+    while first < at.first:
+        last = int(np.searchsorted(ideals.begin[: at.first], priced + _QUOTA)) + 1
+        last = min(last, at.first)
+        price_steps(ideals, ways, rules, first, last)
+        made, priced = int(ideals.begin[last]) - priced, int(ideals.begin[last])
+        if not go_on(made, priced / steps):
+            return None
+        first = last
     cost, order, chosen = trace(ideals, ways, at.first)
     way, place = np.empty(n, np.int64), chosen - ways.offsets[order]
     way[order] = place
@@ -93,13 +112,13 @@ def _room() -> Ideals:
         np.empty(_IDEALS, np.int32),
         np.empty(_IDEALS, np.uint64),
         np.empty(_IDEALS + 1, np.int32),
-        np.empty(_ENDS, np.int32),
-        np.empty(_ENDS, np.int32),
-        np.empty(_ENDS, np.int64),
+        np.empty(_IDEALS, np.int32),
+        np.empty(_STEPS, np.int32),
+        np.empty(_STEPS, np.int32),
+        np.empty(_STEPS, np.int64),
         np.empty(_TRAVELS),
-        np.empty((_ENDS, 3), np.int32),
         np.full(_SLOTS, -1, np.int32),
     )
-    ideals.lacks[0] = ideals.bits[0] = 0
-    ideals.begin[:2] = 0
+    ideals.lacks[0] = ideals.bits[0] = ideals.begin[0] = 0
+    ideals.newest[0] = NONE
     return ideals

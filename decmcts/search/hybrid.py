@@ -56,8 +56,8 @@ class Hybrid:
     end: float = 0.97  # share of the budget at which the descent begins
     shared: float = 0.75  # share of the budget at which a shared sequence goes on in regions,
     for_regions: float = 15_000.0  # if there are so many steps for each contour in all
-    probe: float = 0.1  # share of the budget after which an exact solution must be in sight,
-    exact: float = 0.9  # and the share that one may take
+    probe: float = 0.15  # share of the budget for finding out what an exact solution takes,
+    exact: float = 0.75  # and the share that may take; 0: no exact solutions
     large: int = 6000  # contours from which one Γ is all that time allows
     for_structure: float = 0.02  # share of the budget for each turn of the trees; 0: no trees
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
@@ -99,7 +99,7 @@ class Hybrid:
 
         def go_on(made: int, share: float) -> bool:
             stop = incumbent.tick(made)
-            return not stop and incumbent.spent - began <= max(self.probe, self.exact * share)
+            return not stop and incumbent.spent - began <= self.probe + self.exact * share
 
         if self.exact == 0.0:
             return False

@@ -122,17 +122,20 @@ def test_annealing_finds_nothing_better(apart: bool) -> None:
 def test_given_up_when_asked_or_too_wide(monkeypatch: pytest.MonkeyPatch) -> None:
     """Time, the width of a level, and room each end it, without a result."""
     problem = layers(1, 40, 8)
-    asked: list[tuple[int, float]] = []
+    asked: list[float] = []
 
     def once(made: int, share: float) -> bool:
-        asked.append((made, share))
-        return len(asked) < 2
+        asked.append(share)
+        return made > 0 and len(asked) < most
 
-    assert solve_exactly(problem, once) is None
-    assert len(asked) == 2
-    assert 0.0 < asked[0][1] < asked[1][1] < 1.0
+    for most in (1, 2, 1000):
+        asked.clear()
+        assert (solve_exactly(problem, once) is None) == (most < 1000)
+    assert asked == sorted(asked)
+    assert (asked[0], asked[-1]) == (0.0, 1.0)
+    assert 0.0 < asked[len(asked) // 2 + 1] < 1.0
     assert solve_exactly(problem, widest=100) is None
-    for name, room in (("_IDEALS", 1000), ("_ENDS", 1000), ("_TRAVELS", 1000), ("_SLOTS", 101)):
+    for name, room in (("_IDEALS", 1000), ("_STEPS", 1000), ("_TRAVELS", 1000), ("_SLOTS", 101)):
         with monkeypatch.context() as small:
             small.setattr(exact, name, room)
             assert solve_exactly(problem) is None
