@@ -95,7 +95,7 @@ class Hybrid:
         """Solve the problem exactly, if it is of that kind; return whether it was."""
         began, widest = incumbent.spent, WIDEST
         if incumbent.budget.iterations is not None:
-            widest = min(widest, int(self.probe * incumbent.budget.iterations))
+            widest = min(widest, 1 + int(self.probe * incumbent.budget.iterations))
 
         def go_on(made: int, share: float) -> bool:
             stop = incumbent.tick(made)

@@ -177,6 +177,22 @@ def test_hybrid_proves_what_it_can(max_iterations: int | None) -> None:
     assert result.history[-1, 0] < 30.0
 
 
+@pytest.mark.parametrize("max_iterations", range(1, 30, 4))
+def test_next_to_no_budget(max_iterations: int) -> None:
+    """The attempt ends, and so does the search."""
+    asked: list[int] = []
+
+    def stop() -> bool:
+        asked.append(1)
+        return len(asked) > 1000
+
+    plan_order(
+        layers(2, 5, 3), planner="hybrid", time_limit_s=60.0, seed=0,
+        max_iterations=max_iterations, stop=stop,
+    )  # fmt: skip
+    assert len(asked) < 1000
+
+
 def test_hybrid_searches_where_it_cannot_prove() -> None:
     """A hopeless attempt takes a small share of the budget and no bound is claimed."""
     problem = layers(2, 4, 20)
