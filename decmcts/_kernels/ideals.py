@@ -30,7 +30,7 @@ from decmcts._kernels.pricing import NONE, Ways
 
 WINDOW = 64
 _ONE = np.uint64(1)
-_LAST = np.uint64(WINDOW - 1)
+_WIDTH = np.uint64(WINDOW)
 _HALF = np.uint64(32)
 _SPREAD = 7919
 
@@ -40,7 +40,7 @@ class Rules(NamedTuple):
 
     reach: NDArray[np.int64]  # (n,) last contour that may be printed before each, or itself
     needed: NDArray[np.uint64]  # (n,) predecessors: bit 63 is the contour before, and so on down
-    slack: float  # by how much a detour may be shorter than the direct travel; infinity: no limit
+    slack: float  # by how much a detour may cost less than the direct travel; may be infinite
 
 
 class Ideals(NamedTuple):
@@ -53,9 +53,10 @@ class Ideals(NamedTuple):
     bits: NDArray[np.uint64]  # (ideals,) bit k: contour `lacks` + k is printed
     begin: NDArray[np.int32]  # (ideals + 1,) first step from each
     newest: NDArray[np.int32]  # (ideals,) last step that leads there, NONE if none
+    ports: NDArray[np.int32]  # (ideals,) ways of all the contours of these steps together
     older: NDArray[np.int32]  # (steps,) the one that leads to the same before that, NONE if none
     contour: NDArray[np.int32]  # (steps,) printed
-    base: NDArray[np.int64]  # (steps,) first entry of `travel`, one for each way of the contour
+    base: NDArray[np.int64]  # (steps + 1,) first entry of `travel`, one a way of the contour
     travel: NDArray[np.float64]  # (travels,) least travel until the step's contour is printed
     slots: NDArray[np.int32]  # hash table of ideals of the level in the making; others are free
 
@@ -105,7 +106,7 @@ def reaches(
 
 @kernel
 def needs(pred_offsets: NDArray[np.int64], preds: NDArray[np.int32]) -> NDArray[np.uint64]:
-    """Return the predecessors of each contour among the 64 before it, as bits, (n,)."""
+    """Return the predecessors of each contour among the `WINDOW` before it, as bits, (n,)."""
     n = len(pred_offsets) - 1
     needed = np.zeros(n, np.uint64)
     for j in range(n):
@@ -138,7 +139,7 @@ def _extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) ->
         lacks, bits = ideals.lacks[i], ideals.bits[i]
         for j in range(lacks, rules.reach[lacks] + 1):
             k = np.uint64(j - lacks)
-            if (bits >> k) & _ONE or (k > 0 and (rules.needed[j] >> (_LAST - k + _ONE)) & ~bits):
+            if (bits >> k) & _ONE or (k > 0 and (rules.needed[j] >> (_WIDTH - k)) & ~bits):
                 continue
             then, following = bits | (_ONE << k), lacks
             while then & _ONE:
@@ -149,7 +150,8 @@ def _extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) ->
                 if top == most:
                     return Stand(at.level, at.first, at.ideals, at.travels, True)
                 ideals.slots[slot] = top
-                ideals.lacks[top], ideals.bits[top], ideals.newest[top] = following, then, NONE
+                ideals.lacks[top], ideals.bits[top] = following, then
+                ideals.newest[top], ideals.ports[top] = NONE, 0
                 top += 1
             count = ways.offsets[j + 1] - ways.offsets[j]
             if step == room or travels + count > len(ideals.travel):
@@ -157,8 +159,10 @@ def _extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) ->
             child = ideals.slots[slot]
             ideals.contour[step], ideals.base[step] = j, travels
             ideals.older[step], ideals.newest[child] = ideals.newest[child], step
+            ideals.ports[child] += count
             step += 1
             travels += count
+            ideals.base[step] = travels
         ideals.begin[i + 1] = step
     return Stand(at.level + 1, at.ideals, top, travels, False)
 
@@ -248,7 +252,7 @@ def trace(
                 cost = ideals.travel[ideals.base[e] + k]
                 if goal >= 0:
                     cost += distance(ways.metric, ways.out[w + k], goal)
-                if cost < best:
+                if found == NONE or cost < best:
                     best, found = cost, e
                     way[position] = w + k
             e = ideals.older[e]

@@ -37,7 +37,8 @@ def certify(
     time_limit_s : float
         The time limit of the search; the bound takes a share of as much again.
     known : float | None
-        What the search itself has proven. If it is the travel, no more is done.
+        What the search itself has proven; no lower bound is returned. If it is the
+        travel, no more is done.
     """
     allowed_s = min(MOST_S, SHARE * time_limit_s)
     name = f"bound_{problem.unit}"
@@ -49,8 +50,11 @@ def certify(
         return {**said, name: None, "gap_percent": None, "bound_skipped": reason}
     _compile_for(problem)
     found = lower_bound(problem, time_limit_s=allowed_s, upper_bound=travel)
+    method: str = found.method
+    if known is not None and known > found.bound:
+        found, method = replace(found, bound=known), "search"
     said |= {name: found.bound, "gap_percent": found.gap_percent(travel)}
-    return {**said, "bound_method": found.method}
+    return {**said, "bound_method": method}
 
 
 def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:

@@ -175,8 +175,8 @@ def search(
 
 def _solve(problem: OrderProblem, *, planner: str | Planner, **asked: Any) -> SearchResult:
     """Search; the planner is compiled off the clock."""
-    for apart in (3, 2 * WINDOW):
-        small = replace(_row(apart), pace=problem.pace)
+    for n in (3, 2 * WINDOW):
+        small = replace(_row(n), pace=problem.pace)
         plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
     return plan_order(problem, planner=planner, **asked)
 

@@ -33,7 +33,7 @@ class Certificate:
     bound: float  # in the unit of the problem
     iterations: int  # relaxations solved on the way
     method: Method  # "exact": `bound` is the least travel, but for rounding
-    arcs: int  # travels looked at one by one; the others are bounded together
+    arcs: int  # travels the relaxation lists; the others are bounded together
 
     def gap_percent(self, travel: float) -> float | None:
         """Return how far above optimal `travel` is at most; None if the bound is zero.
@@ -129,7 +129,7 @@ def lower_bound(
     if n <= EXACT_UP_TO or (max_iterations is None and time_limit_s > 0.0):
         optimum = solve_exactly(problem, go_on)
         if optimum is not None:
-            return Certificate(optimum.bound, 0, "exact", n * n)
+            return Certificate(optimum.bound, 0, "exact", 0)
     end = began + time_limit_s
     ascent = Ascent(Relaxation(problem), _target(problem, upper_bound))
     while clock() < end and ascent.may_go_on(max_iterations):

@@ -1,7 +1,7 @@
 """Sequences that are proven optimal, for prints whose layers have few contours.
 
-See `decmcts._kernels.ideals`. Prints of up to `decmcts._kernels.ideals.WINDOW` contours
-fit in any case as far as numbers go, but not always as far as memory does.
+By dynamic programming, see `decmcts._kernels.ideals`; how long that takes is known
+before most of it is done.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from decmcts.search.ways import ways_of
 
 _IDEALS, _STEPS, _TRAVELS = 2_000_000, 8_000_000, 32_000_000  # 0.4 GiB, if all is used
 _SLOTS = 1_000_003  # a prime
-_QUOTA = 20_000  # steps between two questions
+_QUOTA = 20_000  # steps between two questions, while they are being found
+_EFFORT = 2e7  # travels looked at between two questions, at most, while they are priced
+_ROUNDING = 1e-12  # of the cost
 WIDEST = 500_000  # steps from a level: with more there is no hope
 
 
@@ -60,7 +62,7 @@ def solve_exactly(
     go_on : Callable[[int, float], bool]
         Asked after every piece of work: with how many steps, from a set of printed
         contours to one with another, were made since the last time, and the share of
-        all that have been priced, 0 while they are still being found. False gives up.
+        the work of pricing them that is done, 0 while they are still being found. False gives up.
     widest : int
         Steps from all sets of equally many contours beyond which to give up.
     """
@@ -72,17 +74,17 @@ def solve_exactly(
     rules = Rules(reach, needs(graph.pred_offsets, graph.preds), _slack(problem))
     ideals, at, steps = _room(), Stand(0, 0, 1, 0, False), 0
     while at.level < n:
-        at = make_ideals(ideals, ways, rules, at, min(_QUOTA, widest), widest)
+        at = make_ideals(ideals, ways, rules, at, max(1, min(_QUOTA, widest)), widest)
         made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])
         if at.full or not go_on(made, 0.0):
             return None
-    first = priced = 0
+    effort, first = _effort(ideals, at.first), 0
     while first < at.first:
-        last = int(np.searchsorted(ideals.begin[: at.first], priced + _QUOTA)) + 1
-        last = min(last, at.first)
+        last = int(np.searchsorted(effort, effort[first] + _EFFORT, side="right")) - 1
+        last = max(first + 1, last)
         price_steps(ideals, ways, rules, first, last)
-        made, priced = int(ideals.begin[last]) - priced, int(ideals.begin[last])
-        if not go_on(made, priced / steps):
+        made = int(ideals.begin[last] - ideals.begin[first])
+        if not go_on(made, effort[last] / effort[-1]) and last < at.first:
             return None
         first = last
     cost, order, chosen = trace(ideals, ways, at.first)
@@ -93,7 +95,15 @@ def solve_exactly(
     if problem.seams is not None:
         seat[options > 1] = (problem.seams.offsets[:-1] + way)[options > 1]
     flip = np.where(options > 1, 0, way)
-    return Optimum(order, flip.astype(np.uint8), seat.astype(np.int32), cost, cost * (1.0 - 1e-12))
+    bound = min(cost * (1.0 - _ROUNDING), cost * (1.0 + _ROUNDING))  # costs may be negative
+    return Optimum(order, flip.astype(np.uint8), seat.astype(np.int32), cost, bound)
+
+
+def _effort(ideals: Ideals, count: int) -> NDArray[np.float64]:
+    """Return how many travels are looked at, at most, before each ideal is priced, (count + 1,)."""
+    ports = ideals.ports[:count].astype(np.float64)
+    ways = np.diff(ideals.base[ideals.begin[: count + 1]])
+    return np.concatenate([[0.0], np.cumsum(1.0 + ports * (ports + ways))])
 
 
 def _slack(problem: OrderProblem) -> float:
@@ -113,12 +123,13 @@ def _room() -> Ideals:
         np.empty(_IDEALS, np.uint64),
         np.empty(_IDEALS + 1, np.int32),
         np.empty(_IDEALS, np.int32),
+        np.empty(_IDEALS, np.int32),
         np.empty(_STEPS, np.int32),
         np.empty(_STEPS, np.int32),
-        np.empty(_STEPS, np.int64),
+        np.empty(_STEPS + 1, np.int64),
         np.empty(_TRAVELS),
         np.full(_SLOTS, -1, np.int32),
     )
-    ideals.lacks[0] = ideals.bits[0] = ideals.begin[0] = 0
+    ideals.lacks[0] = ideals.bits[0] = ideals.begin[0] = ideals.ports[0] = ideals.base[0] = 0
     ideals.newest[0] = NONE
     return ideals

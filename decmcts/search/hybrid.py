@@ -93,6 +93,8 @@ class Hybrid:
 
     def _solve(self, incumbent: Incumbent) -> bool:
         """Solve the problem exactly, if it is of that kind; return whether it was."""
+        if self.exact == 0.0:
+            return False
         began, widest = incumbent.spent, WIDEST
         if incumbent.budget.iterations is not None:
             widest = min(widest, 1 + int(self.probe * incumbent.budget.iterations))
@@ -101,8 +103,6 @@ class Hybrid:
             stop = incumbent.tick(made)
             return not stop and incumbent.spent - began <= self.probe + self.exact * share
 
-        if self.exact == 0.0:
-            return False
         optimum = solve_exactly(incumbent.problem, go_on, widest=widest)
         if optimum is not None:
             incumbent.offer(optimum.order, optimum.flip, optimum.seat)

@@ -75,3 +75,15 @@ def test_plan_reports_the_bound(
     else:
         assert 0.0 < after["bound_mm"] <= after["extrusionless_travel_mm"]
         assert after["gap_percent"] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_what_the_search_has_proven_is_not_lost() -> None:
+    """A bound of the search counts where the certificate's own is lower, or is not needed."""
+    proven = certify(row(40), 39.0, time_limit_s=1.0, known=39.0)
+    assert proven["gap_percent"] == 0.0
+    assert "proven optimal" in str(bound_line({**proven, "extrusionless_travel_mm": 39.0}))
+    metrics = certify(row(200), 400.0, time_limit_s=0.0, known=199.0)
+    assert metrics["bound_mm"] is None or metrics["bound_mm"] >= 199.0
+    metrics = certify(row(40), 78.0, time_limit_s=1e-3, known=39.0)
+    assert metrics["bound_mm"] == pytest.approx(39.0)
+    assert metrics["gap_percent"] == pytest.approx(100.0)

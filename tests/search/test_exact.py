@@ -16,7 +16,7 @@ from decmcts.search import exact
 from decmcts.search.exact import Optimum, solve_exactly
 from decmcts.search.hybrid import Hybrid
 from decmcts.search.planners import plan_order
-from decmcts.search.problem import OrderProblem
+from decmcts.search.problem import OrderProblem, Seams
 from tests.search.problems import price, random_problem, ways, with_loops, with_pace
 
 
@@ -121,6 +121,7 @@ def test_annealing_finds_nothing_better(apart: bool) -> None:
 
 def test_given_up_when_asked_or_too_wide(monkeypatch: pytest.MonkeyPatch) -> None:
     """Time, the width of a level, and room each end it, without a result."""
+    monkeypatch.setattr(exact, "_EFFORT", 1e3)
     problem = layers(1, 40, 8)
     asked: list[float] = []
 
@@ -201,3 +202,41 @@ def test_hybrid_searches_where_it_cannot_prove() -> None:
     )
     assert result.bound is None
     assert result.cost < result.source_cost
+
+
+def test_pieces_of_work_are_small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loops with many options cost far more than their number of steps tells."""
+    monkeypatch.setattr(exact, "_EFFORT", 1e5)
+    problem, options = layers(6, 12, 7), 24
+    n, rng = len(problem), np.random.default_rng(6)
+    enter = rng.random((n * options, 3)) * 100.0
+    seams = Seams(
+        np.arange(n + 1, dtype=np.int64) * options, enter, enter.copy(),
+        np.tile(np.arange(options, dtype=np.int32), n),
+    )  # fmt: skip
+    first = enter[::options].copy()
+    never = np.zeros(n, np.bool_)
+    problem = replace(problem, start=first, end=first.copy(), reversible=never, seams=seams)
+    pieces: list[tuple[int, float]] = []
+
+    def go_on(made: int, share: float) -> bool:
+        pieces.append((made, share))
+        return share < 1.0  # no matter at the end: all is done then
+
+    found = solve_exactly(problem, go_on)
+    assert found is not None
+    check(problem, found)
+    priced = [made for made, share in pieces if share > 0.0]
+    assert len(priced) > 3
+    assert sum(priced) == sum(made for made, share in pieces if share == 0.0)
+    assert max(priced) < sum(priced) / 2
+
+
+def test_costs_without_end_or_below_zero() -> None:
+    """Bare costs may be anything but no number."""
+    problem = random_problem(1, 4, density=0.0, turning=0.0)
+    for cost in (np.inf, -5.0):
+        found = solve_exactly(replace(problem, costs=np.full((4, 4), cost)))
+        assert found is not None
+        assert found.cost == 3.0 * cost
+        assert found.bound <= found.cost
