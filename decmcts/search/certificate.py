@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.tour import tour_cost
-from decmcts.search.exact import solve_exactly
+from decmcts.search.exact import Patience, solve_exactly
 from decmcts.search.problem import OrderProblem
 from decmcts.search.relaxation import Relaxation, Relaxed
 
 EXACT_UP_TO = 12  # contours, whatever time that takes
 EXACT_SHARE = 0.5  # of the time, at most, for an exact solution of larger problems
-PROBE_SHARE = 0.1  # of the time, besides, for finding out whether there is hope of one
+PROBE_SHARE = 0.1  # of the time, before that, for finding out what one takes
 
 Method = Literal["exact", "arborescence"]
 
@@ -122,9 +122,10 @@ def lower_bound(
     if n < 2:
         return Certificate(0.0, 0, "exact", 0)
 
+    patience = Patience(lambda: clock() / max(time_limit_s, 1e-9), PROBE_SHARE, EXACT_SHARE)
+
     def go_on(made: int, share: float) -> bool:
-        used = (clock() - began) / max(time_limit_s, 1e-9)
-        return n <= EXACT_UP_TO or used <= PROBE_SHARE + EXACT_SHARE * share
+        return n <= EXACT_UP_TO or patience.lasts(share)
 
     if n <= EXACT_UP_TO or (max_iterations is None and time_limit_s > 0.0):
         optimum = solve_exactly(problem, go_on)

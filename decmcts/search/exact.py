@@ -7,7 +7,7 @@ before most of it is done.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,32 @@ class Optimum:
     seat: NDArray[np.int32]  # (n,) by contour
     cost: float
     bound: float  # the cost, rounded down
+
+
+@dataclass(slots=True)
+class Patience:
+    """Tells whether an exact solution is in sight, as it is being made.
+
+    Shares are of a budget, `spent` says how much of it is used.
+    """
+
+    spent: Callable[[], float]
+    finding: float  # share for finding the steps
+    pricing: float  # share for pricing them
+    probe: float = 0.05  # share of it that pricing has before its pace counts
+    _began: float = field(init=False)
+    _found: float = field(init=False)  # share used by then
+
+    def __post_init__(self) -> None:
+        self._began = self._found = self.spent()
+
+    def lasts(self, share: float) -> bool:
+        """Return whether to go on with this share of the pricing done."""
+        spent = self.spent()
+        if share == 0.0:
+            self._found = spent
+            return spent - self._began <= self.finding
+        return spent - self._found <= max(self.probe, self.pricing * share)
 
 
 def solve_exactly(

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from decmcts.search.annealing import Cooling, descend_fully, tour_of
 from decmcts.search.crossover import crossover
-from decmcts.search.exact import WIDEST, solve_exactly
+from decmcts.search.exact import WIDEST, Patience, solve_exactly
 from decmcts.search.fusing import Fused, merge
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
@@ -95,13 +95,12 @@ class Hybrid:
         """Solve the problem exactly, if it is of that kind; return whether it was."""
         if self.exact == 0.0:
             return False
-        began, widest = incumbent.spent, WIDEST
+        patience, widest = Patience(lambda: incumbent.spent, self.probe, self.exact), WIDEST
         if incumbent.budget.iterations is not None:
             widest = min(widest, 1 + int(self.probe * incumbent.budget.iterations))
 
         def go_on(made: int, share: float) -> bool:
-            stop = incumbent.tick(made)
-            return not stop and incumbent.spent - began <= self.probe + self.exact * share
+            return not incumbent.tick(made) and patience.lasts(share)
 
         optimum = solve_exactly(incumbent.problem, go_on, widest=widest)
         if optimum is not None:

@@ -13,7 +13,7 @@ from decmcts._kernels.seats import visits_cost
 from decmcts._kernels.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search import exact
-from decmcts.search.exact import Optimum, solve_exactly
+from decmcts.search.exact import Optimum, Patience, solve_exactly
 from decmcts.search.hybrid import Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem, Seams
@@ -240,3 +240,28 @@ def test_costs_without_end_or_below_zero() -> None:
         assert found is not None
         assert found.cost == 3.0 * cost
         assert found.bound <= found.cost
+
+
+@pytest.mark.parametrize(("pace", "lasts"), [(0.5, 1.0), (0.7, 1.0), (0.9, 0.06), (5.0, 0.01)])
+def test_patience_ends_soon_where_there_is_no_hope(pace: float, lasts: float) -> None:
+    """What would take more than its share is given up once that shows, not at its end."""
+    now = 0.1
+    patience = Patience(lambda: now, 0.15, 0.75)
+    for then in (0.12, 0.2, 0.24):
+        now = then
+        assert patience.lasts(0.0)
+    done = 0.01
+    while done < 1.0:
+        now = 0.24 + pace * done
+        if not patience.lasts(done):
+            break
+        done += 0.01
+    assert done == pytest.approx(lasts, abs=0.011)
+
+
+def test_patience_with_finding_ends() -> None:
+    """Steps that take long to find are not waited for."""
+    now = 0.1
+    patience = Patience(lambda: now, 0.15, 0.75)
+    now = 0.26
+    assert not patience.lasts(0.0)
