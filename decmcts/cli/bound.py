@@ -95,12 +95,14 @@ def _too_large(n: int, allowed_s: float) -> str:
 def _compile_for(problem: OrderProblem) -> None:
     """Bound prints of no size, one exactly, so that compiling is off the clock."""
     for n in (3, EXACT_UP_TO + 1):
-        lower_bound(replace(_row(n), pace=problem.pace), time_limit_s=0.0)
+        lower_bound(replace(row_of(n), pace=problem.pace), time_limit_s=0.0)
 
 
-def _row(n: int) -> OrderProblem:
-    """Return a problem of `n` contours in a row."""
+def row_of(n: int) -> OrderProblem:
+    """Return `n` contours in a row to compile with: few are solved exactly, many not."""
     start = np.zeros((n, 3))
     start[:, 0] = np.arange(n)
-    graph = DependencyGraph.from_pairs(n, np.array([[0, 2]], np.int32))
-    return OrderProblem(start, start.copy(), np.ones(n, np.bool_), np.zeros(n, np.int32), graph)
+    start[-1, 2] = 0.2
+    graph = DependencyGraph.from_pairs(n, np.array([[0, n - 1]], np.int32))
+    layer = (start[:, 2] > 0.0).astype(np.int32)
+    return OrderProblem(start, start[::-1].copy(), np.ones(n, np.bool_), layer, graph)

@@ -17,7 +17,7 @@ import numpy as np
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
 from decmcts._kernels.ideals import WINDOW
-from decmcts.cli.bound import certify, early_bound
+from decmcts.cli.bound import certify, early_bound, row_of
 from decmcts.cli.quality import Quality, search_cooled
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.build import build_graph
@@ -176,7 +176,7 @@ def search(
 def _solve(problem: OrderProblem, *, planner: str | Planner, **asked: Any) -> SearchResult:
     """Search; the planner is compiled off the clock."""
     for n in (3, 2 * WINDOW):
-        small = replace(_row(n), pace=problem.pace)
+        small = replace(row_of(n), pace=problem.pace)
         plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
     return plan_order(problem, planner=planner, **asked)
 
@@ -186,16 +186,6 @@ def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> Or
     problem = OrderProblem.from_job(loaded.job, loaded.graph, freedom, seam)  # type: ignore[arg-type]
     pace = pace_of(loaded.job, loaded.machine.limits) if objective == "time" else None
     return replace(problem, pace=pace)
-
-
-def _row(n: int) -> OrderProblem:
-    """Return a problem to compile the planner with: few contours are solved exactly, many not."""
-    start = np.zeros((n, 3))
-    start[:, 0] = np.arange(n)
-    start[-1, 2] = 0.2
-    graph = DependencyGraph.from_pairs(n, np.array([[0, n - 1]], np.int32))
-    layer = (start[:, 2] > 0.0).astype(np.int32)
-    return OrderProblem(start, start[::-1].copy(), np.ones(n, np.bool_), layer, graph)
 
 
 def plan_single(
