@@ -117,6 +117,14 @@ def yardstick_of(row: tuple[str, ...]) -> int | None:
     return YARDSTICK[model][freedom == "reversible"] if model in YARDSTICK else None
 
 
+def complete(rows: list[dict[str, str]], planners: list[str]) -> list[dict[str, str]]:
+    """Return the runs of models that all planners have run, so that like is compared with like."""
+    there = grouped(rows, *ROW)
+    return [
+        r for mine in there.values() if {r["planner"] for r in mine} >= {*planners} for r in mine
+    ]
+
+
 def medians(rows: list[dict[str, str]], planners: list[str]) -> str:
     """Return the table of median reductions and quartiles, a line a setting."""
     lines = []
@@ -210,8 +218,9 @@ def write_results(rows: Rows, options: argparse.Namespace) -> None:
         if len(planners) < 2:  # only what a longer search gains
             continue
         picture = f"planners_{float(limit):g}s.png"
-        plot(mine, planners, options.results / picture)
-        text += f"\n## {float(limit):g} s\n\n{medians(mine, planners)}\n"
+        whole = complete(mine, planners)
+        plot(whole, planners, options.results / picture)
+        text += f"\n## {float(limit):g} s\n\n{medians(whole, planners)}\n"
         text += f"![reductions]({picture})\n\n{comparison(mine, planners)}"
     text += longer(done) + rows.failures()
     (options.results / "planners.md").write_text(text)
