@@ -32,7 +32,7 @@ with ZenohTransport("t", 1, 7, Endpoints.mesh(ports, 1)) as transport:
     while True:
         transport.send("commit", b"from the child", reliable=True)
         {body}
-        time.sleep(0.02)
+        transport.receive(0.02)
 """
 
 
@@ -216,7 +216,15 @@ def test_a_stopped_process_is_gone_after_its_lease_and_back_on_resume() -> None:
         until(transport, Presence(1, 7, False))
         assert time.monotonic() - began < 2.5 * LEASE_MS / 1000
         os.kill(process.pid, signal.SIGCONT)
-        until(transport, Presence(1, 7, True))
+        until(transport, Presence(1, 7, True), 10.0)
+
+
+def test_a_process_that_computes_without_a_break_is_not_taken_for_a_stopped_one() -> None:
+    """Its session must not be closed: zenoh itself went on saying that it lives."""
+    with child("sum(range(50_000_000))") as (transport, _process):  # nothing else runs in it
+        ends = time.monotonic() + 4.0
+        while time.monotonic() < ends:
+            assert Presence(1, 7, False) not in transport.receive(0.05)
 
 
 def test_sending_to_a_stopped_process_never_blocks_the_planner() -> None:
