@@ -33,6 +33,8 @@ _ONE = np.uint64(1)
 _WIDTH = np.uint64(WINDOW)
 _HALF = np.uint64(32)
 _SPREAD = 7919
+NOWHERE = np.uint64(2**64 - 1)
+"""Bits of an ideal that is given up; no other has them all, as its first contour is lacking."""
 
 
 class Rules(NamedTuple):
@@ -130,13 +132,16 @@ def _slot_of(ideals: Ideals, oldest: int, lacks: int, bits: np.uint64) -> int:
 
 
 @kernel
-def _extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) -> Stand:
+def extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) -> Stand:
     """Mutate the ideals: add those of the next level, and the steps to them."""
     top, travels, step = at.ideals, at.travels, ideals.begin[at.first]
     most = min(len(ideals.lacks), at.ideals + len(ideals.slots) // 2)
     room = min(step + widest, len(ideals.contour))
     for i in range(at.first, at.ideals):
         lacks, bits = ideals.lacks[i], ideals.bits[i]
+        if bits == NOWHERE:
+            ideals.begin[i + 1] = step
+            continue
         for j in range(lacks, rules.reach[lacks] + 1):
             k = np.uint64(j - lacks)
             if (bits >> k) & _ONE or (k > 0 and (rules.needed[j] >> (_WIDTH - k)) & ~bits):
@@ -177,7 +182,7 @@ def make_ideals(
     """
     until = ideals.begin[at.first] + quota
     while at.level < len(rules.reach) and not at.full and ideals.begin[at.first] < until:
-        at = _extend(ideals, ways, rules, at, widest)
+        at = extend(ideals, ways, rules, at, widest)
     return at
 
 
@@ -200,7 +205,7 @@ def _gather(
         w = ways.offsets[ideals.contour[e]]
         for k in range(ways.offsets[ideals.contour[e] + 1] - w):
             port[count], travel[count] = ways.out[w + k], ideals.travel[ideals.base[e] + k]
-            count += 1
+            count += int(travel[count] < np.inf)
         e = ideals.older[e]
     kept = 0
     while slack < np.inf and kept < count:

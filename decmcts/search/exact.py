@@ -97,8 +97,8 @@ def solve_exactly(
     if n == 0 or not near:
         return None
     ways = ways_of(problem, apart=True)
-    rules = Rules(reach, needs(graph.pred_offsets, graph.preds), _slack(problem))
-    ideals, at, steps = _room(), Stand(0, 0, 1, 0, False), 0
+    rules = Rules(reach, needs(graph.pred_offsets, graph.preds), slack_of(problem))
+    ideals, at, steps = room_for(_IDEALS, _STEPS, _TRAVELS, _SLOTS), Stand(0, 0, 1, 0, False), 0
     while at.level < n:
         at = make_ideals(ideals, ways, rules, at, max(1, min(_QUOTA, widest)), widest)
         made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])
@@ -132,7 +132,7 @@ def _effort(ideals: Ideals, count: int) -> NDArray[np.float64]:
     return np.concatenate([[0.0], np.cumsum(1.0 + ports * (ports + ways))])
 
 
-def _slack(problem: OrderProblem) -> float:
+def slack_of(problem: OrderProblem) -> float:
     """Return by how much a detour may be cheaper than the direct travel.
 
     Two travels may each be short enough to go without retraction where one is not.
@@ -142,19 +142,19 @@ def _slack(problem: OrderProblem) -> float:
     return 0.0 if problem.pace is None else problem.pace.hop_s
 
 
-def _room() -> Ideals:
+def room_for(most: int, steps: int, travels: int, slots: int) -> Ideals:
     """Return room with nothing but the empty set in it; what is not used takes no memory."""
     ideals = Ideals(
-        np.empty(_IDEALS, np.int32),
-        np.empty(_IDEALS, np.uint64),
-        np.empty(_IDEALS + 1, np.int32),
-        np.empty(_IDEALS, np.int32),
-        np.empty(_IDEALS, np.int32),
-        np.empty(_STEPS, np.int32),
-        np.empty(_STEPS, np.int32),
-        np.empty(_STEPS + 1, np.int64),
-        np.empty(_TRAVELS),
-        np.full(_SLOTS, -1, np.int32),
+        np.empty(most, np.int32),
+        np.empty(most, np.uint64),
+        np.empty(most + 1, np.int32),
+        np.empty(most, np.int32),
+        np.empty(most, np.int32),
+        np.empty(steps, np.int32),
+        np.empty(steps, np.int32),
+        np.empty(steps + 1, np.int64),
+        np.empty(travels),
+        np.full(slots, -1, np.int32),
     )
     ideals.lacks[0] = ideals.bits[0] = ideals.begin[0] = ideals.ports[0] = ideals.base[0] = 0
     ideals.newest[0] = NONE

@@ -7,7 +7,8 @@ starts, within layers once that is ahead; then only what the best and a rival di
 in. Larger: one sequence in pieces, long ones while hot, where long moves decide the
 large structure, many short ones while cold; half-way the trees, guided by what
 annealing made of the sequence, get another turn. At last regions, one after the
-other, where there is time for many steps a contour.
+other, where there is time for many steps a contour; short stretches, solved exactly,
+in turn with them, or alone where there is less time.
 
 References
 ----------
@@ -33,6 +34,7 @@ from decmcts.search.layerwise import layer_runs, nearest_in_layers
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence
 from decmcts.search.regions import anneal_regions
+from decmcts.search.stretches import solve_all_stretches
 from decmcts.search.structure import gamma_searches, search_structure
 
 _STEPS_A_S = 1.5e6  # of a lane, about
@@ -56,6 +58,8 @@ class Hybrid:
     end: float = 0.97  # share of the budget at which the descent begins
     shared: float = 0.75  # share of the budget at which a shared sequence goes on in regions,
     for_regions: float = 15_000.0  # if there are so many steps for each contour in all
+    solved: float = 0.85  # or at which stretches of it are solved exactly,
+    for_stretches: float = 2000.0  # if there are only so many
     probe: float = 0.15  # share of the budget for finding out what an exact solution takes,
     exact: float = 0.75  # and the share that may take; 0: no exact solutions
     large: int = 6000  # contours from which one Γ is all that time allows
@@ -241,9 +245,12 @@ class Hybrid:
         if incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
             sequence = _sequence(incumbent, near)
         steps = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
-        until = self.shared if steps >= self.for_regions else self.end
+        regions, stretches = steps >= self.for_regions, steps >= self.for_stretches
+        until = self.shared if regions else self.solved if stretches else self.end
         if anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), until, a_lane=4):
             return True
+        if not regions:
+            return solve_all_stretches(incumbent, _sequence(incumbent, near), lanes, self.end)
         return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
 
     def _turn_of_trees(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:

@@ -5,7 +5,8 @@ sequence. All else is fused to runs (`decmcts.search.fusing`), so that annealing
 the region, from a temperature drawn for it, takes a fraction of a second and may
 carry what lies between elsewhere. A result that is no worse goes on. Annealing of a
 whole sequence ends as good as an average outcome everywhere; this takes the best
-of many for each region.
+of many for each region. In turn with that, short stretches of the sequence are put in
+their best order, exactly (`decmcts.search.stretches`).
 
 References
 ----------
@@ -32,6 +33,7 @@ from decmcts.search.fusing import Fused, fuse
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import ROUND_S, Lanes
 from decmcts.search.pieces import Sequence, cut
+from decmcts.search.stretches import Stretches
 
 _SIZE = (15.0, 200.0)  # contours of a region
 _HOT = (0.3, 5.0)  # between these a region's first temperature is drawn, in mean travels
@@ -45,6 +47,7 @@ _STRETCHES = (1.0, 3.0, 10.0)  # of heights: towers to layers
 _WHOLE = 6000  # contours up to which regions are taken of the whole print
 _PART = 1500  # contours set free in a part of a larger one
 _PART_PASSES = 2  # parts each contour is to be in
+_STRETCHED = 0.3  # of the time between two meetings: stretches solved exactly
 _WINDOWS = (1, 3)  # stretches of the sequence in a region that is no ball
 
 
@@ -102,8 +105,9 @@ def anneal_regions(incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until
     Mutates the generators.
     """
     n, began = len(sequence.order), incumbent.spent
+    stretches = [Stretches() for _ in lanes.states]
     if n <= _WHOLE:
-        return _improved(incumbent, sequence, lanes, until)[1]
+        return _improved(incumbent, sequence, lanes, stretches, until)[1]
     places, turn = Places.of(sequence), (until - began) * _PART / (_PART_PASSES * n)
     bare, stop = sequence.problem.costs is not None, False
     while not stop and incumbent.spent < until:
@@ -113,7 +117,7 @@ def anneal_regions(incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until
             free = places.ball(_PART, lanes.cutting)
         fused = _fused_but(sequence, free)
         turn_ends = min(until, incumbent.spent + turn)
-        found, stop = _improved(incumbent, fused.start(), lanes, turn_ends, fused)
+        found, stop = _improved(incumbent, fused.start(), lanes, stretches, turn_ends, fused)
         sequence = fused.unfused(found)
         stop = stop or incumbent.tick()  # a part without travels asks nobody
     return stop
@@ -123,6 +127,7 @@ def _improved(
     incumbent: Incumbent,
     sequence: Sequence,
     lanes: Lanes,
+    stretches: list[Stretches],
     until: float,
     fused: Fused | None = None,
 ) -> tuple[Sequence, bool]:
@@ -137,7 +142,7 @@ def _improved(
         rate = made / (spent - began) if spent > began else 0.0
         count, steps = len(lanes.states), rate * (until - began)
         trial = _Trial(incumbent, places, until, rate / count, steps, count)
-        found = list(lanes.pool.map(trial.run, repeat(sequence), lanes.states))
+        found = list(lanes.pool.map(trial.run, repeat(sequence), lanes.states, stretches))
         best = reduce(crossover, (result for result, _ in found))
         if best.cost < sequence.cost:
             whole = best if fused is None else fused.unfused(best)
@@ -161,8 +166,10 @@ class _Trial:
     steps: float  # of all lanes until the end, 0: not known yet
     lanes: int
 
-    def run(self, sequence: Sequence, state: NDArray[np.uint64]) -> tuple[Sequence, int]:
-        """Mutate the generator; return what some regions made of it, and the steps.
+    def run(
+        self, sequence: Sequence, state: NDArray[np.uint64], stretches: Stretches
+    ) -> tuple[Sequence, int]:
+        """Mutate the generator; return what stretches and regions made of it, and the steps.
 
         If iterations are limited there is one region, so that results repeat.
         """
@@ -176,15 +183,26 @@ class _Trial:
             made += number
             if (now := found.cost) <= cost:
                 sequence, cost = found, now
-            if self.incumbent.seconds >= began + ROUND_S or self._is_over():
+            if self.incumbent.seconds >= began + ROUND_S * (1 - _STRETCHED) or self._is_over():
                 break
+        if sequence.problem.costs is None:
+            sequence = sequence.copy()
+            until = self._stretched(made)
+            made += stretches.improve(self.incumbent, sequence, state, until)
         return sequence, made
+
+    def _stretched(self, made: int) -> float:
+        """Return the share of the budget at which stretches end, after so many steps."""
+        incumbent, limit = self.incumbent, self.incumbent.budget.iterations
+        if limit is not None:
+            return incumbent.spent + _STRETCHED / (1.0 - _STRETCHED) * made / limit
+        return min(self.until, incumbent.spent + _STRETCHED * ROUND_S / incumbent.budget.seconds)
 
     def _most(self) -> float:
         """Return the most steps a region may take."""
         budget, left = self.incumbent.budget, self.until - self.incumbent.spent
         if budget.iterations is not None:
-            return left * budget.iterations / self.lanes
+            return left * budget.iterations / self.lanes * (1.0 - _STRETCHED)
         return self.rate * min(left, _LONGEST_S / budget.seconds) or _MOST_AT_FIRST
 
     def _is_over(self) -> bool:

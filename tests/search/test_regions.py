@@ -55,7 +55,7 @@ def test_equal_seeds_and_iterations_give_equal_sequences(seed: int) -> None:
     one, other = improved(seed, 20_000), improved(seed, 20_000)
     assert one.cost == other.cost
     assert (one.order == other.order).all()
-    assert one.iterations == other.iterations <= 20_000 + 24  # a step a slice at the least
+    assert one.iterations == other.iterations <= 21_000  # a slice, or a stretch, that is begun ends
 
 
 @pytest.mark.slow
