@@ -40,7 +40,7 @@ the protocol says again what matters."""
 
 QUEUE = 1024
 POLL_S = 0.001
-WATCH_S = 0.1
+WATCH_S = 0.02  # short, so that threads hardly compute in it before a stop
 STOPPED_S = 0.5 * LEASE_MS / 1000
 """A process that stood still for so long may have been dropped by its peers:
 zenoh says that it lives every quarter of a lease, perhaps just before the stop."""
@@ -103,6 +103,15 @@ def configuration(endpoints: Endpoints) -> zenoh.Config:
     return config
 
 
+def stood_still(passed_s: float, computed_s: float) -> bool:
+    """Tell whether a sleep of `WATCH_S` took so long because the process was stopped.
+
+    Not if it computed meanwhile, on another thread that held the interpreter. A process
+    that is starved looks like a stopped one; taking it for one costs a new session only.
+    """
+    return passed_s - WATCH_S - computed_s > STOPPED_S
+
+
 class ZenohTransport:
     """One head's zenoh session; use as a context manager.
 
@@ -137,7 +146,7 @@ class ZenohTransport:
         self._ready = threading.Condition()
         self._closing_until: float | None = None
         self._using = threading.Lock()  # a put, or closing and opening the session
-        self._was_stopped = False  # for longer than the lease: all peers dropped us
+        self._was_stopped = False  # long enough for peers to drop us
         self._seen: set[tuple[int, int]] = set()  # (head, epoch) said to be here
 
     def __enter__(self) -> Self:
@@ -191,7 +200,7 @@ class ZenohTransport:
     def _begin_again(self) -> list[Arrival]:
         """Open a new session after a stop; all peers are gone until they are seen again.
 
-        Peers closed their links when the lease ran out, and zenoh does not always
+        Peers may have closed their links when the lease ran out, and zenoh does not always
         find back to them: half-open handshakes of both sides can keep refusing each other.
         """
         gone: list[Arrival] = [Presence(head, epoch, False) for head, epoch in sorted(self._seen)]
@@ -258,13 +267,11 @@ class ZenohTransport:
                     self._put(kind, payload, reliable=reliable)
 
     def _watch(self) -> None:
-        """Notice that this process was stopped: in a short sleep hardly any thread of it ran."""
+        """Notice that this process was stopped while it slept for a moment."""
         while self._closing_until is None:
             began, used = time.monotonic(), time.process_time()
             time.sleep(WATCH_S)
-            passed = time.monotonic() - began
-            ran = time.process_time() - used  # much, if another thread held the interpreter
-            if passed > WATCH_S + STOPPED_S and ran < passed / 4:
+            if stood_still(time.monotonic() - began, time.process_time() - used):
                 self._was_stopped = True  # `receive` opens a new session
 
     def _next_batch(self) -> list[tuple[str, bytes, bool]] | None:

@@ -59,7 +59,9 @@ class Ideals(NamedTuple):
     older: NDArray[np.int32]  # (steps,) the one that leads to the same before that, NONE if none
     contour: NDArray[np.int32]  # (steps,) printed
     base: NDArray[np.int64]  # (steps + 1,) first entry of `travel`, one a way of the contour
-    travel: NDArray[np.float64]  # (travels,) least travel until the step's contour is printed
+    travel: NDArray[
+        np.float64
+    ]  # (travels,) least until the step's contour is printed; inf: given up
     slots: NDArray[np.int32]  # hash table of ideals of the level in the making; others are free
 
 
@@ -71,6 +73,15 @@ class Stand(NamedTuple):
     ideals: int  # all
     travels: int
     full: bool  # there was no room for the next level, or it has too many steps
+
+
+@kernel
+def empty(ideals: Ideals) -> Stand:
+    """Mutate the ideals: nothing but the one with nothing printed; return where that stands."""
+    ideals.slots[:] = -1
+    ideals.lacks[0] = ideals.begin[0] = ideals.ports[0] = ideals.base[0] = 0
+    ideals.bits[0], ideals.newest[0] = 0, NONE
+    return Stand(0, 0, 1, 0, False)
 
 
 @kernel
@@ -178,7 +189,7 @@ def make_ideals(
 ) -> Stand:
     """Mutate the ideals: make level after level, until about `quota` steps or the last level.
 
-    Ideal 0, with nothing printed, must be there. A level has `widest` steps at most.
+    A level has `widest` steps at most.
     """
     until = ideals.begin[at.first] + quota
     while at.level < len(rules.reach) and not at.full and ideals.begin[at.first] < until:
@@ -235,7 +246,7 @@ def price_steps(ideals: Ideals, ways: Ways, rules: Rules, first: int, last: int)
         for e in range(ideals.begin[i], ideals.begin[i + 1]):
             w = ways.offsets[ideals.contour[e]]
             for k in range(ways.offsets[ideals.contour[e] + 1] - w):
-                least = np.inf if count > 0 else 0.0
+                least = 0.0 if ideals.newest[i] == NONE else np.inf
                 for o in range(count):
                     least = min(least, travel[o] + distance(ways.metric, port[o], ways.into[w + k]))
                 ideals.travel[ideals.base[e] + k] = least

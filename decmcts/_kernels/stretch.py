@@ -19,6 +19,7 @@ from decmcts._kernels.ideals import (
     Ideals,
     Rules,
     Stand,
+    empty,
     extend,
     price_steps,
     trace,
@@ -33,7 +34,10 @@ LONGEST = WINDOW - 2  # positions of a stretch
 _ONE = np.uint64(1)
 _LEAST_GAIN = 1e-9  # mm or s
 _ASCENTS = 100  # of the lower bound on a stretch, at most
-_PATIENCE, _LEAST_SCALE = 5, 0.05  # ascents in vain before their steps are halved, how far
+_IN_VAIN = 5  # ascents, before their steps are halved
+_LEAST_SCALE = 0.05  # of a step; then it ends
+_MOST_WAYS = 2000  # of all contours of a stretch; travels between all are looked at first
+_LOOKS = 32  # travels looked at while one is priced, about
 _SHORTEST = 8.0  # positions
 _LONGER, _SHORTER = 1.01, 0.9  # after a stretch that was solved, and one that was not
 
@@ -94,23 +98,23 @@ def _rules_of(before: NDArray[np.uint64], slack: float) -> Rules:
     return Rules(reach, needed, slack)
 
 
-class Prices(NamedTuple):
-    """What is paid besides the travels, so that the cheapest entries bound a sequence.
+class Potentials(NamedTuple):
+    """Node potentials, by which the cheapest entries bound what a sequence costs.
 
-    A price is paid at leaving by a way and got back at entering by it: in all a sequence pays
-    that of its first way less that of its last.
+    A potential is got back at leaving by a way and paid at entering by it: in all a
+    sequence pays that of its last way less that of its first.
     """
 
-    node: NDArray[np.int64]  # (w,) the price each way has
+    node: NDArray[np.int64]  # (w,) of each way
     value: NDArray[np.float64]  # (nodes,)
-    least: NDArray[np.float64]  # (k,) cheapest entry into each contour, after prices
+    least: NDArray[np.float64]  # (k,) cheapest entry into each contour, with potentials
 
 
 @kernel
 def _nodes_of(ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the price of each way, (w,), and the first of each contour, (k + 1,).
+    """Return the node of each way, (w,), and the first of each contour, (k + 1,).
 
-    Each way has one, but all ways of a loop that may be entered at many vertices share one.
+    Each way is one, but all ways of a loop that may be entered at many vertices are one together.
     """
     k = len(ways.offsets) - 1
     node, first = np.empty(len(ways.into), np.int64), np.zeros(k + 1, np.int64)
@@ -149,21 +153,21 @@ def _travels(
 def _entries(
     travel: NDArray[np.float64],
     first: NDArray[np.int64],
-    price: NDArray[np.float64],
+    value: NDArray[np.float64],
     least: NDArray[np.float64],
     slope: NDArray[np.float64],
 ) -> float:
     """Mutate `least` and `slope`; return the sum of the cheapest entries, all but the first's.
 
-    The slope is how that sum grows with each price.
+    The slope is how that sum grows with each potential.
     """
     total = 0.0
     slope[:] = 0.0
     for j in range(len(least)):
         cheapest, into, out = np.inf, first[j], 0
         for v in range(first[j], first[j + 1]):
-            for w in range(len(price)):
-                cost = travel[v, w] - price[w] + price[v]
+            for w in range(len(value)):
+                cost = travel[v, w] - value[w] + value[v]
                 if cost < cheapest:
                     cheapest, into, out = cost, v, w
         least[j] = cheapest
@@ -175,51 +179,53 @@ def _entries(
 
 
 @kernel
-def _priced(
+def _bounded(
     ways: Ways, before: NDArray[np.uint64], most: float, fixed: bool
-) -> tuple[Prices, float]:
-    """Return prices and the lower bound they give, by subgradient ascent towards `most`.
+) -> tuple[Potentials, float, int]:
+    """Return potentials and the lower bound they give, by subgradient ascent towards `most`.
 
-    If the ends are not `fixed`, all prices are 0, and the bound is not known.
+    If the ends are not `fixed`, all potentials are 0, and nothing is said of the whole.
+    The last number is how many travels were looked at.
     """
     node, first = _nodes_of(ways)
     m = int(first[-1])
-    travel = _travels(ways, before, node, m)
-    price, slope, least = np.zeros(m), np.empty(m), np.zeros(len(before))
-    best_price, best_least, best, scale, vain = price.copy(), least.copy(), -np.inf, 1.0, 0
+    travel, looks = _travels(ways, before, node, m), len(ways.into) ** 2
+    value, slope, least = np.zeros(m), np.empty(m), np.zeros(len(before))
+    best_value, best_least, best, scale, vain = value.copy(), least.copy(), -np.inf, 1.0, 0
     for _ in range(_ASCENTS if fixed else 1):
-        bound = price[0] - price[-1] + _entries(travel, first, price, least, slope)
+        bound = value[0] - value[-1] + _entries(travel, first, value, least, slope)
+        looks += m * m
         slope[0] += 1.0
         slope[-1] -= 1.0
         if bound > best:
             best, vain = bound, 0
-            best_price[:], best_least[:] = price, least
+            best_value[:], best_least[:] = value, least
         else:
             vain += 1
-            if vain == _PATIENCE:
+            if vain == _IN_VAIN:
                 vain, scale = 0, scale / 2
         norm = (slope * slope).sum()
         if best >= most or norm == 0.0 or scale < _LEAST_SCALE:
             break
-        price += slope * (scale * (most - bound) / norm)
-    return Prices(node, best_price, best_least), best if fixed else -np.inf
+        value += slope * (scale * (most - bound) / norm)
+    return Potentials(node, best_value, best_least), best if fixed else -np.inf, looks
 
 
 @kernel
-def _give_up(ideals: Ideals, ways: Ways, at: Stand, prices: Prices, most: float) -> int:
+def _give_up(ideals: Ideals, ways: Ways, at: Stand, bounds: Potentials, most: float) -> int:
     """Mutate the newest ideals: drop what cannot end below `most`; return how many are left."""
     alive = 0
     for i in range(at.first, at.ideals):
-        rest, bits = -prices.value[-1], ideals.bits[i]
-        for j in range(ideals.lacks[i], len(prices.least)):
+        rest, bits = -bounds.value[-1], ideals.bits[i]
+        for j in range(ideals.lacks[i], len(bounds.least)):
             if not bits & _ONE:
-                rest += prices.least[j]
+                rest += bounds.least[j]
             bits >>= _ONE
         e, hope = ideals.newest[i], False
         while e != NONE:
             w = ways.offsets[ideals.contour[e]]
             for x in range(ideals.base[e], ideals.base[e + 1]):
-                after = rest + prices.value[prices.node[w + x - ideals.base[e]]]
+                after = rest + bounds.value[bounds.node[w + x - ideals.base[e]]]
                 if ideals.travel[x] + after >= most:
                     ideals.travel[x] = np.inf
                 else:
@@ -254,38 +260,38 @@ def _print_so(
 
 @kernel
 def solve_stretch(
-    tour: Tour, ideals: Ideals, first: int, last: int, slack: float, widest: int
+    tour: Tour, ideals: Ideals, first: int, last: int, slack: float, widest: int, limit: int
 ) -> tuple[bool, int]:
     """Mutate the tour: positions [first, last), `LONGEST` at most, in their best order.
 
-    The first and the last of them stay unless they begin or end the tour. Returns whether
-    the order is the best now, and the travels priced; more than `widest` steps from the
-    ideals of a level, or no room, are too much.
+    The first and the last of them stay unless they begin or end the tour; its groups are
+    not heeded. Returns whether no order of them costs less now, and the travels priced or
+    as much work; `limit` of them, or `widest` steps from the ideals of a level, are too much.
     """
     cost = 0.0
     for p in range(first, last - 1):
         cost += tour.after[tour.order[p]]
-    ways, before = _ways_of(tour, first, last), _before(tour, first, last)
-    rules, most = _rules_of(before, slack), cost - _LEAST_GAIN
-    fixed = first > 0 and last < len(tour.order)
-    prices, bound = _priced(ways, before, most, fixed)
+    ways = _ways_of(tour, first, last)
+    if len(ways.into) > _MOST_WAYS:
+        return False, 0
+    before, most = _before(tour, first, last), cost - _LEAST_GAIN
+    rules, fixed = _rules_of(before, slack), first > 0 and last < len(tour.order)
+    bounds, bound, looks = _bounded(ways, before, most, fixed)
+    work = looks // _LOOKS
     if bound >= most:
-        return True, 0
-    ideals.slots[:] = -1
-    ideals.lacks[0] = ideals.begin[0] = ideals.ports[0] = ideals.base[0] = 0
-    ideals.bits[0], ideals.newest[0] = 0, NONE
-    at = Stand(0, 0, 1, 0, False)
+        return True, work
+    at = empty(ideals)
     while at.level < last - first:
         then = extend(ideals, ways, rules, at, widest)
-        if then.full:
-            return False, at.travels
+        if then.full or then.travels > limit:
+            return False, at.travels + work
         price_steps(ideals, ways, rules, at.first, at.ideals)
         at = then
-        if _give_up(ideals, ways, at, prices, most) == 0:
-            return True, at.travels
+        if _give_up(ideals, ways, at, bounds, most) == 0:
+            return True, at.travels + work
     _, order, way = trace(ideals, ways, at.first)
     _print_so(tour, first, ways, order, way)
-    return True, at.travels
+    return True, at.travels + work
 
 
 @kernel
@@ -296,20 +302,25 @@ def solve_stretches(
     length: float,
     slack: float,
     widest: int,
+    limit: int,
     quota: int,
 ) -> tuple[float, int]:
     """Mutate the tour: stretch after stretch in its best order, from a random one on.
 
     Each is about `length` long, longer while they are solved, shorter where they are not.
-    Returns the length to go on with, and the steps made, `quota` or somewhat more.
+    Returns the length to go on with, and the work done: about `quota`, less if the whole
+    tour is one stretch and solved.
     """
     n, made = len(tour.order), 0
     first = below(state, n)
     while made < quota:
         positions = min(int(length), n)
         first = min(first, n - positions)
-        solved, travels = solve_stretch(tour, ideals, first, first + positions, slack, widest)
-        made += travels + positions * positions
+        last = first + positions
+        solved, work = solve_stretch(tour, ideals, first, last, slack, widest, limit)
+        made += work + positions
         length = min(length * _LONGER, LONGEST) if solved else max(length * _SHORTER, _SHORTEST)
-        first = first + positions // 2 if first + positions < n else 0
+        if solved and positions == n:
+            break
+        first = first + positions // 2 if last < n else 0
     return length, made

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from decmcts._kernels.ideals import (
     Ideals,
     Rules,
-    Stand,
+    empty,
     make_ideals,
     needs,
     price_steps,
     reaches,
     trace,
 )
-from decmcts._kernels.pricing import NONE
 from decmcts.search.problem import OrderProblem
 from decmcts.search.ways import ways_of
 
@@ -98,7 +97,8 @@ def solve_exactly(
         return None
     ways = ways_of(problem, apart=True)
     rules = Rules(reach, needs(graph.pred_offsets, graph.preds), slack_of(problem))
-    ideals, at, steps = room_for(_IDEALS, _STEPS, _TRAVELS, _SLOTS), Stand(0, 0, 1, 0, False), 0
+    ideals, steps = room_for(_IDEALS, _STEPS, _TRAVELS, _SLOTS), 0
+    at = empty(ideals)
     while at.level < n:
         at = make_ideals(ideals, ways, rules, at, max(1, min(_QUOTA, widest)), widest)
         made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])
@@ -143,8 +143,8 @@ def slack_of(problem: OrderProblem) -> float:
 
 
 def room_for(most: int, steps: int, travels: int, slots: int) -> Ideals:
-    """Return room with nothing but the empty set in it; what is not used takes no memory."""
-    ideals = Ideals(
+    """Return room for ideals, to be emptied first; what is not used takes no memory."""
+    return Ideals(
         np.empty(most, np.int32),
         np.empty(most, np.uint64),
         np.empty(most + 1, np.int32),
@@ -154,8 +154,5 @@ def room_for(most: int, steps: int, travels: int, slots: int) -> Ideals:
         np.empty(steps, np.int32),
         np.empty(steps + 1, np.int64),
         np.empty(travels),
-        np.full(slots, -1, np.int32),
+        np.empty(slots, np.int32),
     )
-    ideals.lacks[0] = ideals.bits[0] = ideals.begin[0] = ideals.ports[0] = ideals.base[0] = 0
-    ideals.newest[0] = NONE
-    return ideals

@@ -249,9 +249,10 @@ class Hybrid:
         until = self.shared if regions else self.solved if stretches else self.end
         if anneal_pieces(incumbent, sequence, lanes, Cooling(warm, cold), until, a_lane=4):
             return True
-        if not regions:
-            return solve_all_stretches(incumbent, _sequence(incumbent, near), lanes, self.end)
-        return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
+        if regions:
+            return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
+        sequence = _sequence(incumbent, near)
+        return stretches and solve_all_stretches(incumbent, sequence, lanes, self.end)
 
     def _turn_of_trees(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
         """Mutate the guest to the trees' best sequence; return whether to stop."""

@@ -143,14 +143,14 @@ def _improved(
         count, steps = len(lanes.states), rate * (until - began)
         trial = _Trial(incumbent, places, until, rate / count, steps, count)
         found = list(lanes.pool.map(trial.run, repeat(sequence), lanes.states, stretches))
-        best = reduce(crossover, (result for result, _ in found))
+        best = reduce(crossover, (result for result, *_ in found))
         if best.cost < sequence.cost:
             whole = best if fused is None else fused.unfused(best)
             incumbent.offer(whole.order, whole.flip, whole.seat)
         sequence = best
-        total = sum(number for _, number in found)
-        made += total
-        if incumbent.tick(total) or incumbent.cost == 0.0:
+        annealed, solved = (sum(numbers) for numbers in list(zip(*found, strict=True))[1:])
+        made += annealed
+        if incumbent.tick(annealed + solved) or incumbent.cost == 0.0:
             return sequence, True
     return sequence, False
 
@@ -168,8 +168,8 @@ class _Trial:
 
     def run(
         self, sequence: Sequence, state: NDArray[np.uint64], stretches: Stretches
-    ) -> tuple[Sequence, int]:
-        """Mutate the generator; return what stretches and regions made of it, and the steps.
+    ) -> tuple[Sequence, int, int]:
+        """Mutate the generator; return what regions and stretches made of it, and their steps.
 
         If iterations are limited there is one region, so that results repeat.
         """
@@ -185,11 +185,11 @@ class _Trial:
                 sequence, cost = found, now
             if self.incumbent.seconds >= began + ROUND_S * (1 - _STRETCHED) or self._is_over():
                 break
-        if sequence.problem.costs is None:
-            sequence = sequence.copy()
-            until = self._stretched(made)
-            made += stretches.improve(self.incumbent, sequence, state, until)
-        return sequence, made
+        if cost == 0.0 or sequence.problem.costs is not None:
+            return sequence, made, 0
+        sequence = sequence.copy()
+        solved = stretches.improve(self.incumbent, sequence, state, self._stretched(made))
+        return sequence, made, solved
 
     def _stretched(self, made: int) -> float:
         """Return the share of the budget at which stretches end, after so many steps."""

@@ -46,17 +46,16 @@ class Stretches:
         if len(sequence.order) <= 2:
             return 0
         piece, slack, made = cut(sequence, 0, len(sequence.order)), slack_of(sequence.problem), 0
-        limit, spent = incumbent.budget.iterations, incumbent.spent
+        limit, spent, most = incumbent.budget.iterations, incumbent.spent, _TRAVELS
         if limit is not None:
-            self.chunk = int((until - spent) * limit)
-        widest = min(_WIDEST, max(self.chunk, 1))  # at the beginning its pace is not known
+            self.chunk = most = int((until - spent) * limit)
         while spent < until:
             before = incumbent.seconds
             self.length, steps = solve_stretches(
-                piece.tour, self._ideals, state, self.length, slack, widest, self.chunk
+                piece.tour, self._ideals, state, self.length, slack, _WIDEST, most, self.chunk
             )
             made += steps
-            if limit is not None:
+            if limit is not None or steps < self.chunk:  # all is in its best order
                 break
             speed = steps / max(incumbent.seconds - before, 1e-6)
             self.chunk = int(min(max(_CHUNK_S * speed, _LEAST_CHUNK), _LARGEST_CHUNK))

@@ -119,6 +119,17 @@ def test_annealing_finds_nothing_better(apart: bool) -> None:
     assert other.cost <= 1.2 * found.cost
 
 
+def test_what_cannot_follow_is_not_free() -> None:
+    """An infinite cost leads nowhere, also when all that lead to a set are infinite."""
+    costs = np.array([[0, np.inf, 5, 9], [np.inf, 0, 7, 9], [6, 8, 0, 9], [1, 1, 1, 0]])
+    problem = random_problem(0, 4, turning=0.0)
+    graph = DependencyGraph.from_pairs(4, np.array([(0, 3), (1, 3), (2, 3)], np.int32))
+    found = solve_exactly(replace(problem, graph=graph, costs=costs))
+    assert found is not None
+    assert found.order.tolist() == [1, 2, 0, 3]
+    assert found.cost == 22.0
+
+
 def test_given_up_when_asked_or_too_wide(monkeypatch: pytest.MonkeyPatch) -> None:
     """Time, the width of a level, and room each end it, without a result."""
     monkeypatch.setattr(exact, "_EFFORT", 1e3)
