@@ -59,9 +59,7 @@ class Ideals(NamedTuple):
     older: NDArray[np.int32]  # (steps,) the one that leads to the same before that, NONE if none
     contour: NDArray[np.int32]  # (steps,) printed
     base: NDArray[np.int64]  # (steps + 1,) first entry of `travel`, one a way of the contour
-    travel: NDArray[
-        np.float64
-    ]  # (travels,) least until the step's contour is printed; inf: given up
+    travel: NDArray[np.float64]  # (travels,) least until a step's end; infinite: given up
     slots: NDArray[np.int32]  # hash table of ideals of the level in the making; others are free
 
 

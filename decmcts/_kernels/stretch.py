@@ -25,10 +25,11 @@ from decmcts._kernels.ideals import (
     trace,
 )
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.metric import distance, points_of
+from decmcts._kernels.metric import distance
 from decmcts._kernels.moves import Tour, entry, leave, refresh
 from decmcts._kernels.pricing import NONE, Ways
 from decmcts._kernels.random import below
+from decmcts._kernels.seats import sit
 
 LONGEST = WINDOW - 2  # positions of a stretch
 _ONE = np.uint64(1)
@@ -244,15 +245,12 @@ def _print_so(
 ) -> None:
     """Mutate the tour: positions from `first` on in this order, in these ways."""
     n, k = len(tour.order), len(order)
-    old, points = tour.order[first : first + k].copy(), points_of(tour.metric)
+    old = tour.order[first : first + k].copy()
     for x in range(k):
         c, into = old[order[x]], ways.into[way[x]]
         tour.order[first + x], tour.position[c] = c, first + x
         if into >= 2 * n:
-            tour.seat[c] = (into - 2 * n) // 2
-            for port in range(2):
-                for axis in range(3):
-                    points[2 * c + port, axis] = points[into + port, axis]
+            sit(tour, first + x, (into - 2 * n) // 2)
         else:
             tour.flip[c] = into - 2 * c
     refresh(tour, first - 1, first + k)
