@@ -2,13 +2,13 @@
 
 Prints whose layers have few contours are solved exactly, if there is time. Else trees
 over clusters, one for each Γ, propose a start, and what follows depends on size.
-Up to a thousand contours: races of whole sequences, one a thread, from unlike
-starts, within layers once that is ahead; then only what the best and a rival differ
-in. Larger: one sequence in pieces, long ones while hot, where long moves decide the
-large structure, many short ones while cold; half-way the trees, guided by what
-annealing made of the sequence, get another turn. At last regions, one after the
-other, where there is time for many steps a contour; short stretches, solved exactly,
-in turn with them, or alone where there is less time.
+Up to a thousand contours, or more with more time: races of whole sequences, one a
+thread, from unlike starts, within layers once that is ahead; after each only what the
+best and a rival differ in. Larger: one sequence in pieces, long ones while hot, where
+long moves decide the large structure, many short ones while cold; half-way the trees,
+guided by what annealing made of the sequence, get another turn. At last regions, one
+after the other, where there is time for many steps a contour; short stretches, solved
+exactly, in turn with them, or alone where there is less time.
 
 References
 ----------
@@ -47,12 +47,13 @@ class Hybrid:
 
     promising: float = 1.15  # cost of going by layers, in those of the best start, worth a try
     layers: float = 0.06  # share of the budget for annealing within layers of a large print
-    raced: float = 0.55  # share of the budget at which races end
-    merged: float = 0.65  # and at which what the best and a rival differ in has been annealed
+    raced: float = 0.65  # share of the budget at which races end
+    settling: float = 0.2  # share of a race for annealing what the best and a rival differ in
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
     racing: float = 3000.0  # steps of a lane in a race, for each contour and entry
-    most_races: int = 4
-    medium: int = 1000  # contours up to which races and regions beat sharing one sequence out
+    most_races: int = 8
+    medium: int = 1000  # contours up to which races and regions beat sharing one sequence out,
+    for_races: float = 15_000.0  # or more, up to `large`, with so many steps of a lane for each
     first: float = 0.05  # share of the budget for a first, fast annealing of a larger one
     turn: float = 0.5  # share of the budget at which the trees get their second turn
     end: float = 0.97  # share of the budget at which the descent begins
@@ -125,7 +126,7 @@ class Hybrid:
             return True
         if not self.anneals:
             return self._found(incumbent, lanes, _sequence(incumbent, near), self.end)
-        if len(incumbent.problem) <= self.medium:
+        if self._has_time_for_races(incumbent):
             return self._race(incumbent, near, lanes, layered)
         return self._improve(incumbent, near, lanes, layered)
 
@@ -149,7 +150,6 @@ class Hybrid:
         plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
         whole, ahead = np.zeros_like(layers), False  # ahead: the layered one
         began, races = incumbent.spent, self._races(incumbent)
-        rivals: list[Sequence] = []
         for number in range(races):
             other = plain if layered is None else layered
             first = other.copy() if ahead else _sequence(incumbent, near)
@@ -165,43 +165,50 @@ class Hybrid:
             groups = [layers if ahead else whole]
             groups += [whole if layered is None else layers for _ in rivals[1:]]
             coolings = [Cooling(heat, cold) for heat in heats]
-            until = began + (self.raced - began) * (number + 1) / races
-            if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
+            length = (self.raced - began) / races
+            until = began + length * (number + 1)
+            race_ends = until - self.settling * length
+            if anneal_rivals(incumbent, rivals, lanes, coolings, race_ends, groups=groups):
                 return True
             _offer(incumbent, _joined([_sequence(incumbent, near), *rivals]))
             if layered is not None and len(rivals) > 1:
                 layered = _joined([layered, *rivals[0 if ahead else 1 :]])
                 ahead = ahead or rivals[-1].cost < first.cost
-        best = _sequence(incumbent, near)
-        others = [rival for rival in rivals if rival.cost > best.cost]
-        if others:
-            fused = merge(best, min(others, key=lambda rival: rival.cost))
-            if self._settle(incumbent, fused, lanes):
-                return True
+            best = _sequence(incumbent, near)
+            others = [rival for rival in rivals if rival.cost > best.cost]
+            if others:
+                fused = merge(best, min(others, key=lambda rival: rival.cost))
+                if self._settle(incumbent, fused, lanes, until):
+                    return True
         return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
+
+    def _has_time_for_races(self, incumbent: Incumbent) -> bool:
+        """Tell whether whole sequences, one a thread, end better than one shared out."""
+        n = len(incumbent.problem)
+        return n <= self.medium or n <= min(self.large, self._steps(incumbent) / self.for_races)
 
     def _races(self, incumbent: Incumbent) -> int:
         """Return how many races there is time for."""
-        budget, seams = incumbent.budget, incumbent.problem.seams
-        choices = len(incumbent.problem)
+        choices, seams = len(incumbent.problem), incumbent.problem.seams
         if seams is not None:
             choices += int((np.diff(seams.offsets) - 1).clip(0).sum())
-        steps = budget.seconds * _STEPS_A_S
-        if budget.iterations is not None:
-            steps = budget.iterations / self.threads
-        left = self.raced - incumbent.spent
-        return int(min(max(1.0, steps * left / (self.racing * choices)), self.most_races))
+        steps = self._steps(incumbent) * (self.raced - incumbent.spent)
+        return int(min(max(1.0, steps / (self.racing * choices)), self.most_races))
 
-    def _settle(self, incumbent: Incumbent, fused: Fused, lanes: Lanes) -> bool:
+    def _steps(self, incumbent: Incumbent) -> float:
+        """Return about how many steps a lane has time for."""
+        if incumbent.budget.iterations is not None:
+            return incumbent.budget.iterations / self.threads
+        return incumbent.budget.seconds * _STEPS_A_S
+
+    def _settle(self, incumbent: Incumbent, fused: Fused, lanes: Lanes, until: float) -> bool:
         """Anneal what two sequences differ in; return whether to stop."""
         if len(fused.problem) < 2:
             return False
         rivals = [fused.start() for _ in lanes.states]
         mean = rivals[0].cost / len(fused.problem)
         coolings = [Cooling(self.fused * mean, self.cold * mean) for _ in rivals]
-        return mean > 0.0 and anneal_rivals(
-            incumbent, rivals, lanes, coolings, self.merged, fused=fused
-        )
+        return mean > 0.0 and anneal_rivals(incumbent, rivals, lanes, coolings, until, fused=fused)
 
     def _in_layers(self, incumbent: Incumbent, lanes: Lanes, layered: Sequence) -> bool:
         """Anneal within layers on each lane, join the best; return whether to stop."""

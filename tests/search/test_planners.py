@@ -294,9 +294,29 @@ def test_hybrid_stays_within_layers_once_that_is_ahead(
         return stop
 
     monkeypatch.setattr("decmcts.search.hybrid.anneal_rivals", watched)
-    planner = Hybrid(promising=10.0, racing=100.0)
+    planner = Hybrid(promising=10.0, racing=50.0)
     plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=400_000)
     assert raced == [[False, True], *[[ahead, True]] * (planner.most_races - 1)]
+
+
+@pytest.mark.parametrize(("large", "steps", "races"), [(100, 400, True), (100, 100, False),
+                                                       (50, 400, False)])  # fmt: skip
+def test_hybrid_races_on_larger_prints_if_there_is_time(
+    monkeypatch: pytest.MonkeyPatch, large: int, steps: int, races: bool
+) -> None:
+    """With a minute, races end better on prints of some thousand contours too."""
+    raced: list[bool] = []
+
+    def watched(*args: Any, **options: Any) -> bool:
+        raced.append("fused" not in options)
+        return anneal_rivals(*args, **options)
+
+    monkeypatch.setattr("decmcts.search.hybrid.anneal_rivals", watched)
+    planner = Hybrid(medium=10, large=large, for_races=100.0)
+    problem = random_problem(5, 60, density=0.05)
+    problem = replace(problem, layer=np.zeros_like(problem.layer))  # none within layers
+    plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=60 * steps)
+    assert any(raced) == races
 
 
 def test_hybrid_has_no_races_within_a_single_layer() -> None:
