@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from decmcts.search.annealing import Cooling, descend_fully, tour_of
 from decmcts.search.crossover import crossover
 from decmcts.search.exact import WIDEST, Patience, solve_exactly
-from decmcts.search.fusing import Fused, merge
+from decmcts.search.fusing import merge
 from decmcts.search.greedy import Greedy
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals, open_lanes
@@ -174,12 +174,8 @@ class Hybrid:
             if layered is not None and len(rivals) > 1:
                 layered = _joined([layered, *rivals[0 if ahead else 1 :]])
                 ahead = ahead or rivals[-1].cost < first.cost
-            best = _sequence(incumbent, near)
-            others = [rival for rival in rivals if rival.cost > best.cost]
-            if others:
-                fused = merge(best, min(others, key=lambda rival: rival.cost))
-                if self._settle(incumbent, fused, lanes, until):
-                    return True
+            if self._settle(incumbent, _sequence(incumbent, near), rivals, lanes, until):
+                return True
         return anneal_regions(incumbent, _sequence(incumbent, near), lanes, self.end)
 
     def _has_time_for_races(self, incumbent: Incumbent) -> bool:
@@ -201,14 +197,25 @@ class Hybrid:
             return incumbent.budget.iterations / self.threads
         return incumbent.budget.seconds * _STEPS_A_S
 
-    def _settle(self, incumbent: Incumbent, fused: Fused, lanes: Lanes, until: float) -> bool:
-        """Anneal what two sequences differ in; return whether to stop."""
+    def _settle(
+        self,
+        incumbent: Incumbent,
+        best: Sequence,
+        rivals: list[Sequence],
+        lanes: Lanes,
+        until: float,
+    ) -> bool:
+        """Anneal what the best sequence and the next best differ in; return whether to stop."""
+        others = [rival for rival in rivals if rival.cost > best.cost]
+        if not others:
+            return False
+        fused = merge(best, min(others, key=lambda rival: rival.cost))
         if len(fused.problem) < 2:
             return False
-        rivals = [fused.start() for _ in lanes.states]
-        mean = rivals[0].cost / len(fused.problem)
-        coolings = [Cooling(self.fused * mean, self.cold * mean) for _ in rivals]
-        return mean > 0.0 and anneal_rivals(incumbent, rivals, lanes, coolings, until, fused=fused)
+        merged = [fused.start() for _ in lanes.states]
+        mean = merged[0].cost / len(fused.problem)
+        coolings = [Cooling(self.fused * mean, self.cold * mean) for _ in merged]
+        return mean > 0.0 and anneal_rivals(incumbent, merged, lanes, coolings, until, fused=fused)
 
     def _in_layers(self, incumbent: Incumbent, lanes: Lanes, layered: Sequence) -> bool:
         """Anneal within layers on each lane, join the best; return whether to stop."""
