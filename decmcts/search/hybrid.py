@@ -150,6 +150,7 @@ class Hybrid:
         plain, layers = _sequence(incumbent, near), layer_runs(incumbent.problem.layer)
         whole, ahead = np.zeros_like(layers), False  # ahead: the layered one
         began, races = incumbent.spent, self._races(incumbent)
+        length = (self.raced - began) / races
         for number in range(races):
             other = plain if layered is None else layered
             first = other.copy() if ahead else _sequence(incumbent, near)
@@ -165,7 +166,6 @@ class Hybrid:
             groups = [layers if ahead else whole]
             groups += [whole if layered is None else layers for _ in rivals[1:]]
             coolings = [Cooling(heat, cold) for heat in heats]
-            length = (self.raced - began) / races
             until = began + length * (number + 1)
             race_ends = until - self.settling * length
             if anneal_rivals(incumbent, rivals, lanes, coolings, race_ends, groups=groups):
