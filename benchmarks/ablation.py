@@ -33,14 +33,15 @@ from in_process import less_percent, searched
 from planners import MODELS
 
 from decmcts.search.hybrid import Hybrid
+from decmcts.search.structure import Trees
 
 SEARCHING = Hybrid(exact=0.0)
 VARIANTS = {  # name: (what it says in the table, planner)
     "hybrid": ("hybrid", SEARCHING),
     "exact": ("with exact solutions", Hybrid()),
-    "no-trees": ("without trees", replace(SEARCHING, for_structure=0.0)),
+    "no-trees": ("without trees", replace(SEARCHING, trees=Trees(share=0.0))),
     "no-local": ("without local search", replace(SEARCHING, anneals=False)),
-    "gamma-0.5": ("Γ = 0.5", replace(SEARCHING, gammas=(0.5,), large=2**31)),
+    "gamma-0.5": ("Γ = 0.5", replace(SEARCHING, trees=Trees(gammas=(0.5,), large=2**31))),
     "one-thread": ("one thread", replace(SEARCHING, threads=1)),
 }
 KEY = ("model", "machine", "process", "freedom", "variant", "limit_s", "seed")

@@ -8,6 +8,8 @@ traveling salesman problem" (independent parts are chosen one by one).
 
 from __future__ import annotations
 
+from functools import reduce
+
 from decmcts._kernels.crossover import crossed
 from decmcts.search.pieces import Sequence
 
@@ -22,4 +24,11 @@ def crossover(one: Sequence, other: Sequence) -> Sequence:
     best.order[there] = other.order[there]
     changed = other.order[there]
     best.flip[changed], best.seat[changed] = other.flip[changed], other.seat[changed]
+    return best
+
+
+def joined(sequences: list[Sequence]) -> Sequence:
+    """Return the best of what the sequences have, stretch by stretch, loops entered anew."""
+    best = reduce(crossover, sequences)
+    best.settle()
     return best

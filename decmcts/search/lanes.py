@@ -34,6 +34,7 @@ from decmcts.search.crossover import crossover
 from decmcts.search.fusing import Fused
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.pieces import Piece, Sequence, cut
+from decmcts.search.stopping import Budget
 
 ROUND_S = 0.4  # how long lanes work before they meet: a lane held up keeps others waiting then
 _CHUNK_S = 0.02  # how often a lane looks at the clock
@@ -41,6 +42,7 @@ _LARGEST_CHUNK = 4_000_000
 _ROUNDS = 400  # of a search that is limited by iterations
 _CUT_A_ROUND = 1_000_000  # a cut lasts a round for so many contours and edges: cutting takes time
 _LEAST_PIECE = 100  # contours
+_STEPS_A_S = 1.5e6  # of a lane, about
 
 Chunks: TypeAlias = Iterator[tuple[float, int]]
 
@@ -56,6 +58,12 @@ class Lanes:
     def fresh(self, count: int) -> list[NDArray[np.uint64]]:
         """Mutate `cutting`; return `count` new generators."""
         return [seeded(int(uniform(self.cutting) * 2**53)) for _ in range(count)]
+
+    def steps(self, budget: Budget) -> float:
+        """Return about how many steps each thread has time for."""
+        if budget.iterations is not None:
+            return budget.iterations / len(self.states)
+        return budget.seconds * _STEPS_A_S
 
 
 @contextmanager

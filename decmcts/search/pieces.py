@@ -20,6 +20,7 @@ from decmcts._kernels.inner import inner_edges, inner_ports
 from decmcts._kernels.metric import Metric, points_of, restricted, with_points
 from decmcts._kernels.moves import Tour, refresh
 from decmcts._kernels.seats import sit_all, visits_cost
+from decmcts.search.incumbent import Incumbent
 from decmcts.search.problem import OrderProblem
 
 
@@ -33,6 +34,12 @@ class Sequence:
     order: NDArray[np.int32]  # (n,)
     flip: NDArray[np.uint8]  # (n,) by contour
     seat: NDArray[np.int32]  # (n,) by contour
+
+    @classmethod
+    def best_of(cls, incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:
+        """Return a copy of the best sequence so far."""
+        visits = (incumbent.order.copy(), incumbent.flip.copy(), incumbent.seat.copy())
+        return cls(incumbent.problem, incumbent.metric, near, *visits)
 
     def copy(self) -> Sequence:
         """Return the same sequence, to be changed apart from this one."""

@@ -24,11 +24,55 @@ from decmcts.feasibility.clustering import cluster_contours
 from decmcts.search.clustered import clustered_problem, fresh_rollout
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes
+from decmcts.search.pieces import Sequence
 
+_CLUSTERING_S = 0.6e-6  # an edge and Γ, about
 _POLL_S = 0.1  # how often a search looks at the clock and the stop wish
 _CAPACITY = 20_000  # nodes of a tree; a full one goes on without growing
 _ROUNDS = 5  # slices of a call that is limited by iterations
 _MOST_ROLLOUTS = 1000  # a slice and Γ
+
+
+@dataclass(frozen=True, slots=True)
+class Trees:
+    """What trees are grown, and for how long."""
+
+    share: float = 0.02  # of the budget for each turn; 0: no trees
+    gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
+    large: int = 6000  # contours from which one Γ, the second, is all that time allows
+    exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
+
+    def turn(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
+        """Mutate the guest to the trees' best, if they have time; return whether to stop."""
+        if incumbent.cost == 0.0 or not self._have_time(incumbent):
+            return incumbent.cost == 0.0
+        stop = self.grow(incumbent, lanes, guest, incumbent.spent + self.share)
+        return stop or incumbent.cost == 0.0
+
+    def grow(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence, until: float) -> bool:
+        """Mutate the guest to the best of trees grown until that share; return whether to stop."""
+        gammas = self._gammas_for(incumbent)
+        searches = gamma_searches(incumbent, gammas, lanes.fresh(len(gammas)))
+        best, stop = search_structure(
+            incumbent, searches, lanes, exploration=self.exploration, until=until
+        )
+        guest.order[:], guest.flip[:] = best.order, best.flip
+        guest.settle()
+        incumbent.offer(guest.order, guest.flip, guest.seat)
+        incumbent.notes["gamma"] = best.gamma
+        return stop
+
+    def _have_time(self, incumbent: Incumbent) -> bool:
+        """Tell whether clustering takes no more than their share of time."""
+        edges, budget = len(incumbent.problem.graph.preds), incumbent.budget
+        if self.share == 0.0 or budget.iterations is not None:
+            return self.share > 0.0
+        seconds = _CLUSTERING_S * edges * len(self._gammas_for(incumbent))
+        return seconds <= self.share * budget.seconds
+
+    def _gammas_for(self, incumbent: Incumbent) -> tuple[float, ...]:
+        """Return each Γ to be tried."""
+        return self.gammas if len(incumbent.problem) < self.large else self.gammas[1:2]
 
 
 @dataclass(slots=True)

@@ -1,0 +1,135 @@
+"""Races of whole sequences, one a thread, from unlike starts.
+
+What annealing ends in depends on what it begins with, and no start is best for all
+prints. One lane has the best sequence, or the trees'; the others the plain start,
+hot and mild in turn, or, if there is a layered one, what annealing within layers
+has made of that so far, hot. Once that is ahead, all lanes stay within layers, the
+first one mild; of one lane none does. Sharing the best with all lanes would make
+them alike.
+
+After each race the best of all so far are joined stretch by stretch: where layers
+follow each other strictly, that has the best that was found of each. Then what the
+best and the next best still differ in is annealed, the rest fused to runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.search.annealing import Cooling
+from decmcts.search.crossover import joined
+from decmcts.search.fusing import merge
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.lanes import Lanes, anneal_rivals
+from decmcts.search.layerwise import layer_runs
+from decmcts.search.pieces import Sequence
+from decmcts.search.problem import OrderProblem
+from decmcts.search.structure import Trees
+
+
+@dataclass(frozen=True, slots=True)
+class Races:
+    """How many races there are, and how hot; temperatures in multiples of the mean travel."""
+
+    always: int = 1000  # contours up to which races beat sharing one sequence out,
+    large: int = 6000  # or up to this many
+    least: float = 15_000.0  # with so many steps of a lane for each
+    until: float = 0.65  # share of the budget at which they end
+    steps: float = 3000.0  # of a lane in a race, for each contour and entry
+    most: int = 8
+    settling: float = 0.2  # share of a race for annealing what the best and a rival differ in
+    fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
+    hot: float = 1.5
+    mild: float = 0.7  # from here on some of the structure stays
+    cold: float = 0.03
+
+    def __post_init__(self) -> None:
+        if min(self.steps, self.most) < 1:
+            raise ValueError("steps and most: expected 1 or more")
+
+    def suit(self, incumbent: Incumbent, lanes: Lanes) -> bool:
+        """Tell whether whole sequences, one a thread, end better than one shared out."""
+        n, most = len(incumbent.problem), lanes.steps(incumbent.budget) / self.least
+        return n <= self.always or n <= min(self.large, most)
+
+    def run(
+        self,
+        incumbent: Incumbent,
+        near: NDArray[np.int32],
+        lanes: Lanes,
+        layered: Sequence | None,
+        trees: Trees,
+    ) -> bool:
+        """Hold all races; return whether to stop. What is best is the incumbent's."""
+        plain, ahead = Sequence.best_of(incumbent, near), False  # ahead: the layered one
+        began, races = incumbent.spent, self._count(incumbent, lanes)
+        length = (self.until - began) / races
+        for number in range(races):
+            other, best = plain if layered is None else layered, Sequence.best_of(incumbent, near)
+            rivals = [other.copy() if ahead else best, *(other.copy() for _ in lanes.states[1:])]
+            due = number in (0, races // 2) and not ahead
+            if due and trees.turn(incumbent, lanes, rivals[0]):
+                return True
+            until = began + length * (number + 1)
+            heats = self._heats(number, layered is not None, ahead, len(rivals))
+            groups = _groups(incumbent.problem, layered is not None, ahead, len(rivals))
+            mean = incumbent.cost / len(incumbent.problem)
+            if mean == 0.0:
+                return True
+            coolings = [Cooling(heat * mean, self.cold * mean) for heat in heats]
+            race_ends = until - self.settling * length
+            if anneal_rivals(incumbent, rivals, lanes, coolings, race_ends, groups=groups):
+                return True
+            found = joined([Sequence.best_of(incumbent, near), *rivals])
+            incumbent.offer(found.order, found.flip, found.seat)
+            if layered is not None and len(rivals) > 1:
+                layered = joined([layered, *rivals[0 if ahead else 1 :]])
+                ahead = ahead or rivals[-1].cost < rivals[0].cost
+            if self._settle(incumbent, Sequence.best_of(incumbent, near), rivals, lanes, until):
+                return True
+        return False
+
+    def _count(self, incumbent: Incumbent, lanes: Lanes) -> int:
+        """Return how many races there is time for."""
+        choices, seams = len(incumbent.problem), incumbent.problem.seams
+        if seams is not None:
+            choices += int((np.diff(seams.offsets) - 1).clip(0).sum())
+        steps = lanes.steps(incumbent.budget) * (self.until - incumbent.spent)
+        return int(min(max(1.0, steps / (self.steps * choices)), self.most))
+
+    def _heats(self, number: int, layered: bool, ahead: bool, lanes: int) -> list[float]:
+        """Return how hot each lane begins, in mean travels."""
+        other = self.mild if number % 2 and not layered else self.hot
+        return [self.mild if ahead else self.hot, *[other] * (lanes - 1)]
+
+    def _settle(
+        self,
+        incumbent: Incumbent,
+        best: Sequence,
+        rivals: list[Sequence],
+        lanes: Lanes,
+        until: float,
+    ) -> bool:
+        """Anneal what the best sequence and the next best differ in; return whether to stop."""
+        others = [rival for rival in rivals if rival.cost > best.cost]
+        if not others:
+            return False
+        fused = merge(best, min(others, key=lambda rival: rival.cost))
+        if len(fused.problem) < 2:
+            return False
+        starts = [fused.start() for _ in lanes.states]
+        mean = starts[0].cost / len(fused.problem)
+        coolings = [Cooling(self.fused * mean, self.cold * mean) for _ in starts]
+        return mean > 0.0 and anneal_rivals(incumbent, starts, lanes, coolings, until, fused=fused)
+
+
+def _groups(
+    problem: OrderProblem, layered: bool, ahead: bool, lanes: int
+) -> list[NDArray[np.int32]]:
+    """Return what the moves of each lane stay within: layers, or the whole."""
+    layers = layer_runs(problem.layer)
+    whole = np.zeros_like(layers)
+    return [layers if ahead else whole, *[layers if layered else whole] * (lanes - 1)]

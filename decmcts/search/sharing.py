@@ -1,0 +1,103 @@
+"""One sequence shared out among all threads, for prints too large for races.
+
+Long pieces while hot, where long moves decide the large structure, many short ones
+while cold. Half-way the trees, guided by what annealing made of the sequence, get
+another turn. At last regions, or, where there is less time, stretches solved exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.search.annealing import Cooling
+from decmcts.search.crossover import joined
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.lanes import Lanes, anneal_pieces, anneal_rivals
+from decmcts.search.layerwise import layer_runs
+from decmcts.search.pieces import Sequence
+from decmcts.search.regions import anneal_regions
+from decmcts.search.stretches import solve_all_stretches
+from decmcts.search.structure import Trees
+
+
+@dataclass(frozen=True, slots=True)
+class Sharing:
+    """Shares of the budget, and temperatures in multiples of the mean travel."""
+
+    large: int = 6000  # contours from which a layered start is annealed first
+    layers: float = 0.06  # share of the budget for that
+    first: float = 0.05  # share of the budget for a first, fast annealing
+    turn: float = 0.5  # share of the budget at which the trees get their second turn
+    regions: float = 0.75  # share of the budget at which regions begin,
+    for_regions: float = 15_000.0  # if there are so many steps for each contour in all
+    stretches: float = 0.85  # or at which stretches are solved exactly,
+    for_stretches: float = 2000.0  # if there are only so many
+    hot: float = 1.5
+    warm: float = 0.2  # from here on the structure stays
+    cold: float = 0.03
+
+    def run(
+        self,
+        incumbent: Incumbent,
+        near: NDArray[np.int32],
+        lanes: Lanes,
+        layered: Sequence | None,
+        trees: Trees,
+        end: float,
+    ) -> bool:
+        """Take trees, a first fast annealing and a long one; return whether to stop."""
+        large = len(incumbent.problem) >= self.large
+        if large and layered is not None and self._in_layers(incumbent, lanes, layered):
+            return True
+        if trees.turn(incumbent, lanes, Sequence.best_of(incumbent, near)):
+            return True
+        sequence, cooling = Sequence.best_of(incumbent, near), self._cooling(incumbent)
+        first = incumbent.spent + self.first
+        if anneal_pieces(incumbent, sequence, lanes, cooling, first, a_lane=1):
+            return True
+        return self._anneal(incumbent, near, lanes, trees, end)
+
+    def _cooling(self, incumbent: Incumbent) -> Cooling:
+        """Return all the way from hot to cold, for the best sequence."""
+        mean = incumbent.cost / len(incumbent.problem)
+        return Cooling(self.hot * mean, self.cold * mean)
+
+    def _in_layers(self, incumbent: Incumbent, lanes: Lanes, layered: Sequence) -> bool:
+        """Anneal within layers on each lane, join the best; return whether to stop."""
+        if incumbent.cost == 0.0:
+            return True
+        rivals, until = [layered.copy() for _ in lanes.states], incumbent.spent + self.layers
+        coolings = [self._cooling(incumbent)] * len(rivals)
+        groups = [layer_runs(incumbent.problem.layer)] * len(rivals)
+        if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
+            return True
+        found = joined(rivals)
+        incumbent.offer(found.order, found.flip, found.seat)
+        return False
+
+    def _anneal(
+        self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes, trees: Trees, end: float
+    ) -> bool:
+        """Cool one sequence down on all threads together; return whether to stop."""
+        sequence = Sequence.best_of(incumbent, near)
+        mean = incumbent.cost / len(incumbent.problem)
+        falling = Cooling(self.hot * mean, self.warm * mean)
+        if anneal_pieces(incumbent, sequence, lanes, falling, self.turn, a_lane=1):
+            return True
+        if trees.turn(incumbent, lanes, Sequence.best_of(incumbent, near)):
+            return True
+        if incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
+            sequence = Sequence.best_of(incumbent, near)
+        steps = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
+        regions, stretches = steps >= self.for_regions, steps >= self.for_stretches
+        until = self.regions if regions else self.stretches if stretches else end
+        falling = Cooling(self.warm * mean, self.cold * mean)
+        if anneal_pieces(incumbent, sequence, lanes, falling, until, a_lane=4):
+            return True
+        best = Sequence.best_of(incumbent, near)
+        if regions:
+            return anneal_regions(incumbent, best, lanes, end)
+        return stretches and solve_all_stretches(incumbent, best, lanes, end)

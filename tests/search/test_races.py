@@ -1,0 +1,90 @@
+"""Races of whole sequences: when there are any, and what they begin with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.hybrid import Hybrid
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.lanes import anneal_rivals
+from decmcts.search.pieces import Sequence
+from decmcts.search.planners import plan_order
+from decmcts.search.problem import OrderProblem
+from decmcts.search.races import Races
+from tests.search.problems import random_problem
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_stays_within_layers_once_that_is_ahead(
+    monkeypatch: pytest.MonkeyPatch, ahead: bool
+) -> None:
+    """Races within layers, joined layer by layer, beat races of the whole on real prints."""
+    layer = np.repeat(np.arange(8, dtype=np.int32), 25)
+    problem = replace(random_problem(2, 200, density=0.01), layer=layer)
+    found: list[float] = []  # by races within layers
+    raced: list[list[bool]] = []
+
+    def watched(incumbent: Incumbent, rivals: list[Sequence], *args: Any, **options: Any) -> bool:
+        if "groups" not in options:
+            return anneal_rivals(incumbent, rivals, *args, **options)
+        within = [bool(group.any()) for group in options["groups"]]
+        coolings = args[1]
+        assert (coolings[0].hot_mm < coolings[1].hot_mm) == within[0]
+        for rival, stays in zip(rivals, within, strict=True):
+            assert not stays or (np.diff(layer[rival.order]) >= 0).all()
+            assert not stays or rival.cost <= min(found, default=np.inf) + 1e-9
+        stop = anneal_rivals(incumbent, rivals, *args, **options)
+        if not within[0]:  # one of them has bad luck
+            rivals[0 if ahead else 1].order[:] = np.arange(200)
+            rivals[0 if ahead else 1].flip[:] = 0
+        found.extend(rival.cost for rival, stays in zip(rivals, within, strict=True) if stays)
+        raced.append(within)
+        return stop
+
+    monkeypatch.setattr("decmcts.search.races.anneal_rivals", watched)
+    planner = Hybrid(promising=10.0, races=Races(steps=50.0))
+    plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=400_000)
+    assert raced == [[False, True], *[[ahead, True]] * (planner.races.most - 1)]
+
+
+@pytest.mark.parametrize(("large", "steps", "races"), [(100, 400, True), (100, 100, False),
+                                                       (50, 400, False)])  # fmt: skip
+def test_races_on_larger_prints_if_there_is_time(
+    monkeypatch: pytest.MonkeyPatch, large: int, steps: int, races: bool
+) -> None:
+    """With a minute, races end better on prints of some thousand contours too."""
+    raced: list[bool] = []
+
+    def watched(*args: Any, **options: Any) -> bool:
+        raced.append("fused" not in options)
+        return anneal_rivals(*args, **options)
+
+    monkeypatch.setattr("decmcts.search.races.anneal_rivals", watched)
+    planner = Hybrid(races=Races(always=10, large=large, least=100.0))
+    problem = random_problem(5, 60, density=0.05)
+    problem = replace(problem, layer=np.zeros_like(problem.layer))  # none within layers
+    plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=60 * steps)
+    assert any(raced) == races
+
+
+@pytest.mark.parametrize("always", [10, 100])
+def test_stops_where_no_travel_is_left(always: int) -> None:
+    """Annealing may reach zero where greedy does not; there is no heat below it."""
+    start, end = np.zeros((60, 3)), np.zeros((60, 3))
+    start[30:, 0] = end[30:, 0] = end[0, 0] = 10.0  # 0 leads from one spot to the other
+    graph = DependencyGraph.from_pairs(60, np.empty((0, 2), np.int32))
+    problem = OrderProblem(start, end, np.zeros(60, np.bool_), np.zeros(60, np.int32), graph)
+    result = plan_order(
+        problem,
+        planner=Hybrid(races=Races(always=always)),
+        time_limit_s=60.0,
+        seed=0,
+        max_iterations=100_000,
+    )
+    assert result.cost == 0.0
+    assert result.iterations < 100_000
