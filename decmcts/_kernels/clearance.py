@@ -222,6 +222,27 @@ def segment_blocks(
 
 
 @kernel
+def segment_reaches(
+    points: NDArray[np.float64],
+    q: int,
+    nozzle: NDArray[np.float64],
+    j: int,
+    head: PackedHead,
+    k: int,
+    r: float,
+) -> bool:
+    """Tell whether bead segment q..q+1 may block polygon k somewhere in nozzle box j."""
+    if max(points[q, 2], points[q + 1, 2]) <= nozzle[j, 4] + head.heights[k] + Z_EPS:
+        return False
+    for axis in range(2):
+        low = min(points[q, axis], points[q + 1, axis]) - nozzle[j, axis + 2]
+        high = max(points[q, axis], points[q + 1, axis]) - nozzle[j, axis]
+        if low > head.boxes[k, axis + 2] + r or high < head.boxes[k, axis] - r:
+            return False
+    return True
+
+
+@kernel
 def chunk_blocks(
     beads: Beads,
     b: int,
@@ -237,9 +258,12 @@ def chunk_blocks(
     p_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
     q_last = min(q_first + CHUNK, beads.offsets[b + 1] - 1)
     p_last = min(p_first + CHUNK, beads.offsets[a + 1] - 1)
+    r = beads.radius[b]
     for q in range(q_first, q_last):
+        if not segment_reaches(beads.points, q, beads.chunk_boxes, chunk_a, head, k, r):
+            continue
         for p in range(p_first, p_last):
-            if segment_blocks(beads.points, q, p, head, k, beads.radius[b], quad):
+            if segment_blocks(beads.points, q, p, head, k, r, quad):
                 return True
     return False
 
