@@ -121,7 +121,7 @@ def _mixed(rows: NDArray[np.int64]) -> NDArray[np.uint64]:
 def _match_near(ours: Segments, source: Segments, match: NDArray[np.int64]) -> None:
     """Match what is left by distance; mutates match."""
     left = np.nonzero(match == NO_MATCH)[0]
-    free = np.setdiff1d(np.arange(len(source.ends)), match)
+    free = _unmatched(source, match)
     if not len(left) or not len(free):
         return
     both = np.vstack([source.ends[free], np.roll(source.ends[free], 3, axis=1)])
@@ -137,9 +137,16 @@ def _match_near(ours: Segments, source: Segments, match: NDArray[np.int64]) -> N
             match[i] = best
 
 
+def _unmatched(source: Segments, match: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the source's segments that none of ours is, ascending."""
+    free = np.ones(len(source.ends), np.bool_)
+    free[match[match != NO_MATCH]] = False
+    return np.flatnonzero(free)
+
+
 def compare(ours: Segments, source: Segments, match: NDArray[np.int64]) -> list[Fault]:
     """Return what is missing, doubled, foreign or altered."""
-    gone = np.setdiff1d(np.arange(len(source.ends)), match)
+    gone = _unmatched(source, match)
     extra = np.nonzero(match == NO_MATCH)[0]
     known = np.isin(_keys(ours)[extra], _keys(source))
     doubled, foreign = extra[known], extra[~known]

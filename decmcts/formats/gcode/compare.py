@@ -87,7 +87,9 @@ def _commands(table: StateTable, state: int) -> set[tuple[str, str]]:
 
 def _rows(job: PrintJob) -> NDArray[np.int64]:
     """Return the points that end a segment."""
-    return np.setdiff1d(np.arange(len(job.contours.points)), job.contours.offsets[:-1])
+    ends = np.ones(len(job.contours.points), np.bool_)
+    ends[job.contours.offsets[:-1]] = False
+    return np.flatnonzero(ends)
 
 
 def _segments(job: PrintJob) -> NDArray[np.float64]:
