@@ -41,7 +41,7 @@ VARIANTS = {  # name: (what it says in the table, planner)
     "exact": ("with exact solutions", Hybrid()),
     "no-trees": ("without trees", replace(SEARCHING, trees=Trees(share=0.0))),
     "no-local": ("without local search", replace(SEARCHING, anneals=False)),
-    "gamma-0.5": ("Γ = 0.5", replace(SEARCHING, trees=Trees(gammas=(0.5,), large=2**31))),
+    "gamma-0.5": ("Γ = 0.5", replace(SEARCHING, trees=Trees(gammas=(0.5,)))),
     "one-thread": ("one thread", replace(SEARCHING, threads=1)),
 }
 KEY = ("model", "machine", "process", "freedom", "variant", "limit_s", "seed")

@@ -231,7 +231,11 @@ def segment_reaches(
     k: int,
     r: float,
 ) -> bool:
-    """Tell whether bead segment q..q+1 may block polygon k somewhere in nozzle box j."""
+    """Tell whether bead segment q..q+1 may block polygon k somewhere in nozzle box j.
+
+    The tests of `segment_blocks`, operation by operation: rounding cannot make it refuse
+    what that would accept for a segment in the box.
+    """
     if max(points[q, 2], points[q + 1, 2]) <= nozzle[j, 4] + head.heights[k] + Z_EPS:
         return False
     for axis in range(2):

@@ -29,6 +29,7 @@ def crossover(one: Sequence, other: Sequence) -> Sequence:
 
 def joined(sequences: list[Sequence]) -> Sequence:
     """Return the best of what the sequences have, stretch by stretch, loops entered anew."""
-    best = reduce(crossover, sequences)
+    first, *rest = sequences
+    best = reduce(crossover, rest, first.copy())
     best.settle()
     return best

@@ -60,7 +60,7 @@ class Lanes:
         return [seeded(int(uniform(self.cutting) * 2**53)) for _ in range(count)]
 
     def steps(self, budget: Budget) -> float:
-        """Return about how many steps each thread has time for."""
+        """Return about how many steps each thread has time for in the whole budget."""
         if budget.iterations is not None:
             return budget.iterations / len(self.states)
         return budget.seconds * _STEPS_A_S

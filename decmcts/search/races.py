@@ -35,11 +35,11 @@ class Races:
     """How many races there are, and how hot; temperatures in multiples of the mean travel."""
 
     always: int = 1000  # contours up to which races beat sharing one sequence out,
-    large: int = 6000  # or up to this many
-    least: float = 15_000.0  # with so many steps of a lane for each
+    at_most: int = 6000  # or up to this many,
+    least: float = 15_000.0  # if a lane has time for so many steps for each
     until: float = 0.65  # share of the budget at which they end
     steps: float = 3000.0  # of a lane in a race, for each contour and entry
-    most: int = 8
+    most: int = 8  # races
     settling: float = 0.2  # share of a race for annealing what the best and a rival differ in
     fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
     hot: float = 1.5
@@ -49,11 +49,13 @@ class Races:
     def __post_init__(self) -> None:
         if min(self.steps, self.most) < 1:
             raise ValueError("steps and most: expected 1 or more")
+        if min(self.hot, self.mild, self.cold, self.fused) <= 0.0:
+            raise ValueError("hot, mild, cold and fused: expected more than 0")
 
     def suit(self, incumbent: Incumbent, lanes: Lanes) -> bool:
         """Tell whether whole sequences, one a thread, end better than one shared out."""
-        n, most = len(incumbent.problem), lanes.steps(incumbent.budget) / self.least
-        return n <= self.always or n <= min(self.large, most)
+        n, enough = len(incumbent.problem), lanes.steps(incumbent.budget) / self.least
+        return n <= self.always or n <= min(self.at_most, enough)
 
     def run(
         self,
@@ -100,10 +102,10 @@ class Races:
         steps = lanes.steps(incumbent.budget) * (self.until - incumbent.spent)
         return int(min(max(1.0, steps / (self.steps * choices)), self.most))
 
-    def _heats(self, number: int, layered: bool, ahead: bool, lanes: int) -> list[float]:
-        """Return how hot each lane begins, in mean travels."""
-        other = self.mild if number % 2 and not layered else self.hot
-        return [self.mild if ahead else self.hot, *[other] * (lanes - 1)]
+    def _heats(self, number: int, has_layered: bool, ahead: bool, count: int) -> list[float]:
+        """Return how hot each of `count` lanes begins, in mean travels."""
+        other = self.mild if number % 2 and not has_layered else self.hot
+        return [self.mild if ahead else self.hot, *[other] * (count - 1)]
 
     def _settle(
         self,
@@ -127,9 +129,9 @@ class Races:
 
 
 def _groups(
-    problem: OrderProblem, layered: bool, ahead: bool, lanes: int
+    problem: OrderProblem, has_layered: bool, ahead: bool, count: int
 ) -> list[NDArray[np.int32]]:
-    """Return what the moves of each lane stay within: layers, or the whole."""
+    """Return what the moves of each of `count` lanes stay within: layers, or the whole."""
     layers = layer_runs(problem.layer)
     whole = np.zeros_like(layers)
-    return [layers if ahead else whole, *[layers if layered else whole] * (lanes - 1)]
+    return [layers if ahead else whole, *[layers if has_layered else whole] * (count - 1)]

@@ -1,8 +1,11 @@
 """One sequence shared out among all threads, for prints too large for races.
 
-Long pieces while hot, where long moves decide the large structure, many short ones
-while cold. Half-way the trees, guided by what annealing made of the sequence, get
-another turn. At last regions, or, where there is less time, stretches solved exactly.
+On the largest a layered start is annealed within layers first. Then come the trees
+and a first, fast annealing, then a long one: in long pieces while hot, where long
+moves decide the large structure, in many short ones while cold. Half-way the trees,
+guided by what annealing made of the sequence, get another turn. At last regions, with
+stretches solved exactly in between; where there is less time stretches alone, where
+there is least neither.
 """
 
 from __future__ import annotations
@@ -27,17 +30,21 @@ from decmcts.search.structure import Trees
 class Sharing:
     """Shares of the budget, and temperatures in multiples of the mean travel."""
 
-    large: int = 6000  # contours from which a layered start is annealed first
+    layers_from: int = 6000  # contours from which a layered start is annealed first
     layers: float = 0.06  # share of the budget for that
     first: float = 0.05  # share of the budget for a first, fast annealing
-    turn: float = 0.5  # share of the budget at which the trees get their second turn
-    regions: float = 0.75  # share of the budget at which regions begin,
+    half_way: float = 0.5  # share of the budget at which the trees get their second turn
+    regions_from: float = 0.75  # share of the budget at which regions begin,
     for_regions: float = 15_000.0  # if there are so many steps for each contour in all
-    stretches: float = 0.85  # or at which stretches are solved exactly,
+    stretches_from: float = 0.85  # or at which stretches are solved exactly,
     for_stretches: float = 2000.0  # if there are only so many
     hot: float = 1.5
     warm: float = 0.2  # from here on the structure stays
     cold: float = 0.03
+
+    def __post_init__(self) -> None:
+        if min(self.hot, self.warm, self.cold) <= 0.0:
+            raise ValueError("hot, warm and cold: expected more than 0")
 
     def run(
         self,
@@ -48,8 +55,8 @@ class Sharing:
         trees: Trees,
         end: float,
     ) -> bool:
-        """Take trees, a first fast annealing and a long one; return whether to stop."""
-        large = len(incumbent.problem) >= self.large
+        """Improve the best sequence until the share `end` is spent; return whether to stop."""
+        large = len(incumbent.problem) >= self.layers_from
         if large and layered is not None and self._in_layers(incumbent, lanes, layered):
             return True
         if trees.turn(incumbent, lanes, Sequence.best_of(incumbent, near)):
@@ -85,7 +92,7 @@ class Sharing:
         sequence = Sequence.best_of(incumbent, near)
         mean = incumbent.cost / len(incumbent.problem)
         falling = Cooling(self.hot * mean, self.warm * mean)
-        if anneal_pieces(incumbent, sequence, lanes, falling, self.turn, a_lane=1):
+        if anneal_pieces(incumbent, sequence, lanes, falling, self.half_way, a_lane=1):
             return True
         if trees.turn(incumbent, lanes, Sequence.best_of(incumbent, near)):
             return True
@@ -93,7 +100,7 @@ class Sharing:
             sequence = Sequence.best_of(incumbent, near)
         steps = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
         regions, stretches = steps >= self.for_regions, steps >= self.for_stretches
-        until = self.regions if regions else self.stretches if stretches else end
+        until = self.regions_from if regions else self.stretches_from if stretches else end
         falling = Cooling(self.warm * mean, self.cold * mean)
         if anneal_pieces(incumbent, sequence, lanes, falling, until, a_lane=4):
             return True

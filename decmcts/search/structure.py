@@ -39,7 +39,7 @@ class Trees:
 
     share: float = 0.02  # of the budget for each turn; 0: no trees
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
-    large: int = 6000  # contours from which one Γ, the second, is all that time allows
+    one_from: int = 6000  # contours from which one Γ, the second, is all that time allows
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
 
     def turn(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
@@ -72,7 +72,8 @@ class Trees:
 
     def _gammas_for(self, incumbent: Incumbent) -> tuple[float, ...]:
         """Return each Γ to be tried."""
-        return self.gammas if len(incumbent.problem) < self.large else self.gammas[1:2]
+        few = len(incumbent.problem) < self.one_from
+        return self.gammas if few else self.gammas[1:2] or self.gammas
 
 
 @dataclass(slots=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.tour import respects
-from decmcts.search.crossover import crossover
+from decmcts.search.crossover import crossover, joined
 from decmcts.search.pieces import Sequence
 from tests.search.test_fusing import found, varied
 
@@ -76,3 +76,15 @@ def test_a_sequence_with_itself_stays() -> None:
     child = crossover(one, one)
     assert (child.order == one.order).all()
     assert (child.flip == one.flip).all()
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_joining_leaves_what_is_joined_as_it_was(count: int) -> None:
+    """Races go on with the sequences they have."""
+    given = [found(varied(1), k, iterations=1000) for k in range(count)]
+    before = [sequence.copy() for sequence in given]
+    assert joined(given).cost <= min(sequence.cost for sequence in before) * (1 + 1e-12)
+    for sequence, was in zip(given, before, strict=True):
+        assert (sequence.order == was.order).all()
+        assert (sequence.flip == was.flip).all()
+        assert (sequence.seat == was.seat).all()

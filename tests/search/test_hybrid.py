@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.seats import visits_cost
+from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.greedy import Greedy
-from decmcts.search.hybrid import layered_start
+from decmcts.search.hybrid import Hybrid, layered_start
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.layerwise import layer_runs, nearest_in_layers
 from decmcts.search.neighbours import near_ports
 from decmcts.search.planners import SearchResult, plan_order
 from decmcts.search.problem import OrderProblem
+from decmcts.search.races import Races
 from decmcts.search.stopping import Budget, IterationLimit
 from tests.search.problems import random_problem, with_loops
 
@@ -83,3 +85,21 @@ def test_threads_do_not_make_hybrid_unrepeatable(n: int, loops: bool) -> None:
     assert (first.toolpath.order == second.toolpath.order).all()
     assert (first.history[:, 1:] == second.history[:, 1:]).all()
     assert first.cost < 0.8 * first.source_cost
+
+
+@pytest.mark.parametrize("always", [10, 100])
+def test_hybrid_stops_where_no_travel_is_left(always: int) -> None:
+    """Annealing may reach zero where greedy does not; there is no heat below it."""
+    start, end = np.zeros((60, 3)), np.zeros((60, 3))
+    start[30:, 0] = end[30:, 0] = end[0, 0] = 10.0  # 0 leads from one spot to the other
+    graph = DependencyGraph.from_pairs(60, np.empty((0, 2), np.int32))
+    problem = OrderProblem(start, end, np.zeros(60, np.bool_), np.zeros(60, np.int32), graph)
+    result = plan_order(
+        problem,
+        planner=Hybrid(races=Races(always=always)),
+        time_limit_s=60.0,
+        seed=0,
+        max_iterations=100_000,
+    )
+    assert result.cost == 0.0
+    assert result.iterations < 100_000

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,13 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.tour import respects, tour_cost
 from decmcts._kernels.tree import new_tree
 from decmcts.search.clustered import clustered_problem, fresh_rollout
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.lanes import open_lanes
+from decmcts.search.neighbours import near_ports
+from decmcts.search.pieces import Sequence
 from decmcts.search.problem import OrderProblem
+from decmcts.search.stopping import Budget, TimeLimit
+from decmcts.search.structure import Trees
 from tests.search.problems import random_problem
 from tests.search.test_planners import cheapest_by_brute_force
 
@@ -63,3 +71,28 @@ def test_ranks_are_mean_positions() -> None:
     """A cluster that is printed in two visits counts as between them."""
     position, label = np.array([0, 3, 1, 2], np.int32), np.array([0, 0, 1, 1], np.int32)
     assert block_ranks(position, label, 2).tolist() == [1.5, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("trees", "budget_s", "grown"),
+    [
+        (Trees(), 60.0, True),
+        (Trees(share=0.0), 60.0, False),  # none wanted
+        (Trees(share=1e-4), 0.1, False),  # clustering alone would take longer
+        (Trees(gammas=(0.5,), one_from=1), 60.0, True),  # the only one there is
+    ],
+)
+def test_trees_have_a_turn_where_there_is_time(trees: Trees, budget_s: float, grown: bool) -> None:
+    """On dense graphs of short searches clustering would take what annealing needs."""
+    problem, clock = random_problem(5, 60, density=0.3), itertools.count(step=0.01)
+    incumbent = Incumbent(
+        problem,
+        clock=lambda: float(next(clock)),
+        budget=Budget(budget_s, None),
+        criterion=TimeLimit(budget_s),
+    )
+    guest = Sequence.best_of(incumbent, near_ports(problem))
+    with open_lanes(2, 0) as lanes:
+        assert not trees.turn(incumbent, lanes, guest)
+    assert ("gamma" in incumbent.notes) == grown
+    assert (guest.cost < incumbent.source_cost) == grown
