@@ -47,6 +47,10 @@ CONTROLS = (
     '<input id="time" type="range" min="0" max="1000" value="1000" aria-label="time">'
     '<span id="now"></span></div>'
 )
+COOLED = (
+    "<p class=note>The search whose result is done first. What may not be printed over yet "
+    "is put off after it and other work goes before, which costs travel.</p>"
+)
 
 
 def write_report(
@@ -75,7 +79,9 @@ def write_report(
         ("Heads over time", _div(plot_gantt(after), 150 + 70 * lanes)),
     ]
     if len(history):
-        sections.append(("Search", _div(plot_convergence(history, _minimised(after, lanes)), 380)))
+        note = COOLED if after.min_layer_time_s else ""
+        drawn = _div(plot_convergence(history, _minimised(after, lanes)), 380)
+        sections.append(("Search", note + drawn))
     name = html.escape(f"{len(after.contours):,} contours on machine {after.machine.name}")
     body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
     text = (

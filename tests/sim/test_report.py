@@ -28,6 +28,17 @@ def test_the_page_needs_no_network(make, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("rule_s", [0.0, 4.0])
+def test_the_page_says_why_a_cooled_plan_travels_more_than_its_search(make, tmp_path, rule_s):
+    """A curve that ends below the table's travel looks like a mistake."""
+    document = replace(make.tower_plan(), min_layer_time_s=rule_s)
+    history = [(0, 9, 2.0), (1, 99, 1.0)]
+    write_report(tmp_path / "r.html", before=document, after=document, history=history)
+    page = (tmp_path / "r.html").read_text(encoding="utf-8")
+    assert ("which costs travel" in page) == (rule_s > 0.0)
+
+
+@pytest.mark.slow
 def test_names_cannot_break_the_page(make, tmp_path):
     """Head names come from files; they are text, not markup."""
     document = make.tower_plan()
