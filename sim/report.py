@@ -49,7 +49,7 @@ CONTROLS = (
 )
 COOLED = (
     "<p class=note>The search whose result is done first. What may not be printed over yet "
-    "is put off after it and other work goes before, which costs travel.</p>"
+    "is put off after it and other work goes before, which may cost travel.</p>"
 )
 
 

@@ -26,7 +26,6 @@ from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import Lanes, anneal_rivals
 from decmcts.search.layerwise import layer_runs
 from decmcts.search.pieces import Sequence
-from decmcts.search.problem import OrderProblem
 from decmcts.search.structure import Trees
 
 
@@ -67,6 +66,7 @@ class Races:
     ) -> bool:
         """Hold all races; return whether to stop. What is best is the incumbent's."""
         plain, ahead = Sequence.best_of(incumbent, near), False  # ahead: the layered one
+        layers = layer_runs(incumbent.problem.layer)
         began, races = incumbent.spent, self._count(incumbent, lanes)
         length = (self.until - began) / races
         for number in range(races):
@@ -77,7 +77,7 @@ class Races:
                 return True
             until = began + length * (number + 1)
             heats = self._heats(number, layered is not None, ahead, len(rivals))
-            groups = _groups(incumbent.problem, layered is not None, ahead, len(rivals))
+            groups = _groups(layers, layered is not None, ahead, len(rivals))
             mean = incumbent.cost / len(incumbent.problem)
             if mean == 0.0:
                 return True
@@ -129,9 +129,8 @@ class Races:
 
 
 def _groups(
-    problem: OrderProblem, has_layered: bool, ahead: bool, count: int
+    layers: NDArray[np.int32], has_layered: bool, ahead: bool, count: int
 ) -> list[NDArray[np.int32]]:
     """Return what the moves of each of `count` lanes stay within: layers, or the whole."""
-    layers = layer_runs(problem.layer)
     whole = np.zeros_like(layers)
     return [layers if ahead else whole, *[layers if has_layered else whole] * (count - 1)]
