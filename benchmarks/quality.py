@@ -1,25 +1,40 @@
 """What each wish costs: shells and anchors, cooling, and a limit to layers ahead.
 
-    python benchmarks/quality.py [--time-limit 5] [--models a,b]
+    python benchmarks/quality.py [--time-limit 20] [--models a,b]
 
-Ten models, machine `mk4s`, process order `keep`. Their slicer had cooling off, so
-the rule is asked for. Writes docs/results/quality.csv (resumable) and quality.md.
+Ten models, planner `hybrid`, machine `mk4s`, process order `keep`. Their slicer had
+cooling off, so the rule is asked for. Writes docs/results/quality.csv (a row a run,
+resumable), quality.md and quality.png.
 """
 
 from __future__ import annotations
 
 import argparse
-import statistics
+import itertools
 from pathlib import Path
 from typing import Any
 
-from common import RESULTS, Rows, corpus, markdown, measured, setting
-from models import figures_of
+from common import (
+    CPU_TIME,
+    Rows,
+    arguments,
+    grouped,
+    markdown,
+    measured,
+    median,
+    of_models,
+    print_path,
+    run_missing,
+    setting,
+    spread,
+)
+from models import figures_of, gains_of
 
 MODELS = (
     "stained_glass_3 xyz_cube_20 openbot_phone_mount pillars_5x5 odri_spacers_6 "
     "teaset_chess_7 benchy_lowpoly six_cylinders spool_mount_4 odri_pulleys_rollers_9"
 )
+MACHINE = "mk4s"
 WISHES = {  # name: (what it says in the table, options)
     "none": ("geometry and process order only", ["--no-quality"]),
     "shells": ("shells and anchors", ["--quality", "--min-layer-time", "0"]),
@@ -32,64 +47,95 @@ WISHES = {  # name: (what it says in the table, options)
 KEY = ("model", "wish", "machine", "limit_s", "seed")
 
 
-def run(path: Path, key: dict[str, Any]) -> dict[str, Any]:
-    arguments = ["plan", str(path), "--machine", key["machine"], "--no-certificate"]
+def run(key: dict[str, Any]) -> dict[str, Any]:
+    arguments = ["plan", str(print_path(key["model"])), "--machine", key["machine"]]
     arguments += ["--time-limit", f"{key['limit_s']:g}", "--seed", str(key["seed"])]
-    result = measured([*arguments, *WISHES[key["wish"]][1]])
+    arguments += ["--no-certificate", *WISHES[key["wish"]][1]]
+    result = measured(arguments, timeout_s=1800.0 + 8.0 * key["limit_s"], cpu_time=True)
     after = result.get("after", {})
     waits = {name: after.get(name, "") for name in ("waits", "waits_s")}
-    return {**key, **figures_of(result), **waits}
+    return {**key, **waits, **figures_of(result)}
 
 
-def cell(row: dict[str, str] | None) -> str:
+def time_saved(row: dict[str, str]) -> float:
+    return 100 * (1 - float(row["time_after_s"]) / float(row["time_before_s"]))
+
+
+def cell(runs: list[dict[str, str]]) -> str:
     """Return travel and time saved, and the waits."""
-    if row is None or row["error"]:
-        return "" if row is None else row["error"]
-    time = 100 * (1 - float(row["time_after_s"]) / float(row["time_before_s"]))
-    waits = f" ({float(row['waits_s']):.0f} s in {row['waits']})" if float(row["waits_s"]) else ""
-    return f"{float(row['less_percent']):.1f} / {time:.1f}{waits}"
+    if not runs:
+        return ""
+    time, waits_s = spread([time_saved(row) for row in runs]), median(runs, "waits_s")
+    waits = f" ({waits_s:.0f} s in {median(runs, 'waits'):.0f})" if waits_s else ""
+    return f"{spread(gains_of(runs))} / {time}{waits}"
 
 
-def table(rows: list[dict[str, str]], names: list[str]) -> str:
-    found = {(row["model"], row["wish"]): row for row in rows}
-    lines = [[name, *(cell(found.get((name, wish))) for wish in WISHES)] for name in names]
-    medians = ["median"]
-    for wish in WISHES:
-        gains = [
-            float(row["less_percent"]) for row in rows if row["wish"] == wish and not row["error"]
+def table(rows: list[dict[str, str]]) -> str:
+    found = grouped(rows, "model", "wish")
+    models = dict.fromkeys(row["model"] for row in rows)
+    lines = [[name, *(cell(found.get((name, wish), [])) for wish in WISHES)] for name in models]
+    by_wish = grouped(rows, "wish")
+    lines.append(
+        ["median (quartiles)"]
+        + [
+            f"{spread(gains_of(mine))} / {spread([time_saved(row) for row in mine])}"
+            for mine in (by_wish.get((wish,), []) for wish in WISHES)
         ]
-        medians.append(f"{statistics.median(gains):.1f}" if gains else "")
-    return markdown([*lines, medians], ["model", *(text for text, _ in WISHES.values())])
+    )
+    return markdown(lines, ["model", *(text for text, _ in WISHES.values())])
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--time-limit", type=float, default=5.0)
-    parser.add_argument("--models", default=MODELS.replace(" ", ","))
-    parser.add_argument("--table-only", action="store_true")
-    parser.add_argument("--note", default="", help="said beside the setting")
-    options = parser.parse_args()
-    rows = Rows(RESULTS / "quality.csv", KEY)
-    names = options.models.split(",")
-    for name in [] if options.table_only else names:
-        for wish in WISHES:
-            key = dict(zip(KEY, (name, wish, "mk4s", options.time_limit, 0), strict=True))
-            if not rows.has(**key):
-                path = corpus() / "models" / "gcode" / f"{name}.gcode.gz"
-                rows.append(run(path, key))
-                print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
-    done = {row["model"] for row in rows.rows}
+def plot(rows: list[dict[str, str]], path: Path) -> None:
+    import matplotlib.pyplot as plt
+
+    by_wish = grouped(rows, "wish")
+    there = [wish for wish in WISHES if (wish,) in by_wish]
+    figure, axes = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
+    for axis, of, label in (
+        (axes[0], gains_of, "travel less than in the source, %"),
+        (axes[1], lambda mine: [time_saved(row) for row in mine], "print time less, %"),
+    ):
+        axis.axhline(0.0, color="grey")
+        axis.boxplot(
+            [of(by_wish[wish,]) for wish in there],
+            tick_labels=[WISHES[wish][0].replace(", ", ",\n") for wish in there],
+            widths=0.5,
+        )
+        axis.set(ylabel=label)
+        axis.tick_params(axis="x", labelsize=8)
+        axis.grid(axis="y", alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def write_results(rows: Rows, options: argparse.Namespace) -> None:
+    mine = [r for r in rows.rows if float(r["limit_s"]) == options.time_limit and not r["error"]]
     said = setting(
-        note=options.note, planner="local", machine="mk4s", freedom="reversible",
-        process_order="keep", time_limit=f"{options.time_limit:g} s", seed=0,
+        note=options.note, planner="hybrid", machine=MACHINE, freedom="reversible",
+        process_order="keep", time_limit=f"{options.time_limit:g} s",
+        seeds=" ".join(sorted({r["seed"] for r in mine})), seconds=CPU_TIME,
     )  # fmt: skip
-    text = f"# What quality costs\n\n{said}\n\nRepeat: `python benchmarks/quality.py`. "
+    text = f"# What quality costs\n\n{said}\n\nRepeat: `python benchmarks/quality.py "
+    text += f"--time-limit {options.time_limit:g}{of_models(mine, MODELS)}`. "
     text += "Each cell: extrusionless travel and estimated print time less than in the source, "
     text += "in per cent, and in brackets the seconds waited for cooling and in how many places. "
     text += "The models were sliced with cooling off, so that layers may be shorter than the "
     text += "rule; a spot then owes what the source gave it.\n\n"
-    text += table(rows.rows, [name for name in MODELS.split() if name in done])
-    (RESULTS / "quality.md").write_text(text)
+    text += table(mine) + "\n![what quality costs](quality.png)\n" + rows.failures()
+    (options.results / "quality.md").write_text(text)
+    if mine:
+        plot(mine, options.results / "quality.png")
+
+
+def main() -> None:
+    options = arguments(__doc__, time_limit=20.0, models=MODELS).parse_args()
+    rows = Rows(options.results / "quality.csv", KEY)
+    keys = [
+        dict(zip(KEY, (model, wish, MACHINE, options.time_limit, seed), strict=True))
+        for seed, model, wish in itertools.product(options.seeds, options.models, WISHES)
+    ]
+    if not options.table_only:
+        run_missing(rows, keys, run)
+    write_results(rows, options)
 
 
 if __name__ == "__main__":

@@ -37,6 +37,7 @@ SMALLEST = {  # script: (options, rows, files)
         ("ablation.md", "ablation.png"),
     ),
     "certificates": (ONE, 1, ("certificates.md", "certificates.png")),
+    "quality": (ONE, 4, ("quality.md", "quality.png")),
 }
 
 
@@ -90,6 +91,7 @@ def test_hybrid_is_judged_against_every_other_planner(tmp_path):
     (tmp_path / "planners.csv").write_text("\n".join([*rows, ""]))
     run("planners", ["--table-only"], tmp_path)
     text = (tmp_path / "planners.md").read_text()
+    assert "reached by `hybrid` in 0 of 1, `local` in 0 of 1" in text
     assert "no worse than all others in 1 of 3 complete rows" in text
     lines = {line.split(" | ")[0].strip("| "): line for line in text.splitlines()}
     assert lines["won"].endswith("| yes |")
