@@ -76,7 +76,7 @@ def write_report(
     sections = [
         ("What was gained", _table(gained(before, after) if rows is None else rows)),
         ("Toolpath", CONTROLS + "".join(f"<p class=note>{html.escape(n)}</p>" for n in notes)),
-        ("Heads over time", _div(plot_gantt(after), 150 + 70 * lanes)),
+        ("Heads over time", _div(plot_gantt(after), 170 + 70 * lanes)),
     ]
     if len(history):
         note = COOLED if after.min_layer_time_s else ""
@@ -269,7 +269,7 @@ def plot_gantt(document: PlanDocument) -> go.Figure:
         bargap=0,
         xaxis={"title": {"text": "seconds"}, "range": [0, document.plan.makespan_s]},
         yaxis={"tickvals": [-k for k in range(len(lanes))], "ticktext": names, "zeroline": False},
-        margin={"l": 70, "r": 10, "t": 40, "b": 45},
+        margin={"l": 70, "r": 10, "t": 60, "b": 45},  # room for buttons above the legend
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom"},
     )
     return figure
@@ -291,6 +291,6 @@ def plot_convergence(history: History, minimised: str) -> go.Figure:
         xaxis_title="seconds of search",
         yaxis_title=f"best {minimised}",
         yaxis_rangemode="tozero",
-        margin={"l": 70, "r": 10, "t": 20, "b": 45},
+        margin={"l": 70, "r": 10, "t": 40, "b": 45},
     )
     return figure
