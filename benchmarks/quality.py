@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -98,11 +99,10 @@ def plot(rows: list[dict[str, str]], path: Path) -> None:
         axis.axhline(0.0, color="grey")
         axis.boxplot(
             [of(by_wish[wish,]) for wish in there],
-            tick_labels=[WISHES[wish][0].replace(", ", ",\n") for wish in there],
+            tick_labels=[textwrap.fill(WISHES[wish][0], 16) for wish in there],
             widths=0.5,
         )
         axis.set(ylabel=label)
-        axis.tick_params(axis="x", labelsize=8)
         axis.grid(axis="y", alpha=0.3)
     figure.savefig(path, dpi=110)
 
