@@ -155,12 +155,17 @@ def complete(rows: list[dict[str, str]], planners: list[str]) -> list[dict[str, 
     ]
 
 
+def by_model(rows: list[dict[str, str]]) -> list[float]:
+    """Return each model's reduction, of several seeds the median, so that none counts twice."""
+    return [median(runs, "less_percent") for runs in grouped(rows, "model").values()]
+
+
 def medians(rows: list[dict[str, str]], planners: list[str]) -> str:
     """Return the table of median reductions and quartiles, a line a setting."""
     lines = []
     for (process, machine, freedom), mine in grouped(rows, *ROW[:3]).items():
         found = grouped(mine, "planner")
-        cells = [spread([float(r["less_percent"]) for r in found.get((p,), [])]) for p in planners]
+        cells = [spread(by_model(found.get((p,), []))) for p in planners]
         models = len({r["model"] for r in mine})
         lines.append([f"{machine} {freedom}", process, str(models), *cells])
     return markdown(lines, ["setting", "process", "models", *planners])
@@ -207,8 +212,7 @@ def plot(rows: list[dict[str, str]], planners: list[str], path: Path) -> None:
     figure, axis = plt.subplots(figsize=(13, 5), layout="constrained")
     for k, planner in enumerate(planners):
         values = [
-            [float(r["less_percent"]) for r in mine if r["planner"] == planner]
-            for mine in by_setting.values()
+            by_model([r for r in mine if r["planner"] == planner]) for mine in by_setting.values()
         ]
         places = [x + 0.15 * (k - len(planners) / 2 + 0.5) for x in range(len(values))]
         axis.boxplot(
@@ -237,7 +241,10 @@ def write_results(rows: Rows, options: argparse.Namespace) -> None:
         note=options.note, quality="none", seeds=" ".join(sorted({r["seed"] for r in done})),
         seconds=CPU_TIME,
     )  # fmt: skip
-    text = f"# Planners at equal time\n\n{said}\n\nRepeat: `python benchmarks/planners.py`. "
+    text = f"# Planners at equal time\n\n{said}\n\nRepeat: `python benchmarks/planners.py`, "
+    text += (
+        "for single rows with `--time-limit`, `--models`, `--settings`, `--process`, `--seeds`. "
+    )
     text += "Reduction of extrusionless travel against the source's order (PrusaSlicer 2.5.0, "
     text += "aligned seam), in per cent; of several seeds, or models, the median and in brackets "
     text += "the quartiles. Annealing: the yardstick, plain simulated annealing on linear "

@@ -29,7 +29,7 @@ from common import (
     setting,
     spread,
 )
-from models import figures_of, gains_of
+from models import figures_of, gains_of, time_saved
 
 MODELS = (
     "stained_glass_3 xyz_cube_20 openbot_phone_mount pillars_5x5 odri_spacers_6 "
@@ -56,10 +56,6 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
     after = result.get("after", {})
     waits = {name: after.get(name, "") for name in ("waits", "waits_s")}
     return {**key, **waits, **figures_of(result)}
-
-
-def time_saved(row: dict[str, str]) -> float:
-    return 100 * (1 - float(row["time_after_s"]) / float(row["time_before_s"]))
 
 
 def cell(runs: list[dict[str, str]]) -> str:

@@ -97,3 +97,19 @@ def test_hybrid_is_judged_against_every_other_planner(tmp_path):
     assert lines["won"].endswith("| yes |")
     assert lines["lost"].endswith("| NO: mcts by 12.50 % |")
     assert lines["pillars_5x5"].endswith("| NO: annealing |")
+
+
+def test_a_model_of_several_seeds_counts_once(tmp_path):
+    """Else medians over models lean towards the one that was run again."""
+    head = "model,machine,process,freedom,planner,limit_s,seed,travel_after_mm,less_percent,error"
+    gains = {"hybrid": [("a", 0, 10), ("b", 0, 50), ("b", 1, 50), ("b", 2, 50), ("c", 0, 20)]}
+    gains["local"] = [("a", 0, 10), ("b", 0, 40), ("c", 0, 20)]
+    rows = [
+        f"{model},mk4s,keep,seam,{planner},60.0,{seed},{100 - gain},{gain},"
+        for planner, runs in gains.items()
+        for model, seed, gain in runs
+    ]
+    (tmp_path / "planners.csv").write_text("\n".join([head, *rows, ""]))
+    run("planners", ["--table-only", "--planners", "hybrid,local"], tmp_path)
+    text = (tmp_path / "planners.md").read_text()
+    assert "| mk4s seam | keep | 3 | 20.0 (15.0 to 35.0) | 20.0 (15.0 to 30.0) |" in text
