@@ -22,6 +22,7 @@ from decmcts._kernels.moves import (
     apply_turn,
     carry_change,
     inner_change,
+    is_unrelated,
     leave,
     lent_tour,
     swap_allowed,
@@ -30,6 +31,7 @@ from decmcts._kernels.moves import (
     turn_change,
     turned_entry,
 )
+from decmcts._kernels.pauses import turn_keeps
 from decmcts._kernels.random import below, length_up_to, uniform
 from decmcts._kernels.seats import contour_of, near_row, seat_change, settle, sit, slide
 from decmcts._kernels.sift import try_sift
@@ -164,18 +166,19 @@ def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float
     """Mutate the tour if carrying is allowed and within slack; return the change."""
     metric, order, flip, after, turns = tour.metric, tour.order, tour.flip, tour.after, tour.turns
     change += inner_change(metric, order, flip, after, turns, i, k)
-    if change > slack or not turn_allowed(tour, i, k):
+    if change > slack or not is_unrelated(tour, i, k):
         return 0.0
     if p < i:
-        if not swap_allowed(tour, p + 1, i, k):
-            return 0.0
-        apply_swap(tour, p + 1, i, k)
-        apply_turn(tour, p + 1, p + 1 + k - i)
+        left, middle, right, to = p + 1, i, k, p + 1
     else:
-        if not swap_allowed(tour, i, k, p + 1):
-            return 0.0
-        apply_swap(tour, i, k, p + 1)
-        apply_turn(tour, p + 1 - (k - i), p + 1)
+        left, middle, right, to = i, k, p + 1, p + 1 - (k - i)
+    if not swap_allowed(tour, left, middle, right):
+        return 0.0
+    apply_swap(tour, left, middle, right)
+    if not turn_keeps(tour.pauses, order, tour.position, to, to + k - i):
+        apply_swap(tour, left, left + right - middle, right)
+        return 0.0
+    apply_turn(tour, to, to + k - i)
     return change
 
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.lend import lent
 from decmcts._kernels.metric import Metric, distance
+from decmcts._kernels.pauses import Pauses, lent_pauses, retime, swap_keeps, turn_keeps
 
 
 class Tour(NamedTuple):
@@ -48,6 +49,7 @@ class Tour(NamedTuple):
     after: NDArray[np.float64]  # (n,) by contour: travel to the next one, 0 for the last
     scratch: NDArray[np.int32]  # (n,)
     mark: NDArray[np.bool_]  # (n,) all False between moves
+    pauses: Pauses  # between contours that lie on each other
 
 
 @kernel
@@ -72,6 +74,7 @@ def lent_tour(tour: Tour) -> Tour:
         lent(tour.after),
         lent(tour.scratch),
         lent(tour.mark),
+        lent_pauses(tour.pauses),
     )
 
 
@@ -127,7 +130,10 @@ def swap_change(
 
 @kernel
 def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
-    """Say whether no edge leads from [i, j) into [j, k). O(shorter segment's edges)."""
+    """Say whether no edge leads from [i, j) into [j, k), and pauses are kept.
+
+    O(shorter segment's edges), and what lies within the longest pause.
+    """
     order, position = tour.order, tour.position
     if tour.group[order[i]] != tour.group[order[k - 1]]:
         return False
@@ -137,13 +143,13 @@ def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
             for e in range(tour.succ_offsets[c], tour.succ_offsets[c + 1]):
                 if j <= position[tour.succs[e]] < k:
                     return False
-        return True
-    for p in range(j, k):
-        c = order[p]
-        for e in range(tour.pred_offsets[c], tour.pred_offsets[c + 1]):
-            if i <= position[tour.preds[e]] < j:
-                return False
-    return True
+    else:
+        for p in range(j, k):
+            c = order[p]
+            for e in range(tour.pred_offsets[c], tour.pred_offsets[c + 1]):
+                if i <= position[tour.preds[e]] < j:
+                    return False
+    return swap_keeps(tour.pauses, order, position, i, j, k)
 
 
 @kernel
@@ -163,6 +169,7 @@ def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
         order[i : i + right] = scratch[:right]
     for p in range(i, k):
         position[order[p]] = p
+    retime(tour.pauses, order, i, k)
     refresh(tour, i - 1, i)
     refresh(tour, i + right - 1, i + right)
     refresh(tour, k - 1, k)
@@ -214,7 +221,15 @@ def turn_change(
 
 @kernel
 def turn_allowed(tour: Tour, i: int, k: int) -> bool:
-    """Say whether no edge lies inside [i, k). O(edges of the segment)."""
+    """Say whether no edge lies inside [i, k) and turning it keeps the pauses."""
+    if not is_unrelated(tour, i, k):
+        return False
+    return turn_keeps(tour.pauses, tour.order, tour.position, i, k)
+
+
+@kernel
+def is_unrelated(tour: Tour, i: int, k: int) -> bool:
+    """Say whether no edge lies inside [i, k), which is of one group. O(edges of the segment)."""
     order, position = tour.order, tour.position
     if tour.group[order[i]] != tour.group[order[k - 1]]:
         return False
@@ -240,6 +255,7 @@ def apply_turn(tour: Tour, i: int, k: int) -> None:
         tour.position[c] = p
         if tour.turns[c]:
             flip[c] = 1 - flip[c]
+    retime(tour.pauses, order, i, k)
     refresh(tour, i - 1, k)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.metric import distance
 from decmcts._kernels.moves import Tour, entry, leave, refresh
+from decmcts._kernels.pauses import rearranging_keeps
 
 LONGEST_SIFT = 200  # positions; longer windows rarely keep their cost
 
@@ -111,7 +112,9 @@ def try_sift(tour: Tour, p: int, at: int, slack: float) -> float:
     else:
         _sort_window(tour, first, last, False)
     change = _window_change(tour, first, last)
-    if change > slack:
+    if change > slack or not rearranging_keeps(
+        tour.pauses, order, tour.position, tour.scratch, first, last
+    ):
         return 0.0
     for x in range(n_window):
         order[first + x] = tour.scratch[x]

@@ -36,8 +36,9 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import Planner, SearchResult, plan_order, toolpath_cost
 from decmcts.search.problem import OrderProblem
+from decmcts.search.spacing import Spacing
 from decmcts.team.alone import lone_machine
-from decmcts.team.cooling import find_lags, print_times, source_times
+from decmcts.team.cooling import find_lags, print_times, source_times, spacing_of
 from decmcts.team.metrics import plan_metrics
 from decmcts.team.schedule import schedule
 from decmcts.team.waits import add_waits
@@ -210,10 +211,20 @@ def plan_single(
         hooks["bound"] = early_bound(problem, time_limit_s=time_limit_s)
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
-    lags, guess = _lags(loaded, before)
+    lags, guess, spacing = _lags(loaded, before)
     asked = {"planner": planner, "seed": seed, **hooks}
     sliced = source_toolpath(problem)
-    result = _ordered(loaded, problem, guess, sliced, time_limit_s, announce, asked)
+
+    def run(spacing: Spacing | None, limit_s: float) -> SearchResult:
+        return _solve(replace(problem, spacing=spacing), time_limit_s=limit_s, **asked)
+
+    if spacing is None:
+        result = run(None, time_limit_s)
+    else:
+        result = search_cooled(
+            loaded.job, loaded.machine, loaded.graph, guess, spacing, run, sliced,
+            time_limit_s=time_limit_s, announce=announce,
+        )  # fmt: skip
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     announce("safe travels and times")
     toolpath = result.toolpath
@@ -264,36 +275,16 @@ def source_toolpath(problem: OrderProblem) -> Toolpath:
     return replace(sliced, entry=seams.vertices[seams.offsets[:-1]])
 
 
-def _ordered(
-    loaded: Loaded,
-    problem: OrderProblem,
-    lags: Lags,
-    sliced: Toolpath,
-    time_limit_s: float,
-    announce: Announce,
-    asked: dict[str, Any],
-) -> SearchResult:
-    """Search; where spots must cool, for what is done first with its waits."""
+def _lags(loaded: Loaded, source: PlanDocument) -> tuple[Lags, Lags, Spacing | None]:
+    """Return what must cool how long, by the plan's times and by those a search estimates.
 
-    def run(graph: DependencyGraph, limit_s: float) -> SearchResult:
-        result = _solve(replace(problem, graph=graph), time_limit_s=limit_s, **asked)
-        return result if graph is loaded.graph else replace(result, bound=None)
-
-    if not len(lags.below):
-        return run(loaded.graph, time_limit_s)
-    job, machine = loaded.job, loaded.machine
-    return search_cooled(
-        job, machine, loaded.graph, lags, run, sliced, time_limit_s=time_limit_s, announce=announce
-    )
-
-
-def _lags(loaded: Loaded, source: PlanDocument) -> tuple[Lags, Lags]:
-    """Return what must cool how long, by the plan's times and by those a search estimates."""
+    And what a search itself keeps of it; None where nothing has to cool.
+    """
     job, rule = loaded.job, loaded.min_layer_time_s
     exact = print_times(source.plan.heads[0], len(job.contours))
     guess = source_times(job, loaded.machine, loaded.graph) if rule else exact
     lags, estimated = find_lags(job.contours, [exact, guess], rule)
-    return lags, estimated
+    return lags, estimated, spacing_of(estimated, *guess) if len(estimated.below) else None
 
 
 def check(

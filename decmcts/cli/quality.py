@@ -1,8 +1,9 @@
 """What a maker asks of an order besides safety, as the command line offers it.
 
 Edges (shells and what is anchored in them, a limit to how far a part may run
-ahead) go into the graph. Cooling is no edge: orders found without it get their
-waits afterwards, and the one that is done first is taken.
+ahead) go into the graph. Cooling is no edge: a search keeps the time between what
+lies on each other where that matters, what it could not foresee is waited for, and
+of all orders found the one that is done first is taken.
 """
 
 from __future__ import annotations
@@ -12,18 +13,17 @@ from dataclasses import dataclass, replace
 
 from decmcts._kernels.cooling import Lags
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.feasibility.lead import limit_lead
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult
+from decmcts.search.spacing import Spacing
 from decmcts.team.cooling import Timed, cooled
 
-PROBE = 0.1  # share of the search time for each try
-LEADS = (8, 4, 2, 1)  # layers ahead, tried where cooling costs time
+PROBE = 0.1  # share of the search time for finding out whether cooling costs any
 
-Search = Callable[[DependencyGraph, float], SearchResult]
+Search = Callable[[Spacing | None, float], SearchResult]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +50,7 @@ def search_cooled(
     machine: Machine,
     graph: DependencyGraph,
     lags: Lags,
+    spacing: Spacing,
     search: Search,
     sliced: Toolpath,
     *,
@@ -58,11 +59,11 @@ def search_cooled(
 ) -> SearchResult:
     """Return the order with the least time, waits included.
 
-    A short search without regard to cooling shows whether it costs anything. If
-    so, searches with fewer and fewer layers ahead follow, and the best of these
-    limits gets the time that is left. `sliced`, the source's own order, waits for
-    nothing, so the result is never slower than it. Its cost is that of the search,
-    before anything was moved to make use of waits.
+    A short search without regard to cooling shows whether it costs anything. If not,
+    the same goes on; if so, a search that leaves time between what lies on each other
+    gets the rest. `sliced`, the source's own order, waits for nothing, so the result is
+    never slower than it. Its cost is that of the search, before anything was moved to
+    make use of waits; its bound holds with cooling and without.
     """
     tries: list[tuple[float, SearchResult]] = []
 
@@ -71,17 +72,14 @@ def search_cooled(
         tries.append((found.seconds, replace(result, toolpath=found.toolpath)))
         return found
 
-    def attempt(layers: int | None, share: float) -> Timed:
-        announce("searching" + ("" if layers is None else f", layers ahead: at most {layers}"))
-        limited = graph if layers is None else limit_lead(graph, job.contours.layer, layers=layers)
-        return keep(search(limited, share * time_limit_s))
-
-    found: dict[int | None, Timed] = {None: attempt(None, PROBE)}
-    if found[None].at_first_s > 0.0:
-        found |= {layers: attempt(layers, PROBE) for layers in LEADS}
-    attempt(min(found, key=lambda layers: found[layers].seconds), 1.0 - PROBE * len(found))
+    announce("searching")
+    waits = keep(search(None, PROBE * time_limit_s)).at_first_s > 0.0
+    if waits:
+        announce("searching orders that let spots cool")
+    keep(search(spacing if waits else None, (1.0 - PROBE) * time_limit_s))
     keep(replace(tries[0][1], toolpath=sliced, cost=tries[0][1].source_cost))
-    return min(tries, key=lambda one: one[0])[1]
+    bound = max((r.bound for _, r in tries if r.bound is not None), default=None)
+    return replace(min(tries, key=lambda one: one[0])[1], bound=bound)
 
 
 def cooling_line(document: PlanDocument) -> str | None:

@@ -13,6 +13,7 @@ from decmcts._kernels.metric import points_of
 from decmcts._kernels.moves import Tour, refresh
 from decmcts._kernels.seats import sit_all
 from decmcts.search.incumbent import Incumbent
+from decmcts.search.spacing import no_pauses
 
 _POLL_S = 0.1  # how often a search looks at the clock and the stop wish
 _LARGEST_CHUNK = 1_000_000
@@ -38,11 +39,12 @@ def tour_of(
 ) -> Tour:
     """Return a mutable copy of the incumbent; moves stay within equal `group`."""
     problem, graph, n = incumbent.problem, incumbent.problem.graph, len(incumbent.problem)
-    metric, seams = problem.metric(), problem.seams
+    metric, seams, spacing = problem.metric(), problem.seams, problem.spacing
+    every = np.arange(n, dtype=np.int32)
     if seams is not None:
         sit_all(points_of(metric), incumbent.seat)
     position = np.empty(n, np.int32)
-    position[incumbent.order] = np.arange(n, dtype=np.int32)
+    position[incumbent.order] = every
     tour = Tour(
         metric,
         problem.reversible.copy(),  # writable, as in pieces: kernels are compiled once
@@ -62,6 +64,7 @@ def tour_of(
         np.zeros(n),
         np.empty(n, np.int32),
         np.zeros(n, np.bool_),
+        no_pauses() if spacing is None else spacing.pauses(incumbent.order, every),
     )
     refresh(tour, 0, n)
     return tour

@@ -28,6 +28,7 @@ from decmcts.search.pieces import Sequence
 from decmcts.search.races import Races
 from decmcts.search.regions import anneal_regions
 from decmcts.search.sharing import Sharing
+from decmcts.search.spaced import Spaced
 from decmcts.search.structure import Trees
 
 
@@ -41,6 +42,7 @@ class Hybrid:
     trees: Trees = field(default_factory=Trees)
     races: Races = field(default_factory=Races)
     sharing: Sharing = field(default_factory=Sharing)
+    spaced: Spaced = field(default_factory=Spaced)  # where contours must be some time apart
     end: float = 0.97  # share of the budget at which the descent begins
     threads: int = 2  # fixed, so that results do not depend on the machine
     anneals: bool = True  # False: trees and descent only
@@ -52,6 +54,10 @@ class Hybrid:
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
         """Spend the budget, or stop at the first sequence without any travel."""
         if len(incumbent.problem) < 2:
+            return
+        if incumbent.problem.spacing is not None:
+            with open_lanes(self.threads, seed) as lanes:
+                self.spaced.run(incumbent, lanes)
             return
         by_layers = nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer))
         incumbent.offer(*by_layers)

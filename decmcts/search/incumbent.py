@@ -90,7 +90,9 @@ class Incumbent:
     ) -> bool:
         """Take the sequence if it is better; `flip` is by contour. Returns whether it was.
 
-        `seat` is the option each contour is entered by, see `Seams`; None: as sliced.
+        `seat` is the option each contour is entered by, see `Seams`; None: as sliced. A
+        sequence that does not keep the problem's spacing is not taken: not all planners
+        know of time.
 
         Raises
         ------
@@ -106,6 +108,8 @@ class Incumbent:
         graph = self.problem.graph
         if not respects(order, graph.succ_offsets, graph.succs):
             raise RuntimeError("a planner offered a sequence that is no linear extension")
+        if self.problem.spacing is not None and not self.problem.spacing.keeps(order):
+            return False
         if (flip.astype(np.bool_) & ~self.problem.reversible).any():
             raise RuntimeError("a planner turned a contour that may not turn")
         if seams is not None and not _allowed(seat, seams):

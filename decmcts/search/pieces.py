@@ -22,6 +22,7 @@ from decmcts._kernels.moves import Tour, refresh
 from decmcts._kernels.seats import sit_all, visits_cost
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.problem import OrderProblem
+from decmcts.search.spacing import no_pauses
 
 
 @dataclass(slots=True)
@@ -87,6 +88,7 @@ class Piece:
             after=tour.after.copy(),
             scratch=tour.scratch.copy(),
             mark=tour.mark.copy(),
+            pauses=tour.pauses._replace(begin=tour.pauses.begin.copy()),
         )
         return replace(self, tour=twin)
 
@@ -105,8 +107,17 @@ class Piece:
 
 
 def cut(sequence: Sequence, first: int, last: int) -> Piece:
-    """Return positions [first, last) as a piece. O(contours and edges of the piece)."""
-    n = len(sequence.order)
+    """Return positions [first, last) as a piece. O(contours and edges of the piece).
+
+    Raises
+    ------
+    ValueError
+        If it is not the whole sequence where the problem has a spacing: what is due
+        across a cut would be lost.
+    """
+    n, spacing = len(sequence.order), sequence.problem.spacing
+    if spacing is not None and last - first < n:
+        raise ValueError("a part of a sequence cannot keep time with the rest of it")
     guards = (int(first > 0), int(last < n))
     ids = sequence.order[first - guards[0] : last + guards[1]].copy()
     k = len(ids)
@@ -118,6 +129,7 @@ def cut(sequence: Sequence, first: int, last: int) -> Piece:
     turns = sequence.problem.reversible[ids]
     turns[: guards[0]] = turns[k - guards[1] :] = False
     seams = _inner_seams(sequence, ids, guards)
+    own = np.arange(k, dtype=np.int32)
     tour = Tour(
         seams.metric,
         turns,
@@ -131,12 +143,13 @@ def cut(sequence: Sequence, first: int, last: int) -> Piece:
         seams.owner,
         seams.row,
         seams.seat,
-        np.arange(k, dtype=np.int32),
-        np.arange(k, dtype=np.int32),
+        own,
+        own.copy(),
         sequence.flip[ids],
         np.zeros(k),
         np.empty(k, np.int32),
         np.zeros(k, np.bool_),
+        no_pauses() if spacing is None else spacing.pauses(own, ids),
     )
     refresh(tour, 0, k)
     return Piece(first, ids, seams.options, guards, tour)

@@ -21,6 +21,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.seam import SeamPolicy, entry_points, exit_points, seam_entries
+from decmcts.search.spacing import Spacing
 
 Freedom = Literal["fixed", "reversible", "seam"]
 
@@ -111,6 +112,7 @@ class OrderProblem:
     pace: Pace | None = None  # travels cost seconds instead of mm
     costs: NDArray[np.float64] | None = None  # (n, n) bare costs instead of both
     seams: Seams | None = None  # where loops may be entered; None: as sliced
+    spacing: Spacing | None = None  # time between contours that lie on each other; None: any
 
     def __post_init__(self) -> None:
         n = self.graph.n
@@ -127,6 +129,8 @@ class OrderProblem:
                 raise ValueError("bare costs need an (n, n) matrix and contours that never turn")
             if np.isnan(self.costs).any():
                 raise ValueError("a cost is not a number")
+        if self.spacing is not None and len(self.spacing.seconds) != n:
+            raise ValueError(f"times of {len(self.spacing.seconds)} contours, expected {n}")
 
     def __len__(self) -> int:
         return self.graph.n

@@ -24,10 +24,12 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.spacing import Spacing
 from decmcts.team.order import floor_of, visits_of
 from decmcts.team.space import build_space
 
 LEAST_LAG_S = 0.05  # what the source gives less than this is nothing to keep
+TRAVEL_SHARE = 0.7  # of the source's mean travel: what a search's takes, for `spacing_of`
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,13 @@ def source_times(
     way = [travel_seconds(p, q, travel) for p, q in zip(stood, visits.first, strict=True)]
     end = np.cumsum(np.array(way) + visits.seconds)
     return end - visits.seconds, end
+
+
+def spacing_of(lags: Lags, begin: NDArray[np.float64], end: NDArray[np.float64]) -> Spacing:
+    """Return the lags as a search keeps them, from the times of `source_times`."""
+    printing = end - begin
+    travel = (end[-1:].sum() - printing.sum()) / max(len(end), 1)
+    return Spacing.owed_by_source(lags, printing + TRAVEL_SHARE * travel)
 
 
 def print_times(actions: HeadActions, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
