@@ -48,8 +48,8 @@ CONTROLS = (
     '<span id="now"></span></div>'
 )
 COOLED = (
-    "<p class=note>The search whose result is done first. What may not be printed over yet "
-    "is put off after it and other work goes before, which may cost travel.</p>"
+    "<p class=note>The search whose result is done first. Where something may still not be "
+    "printed over when its turn comes, other work goes before it, which may cost travel.</p>"
 )
 
 

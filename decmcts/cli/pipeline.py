@@ -34,7 +34,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
-from decmcts.search.planners import Planner, SearchResult, plan_order, toolpath_cost
+from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order, toolpath_cost
 from decmcts.search.problem import OrderProblem
 from decmcts.search.spacing import Spacing
 from decmcts.team.alone import lone_machine
@@ -222,7 +222,8 @@ def plan_single(
         result = run(None, time_limit_s)
     else:
         result = search_cooled(
-            loaded.job, loaded.machine, loaded.graph, guess, spacing, run, sliced,
+            loaded.job, loaded.machine, loaded.graph, guess,
+            spacing if planner in KEEP_TIME else None, run, sliced,
             time_limit_s=time_limit_s, announce=announce,
         )  # fmt: skip
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
@@ -278,7 +279,7 @@ def source_toolpath(problem: OrderProblem) -> Toolpath:
 def _lags(loaded: Loaded, source: PlanDocument) -> tuple[Lags, Lags, Spacing | None]:
     """Return what must cool how long, by the plan's times and by those a search estimates.
 
-    And what a search itself keeps of it; None where nothing has to cool.
+    And the latter as a search keeps them; None where nothing has to cool.
     """
     job, rule = loaded.job, loaded.min_layer_time_s
     exact = print_times(source.plan.heads[0], len(job.contours))

@@ -50,7 +50,7 @@ def search_cooled(
     machine: Machine,
     graph: DependencyGraph,
     lags: Lags,
-    spacing: Spacing,
+    spacing: Spacing | None,
     search: Search,
     sliced: Toolpath,
     *,
@@ -59,9 +59,9 @@ def search_cooled(
 ) -> SearchResult:
     """Return the order with the least time, waits included.
 
-    A short search without regard to cooling shows whether it costs anything. If not,
-    the same goes on; if so, a search that leaves time between what lies on each other
-    gets the rest. `sliced`, the source's own order, waits for nothing, so the result is
+    A short search without regard to cooling shows whether it costs anything. If so, one
+    that heeds `spacing`, time between what lies on each other, gets the rest; else, or
+    where that is None, another one without. `sliced`, the source's own order, waits for nothing, so the result is
     never slower than it. Its cost is that of the search, before anything was moved to
     make use of waits; its bound holds with cooling and without.
     """
@@ -73,10 +73,11 @@ def search_cooled(
         return found
 
     announce("searching")
-    waits = keep(search(None, PROBE * time_limit_s)).at_first_s > 0.0
-    if waits:
+    if keep(search(None, PROBE * time_limit_s)).at_first_s == 0.0:
+        spacing = None
+    if spacing is not None:
         announce("searching orders that let spots cool")
-    keep(search(spacing if waits else None, (1.0 - PROBE) * time_limit_s))
+    keep(search(spacing, (1.0 - PROBE) * time_limit_s))
     keep(replace(tries[0][1], toolpath=sliced, cost=tries[0][1].source_cost))
     bound = max((r.bound for _, r in tries if r.bound is not None), default=None)
     return replace(min(tries, key=lambda one: one[0])[1], bound=bound)

@@ -47,6 +47,8 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
     }
 )
 
+KEEP_TIME = ("layerwise", "local", "hybrid")  # find orders that keep a problem's spacing
+
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
