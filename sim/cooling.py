@@ -21,6 +21,7 @@ from sim.faults import Fault, FaultKind, listed
 SLACK_S = 0.5
 SLACK = 0.1  # share of what is due that the models may differ by
 TRAVEL_MORE_S = 1.0  # what a travel may take beyond its motion, retracting and priming
+TIE_MM = 1e-4  # heights and distances nearer than this are equal
 TRAVEL_TIMES = 15.0  # and how much slower than the machine can the source may travel
 
 Floats = NDArray[np.float64]
@@ -61,13 +62,14 @@ def _too_soon(document: PlanDocument, lane: HeadActions, arrivals: Floats) -> li
     for i in range(len(rows)):
         b = int(printed[i])
         recent = printed[first[i] : i]
-        meets = np.abs(top[recent] - floor[b]) < contours.height[b] / 2
+        half = contours.height[b] / 2
+        meets = _ends_under(top[recent] - floor[b], half)
         for k in np.flatnonzero(meets & (recent < b)).tolist():
             a, gap = int(recent[k]), float(begun[i] - ended[first[i] + k])
             due = min(rule, float(before[b] - before[a + 1]))
             if gap >= due - SLACK_S - SLACK * due or not _over(contours, a, b):
                 continue
-            under = np.arange(a + 1, b)[np.abs(top[a + 1 : b] - floor[b]) < contours.height[b] / 2]
+            under = a + 1 + np.flatnonzero(_ends_under(top[a + 1 : b] - floor[b], half))
             last = next((c for c in under[::-1].tolist() if _over(contours, c, b)), a)
             due = min(rule, float(before[b] - before[last + 1]))
             if gap < due - SLACK_S - SLACK * due:
@@ -87,8 +89,17 @@ def _seconds(lane: HeadActions, arrivals: Floats) -> Floats:
     return np.where(travel, np.maximum(own, most), own)
 
 
+def _ends_under(above_floor: Floats, half: float) -> NDArray[np.bool_]:
+    """Say whether what ends so far above a bead's underside is right under that bead.
+
+    `half` is half the bead's height. A bridge of twice the layer's height begins within
+    the layer that carries it.
+    """
+    return (above_floor > TIE_MM - half) & (above_floor < half + TIE_MM)
+
+
 def _over(contours: Contours, a: int, b: int) -> bool:
     """Say whether one's centreline runs over the other's bead."""
     one, other = (shapely.LineString(contours.polyline(c)[:, :2]) for c in (a, b))
-    reach = max(float(contours.width[a]), float(contours.width[b])) / 2
+    reach = max(float(contours.width[a]), float(contours.width[b])) / 2 + TIE_MM
     return bool(shapely.dwithin(one, other, reach))

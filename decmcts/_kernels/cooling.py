@@ -20,6 +20,7 @@ from decmcts._kernels.units import Visits, travel_seconds
 NONE = -1
 NEVER = np.inf
 SHORT_S = 1e-3  # a wait below this is none
+TIE_MM = 1e-4  # heights and distances nearer than this are equal
 
 
 class Lags(NamedTuple):
@@ -52,8 +53,9 @@ def printed_over(
     """Return the contours right below each contour, in CSR form.
 
     `by_top` are the contours by the height of their top, `top` these heights. a
-    is right below b if it ends within half b's height of where b's bead begins,
-    and one's centreline runs over the other's bead.
+    is right below b if it ends less than half b's height below where b's bead begins,
+    or at most that above (as does the layer under a bridge of twice its height), and
+    one's centreline runs over the other's bead.
     """
     n = len(width)
     offsets = np.zeros(n + 1, np.int64)
@@ -61,11 +63,11 @@ def printed_over(
     used = 0
     for b in range(n):
         floor = beads.boxes[b, 4] - height[b]
-        first = np.searchsorted(top, floor - height[b] / 2)
-        last = np.searchsorted(top, floor + height[b] / 2)
+        first = np.searchsorted(top, floor - height[b] / 2 + TIE_MM)
+        last = np.searchsorted(top, floor + height[b] / 2 + TIE_MM)
         for at in range(first, last):
             a = by_top[at]
-            if a < b and touches(beads, a, b, max(width[a], width[b]) / 2):
+            if a < b and touches(beads, a, b, max(width[a], width[b]) / 2 + TIE_MM):
                 if used == len(found):
                     more = np.empty(2 * used, np.int32)
                     more[:used] = found

@@ -61,9 +61,9 @@ def search_cooled(
 
     A short search without regard to cooling shows whether it costs anything. If so, one
     that heeds `spacing`, time between what lies on each other, gets the rest; else, or
-    where that is None, another one without. `sliced`, the source's own order, waits for nothing, so the result is
-    never slower than it. Its cost is that of the search, before anything was moved to
-    make use of waits; its bound holds with cooling and without.
+    where that is None, another one without. `sliced`, the source's own order, waits for
+    nothing, so the result is never slower than it. Its cost is that of the search, before
+    anything was moved to make use of waits; its bound holds with cooling and without.
     """
     tries: list[tuple[float, SearchResult]] = []
 

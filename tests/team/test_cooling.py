@@ -13,11 +13,13 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, Slice
-from decmcts.print.plan import ActionKind, JointPlan
+from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.cooling import cooled, find_lags, print_times, source_times
 from decmcts.team.schedule import schedule
 from decmcts.team.waits import LEAST_WAIT_S, LIFT_MM, add_waits
+from sim.faults import FaultKind
+from sim.verify import verify_plan
 
 LAYERS, LAYER, SIDE = 6, 0.2, 8.0
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * SIDE
@@ -121,6 +123,36 @@ def test_beside_is_not_below() -> None:
     lags = lags_of(job, machine, graph, 5.0)
     above = np.repeat(np.arange(len(job.contours)), np.diff(lags.offsets))
     assert set((above - lags.below).tolist()) == {2}
+
+
+@pytest.mark.parametrize("thick", [1.0, 2.0])
+@pytest.mark.parametrize("aside", [0.0, 0.225])
+@pytest.mark.parametrize("layer", [0.1, 0.15, 0.2, 0.3])
+def test_ties_of_height_and_distance_count_as_under(layer, aside, thick) -> None:
+    """Half a bead's height, half its width: rounding must not part planner and judge.
+
+    Slicers print bridges of twice the layer's height; they too lie on what is under them.
+    """
+    job, machine, graph = make([20.0, 120.0])
+    contours = job.contours
+    points, which = contours.points.copy(), np.repeat(np.arange(len(contours)), 5)
+    points[:, 2] = layer * (contours.layer[which] + 1)
+    points[:, 0] += aside * (contours.layer[which] % 2)
+    height = np.where(contours.layer % 3 == 2, thick * layer, layer)
+    job = replace(job, contours=replace(contours, points=points, height=height))
+    above = np.repeat(np.arange(len(contours)), np.diff(lags_of(job, machine, graph, 5.0).offsets))
+    below = lags_of(job, machine, graph, 5.0).below
+    pairs = set(zip(below.tolist(), above.tolist(), strict=True))
+    assert {(b - 2, b) for b in range(2, len(contours))} <= pairs
+    assert {b - a for a, b in pairs} <= ({2, 4} if thick > 1.0 else {2})
+    sliced = plan_of(job, machine, graph, Toolpath.as_sliced(len(contours)))
+    pairs_of_graph = graph.pairs()
+    for plan, kinds in (
+        (sliced, set()),
+        (plan_of(job, machine, graph, towers_first(len(contours))), {FaultKind.COOLING}),
+    ):
+        document = PlanDocument("", machine, job.contours, pairs_of_graph, plan, {}, 5.0)
+        assert verify_plan(document).kinds() == kinds
 
 
 def test_a_lonely_tower_owes_itself_nothing_more_than_sliced() -> None:
