@@ -163,7 +163,10 @@ def commit_turn(tour: Tour, i: int, k: int, change: float, slack: float) -> floa
 
 @kernel
 def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float) -> float:
-    """Mutate the tour if carrying is allowed and within slack; return the change."""
+    """Mutate the tour if carrying is allowed and within slack; return the change.
+
+    Pauses must be kept by the exchange alone too, before the segment is turned.
+    """
     metric, order, flip, after, turns = tour.metric, tour.order, tour.flip, tour.after, tour.turns
     change += inner_change(metric, order, flip, after, turns, i, k)
     if change > slack or not is_unrelated(tour, i, k):

@@ -173,7 +173,9 @@ def follow(
         if fill and progress.cool[c] > arrival + SHORT_S:
             c = filler(c, now, at, visits, travel, progress)
             arrival = now + travel_seconds(at, visits.first[c], travel)
-        wait = max(0.0, progress.cool[c] - arrival)
+        wait = progress.cool[c] - arrival
+        if wait <= SHORT_S:
+            wait = 0.0
         waited += wait
         now = arrival + wait + visits.seconds[c]
         take(c, now, succ_offsets, succs, lags, progress)

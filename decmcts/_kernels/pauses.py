@@ -1,9 +1,10 @@
 """Whether moves on a sequence leave enough time between contours that lie on each other.
 
 A contour takes as long wherever it is printed, so a move changes when the contours it
-moves begin and nothing else. Too near to each other then come at most one that moved
-and one that did not, next to an end of the stretch that is rearranged: only what
-begins or ends within the longest pause of it is looked at.
+moves begin and nothing else. A path of edges leads from each contour to those over it,
+so the two never pass each other, and what an exchange or a turn brings too near to each
+other is one that moved and one that did not, next to an end of the stretch that is
+rearranged: only what begins or ends within the longest pause of it is looked at.
 """
 
 from __future__ import annotations

@@ -215,8 +215,8 @@ def plan_single(
     asked = {"planner": planner, "seed": seed, **hooks}
     sliced = source_toolpath(problem)
 
-    def run(spacing: Spacing | None, limit_s: float) -> SearchResult:
-        return _solve(replace(problem, spacing=spacing), time_limit_s=limit_s, **asked)
+    def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
+        return _solve(replace(problem, spacing=heeded), time_limit_s=limit_s, **asked)
 
     if spacing is None:
         result = run(None, time_limit_s)

@@ -22,6 +22,7 @@ from decmcts.search.spacing import Spacing
 from decmcts.team.cooling import Timed, cooled
 
 PROBE = 0.1  # share of the search time for finding out whether cooling costs any
+LITTLE = 1e-3  # share of the print time: waits that cost less than a search heeding time would
 
 Search = Callable[[Spacing | None, float], SearchResult]
 
@@ -59,7 +60,7 @@ def search_cooled(
 ) -> SearchResult:
     """Return the order with the least time, waits included.
 
-    A short search without regard to cooling shows whether it costs anything. If so, one
+    A short search without regard to cooling shows whether it costs much. If so, one
     that heeds `spacing`, time between what lies on each other, gets the rest; else, or
     where that is None, another one without. `sliced`, the source's own order, waits for
     nothing, so the result is never slower than it. Its cost is that of the search, before
@@ -73,7 +74,8 @@ def search_cooled(
         return found
 
     announce("searching")
-    if keep(search(None, PROBE * time_limit_s)).at_first_s == 0.0:
+    probed = keep(search(None, PROBE * time_limit_s))
+    if probed.at_first_s <= LITTLE * probed.seconds:
         spacing = None
     if spacing is not None:
         announce("searching orders that let spots cool")
@@ -88,8 +90,9 @@ def cooling_line(document: PlanDocument) -> str | None:
     rule, metrics = document.min_layer_time_s, document.metrics
     if rule <= 0.0:
         return None
-    waits = f"waits {metrics['waits_s']:,.1f} s for cooling in {metrics['waits']} places"
+    count = metrics["waits"]
+    waits = f"waits {metrics['waits_s']:,.1f} s for cooling in {count} place{'s' * (count != 1)}"
     due = f"a spot is printed over after {rule:g} s, or as soon as in the source"
     if metrics.get("as_sliced"):
         return f"the source's own order was the fastest ({due}; --min-layer-time 0 drops this rule)"
-    return f"{waits if metrics['waits'] else 'no wait for cooling'}: {due}"
+    return f"{waits if count else 'no wait for cooling'}: {due}"

@@ -4,6 +4,7 @@ Prints whose layers have few contours are solved exactly, if there is time. Else
 over clusters, one for each Γ, propose a start (`structure`), and what follows depends
 on size and time: races of whole sequences (`races`) and then regions, one after the
 other, or one sequence shared out among the threads (`sharing`). Last comes a descent.
+Where contours must be some time apart, annealing takes the place of all that (`spaced`).
 
 References
 ----------

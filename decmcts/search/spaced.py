@@ -26,6 +26,8 @@ class Spaced:
 
     def run(self, incumbent: Incumbent, lanes: Lanes) -> None:
         """Spend the budget, or stop at the first sequence without any travel."""
+        if incumbent.tick():
+            return
         near = near_ports(incumbent.problem)
         for until in self.rounds:
             mean = incumbent.cost / len(incumbent.problem)

@@ -18,17 +18,26 @@ from decmcts._kernels.pauses import Pauses, retime, too_soon
 
 @dataclass(frozen=True, slots=True)
 class Spacing:
-    """Time lags, and how long each contour takes, in the seconds of a search."""
+    """Time lags, and how long each contour takes, in the seconds of a search.
+
+    A path of edges leads from each contour to those over it. Raises ValueError if the
+    arrays are no such rows, or the source does not keep the lags.
+    """
 
     lags: Lags
     seconds: NDArray[np.float64]  # (n,) from the begin of each contour to that of the next
 
     def __post_init__(self) -> None:
-        n = len(self.seconds)
-        if len(self.lags.offsets) != n + 1:
-            raise ValueError(f"lags of {len(self.lags.offsets) - 1} contours, times of {n}")
-        if not (self.seconds >= 0.0).all():
-            raise ValueError("a contour takes less than no time")
+        n, (offsets, below, due) = len(self.seconds), self.lags
+        if len(offsets) != n + 1:
+            raise ValueError(f"lags of {len(offsets) - 1} contours, times of {n}")
+        if not (len(below) == len(due) == offsets[-1] and (np.diff(offsets, prepend=0) >= 0).all()):
+            raise ValueError("the lags are no compressed rows")
+        if len(below) and not (below.min() >= 0 and below.max() < n):
+            raise ValueError(f"a lag after a contour that is not among the {n}")
+        for name, values in (("contour takes", self.seconds), ("lag lasts", due)):
+            if not (np.isfinite(values).all() and (values >= 0.0).all()):
+                raise ValueError(f"a {name} less than no time, or for ever")
         if not self.keeps(np.arange(n, dtype=np.int32)):
             raise ValueError("the source does not keep the lags itself")
 
@@ -38,7 +47,7 @@ class Spacing:
         ended = np.cumsum(seconds)
         above = np.repeat(np.arange(len(seconds)), np.diff(lags.offsets))
         given = ended[above] - seconds[above] - ended[lags.below]
-        return Spacing(lags._replace(seconds=np.minimum(lags.seconds, given)), seconds)
+        return Spacing(lags._replace(seconds=np.clip(given, 0.0, lags.seconds)), seconds)
 
     def keeps(self, order: NDArray[np.int32]) -> bool:
         """Say whether a sequence of all contours leaves enough time everywhere."""

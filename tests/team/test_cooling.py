@@ -174,6 +174,14 @@ def test_the_towers_take_turns_where_one_would_have_to_wait() -> None:
     assert (place[graph.pairs()[:, 0]] < place[graph.pairs()[:, 1]]).all()
 
 
+def test_the_source_does_not_wait_by_rounding() -> None:
+    """What waits decides which search goes on."""
+    job, machine, graph = make([20.0, 70.3, 120.0], feed=17.3)
+    lags = guessed(job, machine, graph, 60.0)
+    sliced = cooled(job, machine, graph, lags, Toolpath.as_sliced(len(job.contours)))
+    assert sliced.at_first_s == sliced.waited_s == 0.0
+
+
 def test_without_lags_nothing_is_touched() -> None:
     """No rule, no change."""
     job, machine, graph = make([20.0, 120.0])
