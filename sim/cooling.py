@@ -4,8 +4,9 @@ The plan names a rule: no contour begins over another within so many seconds of
 its end, or within the pause that the source made between the last of what is
 under it and its begin where that is less. Of the source's time only what it
 printed in between counts here, so the judge asks for no more than is due. Times
-are those of the judge's own motion model; retractions are no motion, so a travel
-may be as long as the plan says within reason.
+are those of the judge's own motion model; retractions are no motion, and slicers set
+accelerations for single lines that a plan does not carry, so an action may take as
+long as the plan says within reason.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ SLACK_S = 0.5
 SLACK = 0.1  # share of what is due that the models may differ by
 TRAVEL_MORE_S = 1.0  # what a travel may take beyond its motion, retracting and priming
 TIE_MM = 1e-4  # heights and distances nearer than this are equal
-TRAVEL_TIMES = 15.0  # and how much slower than the machine can the source may travel
+TRAVEL_TIMES = 15.0  # and how much slower than the machine can the source may travel,
+PRINT_TIMES = 3.0  # or print: short lines at a ninth of the machine's acceleration
 
 Floats = NDArray[np.float64]
 
@@ -85,8 +87,9 @@ def _seconds(lane: HeadActions, arrivals: Floats) -> Floats:
     own = arrivals[lane.path_offsets[1:] - 1]
     stated = lane.end_s - lane.begin_s
     travel = (lane.kind == ActionKind.TRAVEL) | (lane.kind == ActionKind.PARK)
-    most = np.minimum(stated, TRAVEL_TIMES * own + TRAVEL_MORE_S)
-    return np.where(travel, np.maximum(own, most), own)
+    most = np.where(travel, TRAVEL_TIMES * own + TRAVEL_MORE_S, PRINT_TIMES * own)
+    moves = travel | (lane.kind == ActionKind.PRINT)
+    return np.where(moves, np.maximum(own, np.minimum(stated, most)), own)
 
 
 def _ends_under(above_floor: Floats, half: float) -> NDArray[np.bool_]:

@@ -22,6 +22,7 @@ from decmcts.search.spacing import Spacing
 from decmcts.team.cooling import Timed, cooled
 
 PROBE = 0.1  # share of the search time for finding out whether cooling costs any
+CLOSE = 1e-3  # share of the print time by which the clock of a search may be wrong
 LITTLE = 1e-3  # share of the print time: waits that cost less than a search heeding time would
 
 Search = Callable[[Spacing | None, float], SearchResult]
@@ -63,8 +64,9 @@ def search_cooled(
     A short search without regard to cooling shows whether it costs much. If so, one
     that heeds `spacing`, time between what lies on each other, gets the rest; else, or
     where that is None, another one without. `sliced`, the source's own order, waits for
-    nothing, so the result is never slower than it. Its cost is that of the search, before
-    anything was moved to make use of waits; its bound holds with cooling and without.
+    nothing, so the result is never slower than it but for what the clock of a search may
+    be wrong by. Its cost is that of the search, before anything was moved to make use of
+    waits; its bound holds with cooling and without.
     """
     tries: list[tuple[float, SearchResult]] = []
 
@@ -80,9 +82,11 @@ def search_cooled(
     if spacing is not None:
         announce("searching orders that let spots cool")
     keep(search(spacing, (1.0 - PROBE) * time_limit_s))
-    keep(replace(tries[0][1], toolpath=sliced, cost=tries[0][1].source_cost))
+    seconds, result = min(tries, key=lambda one: one[0])
     bound = max((r.bound for _, r in tries if r.bound is not None), default=None)
-    return replace(min(tries, key=lambda one: one[0])[1], bound=bound)
+    if seconds > (1.0 + CLOSE) * cooled(job, machine, graph, lags, sliced).seconds:
+        result = replace(tries[0][1], toolpath=sliced, cost=result.source_cost)
+    return replace(result, bound=bound)
 
 
 def cooling_line(document: PlanDocument) -> str | None:

@@ -15,6 +15,7 @@ import trimesh
 
 from decmcts.cli.app import run
 from decmcts.cli.pipeline import parked_above
+from decmcts.cli.quality import CLOSE, search_cooled
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.machine_file import load_machine
@@ -22,8 +23,8 @@ from decmcts.formats.plan_json import read_plan
 from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.planners import KEEP_TIME
-from decmcts.team.cooling import find_lags, print_times
+from decmcts.search.planners import KEEP_TIME, SearchResult
+from decmcts.team.cooling import cooled, find_lags, print_times, source_times
 from decmcts.team.schedule import schedule
 from decmcts.team.waits import add_waits
 from sim.faults import FaultKind
@@ -100,6 +101,29 @@ def test_time_between_layers_is_kept_by_the_order_itself(tmp_path, capsys, plann
     if planner in KEEP_TIME:
         assert after["waits_s"] < 1.0
         assert after["extrusionless_travel_mm"] < 0.9 * before["extrusionless_travel_mm"]
+
+
+@pytest.mark.parametrize(("feed", "close"), [("F40", True), ("F240", False)])
+def test_the_source_is_left_unless_it_is_clearly_faster(tmp_path, feed, close):
+    """The clock of a search is rough: near a tie the plan's own clock shall decide."""
+    source = tmp_path / "in.gcode"
+    source.write_text(two_towers().replace("F240", feed))
+    job, _ = read_gcode(source)
+    machine = parked_above(load_machine("mk4s"), job.contours)
+    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    n = len(job.contours)
+    (lags,) = find_lags(job.contours, [source_times(job, machine, graph)], 12.0)
+    sliced = Toolpath.as_sliced(n)
+    right_first = Toolpath.of(np.arange(n, dtype=np.int32) ^ 1, np.zeros(n, np.bool_))
+    before, after = (cooled(job, machine, graph, lags, t).seconds for t in (sliced, right_first))
+    assert before < after
+    assert (after < (1.0 + CLOSE) * before) == close
+    found = SearchResult(right_first, 1.0, 2.0, "mm", 1, np.empty((0, 3)), "hybrid", 0, bound=0.5)
+    given = (job, machine, graph, lags, None, lambda *_: found, sliced)
+    result = search_cooled(*given, time_limit_s=1.0, announce=lambda _: None)
+    assert result.toolpath is (right_first if close else sliced)
+    assert result.cost == (1.0 if close else 2.0)
+    assert result.bound == 0.5
 
 
 def test_waits_are_dwells_off_the_print(tmp_path, capsys):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.print.plan import NO_CONTOUR, ActionKind
+from sim.cooling import PRINT_TIMES, _seconds
 from sim.faults import FaultKind
 from sim.verify import verify_plan
 
@@ -75,6 +76,20 @@ def test_the_source_order_owes_nothing(make):
     )
     plan = replace(document.plan, heads=(lane,))
     assert verify_plan(with_rule(replace(document, plan=plan), 1000.0)).ok
+
+
+@pytest.mark.parametrize(("stated", "taken"), [(0.5, 1.0), (2.0, 2.0), (9.0, PRINT_TIMES)])
+def test_prints_may_be_slower_than_the_machine_but_not_by_any_factor(towers, stated, taken):
+    """Slicers slow single lines down by M204, which the plan does not carry."""
+    lane = towers.plan.heads[0]
+    prints = lane.kind == ActionKind.PRINT
+    own = np.where(prints, 4.0, lane.end_s - lane.begin_s)
+    arrivals = np.zeros(len(lane.path))
+    arrivals[lane.path_offsets[1:] - 1] = own
+    end = np.cumsum(np.where(prints, stated, 1.0) * own)
+    begin = np.concatenate([[0.0], end[:-1]])
+    seconds = _seconds(replace(lane, begin_s=begin, end_s=end), arrivals)
+    assert seconds[prints] == pytest.approx(4.0 * taken)
 
 
 def test_a_rule_for_two_heads_is_a_fault(make):
