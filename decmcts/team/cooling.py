@@ -90,9 +90,9 @@ def source_times(
 
 
 def spacing_of(lags: Lags, begin: NDArray[np.float64], end: NDArray[np.float64]) -> Spacing:
-    """Return the lags as a search keeps them, from the times of `source_times`."""
+    """Return the lags as a search keeps them, from `source_times` of at least one contour."""
     printing = end - begin
-    travel = (end[-1:].sum() - printing.sum()) / max(len(end), 1)
+    travel = (end[-1] - printing.sum()) / len(end)
     return Spacing.owed_by_source(lags, printing + TRAVEL_SHARE * travel)
 
 
