@@ -172,13 +172,13 @@ def medians(rows: list[dict[str, str]], planners: list[str]) -> str:
 
 
 def longer(rows: list[dict[str, str]]) -> str:
-    """Return the table of what `hybrid` gains with more time, for rows with several limits."""
+    """Return the table of what `hybrid` gains with more time, for rows with the longest limit."""
     mine = [r for r in rows if r["planner"] == "hybrid"]
     by_row = {row: grouped(runs, "limit_s") for row, runs in grouped(mine, *ROW).items()}
-    by_row = {row: found for row, found in by_row.items() if len(found) > 1}
     limits = sorted({float(key[0]) for found in by_row.values() for key in found})
-    if not limits:
+    if len(limits) < 2:
         return ""
+    by_row = {row: found for row, found in by_row.items() if (str(limits[-1]),) in found}
     lines, above = [], {limit: [] for limit in limits}
     for row, found in by_row.items():
         travel = {
@@ -186,13 +186,11 @@ def longer(rows: list[dict[str, str]]) -> str:
             for limit in limits
             if (str(limit),) in found
         }
-        longest = travel.get(limits[-1])
         cells = [f"{travel[limit]:.1f}" if limit in travel else "" for limit in limits]
         for limit in limits[:-1]:
-            known = bool(longest) and limit in travel
-            excess = 100 * (travel[limit] / longest - 1) if known else None
-            above[limit] += [] if excess is None else [excess]
-            cells.append("" if excess is None else f"{excess:+.2f}")
+            if limit in travel:
+                above[limit].append(100 * (travel[limit] / travel[limits[-1]] - 1))
+            cells.append(f"{above[limit][-1]:+.2f}" if limit in travel else "")
         lines.append([row[3], f"{row[1]} {row[2]}", row[0], *cells])
     head = ["model", "setting", "process", *(f"{limit:g} s, mm" for limit in limits)]
     head += [f"{limit:g} s over {limits[-1]:g} s, %" for limit in limits[:-1]]
