@@ -36,7 +36,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order, toolpath_cost
 from decmcts.search.problem import OrderProblem
-from decmcts.search.spacing import Spacing
+from decmcts.search.spacing import Spacing, no_spacing
 from decmcts.team.alone import lone_machine
 from decmcts.team.cooling import find_lags, print_times, source_times, spacing_of
 from decmcts.team.metrics import plan_metrics
@@ -175,9 +175,9 @@ def search(
 
 
 def _solve(problem: OrderProblem, *, planner: str | Planner, **asked: Any) -> SearchResult:
-    """Search; the planner is compiled off the clock."""
-    for n in (3, 2 * WINDOW):
-        small = replace(row_of(n), pace=problem.pace)
+    """Search; the planner is compiled off the clock, for exact solutions and for annealing."""
+    for n, spacing in ((3, None), (2 * WINDOW, None), (3, no_spacing(3))):
+        small = replace(row_of(n), pace=problem.pace, spacing=spacing)
         plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
     return plan_order(problem, planner=planner, **asked)
 

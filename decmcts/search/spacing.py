@@ -74,6 +74,12 @@ class Spacing:
         return pauses
 
 
+def no_spacing(n: int) -> Spacing:
+    """Return a spacing without lags."""
+    lags = Lags(np.zeros(n + 1, np.int64), np.empty(0, np.int32), np.empty(0))
+    return Spacing(lags, np.ones(n))
+
+
 def no_pauses() -> Pauses:
     """Return what moves need where nothing has to be kept."""
     offsets, ids, seconds = np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0)
