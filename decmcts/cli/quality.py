@@ -75,7 +75,6 @@ def search_cooled(
         tries.append((found.seconds, replace(result, toolpath=found.toolpath)))
         return found
 
-    announce("searching")
     probed = keep(search(None, PROBE * time_limit_s))
     if probed.at_first_s <= LITTLE * probed.seconds:
         spacing = None

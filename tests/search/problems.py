@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.incumbent import Incumbent
 from decmcts.search.problem import OrderProblem, Pace, Seams
+from decmcts.search.stopping import Budget, IterationLimit
 
 
 def random_problem(
@@ -21,6 +23,11 @@ def random_problem(
     layer = np.sort(rng.integers(0, 1 + n // 3, n)).astype(np.int32)
     graph = DependencyGraph.from_pairs(n, pairs)
     return OrderProblem(start, end, rng.random(n) < turning, layer, graph)
+
+
+def started(problem: OrderProblem) -> Incumbent:
+    """The source's own order, where no search has begun."""
+    return Incumbent(problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1))
 
 
 def with_loops(problem: OrderProblem, seed: int) -> OrderProblem:

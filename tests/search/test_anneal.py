@@ -17,18 +17,13 @@ from decmcts._kernels.random import below, seeded, uniform
 from decmcts._kernels.sift import try_sift
 from decmcts._kernels.tour import respects, tour_cost
 from decmcts.search.annealing import tour_of
-from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
 from decmcts.search.problem import OrderProblem, Pace
-from decmcts.search.stopping import Budget, IterationLimit
-from tests.search.problems import random_problem
+from tests.search.problems import random_problem, started
 
 
 def fresh_tour(problem: OrderProblem, group: np.ndarray | None = None) -> Tour:
-    incumbent = Incumbent(
-        problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1)
-    )
-    return tour_of(incumbent, near_ports(problem), group)
+    return tour_of(started(problem), near_ports(problem), group)
 
 
 @pytest.mark.parametrize("temperature", [0.01, 1.0, 100.0])

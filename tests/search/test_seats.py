@@ -17,13 +17,11 @@ from decmcts._kernels.seats import choose_visits, slide, visits_cost
 from decmcts._kernels.tour import respects, tour_cost
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.annealing import tour_of
-from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence, cut
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
 from decmcts.search.problem import OrderProblem, Pace, Seams
-from decmcts.search.stopping import Budget, IterationLimit
-from tests.search.problems import random_problem
+from tests.search.problems import random_problem, started
 
 
 def loops(seed: int, n: int, *, most: int = 9, density: float = 0.1) -> OrderProblem:
@@ -45,10 +43,6 @@ def loops(seed: int, n: int, *, most: int = 9, density: float = 0.1) -> OrderPro
         reversible=problem.reversible & (counts == 1),
         seams=Seams(offsets, enter, leave, vertices),
     )
-
-
-def started(problem: OrderProblem) -> Incumbent:
-    return Incumbent(problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1))
 
 
 @pytest.mark.parametrize("temperature", [0.01, 1.0, 100.0])

@@ -18,14 +18,12 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sift import try_sift
 from decmcts._kernels.tour import respects, tour_cost
 from decmcts.search.annealing import tour_of
-from decmcts.search.incumbent import Incumbent
 from decmcts.search.neighbours import near_ports
 from decmcts.search.pieces import Sequence, cut
 from decmcts.search.planners import KEEP_TIME, PLANNERS, plan_order, toolpath_cost
 from decmcts.search.problem import OrderProblem
 from decmcts.search.spacing import Spacing
-from decmcts.search.stopping import Budget, IterationLimit
-from tests.search.problems import random_problem, with_loops
+from tests.search.problems import random_problem, started, with_loops
 
 
 def spaced_problem(seed: int, n: int, *, density: float, longest: float = 6.0) -> OrderProblem:
@@ -46,10 +44,7 @@ def spaced_problem(seed: int, n: int, *, density: float, longest: float = 6.0) -
 
 
 def tour_for(problem: OrderProblem) -> Tour:
-    incumbent = Incumbent(
-        problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1)
-    )
-    return tour_of(incumbent, near_ports(problem))
+    return tour_of(started(problem), near_ports(problem))
 
 
 def keeps(problem: OrderProblem, order: np.ndarray) -> bool:
@@ -213,10 +208,7 @@ def test_a_search_that_is_to_stop_does_not_begin() -> None:
 def test_a_part_of_a_sequence_has_no_time_of_its_own() -> None:
     """What is due across a cut would be lost."""
     problem = spaced_problem(2, 20, density=0.1)
-    incumbent = Incumbent(
-        problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1)
-    )
-    sequence = Sequence.best_of(incumbent, near_ports(problem))
+    sequence = Sequence.best_of(started(problem), near_ports(problem))
     assert len(cut(sequence, 0, 20).ids) == 20
     with pytest.raises(ValueError, match="keep time"):
         cut(sequence, 0, 10)
