@@ -171,15 +171,15 @@ def search(
 ) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
-    return _solve(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
+    _compile_for(problem, planner)
+    return plan_order(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
 
 
-def _solve(problem: OrderProblem, *, planner: str | Planner, **asked: Any) -> SearchResult:
-    """Search; the planner is compiled off the clock, for exact solutions and for annealing."""
+def _compile_for(problem: OrderProblem, planner: str | Planner) -> None:
+    """Search problems of no size, for an exact solution and by annealing, off the clock."""
     for n, spacing in ((3, None), (2 * WINDOW, None), (3, no_spacing(3))):
         small = replace(row_of(n), pace=problem.pace, spacing=spacing)
         plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
-    return plan_order(problem, planner=planner, **asked)
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:
@@ -212,11 +212,12 @@ def plan_single(
     announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
     lags, guess, spacing = _lags(loaded, before)
-    asked = {"planner": planner, "seed": seed, **hooks}
     sliced = source_toolpath(problem)
+    _compile_for(problem, planner)
 
     def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
-        return _solve(replace(problem, spacing=heeded), time_limit_s=limit_s, **asked)
+        spaced = replace(problem, spacing=heeded)
+        return plan_order(spaced, planner=planner, time_limit_s=limit_s, seed=seed, **hooks)
 
     if spacing is None:
         result = run(None, time_limit_s)
