@@ -60,11 +60,7 @@ def with_routing(path: Path, *, time_limit_s: float, seed: int) -> dict[str, Any
     manager = pywrapcp.RoutingIndexManager(n, 1, [first], [last])
     routing = pywrapcp.RoutingModel(manager)
     costs = instance.costs.astype(np.int64).tolist()
-
-    def cost(a: int, b: int) -> int:
-        return costs[manager.IndexToNode(a)][manager.IndexToNode(b)]
-
-    routing.SetArcCostEvaluatorOfAllVehicles(routing.RegisterTransitCallback(cost))
+    routing.SetArcCostEvaluatorOfAllVehicles(routing.RegisterTransitMatrix(costs))
     routing.AddConstantDimension(1, n, True, "place")
     place, solver = routing.GetDimensionOrDie("place"), routing.solver()
     for a, b in numbered.original[numbered.pairs].tolist():
