@@ -1,9 +1,8 @@
-"""The best of two sequences, stretch by stretch.
+"""The best of several sequences, stretch by stretch.
 
-After a position at which both have printed the same contours, either may go on:
-what comes next is a permutation of the same contours in both, and each has what
-it needs printed before. So any choice of stretches between such positions breaks
-no edge.
+After a position at which two have printed the same contours, either may go on: what
+comes next is a permutation of the same contours in both, and each has what it needs
+printed before. So any choice of stretches between such positions breaks no edge.
 """
 
 from __future__ import annotations
@@ -22,39 +21,39 @@ def crossed(
     order: NDArray[np.int32],
     flip: NDArray[np.uint8],
     seat: NDArray[np.int32],
-    other: NDArray[np.int32],
-    other_flip: NDArray[np.uint8],
-    other_seat: NDArray[np.int32],
-) -> NDArray[np.bool_]:
-    """Return the positions at which to print what `other` does, (n,), for least cost.
+) -> NDArray[np.int32]:
+    """Return the number of the sequence to follow at each position, (n,), for least cost.
 
-    Dynamic programme over both sequences, O(n). On ties the first one stays.
+    Dynamic programme over all m sequences, O(n m^2). On ties the first one is followed.
+
+    Parameters
+    ----------
+    order, flip, seat : (m, n) a row for each sequence; `flip` and `seat` by contour
     """
-    n = len(order)
-    place = np.empty(n, np.int64)
-    for k in range(n):
-        place[order[k]] = k
-    came = np.zeros((n, 2), np.bool_)
-    best, ahead = np.zeros(2), -1
+    m, n = order.shape
+    place = np.empty((m, n), np.int64)
+    for s in range(m):
+        for k in range(n):
+            place[s, order[s, k]] = k
+    ahead = np.full((m, m), -1)  # [s, t]: the last place in s of what t has printed
+    came = np.zeros((n, m), np.int32)
+    best, now = np.zeros(m), np.zeros(m)
     for k in range(1, n):
-        ahead = max(ahead, place[other[k - 1]])
-        out = (port_out(n, flip, seat, order[k - 1]),
-               port_out(n, other_flip, other_seat, other[k - 1]))  # fmt: skip
-        into = (port_in(n, flip, seat, order[k]), port_in(n, other_flip, other_seat, other[k]))
-        stay = best[0] + distance(metric, out[0], into[0])
-        go_on = best[1] + distance(metric, out[1], into[1])
-        came[k, 1] = True
-        if ahead == k - 1:
-            back = best[1] + distance(metric, out[1], into[0])
-            leave = best[0] + distance(metric, out[0], into[1])
-            if back < stay:
-                stay, came[k, 0] = back, True
-            if leave <= go_on:
-                go_on, came[k, 1] = leave, False
-        best[0], best[1] = stay, go_on
-    taken = np.zeros(n, np.bool_)
-    now = n > 0 and best[1] < best[0]
+        for t in range(m):
+            into = port_in(n, flip[t], seat[t], order[t, k])
+            now[t] = np.inf
+            for s in range(m):
+                ahead[s, t] = max(ahead[s, t], place[s, order[t, k - 1]])
+                if ahead[s, t] > k - 1:
+                    continue
+                out = port_out(n, flip[s], seat[s], order[s, k - 1])
+                cost = best[s] + distance(metric, out, into)
+                if cost < now[t]:
+                    now[t], came[k, t] = cost, s
+        best[:] = now
+    followed = np.empty(n, np.int32)
+    one = np.argmin(best)
     for k in range(n - 1, -1, -1):
-        taken[k] = now
-        now = came[k, 1 if now else 0]
-    return taken
+        followed[k] = one
+        one = came[k, one]
+    return followed

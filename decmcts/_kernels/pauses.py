@@ -179,22 +179,21 @@ def rearranging_keeps(
 
 
 @kernel
-def too_soon(
+def keeps_all(
     order: NDArray[np.int32],
     offsets: NDArray[np.int64],
     under: NDArray[np.int32],
     under_s: NDArray[np.float64],
     seconds: NDArray[np.float64],
-) -> int:
-    """Return how many contours of a sequence begin too soon after one that lies under them."""
-    now, count = 0.0, 0
+) -> bool:
+    """Say whether no contour of a sequence begins too soon after one that lies under it."""
+    now = 0.0
     ended = np.full(len(order), -np.inf)
     for p in range(len(order)):
         b = order[p]
         for e in range(offsets[b], offsets[b + 1]):
             if now - ended[under[e]] < under_s[e] - SHORT_S:
-                count += 1
-                break
+                return False
         now += seconds[b]
         ended[b] = now
-    return count
+    return True

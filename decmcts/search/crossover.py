@@ -1,4 +1,4 @@
-"""The best of two sequences, stretch by stretch: what lanes found apart is joined.
+"""The best of several sequences, stretch by stretch: what lanes found apart is joined.
 
 References
 ----------
@@ -8,28 +8,36 @@ traveling salesman problem" (independent parts are chosen one by one).
 
 from __future__ import annotations
 
-from functools import reduce
+import numpy as np
 
 from decmcts._kernels.crossover import crossed
 from decmcts.search.pieces import Sequence
 
 
-def crossover(one: Sequence, other: Sequence) -> Sequence:
-    """Return the cheapest sequence of stretches of two of one problem; no dearer than either.
+def crossover(sequences: list[Sequence]) -> Sequence:
+    """Return the cheapest sequence of stretches of those given; no dearer than any.
 
-    Stretches end where both have printed the same contours, see `crossed`.
+    They are of one problem and stay as they are. Stretches end where two have printed
+    the same contours, see `crossed`.
     """
-    there = crossed(one.metric, one.order, one.flip, one.seat, other.order, other.flip, other.seat)
-    best = one.copy()
-    best.order[there] = other.order[there]
-    changed = other.order[there]
-    best.flip[changed], best.seat[changed] = other.flip[changed], other.seat[changed]
+    best = sequences[0].copy()
+    if len(sequences) == 1:
+        return best
+    order, flip, seat = (
+        np.stack([getattr(sequence, name) for sequence in sequences])
+        for name in ("order", "flip", "seat")
+    )
+    followed = crossed(best.metric, order, flip, seat)
+    best.order[:] = order[followed, np.arange(len(followed))]
+    best.flip[best.order], best.seat[best.order] = (
+        flip[followed, best.order],
+        seat[followed, best.order],
+    )
     return best
 
 
 def joined(sequences: list[Sequence]) -> Sequence:
     """Return the best of what the sequences have, stretch by stretch, loops entered anew."""
-    first, *rest = sequences
-    best = reduce(crossover, rest, first.copy())
+    best = crossover(sequences)
     best.settle()
     return best

@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import reduce
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -151,7 +150,7 @@ def anneal_pieces(
             for piece in pieces:
                 piece.put_back(own)
         if rivals:
-            sequence.become(reduce(crossover, found))
+            sequence.become(crossover(found))
         if begun % lasting == 0:  # else the same pieces go on, with entries of their own
             sequence.settle()
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)

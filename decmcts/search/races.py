@@ -7,7 +7,7 @@ has made of that so far, hot. Once that is ahead, all lanes stay within layers, 
 first one mild; of one lane none does. Sharing the best with all lanes would make
 them alike.
 
-After each race the best of all so far are joined stretch by stretch: where layers
+After each race what all so far ended in is joined stretch by stretch: where layers
 follow each other strictly, that has the best that was found of each. Then what the
 best and the next best still differ in is annealed, the rest fused to runs.
 """
@@ -31,7 +31,7 @@ from decmcts.search.structure import Trees
 
 @dataclass(frozen=True, slots=True)
 class Races:
-    """How many races there are, and how hot; temperatures in multiples of the mean travel."""
+    """How many races there are, and how hot: in multiples of the mean travel before them."""
 
     always: int = 1000  # contours up to which races beat sharing one sequence out,
     at_most: int = 6000  # or up to this many,
@@ -69,6 +69,9 @@ class Races:
         layers = layer_runs(incumbent.problem.layer)
         began, races = incumbent.spent, self._count(incumbent, lanes)
         length = (self.until - began) / races
+        mean = incumbent.cost / len(incumbent.problem)  # all races are as hot as the first
+        ends: list[Sequence] = []  # of all races, and of those within layers
+        in_layers: list[Sequence] = []
         for number in range(races):
             other, best = plain if layered is None else layered, Sequence.best_of(incumbent, near)
             rivals = [other.copy() if ahead else best, *(other.copy() for _ in lanes.states[1:])]
@@ -78,17 +81,18 @@ class Races:
             until = began + length * (number + 1)
             heats = self._heats(number, layered is not None, ahead, len(rivals))
             groups = _groups(layers, layered is not None, ahead, len(rivals))
-            mean = incumbent.cost / len(incumbent.problem)
-            if mean == 0.0:
+            if incumbent.cost == 0.0:
                 return True
             coolings = [Cooling(heat * mean, self.cold * mean) for heat in heats]
             race_ends = until - self.settling * length
             if anneal_rivals(incumbent, rivals, lanes, coolings, race_ends, groups=groups):
                 return True
-            found = joined([Sequence.best_of(incumbent, near), *rivals])
+            ends += rivals
+            found = joined([Sequence.best_of(incumbent, near), *ends])
             incumbent.offer(found.order, found.flip, found.seat)
             if layered is not None and len(rivals) > 1:
-                layered = joined([layered, *rivals[0 if ahead else 1 :]])
+                in_layers += rivals[0 if ahead else 1 :]
+                layered = joined([layered, *in_layers])
                 ahead = ahead or rivals[-1].cost < rivals[0].cost
             if self._settle(incumbent, Sequence.best_of(incumbent, near), rivals, lanes, until):
                 return True

@@ -18,7 +18,6 @@ routing problems" (large neighbourhoods, relatedness). Taillard & Helsgaun 2019,
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
 from itertools import repeat
 
 import numpy as np
@@ -143,7 +142,7 @@ def _improved(
         count, steps = len(lanes.states), rate * (until - began)
         trial = _Trial(incumbent, places, until, rate / count, steps, count)
         found = list(lanes.pool.map(trial.run, repeat(sequence), lanes.states, stretches))
-        best = reduce(crossover, (result for result, *_ in found))
+        best = crossover([result for result, *_ in found])
         if best.cost < sequence.cost:
             whole = best if fused is None else fused.unfused(best)
             incumbent.offer(whole.order, whole.flip, whole.seat)

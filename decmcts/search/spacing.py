@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.cooling import Lags
-from decmcts._kernels.pauses import Pauses, retime, too_soon
+from decmcts._kernels.pauses import Pauses, keeps_all, retime
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +45,13 @@ class Spacing:
     def owed_by_source(lags: Lags, seconds: NDArray[np.float64]) -> Spacing:
         """Return the lags, or what the source gives by this reckoning if less."""
         ended = np.cumsum(seconds)
-        above = np.repeat(np.arange(len(seconds)), np.diff(lags.offsets))
+        above = _above(lags)
         given = ended[above] - seconds[above] - ended[lags.below]
         return Spacing(lags._replace(seconds=np.clip(given, 0.0, lags.seconds)), seconds)
 
     def keeps(self, order: NDArray[np.int32]) -> bool:
         """Say whether a sequence of all contours leaves enough time everywhere."""
-        return int(too_soon(order, *self.lags, self.seconds)) == 0
+        return bool(keeps_all(order, *self.lags, self.seconds))
 
     def pauses(self, order: NDArray[np.int32], ids: NDArray[np.int32]) -> Pauses:
         """Return what moves need, for contours renumbered: number k is contour `ids[k]`, all n.
@@ -62,7 +62,7 @@ class Spacing:
         number = np.empty(n, np.int32)
         number[ids] = np.arange(n, dtype=np.int32)
         below = number[lags.below]
-        above = number[np.repeat(np.arange(n), np.diff(lags.offsets))]
+        above = number[_above(lags)]
         pauses = Pauses(
             *_rows(above, below, lags.seconds, n),
             *_rows(below, above, lags.seconds, n),
@@ -84,6 +84,11 @@ def no_pauses() -> Pauses:
     """Return what moves need where nothing has to be kept."""
     offsets, ids, seconds = np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0)
     return Pauses(offsets, ids, seconds, offsets, ids, seconds, 0.0, seconds, seconds)
+
+
+def _above(lags: Lags) -> NDArray[np.int64]:
+    """Return the contour that each lag is for, (m,)."""
+    return np.repeat(np.arange(len(lags.offsets) - 1), np.diff(lags.offsets))
 
 
 def _rows(

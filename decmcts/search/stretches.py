@@ -7,7 +7,6 @@ is the best is found in milliseconds (`decmcts._kernels.stretch`).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import reduce
 from itertools import repeat
 
 import numpy as np
@@ -82,7 +81,7 @@ def solve_all_stretches(
             Stretches.improve, stretches, repeat(incumbent), found, lanes.states, repeat(ends)
         )
         total = sum(made)
-        sequence.become(reduce(crossover, found))
+        sequence.become(crossover(found))
         sequence.settle()
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)
         if incumbent.tick(total) or incumbent.cost == 0.0:

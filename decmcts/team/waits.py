@@ -36,8 +36,8 @@ class _Row:
 def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> JointPlan:
     """Return the plan with every wait its lags ask for, to a quarter of a second.
 
-    Each wait is three actions: a travel straight up, the wait, and the travel to the
-    next contour from there.
+    Each wait is a travel straight up, the wait, unless that travel takes the time, and
+    the travel to the next contour from there.
 
     Raises
     ------
@@ -91,10 +91,11 @@ def _waiting(
     lift = path_time(np.stack([start, up]), feed, machine.limits)
     onward = max(sum(t.seconds for t in travels), path_time(rest, feed, machine.limits))
     saved = lift + onward - sum(t.seconds for t in travels)
-    pause = max(STEP_S, np.ceil((wait_s - saved) / STEP_S) * STEP_S)
+    pause = np.ceil((wait_s - saved) / STEP_S) * STEP_S
     if up[2] > start[2]:
         yield _Row(ActionKind.TRAVEL, k, np.stack([start, up]), lift)
-    yield _Row(ActionKind.WAIT, k, up[None], float(pause))
+    if pause > LEAST_WAIT_S:
+        yield _Row(ActionKind.WAIT, k, up[None], float(pause))
     yield _Row(ActionKind.TRAVEL, k, rest, onward)
 
 

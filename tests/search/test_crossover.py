@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
@@ -15,25 +13,25 @@ from tests.search.test_fusing import found, varied
 CASES = [0, 1, 2, 3, 4, 5, 6, 7]  # points, loops, seconds, bare costs, twice; see `varied`
 
 
-def best_of_all_choices(one: Sequence, other: Sequence) -> float:
+def best_of_all_choices(sequences: list[Sequence]) -> float:
     """The least cost over all choices of stretches, by trying every one."""
-    n = len(one.order)
-    ends = [k for k in range(1, n + 1) if set(one.order[:k]) == set(other.order[:k])]
-    stretches = list(itertools.pairwise([0, *ends]))
-    alike = [
-        (one.order[a:b] == other.order[a:b]).all()
-        and (one.flip[one.order[a:b]] == other.flip[one.order[a:b]]).all()
-        and (one.seat[one.order[a:b]] == other.seat[one.order[a:b]]).all()
-        for a, b in stretches
-    ]
+    n, following = len(sequences[0].order), range(len(sequences))
+    visits = [[(c, s.flip[c], s.seat[c]) for c in s.order.tolist()] for s in sequences]
+    begun = {(): set(following)}  # what may be printed so far: whom to follow from there
+    for k in range(n):
+        longer: dict[tuple, set[int]] = {}
+        made = [frozenset(s.order[: k + 1].tolist()) for s in sequences]
+        for printed, able in begun.items():
+            for s in able:
+                others = (t for t in following if made[t] == made[s])
+                longer.setdefault((*printed, visits[s][k]), set()).update(others)
+        begun = longer
     least = np.inf
-    for choice in itertools.product(*[(0,) if same else (0, 1) for same in alike]):
-        tried = one.copy()
-        for (a, b), taken in zip(stretches, choice, strict=True):
-            ids = (one, other)[taken].order[a:b]
-            tried.order[a:b] = ids
-            tried.flip[ids] = (one, other)[taken].flip[ids]
-            tried.seat[ids] = (one, other)[taken].seat[ids]
+    for printed in begun:
+        tried = sequences[0].copy()
+        order, flip, seat = (np.array(column) for column in zip(*printed, strict=True))
+        tried.order[:] = order
+        tried.flip[order], tried.seat[order] = flip, seat
         least = min(least, tried.cost)
     return float(least)
 
@@ -49,13 +47,14 @@ def mutated(sequence: Sequence, seed: int, swaps: int) -> Sequence:
     return child
 
 
+@pytest.mark.parametrize(("count", "swaps"), [(2, 4), (3, 3), (4, 2)])
 @pytest.mark.parametrize("seed", CASES)
-def test_the_best_choice_of_stretches_is_taken(seed: int) -> None:
+def test_the_best_choice_of_stretches_is_taken(seed: int, count: int, swaps: int) -> None:
     """Against all choices, on sequences that differ in a few places."""
     start = found(varied(seed), seed, iterations=10)
-    one, other = mutated(start, seed, 4), mutated(start, seed + 100, 4)
-    child, graph = crossover(one, other), one.problem.graph
-    assert child.cost == pytest.approx(best_of_all_choices(one, other), rel=1e-12)
+    given = [mutated(start, seed + 100 * k, swaps) for k in range(count)]
+    child, graph = crossover(given), start.problem.graph
+    assert child.cost == pytest.approx(best_of_all_choices(given), rel=1e-12)
     assert respects(child.order, graph.succ_offsets, graph.succs)
 
 
@@ -64,7 +63,7 @@ def test_what_annealing_made_twice_is_joined(seed: int) -> None:
     """Of two unlike sequences of one print comes one that is no dearer than either."""
     problem = varied(seed)
     one, other = (found(problem, k, iterations=2000) for k in (seed, seed + 50))
-    child = crossover(one, other)
+    child = crossover([one, other])
     assert child.cost <= min(one.cost, other.cost) * (1 + 1e-12)
     assert respects(child.order, problem.graph.succ_offsets, problem.graph.succs)
     assert not (child.flip & ~problem.reversible).any()
@@ -73,7 +72,7 @@ def test_what_annealing_made_twice_is_joined(seed: int) -> None:
 def test_a_sequence_with_itself_stays() -> None:
     """On ties nothing changes."""
     one = found(varied(1), 1, iterations=100)
-    child = crossover(one, one)
+    child = crossover([one, one])
     assert (child.order == one.order).all()
     assert (child.flip == one.flip).all()
 
