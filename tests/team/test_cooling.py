@@ -218,6 +218,19 @@ def test_waits_give_every_spot_its_time() -> None:
     assert (lane.begin_s[1:] == lane.end_s[:-1]).all()
 
 
+def test_a_lift_that_takes_the_time_needs_no_dwell() -> None:
+    """A dwell of milliseconds cools nothing."""
+    job, machine, graph = make([20.0, 120.0])
+    lags = lags_of(job, machine, graph, 10.0)
+    plain = plan_of(job, machine, graph, towers_first(len(job.contours)))
+    left = gaps(plain, lags, len(job.contours)) + lags.seconds
+    short = lags._replace(seconds=np.maximum(left + LEAST_WAIT_S + 0.01, 0.0))
+    plan = add_waits(job, machine, plain, short)
+    assert gaps(plan, short, len(job.contours)).min() > -LEAST_WAIT_S
+    assert plan.makespan_s > plain.makespan_s
+    assert ActionKind.WAIT not in plan.heads[0].kind
+
+
 def test_the_source_waits_for_nothing() -> None:
     """What is due is what the source gives, so the source is always a way out."""
     job, machine, graph = make([20.0, 120.0])
