@@ -66,7 +66,8 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
 
 def table(rows: list[dict[str, str]]) -> tuple[str, dict[str, list[float]]]:
     """Return a line a model, and how much more each variant travels than `hybrid`, in per cent."""
-    lines, above = [], {name: [] for name in VARIANTS if name != "hybrid"}
+    lines: list[list[str]] = []
+    above: dict[str, list[float]] = {name: [] for name in VARIANTS if name != "hybrid"}
     for row, mine in grouped(rows, *ROW).items():
         found = {key[0]: runs for key, runs in grouped(mine, "variant").items()}
         if "hybrid" not in found:

@@ -73,7 +73,7 @@ def thinned(history: NDArray[np.float64]) -> NDArray[np.float64]:
     at = np.log10(np.maximum(history[:, 0], 1e-3))
     wanted = np.linspace(at[0], at[-1], MOST_POINTS)
     keep = np.unique(np.searchsorted(at, wanted, side="right") - 1)
-    return history[np.union1d([0, len(history) - 1], np.maximum(keep, 0))]
+    return np.asarray(history[np.union1d([0, len(history) - 1], np.maximum(keep, 0))])
 
 
 def table(rows: list[dict[str, str]]) -> str:

@@ -64,6 +64,7 @@ def _cpu_seconds(thread: int | None) -> float | None:
 def use_work_clock() -> None:
     """Time the next search of this process by its work."""
     for search in (plan_order, solve_sop):
+        assert search.__kwdefaults__ is not None
         search.__kwdefaults__["clock"] = WorkClock()
 
 

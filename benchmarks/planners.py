@@ -68,11 +68,12 @@ def batches(options: argparse.Namespace, limit_s: float) -> Iterator[tuple[int, 
     others = [name for name in options.planners if name != "hybrid"]
     for group in in_groups(rows, options.jobs):
         for jobs, planners in ((1, alone), (options.jobs, others)):
-            yield jobs, [key_of(*row, planner, limit_s) for planner in planners for row in group]
+            of_row = itertools.product(planners, group)
+            yield jobs, [key_of(*row, planner=planner, limit_s=limit_s) for planner, row in of_row]
 
 
 def key_of(
-    seed: int, process: str, name: str, model: str, planner: str, limit_s: float
+    seed: int, process: str, name: str, model: str, *, planner: str, limit_s: float
 ) -> dict[str, Any]:
     machine, freedom = name.split("-")
     return dict(zip(KEY, (model, machine, process, freedom, planner, limit_s, seed), strict=True))
@@ -133,8 +134,8 @@ def annealing_reached(rows: list[dict[str, str]], planners: list[str]) -> str:
     counts = []
     for planner in planners:
         mine = grouped((r for r in rows if r["planner"] == planner), *ROW)
-        known = [reaches_yardstick(row, runs) for row, runs in mine.items()]
-        known = [reached for reached in known if reached is not None]
+        told = [reaches_yardstick(row, runs) for row, runs in mine.items()]
+        known = [reached for reached in told if reached is not None]
         counts += [f"`{planner}` in {sum(known)} of {len(known)}"] if known else []
     return f"Annealing's figure is reached by {', '.join(counts)} rows.\n\n" if counts else ""
 
@@ -179,7 +180,8 @@ def longer(rows: list[dict[str, str]]) -> str:
     if len(limits) < 2:
         return ""
     by_row = {row: found for row, found in by_row.items() if (str(limits[-1]),) in found}
-    lines, above = [], {limit: [] for limit in limits}
+    lines: list[list[str]] = []
+    above: dict[float, list[float]] = {limit: [] for limit in limits}
     for row, found in by_row.items():
         travel = {
             limit: median(found[str(limit),], "travel_after_mm")

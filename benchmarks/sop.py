@@ -132,7 +132,7 @@ def nearest_ready(instance: SopInstance, numbered: Precedence) -> list[int]:
         ready = np.flatnonzero(missing == 0)
         order.append(int(ready[np.argmin(costs[order[-1], ready])]))
         missing[order[-1]] = -1
-    return node[order].tolist()
+    return [int(at) for at in node[order]]
 
 
 def judged(instance: SopInstance, order: list[int]) -> dict[str, Any]:
