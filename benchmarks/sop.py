@@ -236,7 +236,7 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     text = f"# Sequential ordering problems\n\n{said}\n\n"
     text += f"Repeat: `python benchmarks/sop.py --time-limit {options.time_limit:g}`. "
     text += "Costs against the best known values of the literature (print-like: LKH-3's, 60 s); "
-    text += "`routing` and `cp-sat` are OR-Tools'.\n\n## Mean gaps, %\n\n"
+    text += "`routing` (one thread) and `cp-sat` (two) are OR-Tools'.\n\n## Mean gaps, %\n\n"
     text += f"Instances with a best known value of {LEAST_FOR_PERCENT} or more; how many in "
     text += "brackets.\n\n" + markdown(mean_gaps(rows, solvers), ["set", "wanted", *solvers])
     text += "\n![gaps](sop.png)\n\n## Instances\n\n" + instance_table(rows, solvers)
@@ -264,6 +264,7 @@ def main() -> None:
                 result = SOLVERS[solver](path, time_limit_s=options.time_limit, seed=options.seed)
                 rows.append(key | figures(result, known[name]))
                 print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
+    rows.read()
     write_results(rows.rows, options)
 
 
