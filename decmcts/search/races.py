@@ -31,7 +31,7 @@ from decmcts.search.structure import Trees
 
 @dataclass(frozen=True, slots=True)
 class Races:
-    """How many races there are, and how hot: in multiples of the mean travel before them."""
+    """How many races there are, and how hot: in mean travels before the first of them."""
 
     always: int = 1000  # contours up to which races beat sharing one sequence out,
     at_most: int = 6000  # or up to this many,
@@ -40,7 +40,7 @@ class Races:
     steps: float = 3000.0  # of a lane in a race, for each contour and entry
     most: int = 8  # races
     settling: float = 0.2  # share of a race for annealing what the best and a rival differ in
-    fused: float = 1.0  # temperature that begins with, in mean travels of what is fused
+    fused: float = 1.0  # temperature that begins with, in mean travels of what is not fused
     hot: float = 1.5
     mild: float = 0.7  # from here on some of the structure stays
     cold: float = 0.03
@@ -69,7 +69,7 @@ class Races:
         layers = layer_runs(incumbent.problem.layer)
         began, races = incumbent.spent, self._count(incumbent, lanes)
         length = (self.until - began) / races
-        mean = incumbent.cost / len(incumbent.problem)  # all races are as hot as the first
+        mean = incumbent.cost / len(incumbent.problem)  # of all races, lest they begin cooler
         ends: list[Sequence] = []  # of all races, and of those within layers
         in_layers: list[Sequence] = []
         for number in range(races):
@@ -93,6 +93,7 @@ class Races:
             if layered is not None and len(rivals) > 1:
                 in_layers += rivals[0 if ahead else 1 :]
                 layered = joined([layered, *in_layers])
+                incumbent.offer(layered.order, layered.flip, layered.seat)
                 ahead = ahead or rivals[-1].cost < rivals[0].cost
             if self._settle(incumbent, Sequence.best_of(incumbent, near), rivals, lanes, until):
                 return True

@@ -36,8 +36,8 @@ class _Row:
 def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> JointPlan:
     """Return the plan with every wait its lags ask for, to a quarter of a second.
 
-    Each wait is a travel straight up, the wait, unless that travel takes the time, and
-    the travel to the next contour from there.
+    Each wait is a travel straight up, the wait, if that travel leaves more than a quarter
+    of a second of it, and the travel to the next contour from there.
 
     Raises
     ------

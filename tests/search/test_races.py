@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts.search.crossover import joined
 from decmcts.search.hybrid import Hybrid
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.lanes import anneal_rivals
@@ -26,6 +27,8 @@ def test_stays_within_layers_once_that_is_ahead(
     problem = replace(random_problem(2, 200, density=0.01), layer=layer)
     found: list[float] = []  # by races within layers
     raced: list[list[bool]] = []
+    heats: list[float] = []  # of lanes that begin hot
+    pools: list[int] = []  # how many are joined: what all races, or those within layers, ended in
 
     def watched(incumbent: Incumbent, rivals: list[Sequence], *args: Any, **options: Any) -> bool:
         if "groups" not in options:
@@ -33,6 +36,7 @@ def test_stays_within_layers_once_that_is_ahead(
         within = [bool(group.any()) for group in options["groups"]]
         coolings = args[1]
         assert (coolings[0].hot_mm < coolings[1].hot_mm) == within[0]
+        heats.append(coolings[1].hot_mm)
         for rival, stays in zip(rivals, within, strict=True):
             assert not stays or (np.diff(layer[rival.order]) >= 0).all()
             assert not stays or rival.cost <= min(found, default=np.inf) + 1e-9
@@ -44,10 +48,20 @@ def test_stays_within_layers_once_that_is_ahead(
         raced.append(within)
         return stop
 
+    def watched_join(sequences: list[Sequence]) -> Sequence:
+        assert len({id(sequence) for sequence in sequences}) == len(sequences)
+        pools.append(len(sequences))
+        return joined(sequences)
+
     monkeypatch.setattr("decmcts.search.races.anneal_rivals", watched)
+    monkeypatch.setattr("decmcts.search.races.joined", watched_join)
     planner = Hybrid(promising=10.0, races=Races(steps=50.0))
     plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=400_000)
-    assert raced == [[False, True], *[[ahead, True]] * (planner.races.most - 1)]
+    most = planner.races.most
+    assert raced == [[False, True], *[[ahead, True]] * (most - 1)]
+    assert heats == [heats[0]] * most  # the best is better by then, but no cooler
+    assert pools[::2] == [1 + 2 * (race + 1) for race in range(most)]
+    assert pools[1::2] == [2 + (2 if ahead else 1) * race for race in range(most)]
 
 
 @pytest.mark.parametrize(("at_most", "steps", "races"), [(100, 400, True), (100, 100, False),
