@@ -70,8 +70,8 @@ class Races:
         began, races = incumbent.spent, self._count(incumbent, lanes)
         length = (self.until - began) / races
         mean = incumbent.cost / len(incumbent.problem)  # of all races, lest they begin cooler
-        ends: list[Sequence] = []  # of all races, and of those within layers
-        in_layers: list[Sequence] = []
+        ends: list[Sequence] = []  # of all lanes in all races,
+        in_layers: list[Sequence] = []  # and of those that stayed within layers
         for number in range(races):
             other, best = plain if layered is None else layered, Sequence.best_of(incumbent, near)
             rivals = [other.copy() if ahead else best, *(other.copy() for _ in lanes.states[1:])]
