@@ -14,7 +14,7 @@ import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.certificate import EXACT_UP_TO, lower_bound
-from decmcts.search.problem import OrderProblem
+from decmcts.search.problem import OrderProblem, Seams
 
 MOST_S = 10.0  # for the bound
 MOST_EARLY_S = 3.0  # for the bound shown while searching
@@ -98,11 +98,19 @@ def _compile_for(problem: OrderProblem) -> None:
         lower_bound(replace(row_of(n), pace=problem.pace), time_limit_s=0.0)
 
 
-def row_of(n: int) -> OrderProblem:
-    """Return `n` contours in a row to compile with: few are solved exactly, many not."""
+def row_of(n: int, *, loops: bool = False) -> OrderProblem:
+    """Return `n` contours in a row to compile with: few are solved exactly, many not.
+
+    With `loops` each may begin at either of its ends.
+    """
     start = np.zeros((n, 3))
     start[:, 0] = np.arange(n)
     start[-1, 2] = 0.2
     graph = DependencyGraph.from_pairs(n, np.array([[0, n - 1]], np.int32))
     layer = (start[:, 2] > 0.0).astype(np.int32)
-    return OrderProblem(start, start[::-1].copy(), np.ones(n, np.bool_), layer, graph)
+    end, either = start[::-1].copy(), np.ones(n, np.bool_)
+    if not loops:
+        return OrderProblem(start, end, either, layer, graph)
+    ends = np.stack([start, end], axis=1).reshape(-1, 3)
+    seams = Seams(2 * np.arange(n + 1), ends, ends.copy(), np.tile([0, 1], n).astype(np.int32))
+    return OrderProblem(start, start.copy(), ~either, layer, graph, seams=seams)

@@ -171,15 +171,19 @@ def search(
 ) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
-    _compile_for(problem, planner)
+    compile_search(problem, planner)
     return plan_order(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
 
 
-def _compile_for(problem: OrderProblem, planner: str | Planner) -> None:
-    """Search problems of no size, for an exact solution and by annealing, off the clock."""
-    for n, spacing in ((3, None), (2 * WINDOW, None), (3, no_spacing(3))):
-        small = replace(row_of(n), pace=problem.pace, spacing=spacing)
-        plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=1000)
+def compile_search(problem: OrderProblem, planner: str | Planner) -> None:
+    """Search problems of no size just long enough to need every kernel, off the clock.
+
+    One solved exactly, one by trees, races and what joins them, one that must cool.
+    """
+    for n, spacing, iterations in ((3, None, 10), (2 * WINDOW, None, 500), (3, no_spacing(3), 100)):
+        row = row_of(n, loops=problem.seams is not None)
+        small = replace(row, pace=problem.pace, spacing=spacing)
+        plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=iterations)
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:
@@ -213,7 +217,7 @@ def plan_single(
     started = time.perf_counter()
     lags, guess, spacing = _lags(loaded, before)
     sliced = source_toolpath(problem)
-    _compile_for(problem, planner)
+    compile_search(problem, planner)
 
     def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
         spaced = replace(problem, spacing=heeded)

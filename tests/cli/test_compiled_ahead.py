@@ -1,0 +1,68 @@
+"""Compiling a kernel takes seconds: none of it may come out of a search's time limit."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+RECORD = """
+import sys
+from dataclasses import replace
+from numba.core.dispatcher import Dispatcher
+from decmcts.cli.pipeline import compile_search
+from decmcts.search.planners import plan_order
+from decmcts.search.spacing import no_spacing
+from tests.search.problems import random_problem, with_loops, with_pace
+
+planner, kind, ahead = sys.argv[1:]
+problem = random_problem(0, 600, density=0.002)
+if kind == "loops":
+    problem = with_loops(problem, 0)
+if kind == "time":
+    problem = with_pace(problem)
+if kind == "cooling":
+    problem = replace(problem, spacing=no_spacing(600))
+if ahead == "yes":
+    compile_search(problem, planner)
+late, usual = [], Dispatcher.compile
+
+def recorded(self, signature):
+    if self.overloads.get(tuple(signature)) is None:
+        late.append(self.py_func.__name__)
+    return usual(self, signature)
+
+Dispatcher.compile = recorded
+plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=30_000)
+print(*late)
+"""
+
+
+def late(planner: str, kind: str, *, ahead: bool) -> list[str]:
+    """Name the kernels a search in a fresh process compiles, or loads, within its time."""
+    command = [sys.executable, "-c", RECORD, planner, kind, "yes" if ahead else "no"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("planner", "kind"),
+    [
+        ("hybrid", "paths"),
+        ("hybrid", "loops"),
+        ("hybrid", "time"),
+        ("hybrid", "cooling"),
+        ("mcts", "paths"),
+        ("local", "loops"),
+    ],
+)
+def test_a_search_finds_every_kernel_compiled(planner: str, kind: str) -> None:
+    """Small searches ahead of the real one take every path it may take."""
+    assert late(planner, kind, ahead=True) == []
+
+
+@pytest.mark.slow
+def test_without_searches_ahead_kernels_come_late() -> None:
+    """What the tests above count is counted."""
+    assert "anneal" in late("hybrid", "paths", ahead=False)
