@@ -37,8 +37,7 @@ class Races:
     at_most: int = 6000  # or up to this many,
     least: float = 15_000.0  # if a lane has time for so many steps for each
     until: float = 0.65  # share of the budget at which they end
-    steps: float = 3000.0  # of a lane in a race, for each contour,
-    entry_steps: float = 300.0  # and for each entry of a loop but one
+    steps: float = 3000.0  # of a lane in a race, for each contour and entry
     most: int = 8  # races
     settling: float = 0.2  # share of a race for annealing what the best and a rival differ in
     fused: float = 1.0  # temperature that begins with, in mean travels of what is not fused
@@ -47,8 +46,8 @@ class Races:
     cold: float = 0.03
 
     def __post_init__(self) -> None:
-        if min(self.steps, self.most) < 1 or self.entry_steps < 0.0:
-            raise ValueError("steps and most: expected 1 or more, entry_steps: 0 or more")
+        if min(self.steps, self.most) < 1:
+            raise ValueError("steps and most: expected 1 or more")
         if min(self.hot, self.mild, self.cold, self.fused) <= 0.0:
             raise ValueError("hot, mild, cold and fused: expected more than 0")
 
@@ -102,11 +101,11 @@ class Races:
 
     def _count(self, incumbent: Incumbent, lanes: Lanes) -> int:
         """Return how many races there is time for."""
-        needed, seams = self.steps * len(incumbent.problem), incumbent.problem.seams
+        choices, seams = len(incumbent.problem), incumbent.problem.seams
         if seams is not None:
-            needed += self.entry_steps * int((np.diff(seams.offsets) - 1).clip(0).sum())
+            choices += int((np.diff(seams.offsets) - 1).clip(0).sum())
         steps = lanes.steps(incumbent.budget) * (self.until - incumbent.spent)
-        return int(min(max(1.0, steps / needed), self.most))
+        return int(min(max(1.0, steps / (self.steps * choices)), self.most))
 
     def _heats(self, number: int, has_layered: bool, ahead: bool, count: int) -> list[float]:
         """Return how hot each of `count` lanes begins, in mean travels."""
