@@ -17,10 +17,11 @@ def main() -> None:
     gc.disable()  # what modules make stays: looking for garbage in it takes a seventh of the start
     try:
         from decmcts.cli.app import run  # takes a second: Ctrl-C may come in it
-    except KeyboardInterrupt:
+
+        gc.enable()
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt:  # here, or while commands are still being built
         sys.stderr.write("decmcts: stopped; nothing was written\n")
         sys.exit(130)
-    gc.enable()
-    code = run(sys.argv[1:])
     gc.freeze()  # nor does it pay on the way out: half a second
     sys.exit(code)

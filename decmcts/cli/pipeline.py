@@ -180,7 +180,8 @@ def compile_search(problem: OrderProblem, planner: str | Planner) -> None:
 
     One solved exactly, one by trees, races and what joins them, one that must cool.
     """
-    for n, spacing, iterations in ((3, None, 10), (2 * WINDOW, None, 500), (3, no_spacing(3), 100)):
+    ahead = ((3, None, 100), (2 * WINDOW, None, 500), (3, no_spacing(3), 100))
+    for n, spacing, iterations in ahead:
         row = row_of(n, loops=problem.seams is not None)
         small = replace(row, pace=problem.pace, spacing=spacing)
         plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=iterations)

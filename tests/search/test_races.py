@@ -83,11 +83,14 @@ def test_races_on_larger_prints_if_there_is_time(
     assert bool(raced) == races
 
 
-@pytest.mark.parametrize(("loops", "races"), [(False, 4), (True, 2)])
+@pytest.mark.parametrize(("loops", "races"), [(False, 3), (True, 1)])
 def test_entries_of_loops_make_races_longer(
     monkeypatch: pytest.MonkeyPatch, loops: bool, races: int
 ) -> None:
-    """One long annealing ended 2 % lower on a real print with seams than six short ones."""
+    """Each further entry counts like a contour; counted as loops there would be two races.
+
+    One long annealing ended 2 % lower on a real print with seams than six short ones.
+    """
     raced: list[int] = []
 
     def watched(*args: Any, **options: Any) -> bool:
@@ -98,7 +101,7 @@ def test_entries_of_loops_make_races_longer(
     planner = Hybrid(races=Races(steps=100.0))
     problem = random_problem(5, 60, density=0.05)
     problem = with_loops(problem, 5) if loops else problem
-    plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=80_000)
+    plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=70_000)
     assert sum(raced) == races
 
 
