@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from decmcts import __version__
+from decmcts.cli.console import clock_time
 from decmcts.cli.pipeline import Planned
 from decmcts.cli.quality import cooling_line
 from decmcts.errors import InputError, VerificationError
@@ -23,6 +24,8 @@ from decmcts.print.machine import Machine
 from sim.faults import Verdict
 from sim.seams import seams_of_plan
 from sim.written import verify_written
+
+SAME_TIME_S = 1.0  # times of whole files that differ by less are the same
 
 
 def refuse_unwritable(paths: Sequence[Path | None], source: Path) -> None:
@@ -96,6 +99,22 @@ class FileTimes:
 
     before_s: float | None  # of the source; None: it is no G-code
     after_s: float
+
+
+def file_time_line(before_s: float, after_s: float, retracted_mm: float) -> str:
+    """Return one line on the time of the whole file, and on why it grew if it did.
+
+    `retracted_mm` is the travel from which filament is retracted. Some slicers leave
+    longer ones bare that stay inside the part, or lift while they travel.
+    """
+    line = f"print time of the whole file: {clock_time(before_s)} → {clock_time(after_s)}"
+    if after_s <= before_s + SAME_TIME_S:
+        return line
+    return (
+        f"{line}, longer though the order is better: here every travel from {retracted_mm:g} mm up "
+        "is retracted, lifts go straight up and what must cool is waited for, which the source "
+        "does less; where time is what counts, print the source"
+    )
 
 
 def write_single(planned: Planned, path: Path) -> FileTimes:

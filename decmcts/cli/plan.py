@@ -12,10 +12,11 @@ from decmcts.cli import options as opt
 from decmcts.cli import sop
 from decmcts.cli.app import app, guess_machine, interrupt_stops
 from decmcts.cli.bound import bound_line
-from decmcts.cli.console import clock_time, err, gain_table, out, print_json, steps, summary_of
+from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
 from decmcts.cli.outputs import (
     FileTimes,
     figures,
+    file_time_line,
     refuse_other_suffixes,
     refuse_unwritable,
     write_extras,
@@ -197,7 +198,7 @@ def show(
         if line:
             out.print(line, soft_wrap=True)
     if times is not None and times.before_s is not None:
-        was, now = clock_time(times.before_s), clock_time(times.after_s)
-        out.print(f"print time of the whole file: {was} → {now}", soft_wrap=True)
+        retracted_mm = planned.loaded.job.settings.retract_min_travel_mm
+        out.print(file_time_line(times.before_s, times.after_s, retracted_mm), soft_wrap=True)
     for path in written:
         out.print(f"wrote {path}", soft_wrap=True)

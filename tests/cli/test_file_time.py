@@ -1,0 +1,16 @@
+"""A user is told when the written file takes longer than its source, and why."""
+
+from __future__ import annotations
+
+import pytest
+
+from decmcts.cli.outputs import file_time_line
+
+
+@pytest.mark.parametrize(("after_s", "longer"), [(1000.0, False), (1036.0, False), (1109.0, True)])
+def test_a_file_that_takes_longer_says_why(after_s: float, longer: bool) -> None:
+    """Cura combs without retraction: an order with half the travel took a minute more."""
+    line = file_time_line(1035.0, after_s, 5.0)
+    assert line.startswith("print time of the whole file: 17 min 15 s → ")
+    assert ("every travel from 5 mm up is retracted" in line) == longer
+    assert ("print the source" in line) == longer
