@@ -48,6 +48,7 @@ from sim.verify import verify_plan
 Announce = Callable[[str], None]
 
 PARK_ABOVE_MM = 5.0
+COMPILING_S = 3600.0  # more than all kernels take on the slowest machine
 NO_QUALITY = Quality(edges=False, min_layer_time_s=0.0)
 
 
@@ -184,7 +185,9 @@ def compile_search(problem: OrderProblem, planner: str | Planner) -> None:
     for n, spacing, iterations in ahead:
         row = row_of(n, loops=problem.seams is not None)
         small = replace(row, pace=problem.pace, spacing=spacing)
-        plan_order(small, planner=planner, time_limit_s=60.0, seed=0, max_iterations=iterations)
+        plan_order(
+            small, planner=planner, time_limit_s=COMPILING_S, seed=0, max_iterations=iterations
+        )
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:

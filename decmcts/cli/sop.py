@@ -12,6 +12,7 @@ import typer
 from decmcts.cli.app import interrupt_stops
 from decmcts.cli.console import out, print_json, steps
 from decmcts.cli.outputs import refuse_unwritable
+from decmcts.cli.pipeline import COMPILING_S
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.sop import SopInstance, read_sop, write_tour
 from decmcts.search.sop import SopResult, solve_sop
@@ -74,7 +75,7 @@ def compile_search() -> None:
     points = np.random.default_rng(0).random((40, 2))
     costs = np.linalg.norm(points[:, None] - points[None, :], axis=2)
     nothing = np.empty((0, 2), np.int32)
-    solve_sop(costs, nothing, time_limit_s=60.0, max_iterations=40_000)
+    solve_sop(costs, nothing, time_limit_s=COMPILING_S, max_iterations=40_000)
 
 
 def require_sound(instance: SopInstance, found: SopResult) -> None:
