@@ -18,10 +18,11 @@ def main() -> None:
     try:
         from decmcts.cli.app import run  # takes a second: Ctrl-C may come in it
 
+        gc.freeze()  # nor later, whenever there is something else to look through
         gc.enable()
         code = run(sys.argv[1:])
     except KeyboardInterrupt:  # here, or while commands are still being built
         sys.stderr.write("decmcts: stopped; nothing was written\n")
         sys.exit(130)
-    gc.freeze()  # nor does it pay on the way out: half a second
+    gc.freeze()  # nor on the way out, where it takes half a second
     sys.exit(code)

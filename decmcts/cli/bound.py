@@ -19,6 +19,7 @@ from decmcts.search.problem import OrderProblem, Seams
 MOST_S = 10.0  # for the bound
 MOST_EARLY_S = 3.0  # for the bound shown while searching
 EARLY_SHARE = 0.05  # of the search time, for that one
+EARLY_FROM_S = 3.0  # a shorter search ends before one could read it, and making it takes 0.2 s
 SHARE = 0.5  # of the search time, at most, for the bound
 WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow computer
 MOST_BYTES = 2 * 2**30  # of relations

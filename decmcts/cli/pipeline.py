@@ -17,7 +17,7 @@ import numpy as np
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
 from decmcts._kernels.ideals import WINDOW
-from decmcts.cli.bound import certify, early_bound, row_of
+from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound, row_of
 from decmcts.cli.quality import Quality, search_cooled
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.build import build_graph
@@ -214,7 +214,7 @@ def plan_single(
     announce("the source's own order")
     before = source_plan(loaded)
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
-    if certificate:
+    if certificate and time_limit_s >= EARLY_FROM_S:
         announce("a first bound on the travel")
         hooks["bound"] = early_bound(problem, time_limit_s=time_limit_s)
     announce(f"searching ({planner}, {time_limit_s:g} s)")
