@@ -101,19 +101,21 @@ class FileTimes:
     after_s: float
 
 
-def file_time_line(before_s: float, after_s: float, retracted_mm: float) -> str:
-    """Return one line on the time of the whole file, and on why it grew if it did.
+def file_time_line(before_s: float, after_s: float, retracted_mm: float | None) -> str:
+    """Return one line on the time of the whole file, and on why it may have grown if it did.
 
-    `retracted_mm` is the travel from which filament is retracted. Some slicers leave
-    longer ones bare that stay inside the part, or lift while they travel.
+    `retracted_mm` is the travel from which filament is retracted, None if it never is.
+    Some slicers leave longer ones bare that stay inside the part, or lift while they travel.
     """
     line = f"print time of the whole file: {clock_time(before_s)} → {clock_time(after_s)}"
     if after_s <= before_s + SAME_TIME_S:
         return line
+    habit = (
+        "" if retracted_mm is None else f"every travel from {retracted_mm:g} mm up is retracted, "
+    )
     return (
-        f"{line}, longer though the order is better: here every travel from {retracted_mm:g} mm up "
-        "is retracted, lifts go straight up and what must cool is waited for, which the source "
-        "does less; where time is what counts, print the source"
+        f"{line}, longer: here {habit}lifts go straight up and what must cool is waited for, which "
+        "the source may do less; where time is what counts, print the source"
     )
 
 

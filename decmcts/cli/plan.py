@@ -198,7 +198,9 @@ def show(
         if line:
             out.print(line, soft_wrap=True)
     if times is not None and times.before_s is not None:
-        retracted_mm = planned.loaded.job.settings.retract_min_travel_mm
+        settings = planned.loaded.job.settings
+        retracts = settings.firmware_retraction or settings.retract_mm > 0.0
+        retracted_mm = settings.retract_min_travel_mm if retracts else None
         out.print(file_time_line(times.before_s, times.after_s, retracted_mm), soft_wrap=True)
     for path in written:
         out.print(f"wrote {path}", soft_wrap=True)

@@ -14,3 +14,10 @@ def test_a_file_that_takes_longer_says_why(after_s: float, longer: bool) -> None
     assert line.startswith("print time of the whole file: 17 min 15 s → ")
     assert ("every travel from 5 mm up is retracted" in line) == longer
     assert ("print the source" in line) == longer
+
+
+def test_a_print_without_retraction_is_not_said_to_retract() -> None:
+    """What the line gives as a reason must be true of the print."""
+    line = file_time_line(1035.0, 1109.0, None)
+    assert "retracted" not in line
+    assert "print the source" in line
