@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
-from decmcts.formats.gcode.reader import cursor_above_end
+from decmcts.formats.gcode.reader import Ending, ending_of
 from decmcts.print.job import PrintJob
 
 XYZ_MM = 1e-3
 E_MM = 1.05e-5
 FEED_MM_S = 1e-3
+OVER_MM = 1.0  # above the print the head may stand when its end G-code begins
 
 
 def same_extrusions(
@@ -63,10 +64,9 @@ def same_ending(document: GcodeDocument, path: Path | str) -> list[str]:
     InputError
         When the file cannot be read or does not end with the source's end G-code.
     """
-    cursor, table = cursor_above_end(path, document)
-    end, faults = document.end, []
-    if max(abs(a - b) for a, b in zip(cursor.position, end.position, strict=True)) > 2 * XYZ_MM:
-        faults.append(f"the head is at {cursor.position}, in the source at {end.position}")
+    ending = ending_of(path, document)
+    cursor, table, end = ending.cursor, ending.states, document.end
+    faults = _place(ending, end.position)
     if abs(cursor.owed - end.owed) > XYZ_MM or cursor.firmware_retracted != end.firmware_retracted:
         faults.append(f"{cursor.owed:.3f} mm are retracted, in the source {end.owed:.3f}")
     if cursor.relative_e != end.relative_e or cursor.tool != end.tool:
@@ -77,6 +77,23 @@ def same_ending(document: GcodeDocument, path: Path | str) -> list[str]:
     faults += [f"in force is '{a}'" for _, a in sorted(ours - theirs)]
     faults += [f"not in force is '{a}'" for _, a in sorted(theirs - ours)]
     return [f"before the end G-code {fault}" for fault in faults]
+
+
+def _place(ending: Ending, place: tuple[float, float, float]) -> list[str]:
+    """Return what is wrong with where the head is when it should be at, or above, `place`.
+
+    On the print it may only stand where it has just laid the last bead.
+    """
+    at = ending.cursor.position
+    if max(abs(a - b) for a, b in zip(at[:2], place[:2], strict=True)) > 2 * XYZ_MM:
+        return [f"the head is at {at}, in the source at {place}"]
+    just_laid = max(abs(a - b) for a, b in zip(at, ending.laid, strict=True)) <= 2 * XYZ_MM
+    if just_laid and abs(at[2] - place[2]) <= 2 * XYZ_MM:
+        return []
+    if at[2] <= ending.top + XYZ_MM:
+        return [f"the head comes down on the print at {at}, {ending.top:g} mm high"]
+    highest = max(ending.top, place[2]) + OVER_MM
+    return [f"the head is at {at}, above {highest:g} mm"] if at[2] > highest else []
 
 
 def _commands(table: StateTable, state: int) -> set[tuple[str, str]]:

@@ -187,6 +187,15 @@ class Emitter:
         self.at, self.feed = (to[0], to[1], over), self.travel_feed
         self.move(to, feed)
 
+    def hover(self, to: tuple[float, float, float]) -> None:
+        """Go above a place, over everything printed, and do not come down on it."""
+        if math.dist(self.at, to) < NEAR_MM:
+            return
+        over = max(self.top, to[2]) + BRIDGE_LIFT_MM
+        x, y, z = self.at
+        highest = max(over, z)
+        self.travel(np.array([(x, y, highest), (to[0], to[1], highest), (to[0], to[1], over)]))
+
     def bridge(self, to: tuple[float, float, float]) -> None:
         """Go over everything printed so far: up, across, down."""
         if math.dist(self.at, to) < NEAR_MM:

@@ -57,6 +57,16 @@ class Motions:
 
 
 @dataclass(frozen=True, slots=True)
+class Ending:
+    """What a file hands over to its end G-code."""
+
+    cursor: Cursor
+    states: StateTable
+    laid: tuple[float, float, float]  # where the last bead ends, mm
+    top: float  # z of the highest bead, mm
+
+
+@dataclass(frozen=True, slots=True)
 class _Parsed:
     lines: Lines
     motion: Motion
@@ -99,8 +109,8 @@ def read_result(path: Path | str) -> tuple[PrintJob, GcodeDocument, Motions]:
     return *_print_of(parsed, path), _motions_of(parsed)
 
 
-def cursor_above_end(path: Path | str, document: GcodeDocument) -> tuple[Cursor, StateTable]:
-    """Return how a file made from `document` leaves the controller to the end G-code.
+def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
+    """Return what a file made from `document` leaves to the end G-code.
 
     Raises
     ------
@@ -113,7 +123,10 @@ def cursor_above_end(path: Path | str, document: GcodeDocument) -> tuple[Cursor,
         raise InputError("the end G-code is not the source's", path=path)
     open_line = 1 if end and not end.endswith(b"\n") else 0
     line = len(parsed.lines) - end.count(b"\n") - open_line
-    return cursor_at(parsed.motion, parsed.track, line), parsed.track.table
+    motion, runs = parsed.motion, parsed.runs
+    x, y, z = motion.points[runs.last[-1] + 1].tolist()
+    top = float(motion.points[1:, 2][runs.contour >= 0].max())
+    return Ending(cursor_at(motion, parsed.track, line), parsed.track.table, (x, y, z), top)
 
 
 def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocument]:

@@ -35,8 +35,8 @@ def write_gcode(
 
     The path of the first travel is not followed (it starts at the head's park
     position, where the preamble does not leave it): the head goes a little above
-    the bed; after the last contour the head goes over the print to where the source's
-    postamble begins.
+    the bed; after the last contour the head goes over the print to above where the
+    source's postamble begins.
 
     Parameters
     ----------
@@ -208,9 +208,13 @@ def _go(
 
 
 def _finish(emitter: Emitter) -> None:
-    """Bring the controller to where the source ended, then write the postamble."""
+    """Bring the controller to where the source ended, then write the postamble.
+
+    The head stays above the print, for what was printed there is cold by now; only
+    where the last bead ends as the source's does it stands on it, as there.
+    """
     end = emitter.document.end
-    emitter.bridge(end.position)
+    emitter.hover(end.position)
     emitter.owe(end.owed, firmware=end.firmware_retracted)
     emitter.set_state(end.state)
     emitter.set_e(end.e)

@@ -201,8 +201,35 @@ def test_postamble_begins_where_the_source_ended(read, tmp_path):
     last = int(np.flatnonzero(motions.contour >= 0)[-1])
     after = motions.points[last + 1 :]
     assert after[1, 2] > 0.4 and (after[1, :2] == after[0, :2]).all()  # straight up first
-    assert after[3].tolist() == [30, 20, 0.4]  # then down where the source ended
-    assert after[-1].tolist() == [30, 20, 10.4]
+    assert after[2, :2].tolist() == [30, 20]  # to where the source ended
+    assert after[-1].tolist() == [30, 20, 10.8]
+    assert after[1:, 2].min() > 0.4 + 0.3  # never down on what is cold
+
+
+@pytest.mark.parametrize("end", ["M104 S0\nM84\n", "G91\nG1 Z5\nG90\n", "G1 X0 Y200\nM84\n"])
+def test_the_hot_nozzle_is_never_lowered_onto_the_part(read, tmp_path, end):
+    """End code counts on the source's last bead below it; here that was printed long ago."""
+    text = SQUARE + "G1 X20 Y0 F6000\nG1 X30 E4.99 F1500\n"
+    job, document = read(text + end)
+    out = tmp_path / "o.gcode"
+    turned = Toolpath.of(np.array([1, 0], np.int32), np.zeros(2, np.bool_))
+    write_gcode(document, job, direct_actions(job, turned), out)
+    motions = read_motions(out)
+    last = int(np.flatnonzero(motions.contour >= 0)[-1])
+    assert motions.points[last + 2 :, 2].min() > 0.2 + 0.3
+    assert same_ending(document, out) == []
+
+
+def test_a_nozzle_lowered_onto_the_part_is_found(read, tmp_path):
+    """What older versions wrote before the end code melts a dent into the part."""
+    job, document = read(SQUARE + "G1 X20 Y0 F6000\nG1 X30 E4.99 F1500\nM84 ; done\n")
+    out = tmp_path / "o.gcode"
+    turned = Toolpath.of(np.array([1, 0], np.int32), np.zeros(2, np.bool_))
+    write_gcode(document, job, direct_actions(job, turned), out)
+    end = document.postamble.decode()
+    out.write_text(out.read_text().removesuffix(end) + "G1 Z.2\n" + end)
+    (fault,) = same_ending(document, out)
+    assert "comes down on the print" in fault
 
 
 @pytest.mark.parametrize(
