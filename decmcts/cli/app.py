@@ -8,12 +8,10 @@ stopped by Ctrl-C before there was a result.
 from __future__ import annotations
 
 import contextlib
-import gzip
 import os
 import signal
 import threading
 import traceback
-import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
@@ -24,6 +22,7 @@ from typer.exceptions import TyperException
 from agents.supervisor import LaunchError
 from decmcts import __version__
 from decmcts.errors import InputError, VerificationError
+from decmcts.print.machine import Machine
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -75,25 +74,31 @@ def interrupt_stops() -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, previous)
 
 
-def guess_machine(path: Path) -> str | None:
-    """Return the preset of the printer the environment or the file names, if any."""
-    from decmcts.formats.machine_file import preset_for_printer
+def machine_for(named: str | None, source: Path) -> tuple[Machine, str]:
+    """Return the machine that is named, else the source's own, and a line on where it is from.
 
-    named = os.environ.get("SLIC3R_PRINTER_MODEL", "")
-    return preset_for_printer(named) if named else preset_for_printer(printer_model_of(path))
+    Raises
+    ------
+    InputError
+        When none is named and the source does not tell.
+    """
+    from decmcts.formats.gcode.source_text import load_text
+    from decmcts.formats.machine_file import load_machine
+    from decmcts.formats.mesh import MESH_SUFFIXES
+    from decmcts.formats.own_machine import PAGE, machine_of_text
 
-
-def printer_model_of(path: Path) -> str:
-    """Return the `printer_model` that a PrusaSlicer-like file names in its comments, or ''."""
-    try:
-        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-            text = file.read()
-    except (OSError, EOFError, zlib.error):
-        return ""  # the reader will say what is wrong with it
-    at = text.rfind(b"; printer_model = ")
-    if at < 0:
-        return ""
-    return text[at + 18 : text.find(b"\n", at)].decode("latin-1").strip()
+    if named is not None:
+        return load_machine(named), ""
+    if not source.exists():
+        raise InputError("no such file", path=source)
+    if source.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            "a mesh names no printer",
+            path=source,
+            advice=f"add --machine NAME (`decmcts machines` lists them; own ones: {PAGE})",
+        )
+    printer = os.environ.get("SLIC3R_PRINTER_MODEL", "")
+    return machine_of_text(load_text(source), source, printer=printer)
 
 
 def run(arguments: list[str]) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app, guess_machine
+from decmcts.cli.app import app, machine_for
 from decmcts.cli.console import err, out, print_json, steps
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
@@ -80,7 +80,7 @@ def judge(
             advice="verify the plan.json of `plan --plan`",
         )
     refuse_head_file(result)
-    chosen = load_machine(machine or guess_machine(source) or "paper")
+    chosen, _ = machine_for(machine, source)
     job, print_text = read_gcode(source)
     ours, _, motions = read_result(result)
     seams = list(seams_of_file(ours.contours, job.contours))

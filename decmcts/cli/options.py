@@ -66,10 +66,10 @@ Input = Annotated[
 ]
 _MACHINE = "Preset, FILE.toml or geometries.json:NAME; default: "
 MachineOption = Annotated[
-    str | None, typer.Option("--machine", help=_MACHINE + "the source's printer, else paper")
-]
-PostMachineOption = Annotated[
-    str | None, typer.Option("--machine", help=_MACHINE + "the source's printer, else refused")
+    str | None,
+    typer.Option(
+        "--machine", help=_MACHINE + "the source's printer, or a head of the clearances in it"
+    ),
 ]
 ListedMachineOption = Annotated[
     str | None, typer.Option("--machine", help=_MACHINE + "all presets")

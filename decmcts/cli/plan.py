@@ -10,7 +10,7 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli import sop
-from decmcts.cli.app import app, guess_machine, interrupt_stops
+from decmcts.cli.app import app, interrupt_stops, machine_for
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
 from decmcts.cli.outputs import (
@@ -25,7 +25,6 @@ from decmcts.cli.outputs import (
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
 from decmcts.cli.quality import Quality, cooling_line
 from decmcts.errors import InputError
-from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.sop import is_sop
 
@@ -123,15 +122,14 @@ def run_single(
     limits: str = "source",
 ) -> Planned:
     """Load, plan and verify for one head (the first, where the machine has several)."""
-    name = machine or guess_machine(source) or "paper"
-    if machine is None and not quiet:
-        err.print(f"machine {name} (name yours with --machine; `decmcts machines` lists them)")
-    chosen = load_machine(name)
+    chosen, origin = machine_for(machine, source)
+    if origin and not quiet:
+        err.print(origin, soft_wrap=True, markup=False)
     if len(chosen.heads) > 1:
         head, n = chosen.heads[0].name, len(chosen.heads)
         if not quiet:
             err.print(
-                f"{name} has {n} heads; planned for {head} alone, `decmcts launch` uses all",
+                f"{chosen.name} has {n} heads; planned for {head} alone, `decmcts launch` uses all",
                 soft_wrap=True,
             )
         chosen = single_head_machine(chosen, 0)

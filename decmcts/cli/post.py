@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from decmcts.cli import options as opt
-from decmcts.cli.app import app, guess_machine
+from decmcts.cli.app import app
 from decmcts.cli.outputs import write_single
 from decmcts.cli.plan import run_single, seam_of, show
 from decmcts.cli.quality import Quality
@@ -23,7 +23,7 @@ from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 @app.command()
 def post(
     path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
-    machine: opt.PostMachineOption = None,
+    machine: opt.MachineOption = None,
     planner: opt.PlannerOption = opt.Planner.HYBRID,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
@@ -39,16 +39,9 @@ def post(
     """Reorder a G-code file in place, as a slicer's post-processing script."""
     if path.suffix.lower() in MESH_SUFFIXES:
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
-    chosen = machine or guess_machine(path)
-    if chosen is None:
-        raise InputError(
-            "the file names no printer we know the head of",
-            path=path,
-            advice="add --machine NAME to the script's command (`decmcts machines` lists them)",
-        )
     planned = run_single(
         path,
-        chosen,
+        machine,
         planner=planner.value,
         freedom=freedom.value,
         seam=seam_of(freedom, seam),

@@ -18,7 +18,13 @@ from decmcts.formats.machine_fit import check_fits
 from decmcts.formats.prusa_geometries import machine_from_geometries
 from decmcts.print.machine import Machine
 
-__all__ = ["check_fits", "load_machine", "preset_for_printer", "preset_names"]
+__all__ = [
+    "check_fits",
+    "load_machine",
+    "preset_by_clearances",
+    "preset_for_printer",
+    "preset_names",
+]
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
 _AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
@@ -32,6 +38,7 @@ _MODELS = (  # PrusaSlicer's printer_model, the longer names first
     (r"XL", "xl"),
     (r"HT90", "ht90"),
 )
+_BY_CLEARANCES: dict[str, str] = {}  # printer_model in lower case: preset made of a profile
 
 
 def preset_names() -> list[str]:
@@ -76,6 +83,11 @@ def load_machine(name_or_path: str) -> Machine:
 def preset_for_printer(model: str) -> str | None:
     """Return the preset for a slicer's `printer_model`, e.g. MK4S or MINIIS, or None."""
     return next((name for pattern, name in _MODELS if re.match(pattern, model.upper())), None)
+
+
+def preset_by_clearances(model: str) -> str | None:
+    """Return the preset made of the clearances in this printer's profile, or None."""
+    return _BY_CLEARANCES.get(model.strip().lower())
 
 
 def _presets() -> Traversable:

@@ -161,7 +161,7 @@ def test_mesh_with_holes_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
     ball.update_faces(ball.triangles_center[:, 0] < 5)
     source = tmp_path / "part.stl"
     ball.export(source)
-    said = refused(["plan", str(source), "--time-limit", "0.1"], capsys)
+    said = refused(["plan", str(source), "--machine", "paper", "--time-limit", "0.1"], capsys)
     assert "part.stl" in said
     assert "edge" in said
 
