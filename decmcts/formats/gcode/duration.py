@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED, TOOL
 from decmcts.formats.gcode.limits import (
-    firmware_retraction,
+    FirmwareRetraction,
     parameters,
     setting,
     state_limits,
@@ -95,8 +95,9 @@ def file_program(
     at = np.flatnonzero(turned)
     place = motion.before[at]
     length, feed = np.zeros(len(at)), np.zeros(len(at))
-    for k, n in enumerate(at.tolist()):
-        length[k], feed[k] = firmware_retraction(lines, track, n, pull=bool(turned[n] > 0))
+    firmware = FirmwareRetraction.of(lines.text, track) if len(at) else None
+    for k, n in enumerate(at.tolist() if firmware else []):
+        length[k], feed[k] = firmware.at(n, pull=bool(turned[n] > 0))
     line = np.insert(motion.line, place, at)
     walls = np.sort(
         np.concatenate([_lines_of(lines, 71, _STOPS_G), _lines_of(lines, 77, _STOPS_M)])

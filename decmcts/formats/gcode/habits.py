@@ -11,7 +11,7 @@ from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
 from decmcts._kernels.motion import TRAVELLING
 from decmcts.formats.gcode.document import Habits
 from decmcts.formats.gcode.grouping import Runs
-from decmcts.formats.gcode.limits import commanded, firmware_retraction, stated_limits
+from decmcts.formats.gcode.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
 from decmcts.formats.gcode.state import Track
@@ -124,7 +124,8 @@ def infer_settings(
 
 def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
     """Return length, and feeds back and forth, of firmware retraction: moves don't show them."""
-    pull, push = (firmware_retraction(lines, track, line, pull=way) for way in (True, False))
+    firmware = FirmwareRetraction.of(lines.text, track)
+    pull, push = (firmware.at(line, pull=way) for way in (True, False))
     return -pull[0], (pull[1], push[1])
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,6 @@ from decmcts._kernels.motion import (
     TRAVELLING,
 )
 from decmcts.formats.gcode.document import StateTable
-from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.state import Track
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limit_row
@@ -123,20 +123,33 @@ def parameters(text: str) -> dict[str, float]:
     return {key: float(value) for key, value in found}
 
 
-def firmware_retraction(
-    lines: Lines, track: Track, line: int, *, pull: bool
-) -> tuple[float, float]:
-    """Return filament moved (mm) and feed (mm/s) of a G10 or G11."""
-    state = int(track.at(line))
-    back = parameters(track.table.text(state, "retraction"))
-    forth = parameters(track.table.text(state, "unretraction"))
-    length = back.get("S", back.get("RETRACT_LENGTH", setting(lines.text, b"retract_length")))
-    feed = back.get("F", 0.0) / 60.0 or back.get("RETRACT_SPEED", 0.0)
-    feed = feed or setting(lines.text, b"retract_speed") or RETRACT_FEED
-    if not pull:
-        again = forth.get("F", 0.0) / 60.0 or back.get("UNRETRACT_SPEED", 0.0)
-        feed = again or setting(lines.text, b"deretract_speed") or feed
-    return (-1.0 if pull else 1.0) * (length or RETRACT_MM), feed
+@dataclass(frozen=True, slots=True)
+class FirmwareRetraction:
+    """What a G10 and a G11 move: M207 and M208 where they stand, else the file's settings."""
+
+    track: Track
+    length_mm: float  # the settings', 0: unsaid
+    feed: float  # mm/s back
+    unretract_feed: float  # mm/s forth
+
+    @staticmethod
+    def of(text: bytes, track: Track) -> FirmwareRetraction:
+        """Read the settings, once a file: looking for one goes through the whole text."""
+        names = (b"retract_length", b"retract_speed", b"deretract_speed")
+        return FirmwareRetraction(track, *(setting(text, name) for name in names))
+
+    def at(self, line: int, *, pull: bool) -> tuple[float, float]:
+        """Return filament moved (mm) and feed (mm/s) of the G10 or G11 of a line."""
+        state = int(self.track.at(line))
+        back = parameters(self.track.table.text(state, "retraction"))
+        forth = parameters(self.track.table.text(state, "unretraction"))
+        length = back.get("S", back.get("RETRACT_LENGTH", self.length_mm))
+        feed = back.get("F", 0.0) / 60.0 or back.get("RETRACT_SPEED", 0.0)
+        feed = feed or self.feed or RETRACT_FEED
+        if not pull:
+            again = forth.get("F", 0.0) / 60.0 or back.get("UNRETRACT_SPEED", 0.0)
+            feed = again or self.unretract_feed or feed
+        return (-1.0 if pull else 1.0) * (length or RETRACT_MM), feed
 
 
 def setting(text: bytes, name: bytes) -> float:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from decmcts.formats.gcode import limits
 from decmcts.formats.gcode.duration import text_time
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.print.machine import MotionLimits
@@ -19,8 +20,8 @@ ROOT = Path(__file__).parents[3]
 START = "G90\nM83\nG92 X0 Y0 Z0 E0\n"
 
 
-def seconds(text: str, limits: MotionLimits = LIMITS, **options: bool) -> float:
-    return text_time((START + text).encode(), limits, **options).total_s
+def seconds(text: str, machine: MotionLimits = LIMITS, **options: bool) -> float:
+    return text_time((START + text).encode(), machine, **options).total_s
 
 
 def test_a_print_a_travel_and_a_retraction():
@@ -44,6 +45,27 @@ def test_firmware_retraction_takes_its_time():
     text = "M207 S2 F2400\nG1 X10 E1 F600\n{}G1 X60 F9000\n{}"
     bare = seconds(text.format("", ""))
     assert seconds(text.format("G10\n", "G11\n")) == pytest.approx(bare + 2 * (2 / 40 + 40 / 800))
+
+
+def test_firmware_retraction_as_the_settings_state_it():
+    """Without M207 the slicer's comments say what G10 and G11 move."""
+    said = "; retract_length = 2\n; retract_speed = 40\n; deretract_speed = 20\n"
+    text = "G1 X10 E1 F600\n{}G1 X60 F9000\n{}"
+    bare = seconds(text.format("", ""))
+    due = 2 / 40 + 40 / 800 + 2 / 20 + 20 / 800
+    assert seconds(said + text.format("G10\n", "G11\n")) == pytest.approx(bare + due)
+
+
+@pytest.mark.parametrize("count", [1, 200])
+def test_settings_are_looked_for_once_however_often_it_retracts(count, monkeypatch):
+    """Each look goes through the whole text: one a G10 took minutes for a common file."""
+    looked = []
+    found = limits.setting
+    monkeypatch.setattr(
+        limits, "setting", lambda text, name: looked.append(name) or found(text, name)
+    )
+    seconds("G10\nG1 X10 F6000\nG11\nG1 X0 E1\n" * count)
+    assert len(looked) == len(set(looked)) == 3
 
 
 def test_settings_that_change_on_the_way_count_from_there():
