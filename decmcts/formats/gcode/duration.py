@@ -95,9 +95,10 @@ def file_program(
     at = np.flatnonzero(turned)
     place = motion.before[at]
     length, feed = np.zeros(len(at)), np.zeros(len(at))
-    firmware = FirmwareRetraction.of(lines.text, track) if len(at) else None
-    for k, n in enumerate(at.tolist() if firmware else []):
-        length[k], feed[k] = firmware.at(n, pull=bool(turned[n] > 0))
+    if len(at):
+        firmware = FirmwareRetraction.of(lines.text, track)
+        moved = [firmware.at(n, pull=bool(turned[n] > 0)) for n in at.tolist()]
+        length[:], feed[:] = np.array(moved).T
     line = np.insert(motion.line, place, at)
     walls = np.sort(
         np.concatenate([_lines_of(lines, 71, _STOPS_G), _lines_of(lines, 77, _STOPS_M)])
