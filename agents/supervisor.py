@@ -97,7 +97,7 @@ class Supervisor:
         """Return the `released` line all unfenced agents agree on.
 
         Ctrl-C, or `should_stop` saying so, ends planning: the agents then agree
-        on the best so far.
+        on the best so far. Ctrl-C after that goes on to the caller.
 
         Raises
         ------
@@ -113,8 +113,8 @@ class Supervisor:
                 if self._should_stop is not None and self._should_stop():
                     self.stop()
             except KeyboardInterrupt:
-                if self._stopping:
-                    raise LaunchError("interrupted twice: no plan") from None
+                if self._stopping or (self._should_stop is not None and self._should_stop()):
+                    raise  # the second: whoever launched wants out
                 self.stop()
 
     def stop(self) -> None:

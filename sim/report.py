@@ -22,6 +22,7 @@ from plotly.offline import get_plotlyjs
 
 from decmcts.formats.atomic import write_whole
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.search.certificate import INFORMS_PERCENT
 from sim.activity import activity
 from sim.canvas import TRAVEL, head_colour
 from sim.report_script import SCRIPT
@@ -122,8 +123,8 @@ def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, st
         rows.append(("time of travels, as the search prices it, s", "", f"{spent:,.1f}", ""))
     for unit, text in (("mm", "least travel"), ("s", "shortest travel time")):
         bound, gap = after.metrics.get(f"bound_{unit}"), after.metrics.get("gap_percent")
-        if isinstance(bound, int | float):
-            above = "" if gap is None else f"at most {gap:.1f} % above"
+        if isinstance(bound, int | float) and gap is not None and gap <= INFORMS_PERCENT:
+            above = f"at most {gap:.1f} % above"
             rows.append((f"{text} any order can have (proven), {unit}", "", f"{bound:,.1f}", above))
     chosen = [key for key in ("planner", "freedom", "seed") if key in after.metrics]
     rows += [(k, str(before.metrics.get(k, "")), str(after.metrics[k]), "") for k in chosen]

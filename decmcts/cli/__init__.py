@@ -1,7 +1,8 @@
 """The command line: the composition root, the only place that may import everything.
 
 `app` declares the commands; `pipeline` runs one print from file to checked plan;
-`outputs` writes what was asked for; `console` shows progress and tables.
+`outputs` writes what was asked for; `console` shows progress and tables on `streams`
+that never fail; `signals` is how a run is stopped.
 """
 
 from __future__ import annotations
@@ -9,11 +10,15 @@ from __future__ import annotations
 import gc
 import sys
 
+from decmcts.cli import signals, streams
+
 __all__ = ["main"]
 
 
 def main() -> None:
     """Run the command line; every failure is one line on standard error."""
+    streams.forgive()
+    signals.end_on_signals()
     gc.disable()  # what modules make stays: looking for garbage in it takes a seventh of the start
     try:
         from decmcts.cli.app import run  # takes a second: Ctrl-C may come in it
@@ -23,6 +28,8 @@ def main() -> None:
         code = run(sys.argv[1:])
     except KeyboardInterrupt:  # here, or while commands are still being built
         sys.stderr.write("decmcts: stopped; nothing was written\n")
-        sys.exit(130)
+        code = signals.exit_code()
+    signals.ignore_signals()  # what is done is done: nothing changes the exit code any more
     gc.freeze()  # nor on the way out, where it takes half a second
+    sys.stdout.flush()
     sys.exit(code)

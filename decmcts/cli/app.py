@@ -1,18 +1,14 @@
 """Declares the commands and turns every failure into one clear line.
 
 Exit codes: 0 done, 1 the result or the checked file has faults, 2 the input
-cannot be used, 70 an internal error (a traceback only with `--debug`), 130
-stopped by Ctrl-C before there was a result.
+cannot be used, 70 an internal error (a traceback only with `--debug`), 130, 143
+and 129 stopped by Ctrl-C, SIGTERM and SIGHUP before there was a result.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
-import signal
-import threading
 import traceback
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +17,7 @@ from typer.exceptions import TyperException
 
 from agents.supervisor import LaunchError
 from decmcts import __version__
+from decmcts.cli import signals
 from decmcts.errors import InputError, VerificationError
 from decmcts.print.machine import Machine
 
@@ -31,8 +28,7 @@ app = typer.Typer(
 )
 
 
-STOPPING = b"\ndecmcts: stopping, the best so far is written; Ctrl-C again writes nothing more\n"
-STOPPED = 130  # what typer makes of Ctrl-C
+STOPPED = 130  # what typer makes of a KeyboardInterrupt
 
 
 def _show_version(value: bool) -> None:
@@ -51,27 +47,6 @@ def options(
     """Options of every command."""
     if debug:
         os.environ["DECMCTS_DEBUG"] = "1"
-
-
-@contextlib.contextmanager
-def interrupt_stops() -> Iterator[Callable[[], bool]]:
-    """Let the first Ctrl-C end the search, not the program; yields `stop()`."""
-    stopped = threading.Event()
-
-    def on_interrupt(_signal: int, _frame: object) -> None:
-        if stopped.is_set():
-            raise KeyboardInterrupt
-        stopped.set()
-        os.write(2, STOPPING)  # a handler may not wait for the console's lock
-
-    if threading.current_thread() is not threading.main_thread():
-        yield stopped.is_set
-        return
-    previous = signal.signal(signal.SIGINT, on_interrupt)
-    try:
-        yield stopped.is_set
-    finally:
-        signal.signal(signal.SIGINT, previous)
 
 
 def machine_for(named: str | None, source: Path) -> tuple[Machine, str]:
@@ -103,6 +78,7 @@ def machine_for(named: str | None, source: Path) -> tuple[Machine, str]:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
+    signals.forget()
     try:
         code = app(args=arguments, prog_name="decmcts", standalone_mode=False)
     except TyperException as error:
@@ -119,7 +95,7 @@ def run(arguments: list[str]) -> int:
             70,
         )
     if code == STOPPED:
-        return _failed("stopped; no file was left half written", code)
+        return _failed("stopped; no file was left half written", signals.exit_code())
     return code if isinstance(code, int) else 0
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.certificate import EXACT_UP_TO, lower_bound
+from decmcts.search.certificate import EXACT_UP_TO, INFORMS_PERCENT, lower_bound
 from decmcts.search.problem import OrderProblem, Seams
 
 MOST_S = 10.0  # for the bound
@@ -68,7 +68,11 @@ def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:
 
 
 def bound_line(metrics: Mapping[str, Any]) -> str | None:
-    """Return one line on travel, bound and gap; None if no bound was asked for."""
+    """Return one line on travel, bound and gap; None if no bound was asked for.
+
+    A bound too far away to tell a good order from a quick one is not shown; it is in
+    the metrics for programs.
+    """
     what, travel, unit = "travel", metrics.get("extrusionless_travel_mm"), "mm"
     if "bound_s" in metrics:
         what, travel, unit = "travel time", metrics["travel_s"], "s"
@@ -77,8 +81,10 @@ def bound_line(metrics: Mapping[str, Any]) -> str | None:
     bound, gap = metrics[f"bound_{unit}"], metrics["gap_percent"]
     if bound is None:
         return f"no bound on the {what}: {metrics['bound_skipped']}"
-    above = "" if gap is None else f" → at most {gap:.1f} % above optimal"
-    if gap is not None and gap <= 100.0 * ROUNDING:
+    if gap is None or gap > INFORMS_PERCENT:
+        return f"{what} {travel:,.1f} {unit}; no useful bound was proven in the time it is given"
+    above = f" → at most {gap:.1f} % above optimal"
+    if gap <= 100.0 * ROUNDING:
         above = " → proven optimal"
     return f"{what} {travel:,.1f} {unit} ≥ bound {bound:,.1f} {unit}{above}"
 

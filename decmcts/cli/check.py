@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -18,6 +18,7 @@ from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import read_plan
+from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from sim.faults import FaultKind, Verdict
 from sim.seams import seams_of_file
@@ -41,12 +42,12 @@ def verify(
     """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any."""
     if not result.exists():
         raise InputError("no such file", path=result)
-    with steps(quiet=as_json) as (announce, _):
+    with steps() as (announce, _):
         announce(f"verifying {result.name}")
         verdict = judge(result, source, machine, seed=seed, trials=trials)
     if as_json:
         faults = [str(fault) for fault in verdict.faults]
-        print_json({"file": str(result), "ok": not faults, "faults": faults})
+        print_json("decmcts-verdict/1", {"file": str(result), "ok": not faults, "faults": faults})
     else:
         for fault in verdict.faults:
             out.print(str(fault), soft_wrap=True, markup=False)
@@ -116,22 +117,45 @@ def machines(
         Path | None, typer.Option("--draw", help="Folder for a PNG of every machine listed")
     ] = None,
     machine: opt.ListedMachineOption = None,
+    as_json: opt.JsonOption = False,
 ) -> None:
     """List the machines; with --draw, draw their heads."""
-    from rich.padding import Padding
-
     if draw is not None and not draw.is_dir():
         raise InputError("no such folder", path=draw, advice="make it first")
-    for name in [machine] if machine else preset_names():
-        m = load_machine(name)
-        bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
-        slices = ", ".join(f"{s.height_mm:g}" for s in m.heads[0].slices)
-        heads = " ".join(h.name for h in m.heads)
-        out.print(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm", soft_wrap=True)
-        out.print(Padding(m.source.split(";")[0], (0, 0, 0, 4)))
-        if draw is not None:
-            from sim.pictures import draw_machine  # takes a second to load
+    listed = [load_machine(name) for name in ([machine] if machine else preset_names())]
+    for m in listed if draw is not None else []:
+        from sim.pictures import draw_machine  # takes a second to load
 
-            draw_machine(m, draw / f"{m.name}.png")
+        assert draw is not None
+        draw_machine(m, draw / f"{m.name}.png")
+    if as_json:
+        print_json("decmcts-machines/1", {"machines": [facts(m) for m in listed]})
+        return
+    for m in listed:
+        show_machine(m)
     if draw is not None:
         out.print(f"wrote a PNG a machine to {draw}", soft_wrap=True)
+
+
+def show_machine(m: Machine) -> None:
+    """Print a machine in a few lines."""
+    from rich.padding import Padding
+
+    known = facts(m)
+    bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
+    slices = ", ".join(f"{height:g}" for height in known["slices_mm"])
+    heads = " ".join(known["heads"])
+    out.print(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm", soft_wrap=True)
+    out.print(Padding(m.source.split(";")[0], (0, 0, 0, 4)))
+
+
+def facts(m: Machine) -> dict[str, Any]:
+    """Return what `--json` prints of a machine."""
+    return {
+        "name": m.name,
+        "source": m.source,
+        "bed_min": list(m.bed_min),
+        "bed_max": list(m.bed_max),
+        "heads": [head.name for head in m.heads],
+        "slices_mm": [float(part.height_mm) for part in m.heads[0].slices],
+    }

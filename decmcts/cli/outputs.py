@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from decmcts import __version__
-from decmcts.cli.console import clock_time
+from decmcts.cli.console import clock_time, summary_of
 from decmcts.cli.pipeline import Planned
 from decmcts.cli.quality import cooling_line
 from decmcts.errors import InputError, VerificationError
@@ -25,6 +26,7 @@ from sim.faults import Verdict
 from sim.seams import seams_of_plan
 from sim.written import verify_written
 
+STDOUT = Path("-")  # as an output: standard output
 SAME_TIME_S = 1.0  # times of whole files that differ by less are the same
 
 
@@ -33,8 +35,10 @@ def refuse_unwritable(paths: Sequence[Path | None], source: Path) -> None:
 
     No output may be the input, or another output.
     """
+    if source == STDOUT:
+        raise InputError("standard input is not read", advice="give the name of a file")
     taken: set[Path] = set()
-    for path in (p for p in paths if p is not None):
+    for path in (p for p in paths if p is not None and p != STDOUT):
         place = Path(os.path.realpath(path))
         _refuse_place(path)
         if path.exists() and source.exists() and path.samefile(source):
@@ -58,6 +62,33 @@ def _refuse_place(path: Path) -> None:
     refuse_special(path)
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
         raise InputError("cannot write here", path=path, advice="name another output")
+
+
+def refuse_two_on_stdout(output: Path | None, *, as_json: bool) -> None:
+    """Raise InputError where result and summary both want standard output."""
+    if output == STDOUT and as_json:
+        raise InputError(
+            "-o - and --json both want standard output", advice="name a file with -o FILE"
+        )
+
+
+def put(content: bytes, path: Path) -> None:
+    """Write a result to its file, whole or not at all, or to standard output (`-`).
+
+    Raises
+    ------
+    InputError
+        When it cannot be written.
+    """
+    if path != STDOUT:
+        save_text(content, path)
+        return
+    try:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is closed"
+        raise InputError(f"standard output cannot be written ({reason})") from error
 
 
 def refuse_other_suffixes(plan: Path | None, report: Path | None, picture: Path | None) -> None:
@@ -119,6 +150,16 @@ def file_time_line(before_s: float, after_s: float, retracted_mm: float | None) 
     )
 
 
+def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
+    """Return the line on the time of a result's whole file; None where there is no other."""
+    if times is None or times.before_s is None:
+        return None
+    settings = planned.loaded.job.settings
+    retracts = settings.firmware_retraction or settings.retract_mm > 0.0
+    retracted_mm = settings.retract_min_travel_mm if retracts else None
+    return file_time_line(times.before_s, times.after_s, retracted_mm)
+
+
 def write_single(planned: Planned, path: Path) -> FileTimes:
     """Write the reordered G-code of a one-head plan, if it stands up to being read back.
 
@@ -146,7 +187,7 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
             path,
         )
         times = _file_times(planned, draft)
-        save_text(draft.read_bytes(), path)
+        put(draft.read_bytes(), path)
     return times
 
 
@@ -172,6 +213,10 @@ def require_sound(verdict: Verdict, path: Path) -> None:
 
 def head_files(stem: Path, machine: Machine) -> list[Path]:
     """Return the names of the files of the machine's heads, `STEM_HEAD.gcode`."""
+    if stem == STDOUT:
+        raise InputError(
+            "several files do not go to standard output", advice="name a stem, such as -o part"
+        )
     if not stem.name:
         raise InputError("the output is a folder", path=stem, advice="name a stem in it")
     return [stem.with_name(f"{stem.name}_{head.name}.gcode") for head in machine.heads]
@@ -217,8 +262,10 @@ def write_extras(
     return written
 
 
-def figures(planned: Planned) -> dict[str, Any]:
-    """Return what `--json` prints of a result."""
+def figures(
+    planned: Planned, paths: Sequence[Path], times: FileTimes | None = None
+) -> dict[str, Any]:
+    """Return what `--json` prints of a result that was written to `paths`."""
     loaded = planned.loaded
     return {
         "input": str(loaded.path),
@@ -230,5 +277,8 @@ def figures(planned: Planned) -> dict[str, Any]:
         "seconds": {name: round(value, 3) for name, value in planned.seconds.items()},
         "before": planned.before.metrics,
         "after": planned.after.metrics,
+        "gain": summary_of(planned.before.metrics, planned.after.metrics),
+        "file_time_s": {"before": times.before_s, "after": times.after_s} if times else None,
         "verified": True,
+        "written": [str(path) for path in paths],
     }

@@ -7,26 +7,35 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from decmcts.cli import options as opt
 from decmcts.cli import sop
-from decmcts.cli.app import app, interrupt_stops, machine_for
+from decmcts.cli.app import app, machine_for
 from decmcts.cli.bound import bound_line
-from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
+from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.outputs import (
+    STDOUT,
     FileTimes,
     figures,
-    file_time_line,
     refuse_other_suffixes,
+    refuse_two_on_stdout,
     refuse_unwritable,
+    whole_file_line,
     write_extras,
     write_single,
 )
-from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
+from decmcts.cli.pipeline import Announce, Planned, load, plan_single, single_head_machine
 from decmcts.cli.quality import Quality, cooling_line
+from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.sop import is_sop
+
+ONLY_SHOWN = (
+    "nothing will be written, as neither -o nor --plan, --report or --picture is given: "
+    "this shows what a new order saves"
+)
 
 
 @app.command()
@@ -65,6 +74,11 @@ def plan(
         return
     refuse_unwritable([output, plan_file, report, picture], source)
     refuse_other_suffixes(plan_file, report, picture)
+    refuse_two_on_stdout(output, as_json=as_json)
+    policy = seam_of(freedom, seam)
+    only_shown = not (as_json or output or plan_file or report or picture)
+    if only_shown:
+        err.print(ONLY_SHOWN, soft_wrap=True)
     slicing = SliceOptions(
         layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters
     )
@@ -73,7 +87,7 @@ def plan(
         machine,
         planner=planner.value,
         freedom=freedom.value,
-        seam=seam_of(freedom, seam),
+        seam=policy,
         process_order=process_order.value,
         objective=objective.value,
         limits=limits.value,
@@ -81,17 +95,29 @@ def plan(
         time_limit_s=time_limit,
         seed=seed,
         slicing=slicing,
-        quiet=as_json,
         certificate=certificate,
     )
-    started = time.perf_counter()
     times: FileTimes | None = None
-    with interrupt_stops():  # a first Ctrl-C lets everything be written
+    with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
         if output is not None:
-            times = write_single(planned, output)
-        planned.seconds["write"] = time.perf_counter() - started
-        written = write_extras(planned, plan=plan_file, report=report, picture=picture)
-    show(planned, [*([output] if output else []), *written], times, as_json=as_json)
+            times = write_timed(planned, output, announce)
+        paths = [output] if output is not None else []
+        if plan_file or report or picture:
+            announce("writing plan, report and pictures")
+            paths += write_extras(planned, plan=plan_file, report=report, picture=picture)
+    with written():
+        show(planned, paths, times, as_json=as_json, to=err if output == STDOUT else out)
+        if only_shown:
+            err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
+
+
+def write_timed(planned: Planned, path: Path, announce: Announce) -> FileTimes:
+    """Write the G-code, say so while it is done, and keep how long it took."""
+    started = time.perf_counter()
+    announce(f"writing {path.name}, reading it back and judging it")
+    times = write_single(planned, path)
+    planned.seconds["write"] = time.perf_counter() - started
+    return times
 
 
 def seam_of(freedom: opt.Freedom, seam: opt.Seam | None) -> str:
@@ -116,29 +142,23 @@ def run_single(
     seed: int,
     seam: str,
     slicing: SliceOptions,
-    quiet: bool,
     certificate: bool = False,
     objective: str = "travel",
     limits: str = "source",
 ) -> Planned:
     """Load, plan and verify for one head (the first, where the machine has several)."""
     chosen, origin = machine_for(machine, source)
-    if origin and not quiet:
+    if origin:
         err.print(origin, soft_wrap=True, markup=False)
     if len(chosen.heads) > 1:
         head, n = chosen.heads[0].name, len(chosen.heads)
-        if not quiet:
-            err.print(
-                f"{chosen.name} has {n} heads; planned for {head} alone, `decmcts launch` uses all",
-                soft_wrap=True,
-            )
+        err.print(
+            f"{chosen.name} has {n} heads; planned for {head} alone, `decmcts launch` uses all",
+            soft_wrap=True,
+        )
         chosen = single_head_machine(chosen, 0)
-    with (
-        interrupt_stops() as stop,
-        steps(
-            quiet=quiet, time_limit_s=time_limit_s, unit="s" if objective == "time" else "mm"
-        ) as (announce, searched),
-    ):
+    unit = "s" if objective == "time" else "mm"
+    with steps(time_limit_s=time_limit_s, unit=unit) as (announce, searched):
         loaded = load(
             source,
             chosen,
@@ -149,56 +169,56 @@ def run_single(
             own_limits=limits == "source",
             freedom=freedom,
         )
-        return plan_single(
-            loaded,
-            planner=planner,
-            freedom=freedom,
-            seam=seam,
-            time_limit_s=time_limit_s,
-            seed=seed,
-            announce=announce,
-            certificate=certificate,
-            objective=objective,
-            progress=searched,
-            stop=stop,
-        )
+        with interrupt_stops() as stop:  # from here on there is something to keep
+            return plan_single(
+                loaded,
+                planner=planner,
+                freedom=freedom,
+                seam=seam,
+                time_limit_s=time_limit_s,
+                seed=seed,
+                announce=announce,
+                certificate=certificate,
+                objective=objective,
+                progress=searched,
+                stop=stop,
+            )
 
 
 def show(
-    planned: Planned, written: list[Path], times: FileTimes | None = None, *, as_json: bool
+    planned: Planned,
+    paths: list[Path],
+    times: FileTimes | None = None,
+    *,
+    as_json: bool,
+    to: Console = out,
 ) -> None:
-    """Print the summary, for a person or for a program."""
+    """Print the summary, for a person (`to` a console) or for a program."""
     before, after = planned.before.metrics, planned.after.metrics
     if as_json:
-        print_json(
-            {
-                **figures(planned),
-                "gain": summary_of(before, after),
-                **(
-                    {"file_time_s": {"before": times.before_s, "after": times.after_s}}
-                    if times
-                    else {}
-                ),
-                "written": [str(path) for path in written],
-            }
-        )
+        print_json("decmcts-result/1", figures(planned, paths, times))
         return
-    for barrier in planned.loaded.job.barriers:
-        err.print(f"nothing moves across line {barrier.line}: {barrier.text} ({barrier.reason})")
-    for note in planned.loaded.job.notes:
-        err.print(note)
+    show_notes(planned)
     title = (
         f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
         f"planner {after['planner']} for {after['objective']}, seed {after['seed']}, verified"
     )
-    out.print(gain_table(before, after, title))
+    to.print(gain_table(before, after, title))
     for line in (bound_line(after), cooling_line(planned.after)):
         if line:
-            out.print(line, soft_wrap=True)
-    if times is not None and times.before_s is not None:
-        settings = planned.loaded.job.settings
-        retracts = settings.firmware_retraction or settings.retract_mm > 0.0
-        retracted_mm = settings.retract_min_travel_mm if retracts else None
-        out.print(file_time_line(times.before_s, times.after_s, retracted_mm), soft_wrap=True)
-    for path in written:
-        out.print(f"wrote {path}", soft_wrap=True)
+            to.print(line, soft_wrap=True)
+    if line := whole_file_line(planned, times):
+        to.print(line, soft_wrap=True)
+    for path in paths:
+        to.print(f"wrote {path}", soft_wrap=True)
+
+
+def show_notes(planned: Planned) -> None:
+    """Say what in the source bound the search, or was not taken as it is."""
+    for barrier in planned.loaded.job.barriers:
+        err.print(
+            f"nothing moves across line {barrier.line}: {barrier.text} ({barrier.reason})",
+            soft_wrap=True,
+        )
+    for note in planned.loaded.job.notes:
+        err.print(note, soft_wrap=True)

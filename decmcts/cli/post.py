@@ -13,9 +13,12 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.outputs import write_single
-from decmcts.cli.plan import run_single, seam_of, show
+from decmcts.cli.console import out, print_json, steps, summary_of, written
+from decmcts.cli.outputs import FileTimes, figures, refuse_unwritable, whole_file_line
+from decmcts.cli.pipeline import Planned
+from decmcts.cli.plan import run_single, seam_of, show_notes, write_timed
 from decmcts.cli.quality import Quality
+from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 
@@ -35,8 +38,10 @@ def post(
     max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
+    as_json: opt.JsonOption = False,
 ) -> None:
     """Reorder a G-code file in place, as a slicer's post-processing script."""
+    refuse_unwritable([], path)
     if path.suffix.lower() in MESH_SUFFIXES:
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
     planned = run_single(
@@ -52,7 +57,23 @@ def post(
         time_limit_s=time_limit,
         seed=seed,
         slicing=SliceOptions(),
-        quiet=False,
     )
-    times = write_single(planned, path)
-    show(planned, [path], times, as_json=False)
+    with interrupt_stops(), steps() as (announce, _):
+        times = write_timed(planned, path, announce)
+    with written():
+        show_rewritten(planned, path, times, as_json=as_json)
+
+
+def show_rewritten(planned: Planned, path: Path, times: FileTimes, *, as_json: bool) -> None:
+    """Print the result in one line, for slicers show or log what a script says."""
+    if as_json:
+        print_json("decmcts-result/1", figures(planned, [path], times))
+        return
+    show_notes(planned)
+    travel = summary_of(planned.before.metrics, planned.after.metrics)["emitted_travel_mm"]
+    took = f"; {line}" if (line := whole_file_line(planned, times)) else ""
+    out.print(
+        f"{path}: rewritten and verified; travel {travel['before']:,.0f} → {travel['after']:,.0f}"
+        f" mm ({travel['less_percent']:.1f} % less){took}",
+        soft_wrap=True,
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from pathlib import Path
@@ -9,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from decmcts.cli.app import interrupt_stops
-from decmcts.cli.console import out, print_json, steps
-from decmcts.cli.outputs import refuse_unwritable
+from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.outputs import STDOUT, put, refuse_unwritable
 from decmcts.cli.pipeline import COMPILING_S
+from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError, VerificationError
-from decmcts.formats.sop import SopInstance, read_sop, write_tour
+from decmcts.formats.sop import SopInstance, read_sop, tour_text
+from decmcts.search.certificate import INFORMS_PERCENT
 from decmcts.search.sop import SopResult, solve_sop
 
 _MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})
@@ -44,7 +46,7 @@ def plan_sop(
     seconds: dict[str, float] = {}
     with (
         interrupt_stops() as stop,
-        steps(quiet=as_json, time_limit_s=time_limit_s, unit="") as (announce, told),
+        steps(time_limit_s=time_limit_s, unit="") as (announce, told),
     ):
         announce(f"reading {source.name}")
         started = time.perf_counter()
@@ -66,8 +68,10 @@ def plan_sop(
             raise InputError(error.what, path=source, advice=error.advice) from error
         seconds["plan"] = time.perf_counter() - started
         require_sound(instance, found)
-        write_tour(target, name=instance.name, order=found.order, cost=found.cost)
-    show(source, instance, found, seconds, target, as_json=as_json)
+        text = tour_text(name=instance.name, order=found.order, cost=found.cost)
+        put(text, target)
+    with written():
+        show(source, instance, found, seconds, target, as_json=as_json)
 
 
 def compile_search() -> None:
@@ -108,6 +112,7 @@ def show(
     """Print the result, for a person or for a program."""
     if as_json:
         print_json(
+            "decmcts-tour/1",
             {
                 "input": str(source),
                 "nodes": len(instance),
@@ -121,15 +126,17 @@ def show(
                 "seed": found.seed,
                 "verified": True,
                 "written": [str(target)],
-            }
+            },
         )
         return
     proven = "proven optimal" if found.optimal else f"bound {found.bound:,.10g}"
-    if found.bound > 0.0 and not found.optimal:
-        proven += f", at most {100 * (found.cost / found.bound - 1):.1f} % above optimal"
-    out.print(
+    gap = 100.0 * (found.cost / found.bound - 1.0) if found.bound > 0.0 else math.inf
+    if gap <= INFORMS_PERCENT and not found.optimal:
+        proven += f", at most {gap:.1f} % above optimal"
+    to = err if target == STDOUT else out
+    to.print(
         f"{source.name}: {len(instance)} nodes, cost {found.cost:,.10g}, {proven} "
         f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified",
         soft_wrap=True,
     )
-    out.print(f"wrote {target}", soft_wrap=True)
+    to.print(f"wrote {target}", soft_wrap=True)

@@ -17,8 +17,8 @@ from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.supervisor import AgentStatus, LaunchError
 from decmcts.cli import options as opt
-from decmcts.cli.app import app, interrupt_stops
-from decmcts.cli.console import err, gain_table, out, print_json, steps, summary_of
+from decmcts.cli.app import app
+from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.outputs import (
     figures,
     head_files,
@@ -29,6 +29,7 @@ from decmcts.cli.outputs import (
 )
 from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
 from decmcts.cli.quality import Quality
+from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.warm import compiling_ahead
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
@@ -67,12 +68,13 @@ def launch(
         quality=Quality(quality, max_layers_ahead=max_layers_ahead),
         time_limit_s=time_limit,
         seed=seed,
-        quiet=as_json,
     )
-    with interrupt_stops():  # a first Ctrl-C lets everything be written
-        written = write_heads(planned, output) if output is not None else []
-        written += write_extras(planned, plan=plan_file, report=report, picture=picture)
-    show_team(planned, written, as_json=as_json)
+    with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
+        announce("writing files")
+        paths = write_heads(planned, output) if output is not None else []
+        paths += write_extras(planned, plan=plan_file, report=report, picture=picture)
+    with written():
+        show_team(planned, paths, as_json=as_json)
 
 
 def run_team(
@@ -83,10 +85,9 @@ def run_team(
     quality: Quality,
     time_limit_s: float,
     seed: int,
-    quiet: bool,
 ) -> Planned:
     """Load, let the agents plan and agree, schedule, verify."""
-    with steps(quiet=quiet) as (announce, _):
+    with steps() as (announce, _):
         loaded = load(
             source,
             machine,
@@ -107,9 +108,9 @@ def run_team(
             seed=seed,
         ).toolpath
     started = time.perf_counter()
-    result = _agreed(loaded, time_limit_s, seed, quiet=quiet)
+    result = _agreed(loaded, time_limit_s, seed)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
-    with steps(quiet=quiet) as (announce, _):
+    with steps() as (announce, _):
         announce("safe travels, times and order across heads")
         after = _best_of(loaded, result, order, seed=seed, time_limit_s=time_limit_s)
         history = [] if result is None else _history(result)
@@ -126,10 +127,10 @@ def _uncooled(loaded: Loaded) -> Loaded:
     return dataclasses.replace(loaded, min_layer_time_s=0.0)
 
 
-def _agreed(loaded: Loaded, time_limit_s: float, seed: int, *, quiet: bool) -> LaunchResult | None:
+def _agreed(loaded: Loaded, time_limit_s: float, seed: int) -> LaunchResult | None:
     """Return what the agents agreed on, or None: one head alone is always left."""
     try:
-        result = _planned_by_agents(loaded, time_limit_s, seed, quiet=quiet)
+        result = _planned_by_agents(loaded, time_limit_s, seed)
     except LaunchError as error:
         err.print(f"{error}; one head prints alone", markup=False)
         return None
@@ -142,9 +143,7 @@ def _slicing() -> SliceOptions:
     return SliceOptions(center=(150.0, 150.0))
 
 
-def _planned_by_agents(
-    loaded: Loaded, time_limit_s: float, seed: int, *, quiet: bool
-) -> LaunchResult:
+def _planned_by_agents(loaded: Loaded, time_limit_s: float, seed: int) -> LaunchResult:
     """Run the agents with a live table of what each is doing."""
     with (
         interrupt_stops() as stopped,
@@ -152,8 +151,7 @@ def _planned_by_agents(
     ):
 
         def show(agents: tuple[AgentStatus, ...]) -> None:
-            if not quiet:
-                live.update(agents_table(agents))
+            live.update(agents_table(agents))
 
         return launch_agents(
             loaded.job,
@@ -244,12 +242,11 @@ def _history(result: LaunchResult) -> list[tuple[float, float]]:
     return history
 
 
-def show_team(planned: Planned, written: list[Path], *, as_json: bool) -> None:
+def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
     """Print the summary of a joint plan."""
     before, after = planned.before.metrics, planned.after.metrics
     if as_json:
-        gain = summary_of(before, after)
-        print_json({**figures(planned), "gain": gain, "written": [str(p) for p in written]})
+        print_json("decmcts-result/1", figures(planned, paths))
         return
     title = (
         f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
@@ -261,7 +258,7 @@ def show_team(planned: Planned, written: list[Path], *, as_json: bool) -> None:
         f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "
         f"at most {after['bound']['speedup']:.2f}x faster is possible here"
     )
-    for path in written:
+    for path in paths:
         out.print(f"wrote {path}", soft_wrap=True)
 
 
@@ -293,14 +290,13 @@ def demo(
             quality=Quality(),
             time_limit_s=time_limit,
             seed=seed,
-            quiet=False,
         )
-    written = write_heads(planned, folder / "plate")
-    written += write_extras(
+    paths = write_heads(planned, folder / "plate")
+    paths += write_extras(
         planned,
         plan=folder / "plan.json",
         report=folder / "report.html",
         picture=folder / "plate.png",
     )
     draw_gantt(folder / "gantt.png", planned.after)
-    show_team(planned, [*written, folder / "gantt.png"], as_json=False)
+    show_team(planned, [*paths, folder / "gantt.png"], as_json=False)

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.formats.atomic import write_whole
 
 SOP_SUFFIXES = (".sop", ".sop.gz")
 MOST_NODES = 20_000  # 3.2 GB of costs
@@ -67,17 +66,11 @@ def read_sop(path: Path | str) -> SopInstance:
     return _instance(header["NAME"][0] or source.name, _matrix(lines, first, n, source))
 
 
-def write_tour(path: Path | str, *, name: str, order: NDArray[np.int32], cost: float) -> None:
-    """Write a tour (`TYPE: TOUR`), nodes numbered from 1; wholly or not at all.
-
-    Raises
-    ------
-    InputError
-        When it cannot be written.
-    """
+def tour_text(*, name: str, order: NDArray[np.int32], cost: float) -> bytes:
+    """Return a tour as a file (`TYPE: TOUR`), nodes numbered from 1."""
     head = f"NAME: {name}\nTYPE: TOUR\nCOMMENT: cost {cost:.10g}\nDIMENSION: {len(order)}\n"
     body = "".join(f"{node + 1}\n" for node in order)
-    write_whole(path, f"{head}TOUR_SECTION\n{body}-1\nEOF\n".encode())
+    return f"{head}TOUR_SECTION\n{body}-1\nEOF\n".encode()
 
 
 def _text(source: Path) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.sop import is_sop, read_sop, write_tour
+from decmcts.formats.sop import is_sop, read_sop, tour_text
 
 HEAD = (
     "NAME: tiny.sop\nTYPE: SOP\nCOMMENT: three nodes\nDIMENSION: 3\n"
@@ -104,8 +104,7 @@ def test_damaged_and_missing_files_are_named(tmp_path: Path) -> None:
 
 def test_a_tour_is_numbered_from_one(tmp_path: Path) -> None:
     """Other programs read it: TSPLIB counts from 1 and ends with -1."""
-    path = tmp_path / "tiny.tour"
-    write_tour(path, name="tiny", order=np.array([0, 2, 1], np.int32), cost=1234567.5)
-    text = path.read_text()
+    tour = tour_text(name="tiny", order=np.array([0, 2, 1], np.int32), cost=1234567.5)
+    text = tour.decode()
     assert "DIMENSION: 3\nTOUR_SECTION\n1\n3\n2\n-1\nEOF\n" in text
     assert "cost 1234567.5" in text

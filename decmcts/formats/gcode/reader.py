@@ -314,5 +314,6 @@ def _notes(parsed: _Parsed, blocks: Blocks) -> tuple[str, ...]:
     if curved := int(np.isin(codes, (20, 30)).sum()):
         notes.append(f"{curved} arc chords, at most {CHORD_ERROR_MM} mm from the arc")
     if len(blocks.blocks):
-        notes.append(f"{len(blocks.blocks)} places nothing is moved across")
+        n = len(blocks.blocks)
+        notes.append(f"{n} place{'s' * (n != 1)} nothing is moved across")
     return tuple(notes)

@@ -1,0 +1,99 @@
+"""Ctrl-C, SIGTERM and SIGHUP mean the same: keep the best so far; again: end at once.
+
+Where there is no result to keep, the first one ends the program. Its exit code
+is 128 + the signal's number: 130, 143, 129.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from types import FrameType
+from typing import Any
+
+Handler = Callable[[int, FrameType | None], Any] | int | None
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+STOPPING = "\ndecmcts: stopping, the best so far is written; {again} again writes nothing more\n"
+_asked = threading.Event()  # to stop, by any signal since `forget`
+_finished = threading.Event()  # everything asked for is written
+_numbers: list[int] = []  # of the signals that came
+
+
+def end_on_signals() -> None:
+    """Let every signal end the program in order: folders removed, children stopped."""
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        _numbers.append(number)
+        if not _finished.is_set():
+            raise KeyboardInterrupt
+
+    _handle(on_signal)
+
+
+def ignore_signals() -> None:
+    """Let nothing change the exit code any more."""
+    _handle(signal.SIG_IGN)
+
+
+def finish() -> None:
+    """Everything asked for is written: signals change nothing any more."""
+    _finished.set()
+
+
+def exit_code() -> int:
+    """Return the code of a program that a signal ended."""
+    return 128 + int(_numbers[-1] if _numbers else signal.SIGINT)
+
+
+def forget() -> None:
+    """Begin anew, with no signal heard."""
+    _asked.clear()
+    _finished.clear()
+    _numbers.clear()
+
+
+@contextlib.contextmanager
+def interrupt_stops() -> Iterator[Callable[[], bool]]:
+    """Let the first signal end the search, not the program; yields `stop()`.
+
+    The second one ends the program, also where another `with` is by then at work.
+    """
+
+    def on_signal(number: int, _frame: FrameType | None) -> None:
+        _numbers.append(number)
+        if _finished.is_set():
+            return
+        if _asked.is_set():
+            raise KeyboardInterrupt
+        _asked.set()
+        again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+        with contextlib.suppress(OSError):  # a handler may not wait for the console's lock
+            os.write(2, STOPPING.format(again=again).encode())
+
+    if threading.current_thread() is not threading.main_thread():
+        yield _asked.is_set
+        return
+    previous = _handle(on_signal)
+    try:
+        yield _asked.is_set
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+def _handle(handler: Handler) -> dict[int, Handler]:
+    """Set the handler of all signals; returns what there was.
+
+    A signal that whoever started the program had ignored (`nohup`) stays ignored, but
+    for Ctrl-C: shells ignore it for what they run in the background.
+    """
+    previous: dict[int, Handler] = {}
+    for number in SIGNALS:
+        if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:
+            previous[number] = signal.signal(number, handler)
+    return previous
