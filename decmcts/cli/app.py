@@ -11,6 +11,7 @@ import os
 import traceback
 from pathlib import Path
 from typing import Annotated
+from unicodedata import category
 
 import typer
 from typer.exceptions import TyperException
@@ -114,7 +115,9 @@ def _failed(error: Exception | str, code: int) -> int:
 
     if os.environ.get("DECMCTS_DEBUG"):
         traceback.print_exc()
-    err.print(" ".join(f"decmcts: {error}".split()), soft_wrap=True, markup=False)
+    line = " ".join(f"decmcts: {error}".split())
+    # What comes out of a damaged file must not command the terminal.
+    err.print("".join("?" if category(c) == "Cc" else c for c in line), soft_wrap=True)
     return code
 
 

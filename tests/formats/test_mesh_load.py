@@ -145,5 +145,5 @@ def test_a_corner_that_is_no_number_is_refused(tmp_path, suffix):
     corners = box.vertices.copy()
     corners[0, 0] = np.nan
     broken = trimesh.Trimesh(corners, box.faces, process=False)
-    with pytest.raises(InputError, match="coordinates"):
+    with pytest.raises(InputError, match="coordinate"):
         load_solid(save(broken, tmp_path / f"box.{suffix}"), None)

@@ -6,12 +6,14 @@ stays open is refused, because a solid with holes has no inside to fill.
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
 import trimesh
 
 from decmcts.errors import InputError
+from decmcts.formats.mesh.whole import is_text_stl, read_text_stl, whole
 
 _LARGEST_MM = 1e5
 _NOTHING = "holds no triangles"
@@ -29,8 +31,12 @@ def load_solid(path: Path, center: tuple[float, float] | None) -> trimesh.Trimes
         For an unreadable or empty file, non-finite or absurd coordinates, and
         a mesh with holes.
     """
-    mesh = _joined(_read(path), path)
-    if not np.isfinite(mesh.bounds).all() or np.abs(mesh.bounds).max() > _LARGEST_MM:
+    mesh = _read(path)
+    if not len(mesh.faces):
+        raise InputError(_NOTHING, path=path, advice=_EXPORT)
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError("a coordinate is no finite number", path=path, advice=_EXPORT)
+    if np.abs(mesh.bounds).max() > _LARGEST_MM:
         raise InputError(f"coordinates beyond {_LARGEST_MM:g} mm", path=path, advice="check units")
     if not mesh.extents.min() > 0.0:
         raise InputError("the mesh is flat", path=path)
@@ -44,11 +50,19 @@ def load_solid(path: Path, center: tuple[float, float] | None) -> trimesh.Trimes
     return mesh
 
 
-def _read(path: Path) -> trimesh.Scene:
-    if path.suffix.lower() == ".stl" and path.exists() and path.stat().st_size == 0:
-        raise InputError("is empty", path=path)
+def _read(path: Path) -> trimesh.Trimesh:
+    """Return all triangles of a file, placed, in mm."""
     try:
-        return trimesh.load_scene(path, process=False)  # it would drop what is not finite
+        content = whole(path.read_bytes(), path)
+        if path.suffix.lower() == ".stl" and is_text_stl(content):
+            return read_text_stl(content, path)
+        kind = path.suffix.lower()[1:]
+        # process: it would drop what is not finite
+        scene = trimesh.load_scene(io.BytesIO(content), file_type=kind, process=False)
+        _check_corners(scene, path)
+        return _joined(scene, path)
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", path=path) from error
     except KeyError as error:  # a 3MF file without items has no root in trimesh's scene
@@ -58,8 +72,27 @@ def _read(path: Path) -> trimesh.Scene:
 
 
 def _first_line(error: Exception) -> str:
+    """Return what a parser found in one line, in words where it has none of its own."""
     lines = str(error).splitlines()
+    if isinstance(error, IndexError):
+        return "an index names a point that is not there"
+    if isinstance(error, ValueError) and not isinstance(error, SyntaxError):
+        return "a line is cut off, or something in it is no number"
     return lines[0][:120] if lines else type(error).__name__
+
+
+def _check_corners(scene: trimesh.Scene, path: Path) -> None:
+    """Raise InputError for triangles between points that are not there."""
+    for part in scene.geometry.values():
+        faces = getattr(part, "faces", None)
+        if faces is None or not len(faces):
+            continue
+        if faces.min() < 0 or faces.max() >= len(part.vertices):
+            raise InputError(
+                f"a triangle names point {faces.max() + 1} of {len(part.vertices)}",
+                path=path,
+                advice=_EXPORT,
+            )
 
 
 def _joined(scene: trimesh.Scene, path: Path) -> trimesh.Trimesh:
