@@ -20,7 +20,7 @@ from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
 from decmcts.formats.gcode.edges import state_edges
 from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
-from decmcts.formats.gcode.habits import filament_diameter, infer_settings
+from decmcts.formats.gcode.habits import filament_diameter, infer_settings, owed_at_begins
 from decmcts.formats.gcode.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.lines import Lines, split_lines
 from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
@@ -145,8 +145,8 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         str(path), lines.span(0, top), lines.span(bottom, len(lines)),
         b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
         start, cursor_at(motion, parsed.track, bottom), blocks.blocks, parsed.track.table,
-        point_state, _owed(parsed, blocks.tied), bool(motion.modes[first, 1]),
-        float(motion.extruder[first, 2]), motion.decimals, habits,
+        point_state, owed_at_begins(motion, runs, habits, blocks.tied),
+        bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
     )  # fmt: skip
     name = Path(path).name.removesuffix(".gz").rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
@@ -208,15 +208,6 @@ def _preamble_end(parsed: _Parsed) -> int:
     pushed = float(motion.extrusion[motion.before[top] : runs.first[0]].sum())
     owed = float(motion.extruder[top - 1, 1]) if top else 0.0
     return first if abs(pushed - owed) > PRIMED_MM else top
-
-
-def _owed(parsed: _Parsed, tied: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the filament still retracted at each contour: in tool changes it may be unloaded."""
-    above = np.maximum(parsed.motion.line[parsed.runs.first] - 1, 0)
-    owed = parsed.motion.extruder[above, 1]
-    owed = np.where(tied & (owed > 1e-4), owed, 0.0)
-    owed.setflags(write=False)
-    return owed
 
 
 def _towers(parsed: _Parsed) -> NDArray[np.bool_]:

@@ -170,7 +170,7 @@ def print_contour(
     emitter.set_state(state[0], before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
-    emitter.owe(float(emitter.document.owed[contour]))
+    emitter.restart(float(emitter.document.owed[contour]))
     if len(emitter.lines) == written and not emitter.parted:
         emitter.say(SPLIT_MARK)
     emitter.parted = False
