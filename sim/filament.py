@@ -28,9 +28,9 @@ def check_owed(
 ) -> list[Fault]:
     """Check that beads begin with as much filament retracted as the source's.
 
-    One the source begins without a retraction may have what the source leaves
-    after its retractions. Less than the source leaves is fine where nothing was
-    pushed back, for then nothing had been retracted.
+    One the source begins without a retraction may have what the source usually
+    leaves after its retractions, its habit. Less than the habit is fine where nothing
+    was pushed back, for then nothing had been retracted.
 
     Parameters
     ----------
@@ -44,13 +44,14 @@ def check_owed(
     begins = np.concatenate([[True], np.diff(motions.contour[rows]) != 0])
     rows, contour = rows[begins], contour[begins]
     owed = motions.owed[rows]
-    due = np.zeros(len(rows))
+    due, habit = np.zeros(len(rows)), 0.0
     theirs = source() if expected or (owed > OWED_MM).any() else None
     if theirs is not None:
-        due = _due(theirs, int(contour.max()) + 1)[contour]
+        due, habit = _due(theirs, int(contour.max()) + 1)
+        due = due[contour]
     pushed = _between_beads(motions, motions.extrusion > 0)[rows]
     short = owed > due + OWED_MM
-    over = (owed < due - OWED_MM) & pushed
+    over = (owed < np.minimum(due, habit) - OWED_MM) & pushed
     line = np.asarray(motions.line)[rows]
     return listed(
         FaultKind.STATE,
@@ -62,18 +63,18 @@ def check_owed(
     )
 
 
-def _due(source: Motions, n: int) -> Floats:
-    """Return what the source leaves retracted when it begins each contour, (n,) mm."""
+def _due(source: Motions, n: int) -> tuple[Floats, float]:
+    """Return what the source leaves retracted when it begins each contour, (n,), and usually."""
     due = np.zeros(max(n, int(source.contour.max(initial=-1)) + 1))
     if source.owed is None:
-        return due
+        return due, 0.0
     laying = np.flatnonzero(source.contour >= 0)
     begins = laying[np.concatenate([[True], np.diff(source.contour[laying]) != 0])[: len(laying)]]
     owed = source.owed[begins]
     pulled = _between_beads(source, source.extrusion < 0)[begins] | np.isinf(owed)
     habit = float(np.median(owed[pulled])) if pulled.any() else 0.0
     due[source.contour[begins]] = np.where(pulled, owed, np.maximum(owed, habit))
-    return due
+    return due, habit
 
 
 def _between_beads(motions: Motions, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
