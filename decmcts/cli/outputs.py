@@ -18,6 +18,7 @@ from decmcts.errors import InputError, VerificationError
 from decmcts.formats.atomic import refuse_special
 from decmcts.formats.gcode import write_gcode, write_head_gcode
 from decmcts.formats.gcode.duration import print_time
+from decmcts.formats.gcode.progress import restated
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import write_plan
@@ -178,6 +179,9 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
             draft,
             header_lines=header_lines(planned),
         )
+        times = _file_times(planned, draft)
+        if times.before_s:
+            draft.write_bytes(restated(draft.read_bytes(), times.after_s / times.before_s))
         lane = planned.after.plan.heads[0]
         seams = list(seams_of_plan(lane))
         require_sound(
@@ -186,7 +190,6 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
             ),
             path,
         )
-        times = _file_times(planned, draft)
         put(draft.read_bytes(), path)
     return times
 

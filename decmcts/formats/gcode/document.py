@@ -69,7 +69,8 @@ class Habits:
 
     restart_extra: float = 0.0  # mm pushed back more than was retracted; below 0: less
     resets_e: bool = False  # G92 E0 occurs in the print
-    progress: bool = False  # M73 occurs in the print
+    progress: str = ""  # parameters of M73 in the print, of P, R (normal mode), Q, S (silent)
+    silent_share: float = 0.0  # time in silent mode over that in normal mode, as M73 says
 
 
 @dataclass(frozen=True, slots=True)

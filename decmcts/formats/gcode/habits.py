@@ -14,6 +14,7 @@ from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
+from decmcts.formats.gcode.progress import silent_share
 from decmcts.formats.gcode.state import Track
 from decmcts.print.job import ProcessSettings
 
@@ -119,7 +120,8 @@ def infer_settings(
     return settings, Habits(
         restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled], amount),
         resets_e=_occurs(lines, motion, runs, 71, 920),
-        progress=_occurs(lines, motion, runs, 77, 730),
+        progress=_progress(lines, motion, runs),
+        silent_share=silent_share(lines.text),
     )
 
 
@@ -157,6 +159,14 @@ def _restart_extra(surplus: NDArray[np.float64], retract_mm: float) -> float:
     """
     small = surplus[(surplus >= -max(retract_mm, EXTRA_LIMIT_MM)) & (surplus <= EXTRA_LIMIT_MM)]
     return float(np.median(small)) if len(small) else 0.0
+
+
+def _progress(lines: Lines, motion: Motion, runs: Runs) -> str:
+    """Return which parameters of M73 occur between the first bead and the last."""
+    first, last = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
+    told = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
+    words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in told.tolist()})
+    return "".join(letter for letter in "PRQS" if letter.encode() in words)
 
 
 def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:

@@ -27,6 +27,22 @@ _FAULTS = {
 }
 
 
+_PROGRESS = re.compile(rb"M0*73(?![0-9.])", re.I)
+_OPEN_BRACKET = re.compile(rb"\([^);]*(?:;|\Z)")
+
+
+def command_of(line: bytes) -> bytes:
+    """Return what a line commands: no comment, line number, checksum or extra blanks.
+
+    Nothing where it only tells progress (M73), which another order counts anew.
+    """
+    code = line.split(b";", 1)[0]
+    if _NUMBERED.match(code):
+        code = _NUMBERED.sub(rb"\1", code)
+    code = b" ".join(code.split())
+    return b"" if code[:1] in (b"(", b"") or _PROGRESS.match(code) else code
+
+
 @dataclass(frozen=True, slots=True)
 class Lines:
     """Every line of one file; line k of the text (from 1) is index k - 1."""
@@ -96,6 +112,7 @@ def split_lines(text: bytes, path: Path | str) -> Lines:
 
 
 def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
+    _check_brackets(lines)
     bad = np.flatnonzero(fault)
     if len(bad):
         first = int(bad[0])
@@ -107,6 +124,24 @@ def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
     if len(large):
         raise lines.refuse(int(large[0]), f"a coordinate beyond ±{LIMIT_MM:g} mm")
     _check_tail(lines)
+
+
+def _check_brackets(lines: Lines) -> None:
+    """Refuse a G command with a bracket that stays open: firmwares differ in what it hides.
+
+    RepRapFirmware takes the rest of the line for a comment, Marlin reads on (but for
+    PAREN_COMMENTS), Klipper knows no brackets and stops.
+    """
+    at = lines.text.find(b"(")
+    while at >= 0:
+        line = int(np.searchsorted(lines.starts, at, side="right")) - 1
+        row = lines.raw(line)
+        if lines.letter[line] == ord("G") and _OPEN_BRACKET.search(row.split(b";", 1)[0] + b";"):
+            raise lines.refuse(
+                line, "a bracket that is not closed hides the rest of the line from some firmwares",
+                "close the comment, or begin it with a semicolon",
+            )  # fmt: skip
+        at = lines.text.find(b"(", int(lines.ends[line]))
 
 
 def _check_tail(lines: Lines) -> None:

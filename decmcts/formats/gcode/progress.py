@@ -3,7 +3,7 @@
 M73 P, R, Q and S are counted anew; M73 C and D (time to the next stop) are left
 out, for stops have other work before them. Times in comments are multiplied by
 what the whole file takes now over what it took, so a slicer's own calibration
-stays; those of a first layer are left out. docs/dialects.md has the table.
+stays; those of a first layer are left out. docs/gcode.md has the table.
 """
 
 from __future__ import annotations
@@ -69,9 +69,7 @@ class Progress:
         """Return the parameters of one mode, of those the source has."""
         share = self._silent if words == "QS" else 1.0
         values = (f"{percent:.0f}", f"{left_s * share / 60.0:.0f}")
-        return " ".join(
-            f"{w}{v}" for w, v in zip(words, values, strict=True) if w in self._words
-        )
+        return " ".join(f"{w}{v}" for w, v in zip(words, values, strict=True) if w in self._words)
 
     def above(self, preamble: bytes) -> bytes:
         """Return the start G-code with what its M73 say counted anew."""
@@ -87,8 +85,7 @@ class Progress:
 
 
 def without_progress(text: bytes, *, keep: tuple[bytes, ...] = ()) -> Iterator[bytes]:
-    """Yield the lines of verbatim text; M73 as comments, but for those with `keep` alone, or 100 %.
-    """
+    """Yield the lines of verbatim text, M73 as comments but where it says 100 % or only `keep`."""
     for line in text.splitlines(keepends=True):
         found = _M73.match(line)
         words = dict(_WORD.findall(found[1].upper())) if found else {}

@@ -22,7 +22,7 @@ from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
 from decmcts.formats.gcode.habits import filament_diameter, infer_settings, owed_at_begins
 from decmcts.formats.gcode.limits import commanded, state_limits, stated_limits
-from decmcts.formats.gcode.lines import Lines, split_lines
+from decmcts.formats.gcode.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
@@ -119,10 +119,11 @@ def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
     """
     parsed = _parse(path)
     end = document.postamble
-    if not parsed.lines.text.rstrip().endswith(end.rstrip()):
+    due = end.rstrip().split(b"\n") if end.strip() else []
+    has = parsed.lines.text.rstrip().split(b"\n")
+    line = len(has) - len(due)
+    if list(map(command_of, has[max(line, 0) :])) != list(map(command_of, due)):
         raise InputError("the end G-code is not the source's", path=path)
-    open_line = 1 if end and not end.endswith(b"\n") else 0
-    line = len(parsed.lines) - end.count(b"\n") - open_line
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())

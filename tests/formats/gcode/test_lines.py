@@ -88,3 +88,17 @@ def test_number_equals_python_float(value, places):
     text = f"{value:.{places}f}"
     got = split_lines(f"G1 X{text}\n".encode(), "t").values[0, 0]
     assert got == pytest.approx(float(re.sub(r"^-0$", "0", text)), abs=1e-11)
+
+
+@pytest.mark.parametrize("row", ["G1 X9 (half E.5 F900", "G1 X5 (a;b)", "G92 (x E0"])
+def test_a_bracket_that_stays_open_is_refused(row):
+    """Firmwares differ in what it hides: the E behind it would be lost in silence here."""
+    with pytest.raises(InputError, match="bracket") as caught:
+        split_lines(f"G28\n{row}\n".encode(), "x")
+    assert caught.value.line == 2
+
+
+@pytest.mark.parametrize("row", ["(note", "M117 (x", "G1 X9 (a) E.5", "G1 X1 ; (b", "; (c"])
+def test_brackets_that_hide_nothing_are_fine(row):
+    """Messages, comments and closed brackets mean the same to all."""
+    assert len(split_lines(f"G28\n{row}\n".encode(), "x")) == 2
