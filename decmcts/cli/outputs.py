@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from decmcts.cli.pipeline import Planned
 from decmcts.cli.quality import cooling_line
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.atomic import refuse_special
+from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode import write_gcode, write_head_gcode
 from decmcts.formats.gcode.duration import print_time
 from decmcts.formats.gcode.progress import restated
@@ -71,6 +71,11 @@ def refuse_two_on_stdout(output: Path | None, *, as_json: bool) -> None:
         raise InputError(
             "-o - and --json both want standard output", advice="name a file with -o FILE"
         )
+
+
+def name_of(path: Path) -> str:
+    """Return an output's name as people know it."""
+    return "standard output" if path == STDOUT else str(path)
 
 
 def put(content: bytes, path: Path) -> None:
@@ -170,8 +175,8 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
         When the text differs from the verified plan; what was at `path` is untouched.
     """
     loaded = planned.loaded
-    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
-        draft = Path(folder) / "draft.gcode"
+    with draft_folder() as folder:
+        draft = folder / "draft.gcode"
         write_gcode(
             loaded.document,
             loaded.job,

@@ -18,6 +18,7 @@ from decmcts.cli.outputs import (
     STDOUT,
     FileTimes,
     figures,
+    name_of,
     refuse_other_suffixes,
     refuse_two_on_stdout,
     refuse_unwritable,
@@ -114,7 +115,7 @@ def plan(
 def write_timed(planned: Planned, path: Path, announce: Announce) -> FileTimes:
     """Write the G-code, say so while it is done, and keep how long it took."""
     started = time.perf_counter()
-    announce(f"writing {path.name}, reading it back and judging it")
+    announce(f"writing {name_of(path)}, reading it back and judging it")
     times = write_single(planned, path)
     planned.seconds["write"] = time.perf_counter() - started
     return times
@@ -210,7 +211,7 @@ def show(
     if line := whole_file_line(planned, times):
         to.print(line, soft_wrap=True)
     for path in paths:
-        to.print(f"wrote {path}", soft_wrap=True)
+        to.print(f"wrote {name_of(path)}", soft_wrap=True)
 
 
 def show_notes(planned: Planned) -> None:
