@@ -34,6 +34,7 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.filament import check_owed, check_surplus
 from sim.file_contacts import check_file_material
 from sim.inventory import NO_MATCH, contour_segments, match_segments
+from sim.priming import check_file_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.seams import Moved, source_with
 
@@ -72,6 +73,8 @@ def verify_written(
     known = match != NO_MATCH
     epoch = np.asarray(job.contours.epoch, np.int64)[source]
     faults += check_file_epochs(np.asarray(motions.line)[laid], match, epoch)
+    printed = np.where(known, source[match], -1)
+    faults += check_file_priming(job.contours, printed, refills=job.refills)
     faults += check_owed(
         motions, laid[known], source[match[known]], theirs, expected=bool(document.owed.any())
     )

@@ -32,6 +32,7 @@ from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limits_of
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
+REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after
 _SLICERS = re.compile(
     rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
     rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
@@ -160,9 +161,18 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text), _notes(parsed, blocks),
-        limits, None if unsaid else said,
+        limits, None if unsaid else said, _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
+
+
+def _refills(parsed: _Parsed, blocks: Blocks) -> tuple[int, ...]:
+    """Return the epochs that begin where the nozzle is fed anew or stood still for long."""
+    barriers = parsed.track.barriers.items()
+    lines = np.array([line for line, reason in barriers if reason in REFILLS], np.int64)
+    next_one = np.searchsorted(parsed.motion.line[parsed.runs.first], lines)
+    within = (next_one > 0) & (next_one < len(blocks.epoch))
+    return tuple(np.unique(blocks.epoch[next_one[within]]).tolist())
 
 
 def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
