@@ -12,9 +12,7 @@ Reinelt 1991, "TSPLIB: a traveling salesman problem library", section 1.2
 
 from __future__ import annotations
 
-import gzip
 import re
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.formats.bounds import unpacked
 
 SOP_SUFFIXES = (".sop", ".sop.gz")
 MOST_NODES = 20_000  # 3.2 GB of costs
@@ -80,16 +79,9 @@ def tour_text(*, name: str, order: NDArray[np.int32], cost: float) -> bytes:
 def _text(source: Path) -> str:
     """Return the content of a file, unpacked."""
     try:
-        content = source.read_bytes()
-        if source.name.lower().endswith(".gz"):
-            content = gzip.decompress(content)
-        return content.decode("ascii")
+        return unpacked(source.read_bytes(), source).decode("ascii")
     except FileNotFoundError as error:
         raise InputError("no such file", path=source) from error
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise InputError(
-            f"damaged gzip file ({error})", path=source, advice="fetch it again"
-        ) from error
     except UnicodeDecodeError as error:
         raise InputError(
             f"byte {error.start} is no text", path=source, advice="give a TSPLIB .sop file"

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from decmcts._kernels import gcode_scan as scan
 from decmcts.errors import InputError
+from decmcts.formats.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
 
-LIMIT_MM = 1e5  # no printer reaches 100 m; larger coordinates are damage
+LARGEST_E_MM = 1e9  # of absolute E, which may count for years
+LARGEST_RADIUS_MM = 1e6  # nearly straight arcs have their centre far away
 _NUMBERED = re.compile(
     rb"^[ \t]*N\d+[ \t]*([^;\r\n]*?)[ \t]*(?:\*\d+)?[ \t]*(?=[;\r\n]|\Z)", re.I | re.M
 )
@@ -117,12 +119,16 @@ def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
     if len(bad):
         first = int(bad[0])
         raise lines.refuse(first, _FAULTS[int(fault[first])], "export the G-code again")
-    finite = np.nan_to_num(lines.values[:, : scan.F], nan=0.0)
-    large = np.flatnonzero((np.abs(finite) > LIMIT_MM).any(axis=1) & (lines.letter == 71))
-    huge_e = np.abs(finite[large, scan.E]) > 1e9  # absolute E may be long
-    large = large[(np.abs(finite[large, : scan.E]) > LIMIT_MM).any(axis=1) | huge_e]
-    if len(large):
-        raise lines.refuse(int(large[0]), f"a coordinate beyond ±{LIMIT_MM:g} mm")
+    for column, most, what in (
+        (slice(scan.X, scan.E), LARGEST_MM, "a coordinate"),
+        (slice(scan.OFFSET_I, scan.D), LARGEST_RADIUS_MM, "the centre of an arc"),
+        (slice(scan.E, scan.F), LARGEST_E_MM, "an amount of filament"),
+        (slice(scan.F, scan.OFFSET_I), 60.0 * LARGEST_SPEED_MM_S, "a feed"),
+    ):
+        wild = np.abs(lines.values[:, column]) > most  # NaN, a parameter left out, is not
+        large = np.flatnonzero(wild.any(axis=1) & (lines.letter == 71))
+        if len(large):
+            raise lines.refuse(int(large[0]), f"{what} beyond ±{most:g}")
     _check_tail(lines)
 
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 import gzip
 import io
 import os
-import zlib
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
 from decmcts.formats.atomic import write_whole
+from decmcts.formats.bounds import unpacked
 
 
 def load_text(path: Path | str) -> bytes:
@@ -32,11 +32,7 @@ def load_text(path: Path | str) -> bytes:
             advice="export plain G-code (PrusaSlicer: Printer Settings > General > Supports "
             "binary G-code off), or convert it with Prusa's bgcode tool",
         )
-    if raw[:2] == b"\x1f\x8b":
-        try:
-            raw = gzip.decompress(raw)
-        except (OSError, EOFError, zlib.error) as error:
-            raise InputError(f"damaged gzip data ({error})", path=path) from error
+    raw = unpacked(raw, path)
     if not raw.strip():
         raise InputError("the file is empty", path=path, advice="export the G-code again")
     if b"\0" in raw:
