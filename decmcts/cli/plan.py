@@ -43,7 +43,7 @@ ONLY_SHOWN = (
 def plan(
     context: typer.Context,
     source: opt.Input,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write G-code")] = None,
+    output: opt.GcodeOption = None,
     machine: opt.MachineOption = None,
     planner: opt.PlannerOption = opt.Planner.HYBRID,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
@@ -57,7 +57,10 @@ def plan(
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     certificate: Annotated[
-        bool, typer.Option(help="Prove how far from optimal the travel is at most")
+        bool,
+        typer.Option(
+            help="Prove how far from optimal the travel is at most", rich_help_panel=opt.SEARCH
+        ),
     ] = True,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,

@@ -145,6 +145,20 @@ def test_heads_that_cannot_print_it_all_end_the_launch(scene: Scene) -> None:
         scene.run()
 
 
+def test_the_second_interrupt_goes_to_whoever_launched(scene: Scene) -> None:
+    """The first asks for the best so far; the second wants out, not one head's plan instead."""
+    scene.supervisor.stop()
+
+    def interrupt(_agents: object) -> None:
+        raise KeyboardInterrupt
+
+    scene.supervisor._on_progress = interrupt
+    scene.says(0, {"event": "ready"})
+    with pytest.raises(KeyboardInterrupt):
+        scene.run()
+    assert {"command": "stop"} in scene.children[0].told
+
+
 @pytest.mark.slow
 def test_an_agent_that_never_gets_ready_is_fenced() -> None:
     """A process that hangs while loading must not hang the launch."""
