@@ -147,16 +147,17 @@ def test_heads_that_cannot_print_it_all_end_the_launch(scene: Scene) -> None:
 
 def test_the_second_interrupt_goes_to_whoever_launched(scene: Scene) -> None:
     """The first asks for the best so far; the second wants out, not one head's plan instead."""
-    scene.supervisor.stop()
+    asked: list[bool] = []
 
-    def interrupt(_agents: object) -> None:
-        raise KeyboardInterrupt
+    def interrupted() -> bool:
+        asked.append(True)
+        if len(asked) == 2:
+            raise KeyboardInterrupt  # as a handler does, wherever the supervisor is
+        return True
 
-    scene.supervisor._on_progress = interrupt
-    scene.says(0, {"event": "ready"})
     with pytest.raises(KeyboardInterrupt):
-        scene.run()
-    assert {"command": "stop"} in scene.children[0].told
+        scene.run(should_stop=interrupted)
+    assert scene.children[0].told == [{"command": "stop"}]
 
 
 @pytest.mark.slow
