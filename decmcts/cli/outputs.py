@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +15,11 @@ from decmcts.cli.console import clock_time, summary_of
 from decmcts.cli.pipeline import Planned
 from decmcts.cli.quality import cooling_line
 from decmcts.errors import InputError, VerificationError
-from decmcts.formats.atomic import refuse_special
-from decmcts.formats.drafts import draft_folder
+from decmcts.formats.atomic import refuse_special, write_whole
 from decmcts.formats.gcode import write_gcode, write_head_gcode
+from decmcts.formats.gcode.binary import SUFFIX
 from decmcts.formats.gcode.duration import print_time
-from decmcts.formats.gcode.progress import restated
-from decmcts.formats.gcode.source_text import save_text
+from decmcts.formats.gcode.source_text import load_text, packed_text, save_text
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import write_plan
 from decmcts.print.machine import Machine
@@ -73,13 +73,10 @@ def refuse_two_on_stdout(output: Path | None, *, as_json: bool) -> None:
         )
 
 
-def name_of(path: Path) -> str:
-    """Return an output's name as people know it."""
-    return "standard output" if path == STDOUT else str(path)
-
-
-def put(content: bytes, path: Path) -> None:
+def put(content: bytes, path: Path, *, packed: bool = False) -> None:
     """Write a result to its file, whole or not at all, or to standard output (`-`).
+
+    Unless it is `packed` already it becomes what the file's name says.
 
     Raises
     ------
@@ -87,7 +84,10 @@ def put(content: bytes, path: Path) -> None:
         When it cannot be written.
     """
     if path != STDOUT:
-        save_text(content, path)
+        if packed:
+            write_whole(path, content)
+        else:
+            save_text(content, path)
         return
     try:
         sys.stdout.buffer.write(content)
@@ -95,6 +95,19 @@ def put(content: bytes, path: Path) -> None:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is closed"
         raise InputError(f"standard output cannot be written ({reason})") from error
+
+
+def refuse_unpackable(output: Path | None, source: Path) -> None:
+    """Raise InputError for a .bgcode that what is read cannot be made into."""
+    if output is None or output.suffix.lower() != SUFFIX:
+        return
+    if source.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            "what is made of a mesh is not written as .bgcode",
+            path=output,
+            advice="name a .gcode file",
+        )
+    packed_text(load_text(source), output, source)
 
 
 def refuse_other_suffixes(plan: Path | None, report: Path | None, picture: Path | None) -> None:
@@ -175,8 +188,8 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
         When the text differs from the verified plan; what was at `path` is untouched.
     """
     loaded = planned.loaded
-    with draft_folder() as folder:
-        draft = folder / "draft.gcode"
+    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
+        draft = Path(folder) / "draft.gcode"
         write_gcode(
             loaded.document,
             loaded.job,
@@ -184,9 +197,6 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
             draft,
             header_lines=header_lines(planned),
         )
-        times = _file_times(planned, draft)
-        if times.before_s:
-            draft.write_bytes(restated(draft.read_bytes(), times.after_s / times.before_s))
         lane = planned.after.plan.heads[0]
         seams = list(seams_of_plan(lane))
         require_sound(
@@ -195,7 +205,8 @@ def write_single(planned: Planned, path: Path) -> FileTimes:
             ),
             path,
         )
-        put(draft.read_bytes(), path)
+        times = _file_times(planned, draft)
+        put(packed_text(draft.read_bytes(), path, loaded.path), path, packed=True)
     return times
 
 

@@ -18,9 +18,9 @@ from decmcts.cli.outputs import (
     STDOUT,
     FileTimes,
     figures,
-    name_of,
     refuse_other_suffixes,
     refuse_two_on_stdout,
+    refuse_unpackable,
     refuse_unwritable,
     whole_file_line,
     write_extras,
@@ -43,7 +43,7 @@ ONLY_SHOWN = (
 def plan(
     context: typer.Context,
     source: opt.Input,
-    output: opt.GcodeOption = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write G-code")] = None,
     machine: opt.MachineOption = None,
     planner: opt.PlannerOption = opt.Planner.HYBRID,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
@@ -57,10 +57,7 @@ def plan(
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     certificate: Annotated[
-        bool,
-        typer.Option(
-            help="Prove how far from optimal the travel is at most", rich_help_panel=opt.SEARCH
-        ),
+        bool, typer.Option(help="Prove how far from optimal the travel is at most")
     ] = True,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
@@ -77,6 +74,7 @@ def plan(
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_unwritable([output, plan_file, report, picture], source)
+    refuse_unpackable(output, source)
     refuse_other_suffixes(plan_file, report, picture)
     refuse_two_on_stdout(output, as_json=as_json)
     policy = seam_of(freedom, seam)
@@ -118,7 +116,7 @@ def plan(
 def write_timed(planned: Planned, path: Path, announce: Announce) -> FileTimes:
     """Write the G-code, say so while it is done, and keep how long it took."""
     started = time.perf_counter()
-    announce(f"writing {name_of(path)}, reading it back and judging it")
+    announce(f"writing {path.name}, reading it back and judging it")
     times = write_single(planned, path)
     planned.seconds["write"] = time.perf_counter() - started
     return times
@@ -214,7 +212,7 @@ def show(
     if line := whole_file_line(planned, times):
         to.print(line, soft_wrap=True)
     for path in paths:
-        to.print(f"wrote {name_of(path)}", soft_wrap=True)
+        to.print(f"wrote {path}", soft_wrap=True)
 
 
 def show_notes(planned: Planned) -> None:

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.bounds import LARGEST_MM
-from decmcts.formats.fields import Fields, fail, points, shown
+from decmcts.formats.fields import Fields, fail, points
 from decmcts.formats.head_polygon import check_polygon, covers_nozzle
 from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Slice
 
@@ -110,10 +109,10 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
         source=given.text("source", ""),
         bed_min=_pair(bed, "min"),
         bed_max=_pair(bed, "max"),
-        clearance_mm=_size(given, "clearance_mm", defaults.clearance_mm),
+        clearance_mm=given.number("clearance_mm", defaults.clearance_mm, least=0.0),
         bead_width=given.flag("bead_width", defaults.bead_width),
-        head_clearance_mm=_size(given, "head_clearance_mm", defaults.head_clearance_mm),
-        lift_mm=_size(given, "lift_mm", defaults.lift_mm),
+        head_clearance_mm=given.number("head_clearance_mm", defaults.head_clearance_mm, least=0.0),
+        lift_mm=given.number("lift_mm", defaults.lift_mm, least=0.0),
         limits=_limits(given),
         rail=_rail(given.table("rail")) if "rail" in given.values else None,
         heads=tuple(_head(head) for head in given.tables("heads")),
@@ -150,11 +149,11 @@ def _rail(table: Fields) -> Rail:
     table.only("axis", "order", "separation_mm")
     axis = table.need("axis")
     if axis not in _AXES:
-        table.fail("axis", f"expected 'x' or 'y', found {shown(axis)}")
+        table.fail("axis", f"expected 'x' or 'y', found {axis!r}")
     order = table.items("order")
     if len(set(map(str, order))) != len(order) or len(order) < 2:
-        table.fail("order", f"expected two or more different heads, found {shown(order)}")
-    return Rail(_AXES.index(axis), tuple(map(str, order)), _size(table, "separation_mm"))
+        table.fail("order", f"expected two or more different heads, found {order!r}")
+    return Rail(_AXES.index(axis), tuple(map(str, order)), table.number("separation_mm", least=0.0))
 
 
 def _head(table: Fields) -> Head:
@@ -165,7 +164,7 @@ def _head(table: Fields) -> Head:
     low, high = _reach(table)
     tools = table.items("tools") if "tools" in table.values else []
     if any(type(tool) is not int or tool < 0 for tool in tools):
-        table.fail("tools", f"expected tool numbers from 0, found {shown(tools)}")
+        table.fail("tools", f"expected tool numbers from 0, found {tools!r}")
     return Head(
         name=table.text("name"),
         slices=tuple(slices),
@@ -179,11 +178,11 @@ def _head(table: Fields) -> Head:
 
 def _slice(table: Fields) -> Slice:
     table.only("height", "height_mm", "polygons")
-    height = _size(table, "height_mm" if "height_mm" in table.values else "height")
+    height = table.number("height_mm" if "height_mm" in table.values else "height", least=0.0)
     polygons: list[NDArray[np.float64]] = []
     for number, rows in enumerate(table.items("polygons"), 1):
         place = f"{table.where} (height {height:g}), polygon {number}"
-        polygon = points(rows, (2,), place, table.path, most=LARGEST_MM)
+        polygon = points(rows, (2,), place, table.path)
         check_polygon(polygon, place, table.path)
         polygon.setflags(write=False)
         polygons.append(polygon)
@@ -225,28 +224,23 @@ def _reach(
     if "reach" in table.values:
         reach = table.table("reach")
         reach.only("min", "max")
-        low = _triple(reach, "min", most=_UNREACHED)
-        high = _triple(reach, "max", most=_UNREACHED)
+        low, high = _triple(reach, "min"), _triple(reach, "max")
     if "reach_min" in table.values:
-        low = _triple(table, "reach_min", most=_UNREACHED)
+        low = _triple(table, "reach_min")
     if "reach_max" in table.values:
-        high = _triple(table, "reach_max", most=_UNREACHED)
+        high = _triple(table, "reach_max")
     if not all(a <= b for a, b in zip(low, high, strict=True)):
         table.fail("reach", f"min {list(low)} is above max {list(high)}")
     return low, high
 
 
-def _size(table: Fields, key: str, usual: float | None = None) -> float:
-    return table.number(key, usual, least=0.0, most=LARGEST_MM)
-
-
 def _pair(table: Fields, key: str) -> tuple[float, float]:
-    x, y = table.point(key, 2, most=LARGEST_MM)
+    x, y = table.point(key, 2)
     return x, y
 
 
-def _triple(table: Fields, key: str, *, most: float = LARGEST_MM) -> tuple[float, float, float]:
-    x, y, z = table.point(key, 3, most=most)
+def _triple(table: Fields, key: str) -> tuple[float, float, float]:
+    x, y, z = table.point(key, 3)
     return x, y, z
 
 

@@ -1,4 +1,4 @@
-"""Bytes in and out: plain or gzipped G-code, and what is refused at the door.
+"""Bytes in and out: plain, gzipped or binary G-code, and what is refused at the door.
 
 Nothing here looks at a command.
 """
@@ -8,31 +8,31 @@ from __future__ import annotations
 import gzip
 import io
 import os
+import zlib
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
 from decmcts.formats.atomic import write_whole
-from decmcts.formats.bounds import unpacked
+from decmcts.formats.gcode.binary import SUFFIX, is_binary, pack, unpack
 
 
 def load_text(path: Path | str) -> bytes:
-    """Return the bytes of a G-code file, unpacked.
+    """Return the text of a G-code file, unpacked; what it is shows its content, not its name.
 
     Raises
     ------
     InputError
-        When the file cannot be read, is empty, binary G-code or no text at all.
+        When the file cannot be read, is empty, damaged or no G-code at all.
     """
     raw = _read(Path(path))
-    if raw[:4] == b"GCDE":
-        raise InputError(
-            "this is binary G-code (.bgcode), which is not read",
-            path=path,
-            advice="export plain G-code (PrusaSlicer: Printer Settings > General > Supports "
-            "binary G-code off), or convert it with Prusa's bgcode tool",
-        )
-    raw = unpacked(raw, path)
+    if raw[:2] == b"\x1f\x8b":
+        try:
+            raw = gzip.decompress(raw)
+        except (OSError, EOFError, zlib.error) as error:
+            raise InputError(f"damaged gzip data ({error})", path=path) from error
+    if is_binary(raw):
+        raw = unpack(raw, path)
     if not raw.strip():
         raise InputError("the file is empty", path=path, advice="export the G-code again")
     if b"\0" in raw:
@@ -54,21 +54,35 @@ def _read(path: Path) -> bytes:
 
 
 def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
-    """Write `text` to a path (atomically; gzipped if it ends in .gz) or to a stream.
+    """Write `text` to a path (atomically; .gz and .bgcode packed) or to a stream.
 
     Raises
     ------
     InputError
-        When the path is .bgcode or cannot be written; what was there before is untouched.
+        When it cannot be packed or written; what was there before is untouched.
     """
     if isinstance(out, io.TextIOBase):
         out.write(text.decode("utf-8", "surrogateescape"))
     elif isinstance(out, (str, os.PathLike)):
-        if Path(out).suffix == ".bgcode":
-            raise InputError(
-                "binary G-code (.bgcode) is not written", path=out, advice="name a .gcode file"
-            )
-        packed = gzip.compress(text, 6, mtime=0) if Path(out).suffix == ".gz" else text
-        write_whole(out, packed)
+        write_whole(out, packed_text(text, Path(out)))
     else:
         out.write(text)  # type: ignore[arg-type]  # a binary stream
+
+
+def packed_text(text: bytes, out: Path, source: Path | None = None) -> bytes:
+    """Return `text` as a file of this name holds it: plain, gzipped or binary.
+
+    In the place of its source it is binary if the source is. What is made of a binary
+    source keeps its metadata and thumbnails.
+
+    Raises
+    ------
+    InputError
+        When it cannot be packed.
+    """
+    old = _read(source) if source is not None and source.exists() else b""
+    like = old if is_binary(old) else None
+    in_place = source is not None and source.exists() and out.exists() and out.samefile(source)
+    if (like is not None) if in_place else out.suffix.lower() == SUFFIX:
+        return pack(text, like=like, path=out)
+    return gzip.compress(text, 6, mtime=0) if out.suffix.lower() == ".gz" else text

@@ -159,7 +159,7 @@ def test_gzip_reads_as_plain(tmp_path):
     [
         (b"", "empty"),
         (b" \n\n", "empty"),
-        (b"GCDE\1\0\0\0", "bgcode"),
+        (b"GCDE\1\0\0\0", "damaged binary G-code"),
         (b"\x89PNG\0\0", "binary"),
         (b"\x1f\x8b\x08broken", "gzip"),
         (b"G28\nG1 X1 Y1\n", "nothing is extruded"),

@@ -7,9 +7,9 @@ import os
 from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, read_motions
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
@@ -37,10 +37,12 @@ def test_files_of_a_dozen_slicers(path, again, tmp_path):
 
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.bgcode"), ids=lambda p: p.name)
-def test_binary_gcode_is_refused_by_name(path):
-    """It is not text; the message says what to do."""
-    with pytest.raises(InputError, match="bgcode"):
-        read_gcode(path)
+def test_binary_gcode_has_the_contours_of_its_text_twin(path):
+    """The twin is the same print exported as text; each bead must be found in both."""
+    ours = read_gcode(path)[0].contours
+    theirs = read_gcode(path.with_suffix(".gcode.gz"))[0].contours
+    for name in ("points", "offsets", "extrusion", "feed", "width", "height", "role", "epoch"):
+        assert np.array_equal(getattr(ours, name), getattr(theirs, name)), name
 
 
 @pytest.mark.parametrize("path", corpus("models/gcode", "*.gcode.gz"), ids=lambda p: p.name)
