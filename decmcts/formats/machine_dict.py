@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.clearances import LARGEST_MM, TALLEST_NOZZLE_MM, clearance_head
 from decmcts.formats.fields import Fields, fail, points
 from decmcts.formats.head_polygon import check_polygon, covers_nozzle
 from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Slice
@@ -33,7 +34,17 @@ _MACHINE_KEYS = (
     "rail",
     "heads",
 )
-_HEAD_KEYS = ("name", "slices", "bodies", "park", "reach", "reach_min", "reach_max", "tools")
+_HEAD_KEYS = (
+    "name",
+    "slices",
+    "clearance",
+    "bodies",
+    "park",
+    "reach",
+    "reach_min",
+    "reach_max",
+    "tools",
+)
 
 
 def machine_to_dict(machine: Machine) -> dict[str, Any]:
@@ -115,7 +126,7 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
         lift_mm=given.number("lift_mm", defaults.lift_mm, least=0.0),
         limits=_limits(given),
         rail=_rail(given.table("rail")) if "rail" in given.values else None,
-        heads=tuple(_head(head) for head in given.tables("heads")),
+        heads=tuple(_head(head, _across(bed)) for head in given.tables("heads")),
     )
     _check_relations(machine, given)
     return machine
@@ -156,9 +167,36 @@ def _rail(table: Fields) -> Rail:
     return Rail(_AXES.index(axis), tuple(map(str, order)), table.number("separation_mm", least=0.0))
 
 
-def _head(table: Fields) -> Head:
+def _across(bed: Fields) -> float:
+    """Return how far a nozzle gets along either axis, mm."""
+    return float(np.subtract(_pair(bed, "max"), _pair(bed, "min")).max())
+
+
+def _clearance(table: Fields, across_mm: float) -> list[Slice]:
+    """Return the slices of a head given by three lengths, as slicers know it."""
+    table.only("radius", "nozzle_height", "rod_height")
+    radius = table.number("radius", least=0.0)
+    nozzle = table.number("nozzle_height", 0.0, least=0.0)
+    rod = table.number("rod_height", least=0.0)
+    for key, value in (("radius", radius), ("rod_height", rod)):
+        if not 0.0 < value <= LARGEST_MM:
+            table.fail(key, f"{value:g} is not above 0 and up to {LARGEST_MM:g} mm")
+    if nozzle > TALLEST_NOZZLE_MM:
+        table.fail("nozzle_height", f"{nozzle:g} is above {TALLEST_NOZZLE_MM:g} mm")
+    return list(clearance_head(radius, nozzle, rod, across_mm))
+
+
+def _slices(table: Fields, across_mm: float) -> list[Slice]:
+    if "clearance" in table.values:
+        if "slices" in table.values:
+            table.fail("clearance", "stands beside slices", "give one of the two")
+        return _clearance(table.table("clearance"), across_mm)
+    return sorted((_slice(s) for s in table.tables("slices")), key=lambda s: s.height_mm)
+
+
+def _head(table: Fields, across_mm: float) -> Head:
     table.only(*_HEAD_KEYS)
-    slices = sorted((_slice(s) for s in table.tables("slices")), key=lambda s: s.height_mm)
+    slices = _slices(table, across_mm)
     _check_slices(slices, table)
     bodies = tuple(_body(b) for b in table.tables("bodies")) if "bodies" in table.values else ()
     low, high = _reach(table)

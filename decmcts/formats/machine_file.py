@@ -38,7 +38,25 @@ _MODELS = (  # PrusaSlicer's printer_model, the longer names first
     (r"XL", "xl"),
     (r"HT90", "ht90"),
 )
-_BY_CLEARANCES: dict[str, str] = {}  # printer_model in lower case: preset made of a profile
+_BY_CLEARANCES = {  # printer_model in lower case: preset made of a profile's clearances
+    "ender3": "ender3",  # PrusaSlicer's names
+    "ender3bltouch": "ender3",
+    "ender3pro": "ender3",
+    "ender3v2": "ender3",
+    "voron_v2_300": "voron24-300",
+    "voron_v2_300_afterburner": "voron24-300",
+    "voron_v2_300_aferburner": "voron24-300",  # as PrusaSlicer 2.4 spells it
+    "voron_v2_350": "voron24-350",
+    "voron_v2_350_afterburner": "voron24-350",
+    "creality ender-3": "ender3",  # OrcaSlicer's and Bambu Studio's
+    "creality ender-3 pro": "ender3",
+    "creality ender-3 v2": "ender3",
+    "voron 2.4 300": "voron24-300",
+    "voron 2.4 350": "voron24-350",
+    "bambu lab x1 carbon": "x1c",
+    "bambu lab p1s": "p1s",
+    "bambu lab a1": "a1",
+}
 
 
 def preset_names() -> list[str]:

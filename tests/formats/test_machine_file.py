@@ -11,7 +11,12 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
-from decmcts.formats.machine_file import load_machine, preset_for_printer, preset_names
+from decmcts.formats.machine_file import (
+    load_machine,
+    preset_by_clearances,
+    preset_for_printer,
+    preset_names,
+)
 
 GOOD = """
 name = "mine"
@@ -54,6 +59,7 @@ def test_presets_are_sound_and_name_their_source(name):
 def test_the_issue_names_these_presets():
     """Users and benchmarks call the machines by these names."""
     wanted = "paper mk3s mk4 mk4s mini xl coreone coreonel ht90 dual-gantry"
+    wanted += " ender3 voron24-300 voron24-350 x1c p1s a1"
     assert set(wanted.split()) <= set(preset_names())
 
 
@@ -264,3 +270,52 @@ def test_missing_file_is_named(tmp_path):
 def test_printer_models_find_their_preset(model, preset):
     """The machine is guessed from the file; a wrong guess would be worse than none."""
     assert preset_for_printer(model) == preset
+
+
+@pytest.mark.parametrize(
+    ("model", "preset"),
+    [("ENDER3V2", "ender3"), ("Creality Ender-3 V2", "ender3"), ("ENDER3S1", None),
+     ("Voron_v2_300_afterburner", "voron24-300"), ("Voron 2.4 350", "voron24-350"),
+     ("Voron_v2_250", None), ("Bambu Lab X1 Carbon", "x1c"), ("Bambu Lab P1S", "p1s"),
+     ("Bambu Lab A1", "a1"), ("Bambu Lab A1 mini", None), ("", None)],
+)  # fmt: skip
+def test_only_the_very_printer_has_a_preset_made_of_its_profile(model, preset):
+    """Its relatives have other heads or beds; their own files say which."""
+    assert preset_by_clearances(model) == preset
+    assert preset is None or preset in preset_names()
+
+
+THREE_LENGTHS = GOOD[: GOOD.index("[[heads.slices]]")] + "clearance = {clearance}\n"
+
+
+def test_three_lengths_are_a_head(tmp_path):
+    """What can be measured with a ruler in a minute is enough to begin with."""
+    text = THREE_LENGTHS.replace(
+        "{clearance}", "{ radius = 40, nozzle_height = 3, rod_height = 20 }"
+    )
+    slices = read(tmp_path, text).heads[0].slices
+    assert [part.height_mm for part in slices] == [0.0, 3.0, 20.0]
+    assert np.abs(slices[1].polygons[0]).max() >= 40.0
+    assert np.abs(slices[2].polygons[0]).min() >= 200.0
+
+
+@pytest.mark.parametrize(
+    ("clearance", "word"),
+    [
+        ("{ radius = 0, rod_height = 20 }", "radius"),
+        ("{ radius = 40, rod_height = 2000 }", "rod_height"),
+        ("{ radius = 40, rod_height = 20, nozzle_height = 30 }", "nozzle_height"),
+        ("{ radius = 40 }", "rod_height"),
+        ("{ radius = 40, rod_height = 20, lid = 3 }", "lid"),
+        ("{ radius = nan, rod_height = 20 }", "radius"),
+    ],
+)
+def test_lengths_that_cannot_be_are_refused(tmp_path, clearance, word):
+    """A typing error here would be proven safe."""
+    assert word in refused(tmp_path, THREE_LENGTHS.replace("{clearance}", clearance))
+
+
+def test_slices_and_clearance_exclude_each_other(tmp_path):
+    """Which of the two is the head?"""
+    both = GOOD.replace('name = "a"', 'name = "a"\nclearance = { radius = 4, rod_height = 9 }')
+    assert "beside slices" in refused(tmp_path, both)
