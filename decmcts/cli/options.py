@@ -140,6 +140,13 @@ LimitsOption = Annotated[
         "machine: always the machine file's",
     ),
 ]
+SlowerOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-slower",
+        help="Write the result even where the whole file takes longer than its source",
+    ),
+]
 TimeOption = Annotated[float, typer.Option("--time-limit", min=0.0, help="Search time, seconds")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Equal seeds give equal searches")]
 PlanOption = Annotated[Path | None, typer.Option("--plan", help="Write plan.json (or .json.gz)")]

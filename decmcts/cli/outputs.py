@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +27,8 @@ from sim.seams import seams_of_plan
 from sim.written import verify_written
 
 STDOUT = Path("-")  # as an output: standard output
-SAME_TIME_S = 1.0  # times of whole files that differ by less are the same
+SAME_TIME_S = 1.0  # times of whole files that differ by less are the same: feeds and positions
+# are written anew with the source's decimals, which moves the estimate by a fraction of a second
 
 
 def refuse_unwritable(paths: Sequence[Path | None], source: Path) -> None:
@@ -149,6 +149,17 @@ class FileTimes:
 
     before_s: float | None  # of the source; None: it is no G-code
     after_s: float
+    refused_s: float | None = None  # of the new order, where the source was kept instead
+
+    @property
+    def longer(self) -> bool:
+        """Whether the result takes longer than its source."""
+        return self.before_s is not None and self.after_s > self.before_s + SAME_TIME_S
+
+    @property
+    def kept(self) -> bool:
+        """Whether the result is the source as it was."""
+        return self.refused_s is not None
 
 
 def file_time_line(before_s: float, after_s: float, retracted_mm: float | None) -> str:
@@ -179,42 +190,35 @@ def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
     return file_time_line(times.before_s, times.after_s, retracted_mm)
 
 
-def write_single(planned: Planned, path: Path) -> FileTimes:
-    """Write the reordered G-code of a one-head plan, if it stands up to being read back.
+def draft_single(planned: Planned, draft: Path, path: Path) -> FileTimes:
+    """Write the reordered G-code of a one-head plan to a draft and read it back.
 
     Raises
     ------
     VerificationError
-        When the text differs from the verified plan; what was at `path` is untouched.
+        When the text differs from the verified plan; it names `path`, where it was to go.
     """
-    loaded = planned.loaded
-    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
-        draft = Path(folder) / "draft.gcode"
-        write_gcode(
-            loaded.document,
-            loaded.job,
-            planned.after.plan.heads[0],
-            draft,
-            header_lines=header_lines(planned),
-        )
-        lane = planned.after.plan.heads[0]
-        seams = list(seams_of_plan(lane))
-        require_sound(
-            verify_written(
-                draft, loaded.job, loaded.document, loaded.machine, seams=seams, lane=lane
-            ),
-            path,
-        )
-        times = _file_times(planned, draft)
-        put(packed_text(draft.read_bytes(), path, loaded.path), path, packed=True)
-    return times
+    loaded, lane = planned.loaded, planned.after.plan.heads[0]
+    write_gcode(loaded.document, loaded.job, lane, draft, header_lines=header_lines(planned))
+    seams = list(seams_of_plan(lane))
+    verdict = verify_written(
+        draft, loaded.job, loaded.document, loaded.machine, seams=seams, lane=lane
+    )
+    require_sound(verdict, path)
+    return _file_times(planned, draft)
+
+
+def compared_with(planned: Planned) -> Path | None:
+    """Return the G-code a result is compared with; None where there is none."""
+    source = planned.loaded.path
+    return None if source.suffix.lower() in MESH_SUFFIXES else source
 
 
 def _file_times(planned: Planned, draft: Path) -> FileTimes:
     """Estimate what the source takes and what was made of it takes."""
-    source, limits = planned.loaded.path, planned.loaded.machine.limits
+    source, limits = compared_with(planned), planned.loaded.machine.limits
     before = None
-    if source.suffix.lower() not in MESH_SUFFIXES:
+    if source is not None:
         before = print_time(source, limits, own_limits=planned.loaded.own_limits).total_s
     after = print_time(draft, limits, own_limits=planned.loaded.own_limits).total_s
     return FileTimes(before, after)
@@ -298,6 +302,7 @@ def figures(
         "after": planned.after.metrics,
         "gain": summary_of(planned.before.metrics, planned.after.metrics),
         "file_time_s": {"before": times.before_s, "after": times.after_s} if times else None,
+        "kept_source": times is not None and times.kept,
         "verified": True,
         "written": [str(path) for path in paths],
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +13,7 @@ from decmcts.cli import sop
 from decmcts.cli.app import app, machine_for
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
+from decmcts.cli.no_slower import kept_line, write_no_slower
 from decmcts.cli.outputs import (
     STDOUT,
     FileTimes,
@@ -24,9 +24,8 @@ from decmcts.cli.outputs import (
     refuse_unwritable,
     whole_file_line,
     write_extras,
-    write_single,
 )
-from decmcts.cli.pipeline import Announce, Planned, load, plan_single, single_head_machine
+from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
 from decmcts.cli.quality import Quality, cooling_line
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
@@ -56,6 +55,7 @@ def plan(
     max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
+    allow_slower: opt.SlowerOption = False,
     certificate: Annotated[
         bool, typer.Option(help="Prove how far from optimal the travel is at most")
     ] = True,
@@ -100,9 +100,12 @@ def plan(
         certificate=certificate,
     )
     times: FileTimes | None = None
-    with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
+    # a first Ctrl-C lets everything be written
+    with interrupt_stops() as stop, steps() as (announce, _):
         if output is not None:
-            times = write_timed(planned, output, announce)
+            planned, times = write_no_slower(
+                planned, output, announce, allow_slower=allow_slower, stop=stop
+            )
         paths = [output] if output is not None else []
         if plan_file or report or picture:
             announce("writing plan, report and pictures")
@@ -111,15 +114,6 @@ def plan(
         show(planned, paths, times, as_json=as_json, to=err if output == STDOUT else out)
         if only_shown:
             err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
-
-
-def write_timed(planned: Planned, path: Path, announce: Announce) -> FileTimes:
-    """Write the G-code, say so while it is done, and keep how long it took."""
-    started = time.perf_counter()
-    announce(f"writing {path.name}, reading it back and judging it")
-    times = write_single(planned, path)
-    planned.seconds["write"] = time.perf_counter() - started
-    return times
 
 
 def seam_of(freedom: opt.Freedom, seam: opt.Seam | None) -> str:
@@ -209,7 +203,9 @@ def show(
     for line in (bound_line(after), cooling_line(planned.after)):
         if line:
             to.print(line, soft_wrap=True)
-    if line := whole_file_line(planned, times):
+    if times is not None and times.kept:
+        to.print(f"kept the source as it is: {kept_line(times)}", soft_wrap=True)
+    elif line := whole_file_line(planned, times):
         to.print(line, soft_wrap=True)
     for path in paths:
         to.print(f"wrote {path}", soft_wrap=True)

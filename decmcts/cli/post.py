@@ -14,9 +14,10 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import out, print_json, steps, summary_of, written
+from decmcts.cli.no_slower import kept_line, write_no_slower
 from decmcts.cli.outputs import FileTimes, figures, refuse_unwritable, whole_file_line
 from decmcts.cli.pipeline import Planned
-from decmcts.cli.plan import run_single, seam_of, show_notes, write_timed
+from decmcts.cli.plan import run_single, seam_of, show_notes
 from decmcts.cli.quality import Quality
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
@@ -38,6 +39,7 @@ def post(
     max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
+    allow_slower: opt.SlowerOption = False,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Reorder a G-code file in place, as a slicer's post-processing script."""
@@ -58,8 +60,10 @@ def post(
         seed=seed,
         slicing=SliceOptions(),
     )
-    with interrupt_stops(), steps() as (announce, _):
-        times = write_timed(planned, path, announce)
+    with interrupt_stops() as stop, steps() as (announce, _):
+        planned, times = write_no_slower(
+            planned, path, announce, allow_slower=allow_slower, stop=stop
+        )
     with written():
         show_rewritten(planned, path, times, as_json=as_json)
 
@@ -67,9 +71,12 @@ def post(
 def show_rewritten(planned: Planned, path: Path, times: FileTimes, *, as_json: bool) -> None:
     """Print the result in one line, for slicers show or log what a script says."""
     if as_json:
-        print_json("decmcts-result/1", figures(planned, [path], times))
+        print_json("decmcts-result/1", figures(planned, [] if times.kept else [path], times))
         return
     show_notes(planned)
+    if times.kept:
+        out.print(f"{path}: left as it was; {kept_line(times)}", soft_wrap=True)
+        return
     travel = summary_of(planned.before.metrics, planned.after.metrics)["emitted_travel_mm"]
     took = f"; {line}" if (line := whole_file_line(planned, times)) else ""
     out.print(

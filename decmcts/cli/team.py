@@ -20,6 +20,7 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.outputs import (
+    SAME_TIME_S,
     figures,
     head_files,
     refuse_other_suffixes,
@@ -258,6 +259,12 @@ def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
         f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "
         f"at most {after['bound']['speedup']:.2f}x faster is possible here"
     )
+    if after["makespan_s"] > before["makespan_s"] + SAME_TIME_S:
+        out.print(
+            f"longer than one head in the source's own order ({before['makespan_s']:,.0f} s): "
+            "print the source",
+            soft_wrap=True,
+        )
     for path in paths:
         out.print(f"wrote {path}", soft_wrap=True)
 

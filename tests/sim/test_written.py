@@ -9,6 +9,7 @@ import pytest
 
 from decmcts.cli import outputs
 from decmcts.cli.check import judge
+from decmcts.cli.no_slower import write_no_slower
 from decmcts.cli.pipeline import load, plan_single
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
@@ -97,7 +98,7 @@ def test_a_file_that_fails_is_not_written(tmp_path, monkeypatch):
     planned = plan_single(
         loaded, planner="slicer", freedom="fixed", time_limit_s=0.1, seed=0, announce=str
     )
-    outputs.write_single(planned, out)
+    write_no_slower(planned, out, str, allow_slower=True)
     assert "M104 S0" in out.read_text()
     out.write_text("old")
 
@@ -107,7 +108,7 @@ def test_a_file_that_fails_is_not_written(tmp_path, monkeypatch):
 
     monkeypatch.setattr(outputs, "write_gcode", spoiled)
     with pytest.raises(VerificationError, match=r"out\.gcode was not written"):
-        outputs.write_single(planned, out)
+        write_no_slower(planned, out, str, allow_slower=True)
     assert out.read_text() == "old"
 
 
