@@ -65,7 +65,7 @@ Input = Annotated[
         "`plan`: SOP (.sop, .sop.gz)"
     ),
 ]
-_MACHINE = "Preset, FILE.toml or geometries.json:NAME; default: "
+_MACHINE = "Preset, FILE.toml, slicer profile (.json, .ini) or geometries.json:NAME; default: "
 MachineOption = Annotated[
     str | None,
     typer.Option(

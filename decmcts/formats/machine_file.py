@@ -16,6 +16,7 @@ from decmcts.errors import InputError
 from decmcts.formats.machine_dict import machine_from_dict
 from decmcts.formats.machine_fit import check_fits
 from decmcts.formats.prusa_geometries import machine_from_geometries
+from decmcts.formats.slicer_profile import machine_from_ini, machine_from_json, read_json
 from decmcts.print.machine import Machine
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
 _AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
+_INI = re.compile(r"^(?P<file>.+\.ini)(:(?P<name>[^/\\]+))?$", re.IGNORECASE)
 _MODELS = (  # PrusaSlicer's printer_model, the longer names first
     (r"COREONEL", "coreonel"),
     (r"COREONE", "coreone"),
@@ -70,8 +72,9 @@ def load_machine(name_or_path: str) -> Machine:
     Parameters
     ----------
     name_or_path : str
-        A preset (`preset_names`), ``FILE.toml``, or ``geometries.json:NAME``
-        where NAME is a printer model of PrusaSlicer's file, in any case.
+        A preset (`preset_names`), ``FILE.toml``, a slicer's profile (``FILE.json``,
+        ``FILE.ini``, ``BUNDLE.ini:PRINTER``), or ``geometries.json:NAME`` where NAME is
+        a printer model of PrusaSlicer's file, in any case.
 
     Raises
     ------
@@ -92,9 +95,9 @@ def load_machine(name_or_path: str) -> Machine:
     if name.lower().endswith(".toml"):
         return _read_toml(Path(name), Path(name))
     if name.lower().endswith(".json"):
-        raise InputError(
-            "which printer of this file?", path=name, advice=f"write {name}:MODEL, e.g. {name}:MK4S"
-        )
+        return _from_json(Path(name))
+    if ini := _INI.match(name):
+        return machine_from_ini(Path(ini["file"]), ini["name"])
     raise InputError(f"unknown machine {name!r}", advice=_known(name))
 
 
@@ -117,7 +120,8 @@ def _known(name: str) -> str:
     guess = f"did you mean {close[0]!r}? " if close else ""
     return (
         f"{guess}known: {', '.join(preset_names())};"
-        " or give FILE.toml or PrusaSlicer's geometries.json:MODEL"
+        " or give FILE.toml, a slicer's profile (.json, .ini), or PrusaSlicer's"
+        " geometries.json:MODEL"
     )
 
 
@@ -139,6 +143,16 @@ def _read_toml(source: Traversable | Path, path: Path) -> Machine:
             advice="see docs/machine-format.md",
         ) from error
     return machine_from_dict(values, path=path)
+
+
+def _from_json(path: Path) -> Machine:
+    """Return the machine of a slicer's profile; Prusa's geometries need a name besides."""
+    values = read_json(path)
+    if "printers" in values:
+        raise InputError(
+            "which printer of this file?", path=path, advice=f"write {path}:MODEL, e.g. {path}:MK4S"
+        )
+    return machine_from_json(path, values)
 
 
 def _from_geometries(path: Path, name: str) -> Machine:

@@ -87,8 +87,10 @@ def test_unknown_model_lists_those_of_the_file(tmp_path):
 
 def test_file_without_model_asks_for_it(tmp_path):
     """Which printer is meant cannot be guessed."""
+    file = tmp_path / "geometries.json"
+    file.write_text('{"printers": []}')
     with pytest.raises(InputError, match="which printer"):
-        load_machine(str(tmp_path / "geometries.json"))
+        load_machine(str(file))
 
 
 @pytest.mark.parametrize("content", [b"", b"[]", b"{", b'{"printers": 1}', b"\xff\xfe"])
