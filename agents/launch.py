@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import runpy
 import sys
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 from agents.pack import Pack, write_pack
 from agents.spawn import Agreement, OnStart, run_agents
 from agents.supervisor import LaunchError, OnProgress, ShouldStop
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.drafts import draft_folder
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
@@ -57,11 +56,11 @@ def launch(
         If no head can print some contour.
     """
     problem = build_team_problem(job, machine, graph)
-    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
-        write_pack(Pack(job, machine, graph), Path(folder))
+    with draft_folder() as folder:
+        write_pack(Pack(job, machine, graph), folder)
         agreement = run_agents(
             problem.head_names,
-            ["--pack", folder, "--expect", problem.digest],
+            ["--pack", str(folder), "--expect", problem.digest],
             time_limit_s=time_limit_s,
             seed=seed,
             on_progress=on_progress,

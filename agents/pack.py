@@ -53,6 +53,7 @@ def write_pack(pack: Pack, folder: Path) -> None:
         "notes": list(pack.job.notes),
         "settings": asdict(pack.job.settings),
         "barriers": [asdict(barrier) for barrier in pack.job.barriers],
+        "refills": list(pack.job.refills),
         "machine": machine_to_dict(pack.machine),
         "options": dict(pack.options),
     }
@@ -79,6 +80,7 @@ def read_pack(folder: Path) -> Pack:
             rest["slicer"],
             tuple(rest["notes"]),
             acceleration=arrays.get(_ACCELERATION),
+            refills=tuple(rest["refills"]),
         )
         graph = DependencyGraph(**_room(arrays, "graph"))
         return Pack(job, machine_from_dict(rest["machine"]), graph, rest["options"])

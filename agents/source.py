@@ -12,7 +12,7 @@ from typing import Literal
 
 from agents.pack import Pack
 from decmcts.errors import InputError
-from decmcts.feasibility.build import build_graph
+from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import check_fits, load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
@@ -40,12 +40,7 @@ def load_source(
     chosen = load_machine(machine)
     chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     check_fits(job.contours, chosen)
-    graph = build_graph(
-        job.contours,
-        chosen.heads,
-        clearance_mm=chosen.clearance_mm,
-        bead_width=chosen.bead_width,
-        process_order=process_order,
-        quality=quality and chosen.bead_width,
+    graph = order_rules(
+        job, chosen, process_order=process_order, quality=quality and chosen.bead_width
     )
     return Pack(job, chosen, graph)

@@ -16,6 +16,7 @@ class FaultKind(Enum):
     HEAD_HEAD = "heads come too near"
     RAIL = "rail order or separation"
     PRECEDENCE = "precedence"
+    PRIMING = "priming"
     MISSING = "missing contour"
     DOUBLED = "doubled contour"
     WRONG_PATH = "wrong path"

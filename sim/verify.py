@@ -27,6 +27,7 @@ from sim.inventory import compare, contour_segments, match_segments
 from sim.material import UndecidedError, as_material, find_contacts, place_of
 from sim.order import PartialOrder, order_of
 from sim.paths import check_head, check_once, check_structure, describe
+from sim.priming import check_file_priming, check_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.replay import (
     Meeting,
@@ -93,6 +94,8 @@ def verify_plan(
     else:
         faults += check_precedence(document, lanes, order)
         faults += check_epochs(document.contours, lanes, order)
+        refills = source.refills if source is not None else ()
+        faults += check_priming(document.contours, lanes, order, refills=refills)
         faults += check_times(lanes)
         faults += _or_undecided(lambda: check_material(document, lanes, order, counts))
         faults += check_heads(document, lanes, order)
@@ -139,6 +142,8 @@ def verify_motions(
         contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
         epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
         faults += check_file_epochs(ours.place, match, epoch)
+        printed = np.where(match >= 0, contour[match], -1)
+        faults += check_file_priming(job.contours, printed, refills=job.refills)
     faults += check_file_material(motions, match, machine)
     counts = {
         "moves": float(len(motions.line)),

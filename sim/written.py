@@ -9,7 +9,8 @@ really written.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,13 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.epochs import check_file_epochs
 from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.filament import check_owed, check_surplus
 from sim.file_contacts import check_file_material
 from sim.inventory import NO_MATCH, contour_segments, match_segments
+from sim.priming import check_file_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.seams import Moved, source_with
 
-OWED_MM = 1e-3
-SURPLUS_MM = 0.01  # of filament pushed on the spot
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
 DWELL = re.compile(rb"G4 P(\d+)")
@@ -64,6 +65,7 @@ def verify_written(
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
     job, document = source_with(job, document, seams)
+    theirs = cache(lambda: _moves_of(document))
     faults = listed(FaultKind.STATE, same_extrusions(job, document, ours, ours_document))
     faults += listed(FaultKind.STATE, endings)
     laid, match = laying_moves(motions), match_job(motions, job)
@@ -71,9 +73,13 @@ def verify_written(
     known = match != NO_MATCH
     epoch = np.asarray(job.contours.epoch, np.int64)[source]
     faults += check_file_epochs(np.asarray(motions.line)[laid], match, epoch)
-    faults += _check_owed(motions, laid[known], document.owed[source[match[known]]])
-    faults += _check_surplus(motions, lambda: _moves_of(document))
-    faults += check_file_material(motions, match, machine, source=lambda: _moves_of(document))
+    printed = np.where(known, source[match], -1)
+    faults += check_file_priming(job.contours, printed, refills=job.refills)
+    faults += check_owed(
+        motions, laid[known], source[match[known]], theirs, expected=bool(document.owed.any())
+    )
+    faults += check_surplus(motions, theirs)
+    faults += check_file_material(motions, match, machine, source=theirs)
     if lane is not None:
         faults += _check_waits(load_text(path), motions, laid, lane)
     return Verdict(tuple(faults), {"moves": float(len(motions.line))})
@@ -120,52 +126,6 @@ def match_job(motions: Motions, job: PrintJob) -> NDArray[np.int64]:
 def contour_of(job: PrintJob) -> NDArray[np.int64]:
     """Return the contour of each laid segment, in the order of `contour_segments`."""
     return np.asarray(contour_segments(job.contours).place, np.int64)
-
-
-def _check_owed(motions: Motions, rows: NDArray[np.int64], due: NDArray[np.float64]) -> list[Fault]:
-    """Check that no bead begins with more filament retracted than `due`; rows are its moves."""
-    if motions.owed is None or not len(rows):
-        return []
-    begins = np.concatenate([[True], np.diff(motions.contour[rows]) != 0])
-    owed = motions.owed[rows]
-    short = np.flatnonzero(begins & (owed > due + OWED_MM))
-    line = np.asarray(motions.line)[rows]
-    return listed(
-        FaultKind.STATE,
-        [f"line {line[k]} begins a bead with {owed[k]:g} mm retracted" for k in short.tolist()],
-    )
-
-
-def _check_surplus(motions: Motions, source: Callable[[], Motions | None]) -> list[Fault]:
-    """Check that no more filament is pushed on the spot than the source ever does at once.
-
-    The source is read only when something is pushed.
-    """
-    pushed = _surplus(motions)
-    if pushed.max(initial=0.0) <= SURPLUS_MM:
-        return []
-    theirs = source()
-    most = 0.0 if theirs is None else float(_surplus(theirs).max(initial=0.0))
-    over = np.flatnonzero(pushed > most + SURPLUS_MM).tolist()
-    line = np.asarray(motions.line)
-    return listed(
-        FaultKind.STATE,
-        [f"line {line[k]} pushes {pushed[k]:.3f} mm of filament on the spot" for k in over],
-    )
-
-
-def _surplus(motions: Motions) -> NDArray[np.float64]:
-    """Return the filament each move pushes standing still, beyond what is retracted, (m,) mm.
-
-    Counted from the first bead to the last; what primes the nozzle before is the source's.
-    """
-    if motions.owed is None:
-        return np.zeros(len(motions.line))
-    still = (motions.points[1:] == motions.points[:-1]).all(axis=1)
-    beads = np.flatnonzero(motions.contour >= 0)
-    rows = np.arange(len(still))
-    within = (rows >= beads.min(initial=len(rows))) & (rows <= beads.max(initial=-1))
-    return np.where(still & within, motions.extrusion - motions.owed, 0.0)
 
 
 def _moves_of(document: GcodeDocument) -> Motions | None:

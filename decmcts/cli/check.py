@@ -32,11 +32,25 @@ HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 def verify(
     result: Annotated[Path, typer.Argument(help="PLAN.json or OUT.gcode")],
     source: Annotated[
-        Path | None, typer.Option("--source", help="The G-code it was made from")
+        Path | None,
+        typer.Option(
+            "--source",
+            help="The G-code it was made from",
+            metavar="FILE",
+            rich_help_panel=opt.BASICS,
+        ),
     ] = None,
     machine: opt.MachineOption = None,
     seed: opt.SeedOption = 0,
-    trials: Annotated[int, typer.Option(min=1, help="Random timing trials of a joint plan")] = 3,
+    trials: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            metavar="N",
+            help="Random timing trials of a joint plan",
+            rich_help_panel=opt.SEARCH,
+        ),
+    ] = 3,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any."""
@@ -114,7 +128,13 @@ def digest_of(document: PlanDocument) -> str:
 @app.command()
 def machines(
     draw: Annotated[
-        Path | None, typer.Option("--draw", help="Folder for a PNG of every machine listed")
+        Path | None,
+        typer.Option(
+            "--draw",
+            metavar="FOLDER",
+            help="Folder for a PNG of every machine listed",
+            rich_help_panel=opt.OUTPUT,
+        ),
     ] = None,
     machine: opt.ListedMachineOption = None,
     as_json: opt.JsonOption = False,

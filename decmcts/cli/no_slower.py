@@ -11,12 +11,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from decmcts.cli.console import clock_time
-from decmcts.cli.outputs import FileTimes, compared_with, draft_single, put
+from decmcts.cli.outputs import FileTimes, compared_with, draft_single, name_of, put
 from decmcts.cli.pipeline import Announce, Planned, check, plan_single
 from decmcts.formats.atomic import write_whole
+from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode.source_text import load_text, packed_text
 
 AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the search time, for a search for time
@@ -40,9 +40,9 @@ def write_no_slower(
     VerificationError
         When the text differs from the verified plan; what was at `path` is untouched.
     """
-    with TemporaryDirectory(prefix="decmcts-") as folder:
-        draft, started = Path(folder) / "draft.gcode", time.perf_counter()
-        announce(f"writing {path.name}, reading it back and judging it")
+    with draft_folder() as folder:
+        draft, started = folder / "draft.gcode", time.perf_counter()
+        announce(f"writing {name_of(path)}, reading it back and judging it")
         times = draft_single(planned, draft, path)
         if times.longer and not allow_slower:
             announce("the file would take longer than its source: searching for time")

@@ -58,6 +58,8 @@ class ProcessOrder(StrEnum):
     FREE = "free"
 
 
+BASICS, SEARCH, QUALITY, OUTPUT, MESH = "Basics", "Search", "Quality", "Output", "Mesh input"
+
 Input = Annotated[
     Path,
     typer.Argument(
@@ -69,17 +71,33 @@ _MACHINE = "Preset, FILE.toml, slicer profile (.json, .ini) or geometries.json:N
 MachineOption = Annotated[
     str | None,
     typer.Option(
-        "--machine", help=_MACHINE + "the source's printer, or a head of the clearances in it"
+        "--machine",
+        rich_help_panel=BASICS,
+        metavar="NAME|FILE",
+        help=_MACHINE + "the source's printer, or a head of the clearances in it",
     ),
 ]
 ListedMachineOption = Annotated[
-    str | None, typer.Option("--machine", help=_MACHINE + "all presets")
+    str | None,
+    typer.Option(
+        "--machine", rich_help_panel=BASICS, metavar="NAME|FILE", help=_MACHINE + "all presets"
+    ),
 ]
-PlannerOption = Annotated[Planner, typer.Option("--planner", help="How the order is found")]
+PlannerOption = Annotated[
+    Planner,
+    typer.Option(
+        "--planner",
+        rich_help_panel=SEARCH,
+        metavar="PLANNER",
+        help="How the order is found: hybrid, local, greedy, layerwise, slicer or mcts",
+    ),
+]
 FreedomOption = Annotated[
     Freedom,
     typer.Option(
         "--freedom",
+        rich_help_panel=SEARCH,
+        metavar="FREEDOM",
         help="fixed: as sliced; reversible: from either end; seam: loops from another vertex too",
     ),
 ]
@@ -87,6 +105,8 @@ SeamOption = Annotated[
     Seam | None,
     typer.Option(
         "--seam",
+        rich_help_panel=SEARCH,
+        metavar="SEAM",
         help="With --freedom seam. nearest: wherever travel is least (default); aligned: above "
         "the seam below; rear: largest Y; corner: sharpest, concave first",
     ),
@@ -95,6 +115,8 @@ ProcessOption = Annotated[
     ProcessOrder,
     typer.Option(
         "--process-order",
+        rich_help_panel=QUALITY,
+        metavar="ORDER",
         help="keep: perimeters before the infill they anchor; free: only what --quality holds",
     ),
 ]
@@ -102,6 +124,7 @@ QualityOption = Annotated[
     bool | None,
     typer.Option(
         "--quality/--no-quality",
+        rich_help_panel=QUALITY,
         help="Shells and what is anchored in them as sliced, and cooling (not in `launch`); "
         "default: on but for the paper's machine",
         show_default=False,
@@ -111,6 +134,8 @@ CoolingOption = Annotated[
     float | None,
     typer.Option(
         "--min-layer-time",
+        rich_help_panel=QUALITY,
+        metavar="S",
         min=0.0,
         max=86400.0,
         help="Seconds before a spot is printed over, or the source's if fewer; default: the "
@@ -121,6 +146,8 @@ LeadOption = Annotated[
     int | None,
     typer.Option(
         "--max-layers-ahead",
+        rich_help_panel=QUALITY,
+        metavar="N",
         min=0,
         help="How many layers a part may run ahead of the rest; default: no limit",
     ),
@@ -129,6 +156,8 @@ ObjectiveOption = Annotated[
     Objective,
     typer.Option(
         "--objective",
+        rich_help_panel=SEARCH,
+        metavar="OBJECTIVE",
         help="travel: the length of travels; time: their time with retraction, lift and wipe",
     ),
 ]
@@ -136,6 +165,8 @@ LimitsOption = Annotated[
     Limits,
     typer.Option(
         "--limits",
+        rich_help_panel=SEARCH,
+        metavar="LIMITS",
         help="Motion limits. source: as the file states them, else the machine file's; "
         "machine: always the machine file's",
     ),
@@ -144,16 +175,63 @@ SlowerOption = Annotated[
     bool,
     typer.Option(
         "--allow-slower",
+        rich_help_panel=OUTPUT,
         help="Write the result even where the whole file takes longer than its source",
     ),
 ]
-TimeOption = Annotated[float, typer.Option("--time-limit", min=0.0, help="Search time, seconds")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Equal seeds give equal searches")]
-PlanOption = Annotated[Path | None, typer.Option("--plan", help="Write plan.json (or .json.gz)")]
-ReportOption = Annotated[Path | None, typer.Option("--report", help="Write an HTML report")]
-PictureOption = Annotated[Path | None, typer.Option("--picture", help="Write a PNG, before/after")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the summary as JSON")]
-LayerHeight = Annotated[float, typer.Option("--layer-height", help="Mesh: layer height, mm")]
-Nozzle = Annotated[float, typer.Option("--nozzle", help="Mesh: nozzle diameter, mm")]
-Density = Annotated[float, typer.Option("--density", help="Mesh: infill density, 0 to 1")]
-Perimeters = Annotated[int, typer.Option("--perimeters", help="Mesh: number of perimeters")]
+TimeOption = Annotated[
+    float,
+    typer.Option(
+        "--time-limit", rich_help_panel=BASICS, metavar="S", min=0.0, help="Search time, seconds"
+    ),
+]
+SeedOption = Annotated[
+    int,
+    typer.Option(
+        "--seed", rich_help_panel=SEARCH, metavar="N", min=0, help="Equal seeds give equal searches"
+    ),
+]
+GcodeOption = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="FILE",
+        rich_help_panel=BASICS,
+        help="Write the G-code (of a .sop, the tour); -: to standard output",
+    ),
+]
+PlanOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan", rich_help_panel=OUTPUT, metavar="FILE", help="Write plan.json (or .json.gz)"
+    ),
+]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option("--report", rich_help_panel=OUTPUT, metavar="FILE", help="Write an HTML report"),
+]
+PictureOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--picture", rich_help_panel=OUTPUT, metavar="FILE", help="Write a PNG, before/after"
+    ),
+]
+JsonOption = Annotated[
+    bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print the summary as JSON")
+]
+LayerHeight = Annotated[
+    float,
+    typer.Option("--layer-height", rich_help_panel=MESH, metavar="MM", help="Layer height, mm"),
+]
+Nozzle = Annotated[
+    float, typer.Option("--nozzle", rich_help_panel=MESH, metavar="MM", help="Nozzle diameter, mm")
+]
+Density = Annotated[
+    float,
+    typer.Option("--density", rich_help_panel=MESH, metavar="SHARE", help="Infill density, 0 to 1"),
+]
+Perimeters = Annotated[
+    int,
+    typer.Option("--perimeters", rich_help_panel=MESH, metavar="N", help="Number of perimeters"),
+]

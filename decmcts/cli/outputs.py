@@ -18,6 +18,7 @@ from decmcts.formats.atomic import refuse_special, write_whole
 from decmcts.formats.gcode import write_gcode, write_head_gcode
 from decmcts.formats.gcode.binary import SUFFIX
 from decmcts.formats.gcode.duration import print_time
+from decmcts.formats.gcode.progress import restated
 from decmcts.formats.gcode.source_text import load_text, packed_text, save_text
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import write_plan
@@ -71,6 +72,11 @@ def refuse_two_on_stdout(output: Path | None, *, as_json: bool) -> None:
         raise InputError(
             "-o - and --json both want standard output", advice="name a file with -o FILE"
         )
+
+
+def name_of(path: Path) -> str:
+    """Return an output's name as people know it."""
+    return "standard output" if path == STDOUT else str(path)
 
 
 def put(content: bytes, path: Path, *, packed: bool = False) -> None:
@@ -200,12 +206,15 @@ def draft_single(planned: Planned, draft: Path, path: Path) -> FileTimes:
     """
     loaded, lane = planned.loaded, planned.after.plan.heads[0]
     write_gcode(loaded.document, loaded.job, lane, draft, header_lines=header_lines(planned))
+    times = _file_times(planned, draft)
+    if times.before_s:
+        draft.write_bytes(restated(draft.read_bytes(), times.after_s / times.before_s))
     seams = list(seams_of_plan(lane))
     verdict = verify_written(
         draft, loaded.job, loaded.document, loaded.machine, seams=seams, lane=lane
     )
     require_sound(verdict, path)
-    return _file_times(planned, draft)
+    return times
 
 
 def compared_with(planned: Planned) -> Path | None:

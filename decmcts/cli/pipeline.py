@@ -20,16 +20,14 @@ from decmcts._kernels.ideals import WINDOW
 from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound, row_of
 from decmcts.cli.quality import Quality, search_cooled
 from decmcts.errors import InputError, VerificationError
-from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.feasibility.lead import limit_lead
+from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.machine_file import check_fits, load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import close_gaps
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -121,16 +119,14 @@ def load(
     try:
         check_fits(job.contours, chosen)
         chosen = parked_above(chosen, job.contours)
-        graph = build_graph(
-            close_gaps(job.contours) if freedom == "seam" else job.contours,
-            chosen.heads,
-            clearance_mm=chosen.clearance_mm,
-            bead_width=chosen.bead_width,
+        graph = order_rules(
+            job,
+            chosen,
             process_order=process_order,  # type: ignore[arg-type]  # typer checked the choice
             quality=quality.holds(chosen),
+            free_seams=freedom == "seam",
+            max_layers_ahead=quality.max_layers_ahead,
         )
-        if quality.max_layers_ahead is not None:
-            graph = limit_lead(graph, job.contours.layer, layers=quality.max_layers_ahead)
     except InputError as error:  # these know the contours, not the file they came from
         raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
     seconds["graph"] = time.perf_counter() - started

@@ -18,6 +18,7 @@ from decmcts.cli.outputs import (
     STDOUT,
     FileTimes,
     figures,
+    name_of,
     refuse_other_suffixes,
     refuse_two_on_stdout,
     refuse_unpackable,
@@ -42,7 +43,7 @@ ONLY_SHOWN = (
 def plan(
     context: typer.Context,
     source: opt.Input,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write G-code")] = None,
+    output: opt.GcodeOption = None,
     machine: opt.MachineOption = None,
     planner: opt.PlannerOption = opt.Planner.HYBRID,
     freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
@@ -57,7 +58,10 @@ def plan(
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     certificate: Annotated[
-        bool, typer.Option(help="Prove how far from optimal the travel is at most")
+        bool,
+        typer.Option(
+            help="Prove how far from optimal the travel is at most", rich_help_panel=opt.SEARCH
+        ),
     ] = True,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
@@ -208,7 +212,7 @@ def show(
     elif line := whole_file_line(planned, times):
         to.print(line, soft_wrap=True)
     for path in paths:
-        to.print(f"wrote {path}", soft_wrap=True)
+        to.print(f"wrote {name_of(path)}", soft_wrap=True)
 
 
 def show_notes(planned: Planned) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.outputs import STDOUT, put, refuse_unwritable
+from decmcts.cli.outputs import STDOUT, name_of, put, refuse_unwritable
 from decmcts.cli.pipeline import COMPILING_S
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError, VerificationError
@@ -139,4 +139,4 @@ def show(
         f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified",
         soft_wrap=True,
     )
-    to.print(f"wrote {target}", soft_wrap=True)
+    to.print(f"wrote {name_of(target)}", soft_wrap=True)

@@ -45,9 +45,24 @@ from decmcts.team.schedule import schedule
 def launch(
     source: opt.Input,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Stem of the G-code files, one a head")
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="STEM",
+            help="Stem of the G-code files, one a head",
+            rich_help_panel=opt.BASICS,
+        ),
     ] = None,
-    machine: Annotated[str, typer.Option("--machine", help="A machine with heads")] = "dual-gantry",
+    machine: Annotated[
+        str,
+        typer.Option(
+            "--machine",
+            metavar="NAME|FILE",
+            help="A machine with heads",
+            rich_help_panel=opt.BASICS,
+        ),
+    ] = "dual-gantry",
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     quality: opt.QualityOption = None,
     max_layers_ahead: opt.LeadOption = None,
@@ -280,7 +295,12 @@ def agent(context: typer.Context) -> None:
 
 @app.command()
 def demo(
-    folder: Annotated[Path, typer.Option("--out", help="Folder for the results")] = Path("out"),
+    folder: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Folder for the results", rich_help_panel=opt.BASICS
+        ),
+    ] = Path("out"),
     time_limit: opt.TimeOption = 15.0,
     seed: opt.SeedOption = 0,
 ) -> None:

@@ -67,7 +67,7 @@ def build_graph(
     DependencyGraph
         Its transitive closure is that of the definition in ARCHITECTURE.md. An
         edge with several reasons carries the least negotiable kind: STATE, then
-        GEOMETRY, then PROCESS, then QUALITY.
+        GEOMETRY, then PRIMING (a brim and what touches it), then PROCESS, then QUALITY.
 
     Raises
     ------
@@ -79,7 +79,8 @@ def build_graph(
     Lensgraf & Mettu 2016; Yoo et al. 2020, Sec. II (dependency graph).
     """
     beads = pack_contours(contours, clearance_mm, bead_width=bead_width)
-    touching = touching_kinds(process_order=process_order, quality=quality)
+    brims = bool((contours.role == Role.SKIRT_BRIM).any())
+    touching = touching_kinds(process_order=process_order, quality=quality, brims=brims)
     return _build(contours, heads, beads, touching, ROWS_BYTES)
 
 
@@ -194,6 +195,7 @@ _REASONS = {
     EdgeKind.PROCESS: "they touch on one layer with different roles, the slicer's order is kept",
     EdgeKind.QUALITY: "the slicer's order of shells and of what is anchored in them is kept",
     EdgeKind.LEAD: "no part of the print runs further ahead of the others",
+    EdgeKind.PRIMING: "what primes the nozzle (skirt, brim, purge) stays first, as sliced",
     EdgeKind.STATE: "nothing moves across the change of machine state between them",
 }
 

@@ -22,6 +22,7 @@ class EdgeKind(IntEnum):
     STATE = 3  # first layer, temperature, unknown command: nothing moves across
     QUALITY = 4  # shells as sliced, and what is anchored in them after them
     LEAD = 5  # no island runs too many layers ahead of the others
+    PRIMING = 6  # what primes the nozzle comes first; a brim before what touches it
 
 
 @dataclass(frozen=True, slots=True)

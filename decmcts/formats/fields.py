@@ -7,6 +7,7 @@ mean lives with the format that reads them, not here.
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -92,11 +93,18 @@ class Fields:
             self.fail(key, f"expected a text, found {shown(value)}")
         return value
 
-    def number(self, key: str, default: float | None = None, *, least: float = -math.inf) -> float:
-        """Return a finite number not below `least`."""
+    def number(
+        self,
+        key: str,
+        default: float | None = None,
+        *,
+        least: float = -math.inf,
+        most: float = _LARGEST,
+    ) -> float:
+        """Return a finite number not below `least`, its size at most `most`."""
         value = self.need(key) if default is None else self.values.get(key, default)
-        if type(value) not in _NUMBERS or not abs(value) <= _LARGEST:
-            self.fail(key, f"expected a finite number up to {_LARGEST:g}, found {shown(value)}")
+        if type(value) not in _NUMBERS or not abs(value) <= most:
+            self.fail(key, f"expected a finite number up to {most:g}, found {shown(value)}")
         if value < least:
             self.fail(key, f"{value:g} is below {least:g}")
         return float(value)
@@ -115,14 +123,19 @@ class Fields:
             self.fail(key, f"expected true or false, found {shown(value)}")
         return bool(value)
 
-    def point(self, key: str, size: int) -> tuple[float, ...]:
+    def point(self, key: str, size: int, *, most: float = _LARGEST) -> tuple[float, ...]:
         """Return `size` finite numbers."""
-        row = points([self.need(key)], (size,), self.at(key), self.path)[0]
+        row = points([self.need(key)], (size,), self.at(key), self.path, most=most)[0]
         return tuple(row.tolist())
 
 
 def points(
-    value: Any, sizes: Sequence[int], where: str, path: Path | str | None = None
+    value: Any,
+    sizes: Sequence[int],
+    where: str,
+    path: Path | str | None = None,
+    *,
+    most: float = _LARGEST,
 ) -> NDArray[np.float64]:
     """Return (k, d) float64 from a list of rows of finite numbers, d one of `sizes`.
 
@@ -137,11 +150,18 @@ def points(
         )
         fail(where, f"row {bad} has {len(value[bad])} numbers, expected {sizes[0]}", path)
     flat = list(chain.from_iterable(value))
-    table = numbers(flat, where, path)
+    table = numbers(flat, where, path, most=most)
     return table.reshape(len(value), -1 if value else sizes[0])
 
 
-def numbers(flat: Any, where: str, path: Path | str | None = None) -> NDArray[np.float64]:
+def numbers(
+    flat: Any,
+    where: str,
+    path: Path | str | None = None,
+    *,
+    least: float = -math.inf,
+    most: float = _LARGEST,
+) -> NDArray[np.float64]:
     """Return (k,) float64 from a list of finite numbers, or raise InputError."""
     if not isinstance(flat, list) or not set(map(type, flat)) <= _NUMBERS:
         bad = (
@@ -154,16 +174,19 @@ def numbers(flat: Any, where: str, path: Path | str | None = None) -> NDArray[np
         table = np.array(flat, np.float64)
     except OverflowError:
         fail(where, "a number is too large", path)
-    sound = np.abs(table) <= _LARGEST
+    sound = np.abs(table) <= most
     if not sound.all():
         bad = int(np.flatnonzero(~sound)[0])
-        fail(where, f"number {bad} is {table[bad]:g}, not finite or above {_LARGEST:g}", path)
+        fail(where, f"number {bad} is {table[bad]:g}, not finite or beyond ±{most:g}", path)
+    if (table < least).any():
+        bad = int(np.flatnonzero(table < least)[0])
+        fail(where, f"number {bad} is {table[bad]:g}, below {least:g}", path)
     return table
 
 
 def shown(value: Any) -> str:
     """Return a value short enough for an error line."""
-    text = repr(value)
+    text = reprlib.repr(value)  # a file may hold lists of millions, nested deeply
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 

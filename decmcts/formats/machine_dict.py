@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.clearances import LARGEST_MM, TALLEST_NOZZLE_MM, clearance_head
-from decmcts.formats.fields import Fields, fail, points
+from decmcts.formats.bounds import LARGEST_MM
+from decmcts.formats.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
+from decmcts.formats.clearances import TALLEST_NOZZLE_MM, clearance_head
+from decmcts.formats.fields import Fields, fail, points, shown
 from decmcts.formats.head_polygon import check_polygon, covers_nozzle
 from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Slice
 
@@ -120,10 +122,10 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
         source=given.text("source", ""),
         bed_min=_pair(bed, "min"),
         bed_max=_pair(bed, "max"),
-        clearance_mm=given.number("clearance_mm", defaults.clearance_mm, least=0.0),
+        clearance_mm=_size(given, "clearance_mm", defaults.clearance_mm),
         bead_width=given.flag("bead_width", defaults.bead_width),
-        head_clearance_mm=given.number("head_clearance_mm", defaults.head_clearance_mm, least=0.0),
-        lift_mm=given.number("lift_mm", defaults.lift_mm, least=0.0),
+        head_clearance_mm=_size(given, "head_clearance_mm", defaults.head_clearance_mm),
+        lift_mm=_size(given, "lift_mm", defaults.lift_mm),
         limits=_limits(given),
         rail=_rail(given.table("rail")) if "rail" in given.values else None,
         heads=tuple(_head(head, _across(bed)) for head in given.tables("heads")),
@@ -160,11 +162,11 @@ def _rail(table: Fields) -> Rail:
     table.only("axis", "order", "separation_mm")
     axis = table.need("axis")
     if axis not in _AXES:
-        table.fail("axis", f"expected 'x' or 'y', found {axis!r}")
+        table.fail("axis", f"expected 'x' or 'y', found {shown(axis)}")
     order = table.items("order")
     if len(set(map(str, order))) != len(order) or len(order) < 2:
-        table.fail("order", f"expected two or more different heads, found {order!r}")
-    return Rail(_AXES.index(axis), tuple(map(str, order)), table.number("separation_mm", least=0.0))
+        table.fail("order", f"expected two or more different heads, found {shown(order)}")
+    return Rail(_AXES.index(axis), tuple(map(str, order)), _size(table, "separation_mm"))
 
 
 def _across(bed: Fields) -> float:
@@ -179,8 +181,8 @@ def _clearance(table: Fields, across_mm: float) -> list[Slice]:
     nozzle = table.number("nozzle_height", 0.0, least=0.0)
     rod = table.number("rod_height", least=0.0)
     for key, value in (("radius", radius), ("rod_height", rod)):
-        if not 0.0 < value <= LARGEST_MM:
-            table.fail(key, f"{value:g} is not above 0 and up to {LARGEST_MM:g} mm")
+        if not 0.0 < value <= LARGEST_CLEARANCE_MM:
+            table.fail(key, f"{value:g} is not above 0 and up to {LARGEST_CLEARANCE_MM:g} mm")
     if nozzle > TALLEST_NOZZLE_MM:
         table.fail("nozzle_height", f"{nozzle:g} is above {TALLEST_NOZZLE_MM:g} mm")
     return list(clearance_head(radius, nozzle, rod, across_mm))
@@ -202,7 +204,7 @@ def _head(table: Fields, across_mm: float) -> Head:
     low, high = _reach(table)
     tools = table.items("tools") if "tools" in table.values else []
     if any(type(tool) is not int or tool < 0 for tool in tools):
-        table.fail("tools", f"expected tool numbers from 0, found {tools!r}")
+        table.fail("tools", f"expected tool numbers from 0, found {shown(tools)}")
     return Head(
         name=table.text("name"),
         slices=tuple(slices),
@@ -216,11 +218,11 @@ def _head(table: Fields, across_mm: float) -> Head:
 
 def _slice(table: Fields) -> Slice:
     table.only("height", "height_mm", "polygons")
-    height = table.number("height_mm" if "height_mm" in table.values else "height", least=0.0)
+    height = _size(table, "height_mm" if "height_mm" in table.values else "height")
     polygons: list[NDArray[np.float64]] = []
     for number, rows in enumerate(table.items("polygons"), 1):
         place = f"{table.where} (height {height:g}), polygon {number}"
-        polygon = points(rows, (2,), place, table.path)
+        polygon = points(rows, (2,), place, table.path, most=LARGEST_MM)
         check_polygon(polygon, place, table.path)
         polygon.setflags(write=False)
         polygons.append(polygon)
@@ -262,23 +264,28 @@ def _reach(
     if "reach" in table.values:
         reach = table.table("reach")
         reach.only("min", "max")
-        low, high = _triple(reach, "min"), _triple(reach, "max")
+        low = _triple(reach, "min", most=_UNREACHED)
+        high = _triple(reach, "max", most=_UNREACHED)
     if "reach_min" in table.values:
-        low = _triple(table, "reach_min")
+        low = _triple(table, "reach_min", most=_UNREACHED)
     if "reach_max" in table.values:
-        high = _triple(table, "reach_max")
+        high = _triple(table, "reach_max", most=_UNREACHED)
     if not all(a <= b for a, b in zip(low, high, strict=True)):
         table.fail("reach", f"min {list(low)} is above max {list(high)}")
     return low, high
 
 
+def _size(table: Fields, key: str, usual: float | None = None) -> float:
+    return table.number(key, usual, least=0.0, most=LARGEST_MM)
+
+
 def _pair(table: Fields, key: str) -> tuple[float, float]:
-    x, y = table.point(key, 2)
+    x, y = table.point(key, 2, most=LARGEST_MM)
     return x, y
 
 
-def _triple(table: Fields, key: str) -> tuple[float, float, float]:
-    x, y, z = table.point(key, 3)
+def _triple(table: Fields, key: str, *, most: float = LARGEST_MM) -> tuple[float, float, float]:
+    x, y, z = table.point(key, 3, most=most)
     return x, y, z
 
 

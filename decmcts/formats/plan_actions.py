@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from decmcts.formats.fields import Fields, points
+from decmcts.formats.bounds import LARGEST_MM, LARGEST_SECONDS
+from decmcts.formats.fields import Fields, points, shown
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions
 
 _KEYS = ("kind", "contour", "reversed", "entry", "path", "begin_s", "end_s", "after")
@@ -69,7 +70,9 @@ def actions_from_dicts(
         ),
         path_offsets=_offsets([len(p) for p in paths]),
         path=np.concatenate([np.empty((0, 3)), *paths]),
-        begin_s=np.array([row.number("begin_s", least=0.0) for row in rows], np.float64),
+        begin_s=np.array(
+            [row.number("begin_s", least=0.0, most=LARGEST_SECONDS) for row in rows], np.float64
+        ),
         end_s=np.array([_end(row) for row in rows], np.float64),
         after_offsets=_offsets([len(pairs) for pairs in after]),
         after_head=np.array([head for head, _ in flat], np.int32),
@@ -84,7 +87,7 @@ def _offsets(lengths: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.int64
 def _kind(row: Fields) -> int:
     name = row.text("kind")
     if name not in _KINDS:
-        row.fail("kind", f"unknown kind {name!r}", f"known: {', '.join(_KINDS)}")
+        row.fail("kind", f"unknown kind {shown(name)}", f"known: {', '.join(_KINDS)}")
     return int(_KINDS[name])
 
 
@@ -97,7 +100,7 @@ def _contour(row: Fields, kind: int, n: int) -> int:
 
 
 def _path(row: Fields) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    path = points(row.need("path"), (3,), row.at("path"), row.path)
+    path = points(row.need("path"), (3,), row.at("path"), row.path, most=LARGEST_MM)
     if not len(path):
         row.fail("path", "empty", "a head that rests has its place as the one point")
     return path
@@ -108,7 +111,7 @@ def _entry(row: Fields, contour: int, sizes: Sequence[int]) -> int:
 
 
 def _end(row: Fields) -> float:
-    end = row.number("end_s")
+    end = row.number("end_s", most=LARGEST_SECONDS)
     if end < row.number("begin_s"):
         row.fail("end_s", f"{end:g} is before begin_s {row.number('begin_s'):g}")
     return end
@@ -121,12 +124,12 @@ def _after(
     for number, pair in enumerate(row.items("after")):
         key = f"after[{number}]"
         if type(pair) is not list or len(pair) != 2:
-            row.fail(key, f"expected [head, action], found {pair!r}")
+            row.fail(key, f"expected [head, action], found {shown(pair)}")
         name, action = pair
         if name not in heads or name == own:
-            row.fail(key, f"{name!r} is not another head of the plan")
+            row.fail(key, f"{shown(name)} is not another head of the plan")
         head = heads.index(name)
         if type(action) is not int or not 0 <= action < counts[head]:
-            row.fail(key, f"{name!r} has no action {action!r}, it has {counts[head]}")
+            row.fail(key, f"{name!r} has no action {shown(action)}, it has {counts[head]}")
         found.append((head, action))
     return found

@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.fields import Fields, numbers, points
+from decmcts.formats.bounds import (
+    LARGEST_BEAD_MM,
+    LARGEST_FILAMENT_MM,
+    LARGEST_MM,
+    LARGEST_SPEED_MM_S,
+)
+from decmcts.formats.fields import Fields, numbers, points, shown
 from decmcts.print.contours import Contours, Role
 from decmcts.print.machine import Machine
 
@@ -86,10 +92,10 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
     return Contours(
         points=np.concatenate([np.empty((0, 3)), *polylines]),
         offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-        extrusion=_per_segment(tables, sizes, "extrusion"),
-        feed=_per_segment(tables, sizes, "feed"),
-        width=np.array([t.number("width", least=0.0) for t in tables], np.float64),
-        height=np.array([t.number("height", least=0.0) for t in tables], np.float64),
+        extrusion=_per_segment(tables, sizes, "extrusion", LARGEST_FILAMENT_MM),
+        feed=_per_segment(tables, sizes, "feed", LARGEST_SPEED_MM_S),
+        width=_sizes(tables, "width"),
+        height=_sizes(tables, "height"),
         role=np.array([_role(t) for t in tables], np.int8),
         closed=np.array([t.flag("closed") for t in tables], np.bool_),
         layer=_integers(tables, "layer", _INT32_END),
@@ -98,6 +104,10 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
         epoch=_integers(tables, "epoch", _INT32_END),
         line=_integers(tables, "line", _INT32_END),
     )
+
+
+def _sizes(tables: list[Fields], key: str) -> NDArray[np.float64]:
+    return np.array([t.number(key, least=0.0, most=LARGEST_BEAD_MM) for t in tables], np.float64)
 
 
 def _integers(tables: list[Fields], key: str, end: int) -> NDArray[np.int32]:
@@ -110,33 +120,43 @@ def _polyline(table: Fields, number: int) -> NDArray[np.float64]:
     if table.integer("id", least=0, below=_INT32_END) != number:
         table.fail("id", f"{table.need('id')} stands at place {number}", "number from 0 in order")
     planar = table.need("z") is not None
-    rows = points(table.need("points"), (2 if planar else 3,), table.at("points"), table.path)
+    rows = points(
+        table.need("points"),
+        (2 if planar else 3,),
+        table.at("points"),
+        table.path,
+        most=LARGEST_MM,
+    )
     if len(rows) < 2:
         table.fail("points", f"{len(rows)} points, a contour needs two")
     if not planar:
         return rows
-    return np.column_stack([rows, np.full(len(rows), table.number("z"))])
+    return np.column_stack([rows, np.full(len(rows), table.number("z", most=LARGEST_MM))])
 
 
-def _per_segment(tables: list[Fields], sizes: list[int], key: str) -> NDArray[np.float64]:
+def _per_segment(
+    tables: list[Fields], sizes: list[int], key: str, most: float
+) -> NDArray[np.float64]:
     """Return (n_points,) values of the segments, 0 at each contour's start."""
-    lists = [_segments(table, size - 1, key) for table, size in zip(tables, sizes, strict=True)]
+    lists = [
+        _segments(table, size - 1, key, most) for table, size in zip(tables, sizes, strict=True)
+    ]
     return np.array(list(chain.from_iterable([0.0, *values] for values in lists)), np.float64)
 
 
-def _segments(table: Fields, count: int, key: str) -> list[float]:
+def _segments(table: Fields, count: int, key: str, most: float) -> list[float]:
     value = table.need(key)
     if not isinstance(value, list):
-        return [table.number(key)] * count
+        return [table.number(key, least=0.0, most=most)] * count
     if len(value) != count:
         table.fail(key, f"{len(value)} values for {count} segments")
-    return list(numbers(value, table.at(key), table.path))
+    return list(numbers(value, table.at(key), table.path, least=0.0, most=most))
 
 
 def _role(table: Fields) -> int:
     name = table.text("role")
     if name not in _ROLES:
-        table.fail("role", f"unknown role {name!r}", f"known: {', '.join(_ROLES)}")
+        table.fail("role", f"unknown role {shown(name)}", f"known: {', '.join(_ROLES)}")
     return int(_ROLES[name])
 
 
@@ -145,4 +165,4 @@ def _check_heads(tables: list[Fields], machine: Machine) -> None:
     for table in tables:
         head = table.need("head")
         if not isinstance(head, str | None) or head not in known:
-            table.fail("head", f"{head!r} is no head of the machine")
+            table.fail("head", f"{shown(head)} is no head of the machine")

@@ -8,10 +8,9 @@ with its place in the file. Whether a plan is *safe* is judged in `sim`.
 from __future__ import annotations
 
 import gc
-import gzip
 import io
 import json
-import zlib
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.formats.fields import Fields
+from decmcts.formats.bounds import LARGEST_SECONDS, unpacked
+from decmcts.formats.fields import Fields, shown
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts
@@ -32,7 +32,6 @@ FORMAT = "decmcts-plan"
 VERSION = 1
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
 _COOLING = "min_layer_time_s"  # may be left out
-_GZIP_MAGIC = b"\x1f\x8b"
 
 
 def write_plan(document: PlanDocument, path: Path | str) -> None:
@@ -105,7 +104,7 @@ def read_plan(path: Path | str) -> PlanDocument:
     if given.values.get("format") != FORMAT:
         given.fail("format", f"is no {FORMAT!r}", "give a plan.json written by this program")
     if given.values.get("version") != VERSION:
-        given.fail("version", f"{given.values.get('version')!r} is not {VERSION}")
+        given.fail("version", f"{shown(given.values.get('version'))} is not {VERSION}")
     given.only(*_KEYS, _COOLING)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
     contours = contours_from_dicts(given.tables("contours"), machine)
@@ -116,7 +115,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         _precedence(given, len(contours)),
         _plan(given, contours_sizes=np.diff(contours.offsets)),
         dict(given.table("metrics").values),
-        given.number(_COOLING, 0.0, least=0.0),
+        given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
     )
 
 
@@ -124,13 +123,19 @@ def _parse(path: Path) -> Any:
     def refuse(text: str) -> NoReturn:
         raise InputError(f"the number {text} is not finite", path=path)
 
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        table = dict(pairs)
+        if len(table) < len(pairs):
+            keys = [key for key, _ in pairs]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise InputError(f"the key {shown(twice)} stands twice in one table", path=path)
+        return table
+
     try:
-        content = path.read_bytes()
-        if content.startswith(_GZIP_MAGIC):
-            content = gzip.decompress(content)
+        content = unpacked(path.read_bytes(), path)
         with _uncollected():
-            return json.loads(content, parse_constant=refuse)
-    except (OSError, EOFError, zlib.error) as error:
+            return json.loads(content, parse_constant=refuse, object_pairs_hook=once)
+    except OSError as error:
         raise InputError(f"cannot be read ({error})", path=path) from error
     except UnicodeDecodeError as error:
         raise InputError("is no UTF-8 text, so no plan", path=path) from error
@@ -138,6 +143,9 @@ def _parse(path: Path) -> Any:
         raise InputError("is nested too deeply to be a plan", path=path) from error
     except json.JSONDecodeError as error:
         raise InputError(f"is no JSON: {error.msg}", path=path, line=error.lineno) from error
+    except ValueError as error:  # Python reads no integer of more digits than that
+        digits = sys.get_int_max_str_digits()
+        raise InputError(f"a number of more than {digits} digits", path=path) from error
 
 
 @contextmanager
@@ -157,14 +165,19 @@ def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
     flat = [v for row in rows if type(row) is list and len(row) == 2 for v in row]
     if len(flat) != 2 * len(rows) or not set(map(type, flat)) <= {int}:
         bad = next(i for i, row in enumerate(rows) if not _is_pair(row))
-        given.fail(f"precedence[{bad}]", f"expected two contour ids, found {rows[bad]!r}")
+        given.fail(f"precedence[{bad}]", f"expected two contour ids, found {shown(rows[bad])}")
     wrong = next((i for i, v in enumerate(flat) if not 0 <= v < n), None)
     if wrong is not None:
-        given.fail(f"precedence[{wrong // 2}]", f"no contour {flat[wrong]}, there are {n}")
+        given.fail(f"precedence[{wrong // 2}]", f"no contour {shown(flat[wrong])}, there are {n}")
     pairs = np.array(flat, np.int32).reshape(-1, 2)
-    same = np.flatnonzero(pairs[:, 0] == pairs[:, 1])
-    if len(same):
-        given.fail(f"precedence[{same[0]}]", f"contour {pairs[same[0], 0]} before itself")
+    turned = np.flatnonzero(pairs[:, 0] >= pairs[:, 1])
+    if len(turned):
+        a, b = pairs[turned[0]].tolist()
+        given.fail(
+            f"precedence[{turned[0]}]",
+            f"contour {a} before itself" if a == b else f"contour {a} before contour {b}",
+            "contours are numbered in the order of the source, which keeps every pair",
+        )
     return pairs
 
 
@@ -179,7 +192,7 @@ def _plan(given: Fields, contours_sizes: NDArray[np.int64]) -> JointPlan:
     for table, name in zip(tables, names, strict=True):
         table.only("name", "actions")
         if name not in known or names.count(name) != 1:
-            table.fail("name", f"{name!r} is not one head of the machine ({', '.join(known)})")
+            table.fail("name", f"{shown(name)} is not one head of the machine ({', '.join(known)})")
     counts = [len(table.items("actions")) for table in tables]
     return JointPlan(
         tuple(actions_from_dicts(table, names, counts, contours_sizes.tolist()) for table in tables)

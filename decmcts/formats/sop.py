@@ -1,4 +1,4 @@
-"""Sequential ordering problems in TSPLIB's format, and tours of them.
+"""Sequential ordering problems in TSPLIB's and SOPLIB's formats, and tours of them.
 
 A full matrix of costs, in which −1 says that the column must come before the
 row. Nothing is solved here. Nodes are numbered from 1 in files and from 0 in
@@ -12,8 +12,7 @@ Reinelt 1991, "TSPLIB: a traveling salesman problem library", section 1.2
 
 from __future__ import annotations
 
-import gzip
-import zlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.formats.bounds import unpacked
 
 SOP_SUFFIXES = (".sop", ".sop.gz")
 MOST_NODES = 20_000  # 3.2 GB of costs
@@ -61,6 +61,9 @@ def read_sop(path: Path | str) -> SopInstance:
     """
     source = Path(path)
     lines = _text(source).splitlines()
+    if (bare := _bare(lines, source)) is not None:
+        n, first = bare
+        return _instance(source.name, _matrix(lines, first, n, source))
     header, first = _header(lines, source)
     n = _dimension(header, source)
     return _instance(header["NAME"][0] or source.name, _matrix(lines, first, n, source))
@@ -76,22 +79,44 @@ def tour_text(*, name: str, order: NDArray[np.int32], cost: float) -> bytes:
 def _text(source: Path) -> str:
     """Return the content of a file, unpacked."""
     try:
-        content = source.read_bytes()
-        if source.name.lower().endswith(".gz"):
-            content = gzip.decompress(content)
-        return content.decode("ascii")
+        return unpacked(source.read_bytes(), source).decode("ascii")
     except FileNotFoundError as error:
         raise InputError("no such file", path=source) from error
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise InputError(
-            f"damaged gzip file ({error})", path=source, advice="fetch it again"
-        ) from error
     except UnicodeDecodeError as error:
         raise InputError(
             f"byte {error.start} is no text", path=source, advice="give a TSPLIB .sop file"
         ) from error
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", path=source) from error
+
+
+def _bare(lines: list[str], source: Path) -> tuple[int, int] | None:
+    """Return size and first line of a matrix without a header, None where there is one.
+
+    SOPLIB is published so: the size on a line of its own, then the matrix; without
+    the size the first row tells it.
+    """
+    for number, line in enumerate(lines, start=1):
+        words = line.split()
+        if not words:
+            continue
+        if not re.fullmatch(r"[-+]?[\d.]+", words[0]):
+            return None
+        if len(words) > 1:
+            return _size(str(len(words)), "the first row's length", source, number), number
+        return _size(words[0], "the size", source, number), number + 1
+    return None
+
+
+def _size(text: str, what: str, source: Path, line: int) -> int:
+    """Return a number of nodes, checked."""
+    if not text.isdigit() or len(text) > 9 or not 1 <= int(text) <= MOST_NODES:
+        raise InputError(
+            f"{what} is {text[:20]!r}, expected a number from 1 to {MOST_NODES}",
+            path=source,
+            line=line,
+        )
+    return int(text)
 
 
 def _header(lines: list[str], source: Path) -> tuple[dict[str, tuple[str, int]], int]:
@@ -117,13 +142,7 @@ def _dimension(header: dict[str, tuple[str, int]], source: Path) -> int:
     text, line = header.get("DIMENSION", ("", 0))
     if not line:
         raise InputError("no DIMENSION before the matrix", path=source)
-    if not text.isdigit() or len(text) > 9 or not 1 <= int(text) <= MOST_NODES:
-        raise InputError(
-            f"DIMENSION is {text[:20]!r}, expected a number from 1 to {MOST_NODES}",
-            path=source,
-            line=line,
-        )
-    return int(text)
+    return _size(text, "DIMENSION", source, line)
 
 
 def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.float64]:
@@ -145,7 +164,7 @@ def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.fl
         count += len(words)
         if count > n * n + 1:
             raise InputError(
-                f"more than {n} × {n} costs", path=source, line=number, advice="mend DIMENSION"
+                f"more than {n} × {n} costs", path=source, line=number, advice="mend the dimension"
             )
     alone = len(values) > 1 and len(values[0]) == 1
     if alone and values[0][0] == n:
@@ -160,7 +179,7 @@ def _matrix(lines: list[str], first: int, n: int, source: Path) -> NDArray[np.fl
             f"{count} costs instead of {n} × {n}",
             path=source,
             line=len(lines),
-            advice="the file is cut off or DIMENSION is wrong",
+            advice="the file is cut off or its dimension is wrong",
         )
     return np.concatenate(values).reshape(n, n)
 

@@ -56,3 +56,4 @@ class PrintJob:
     limits: MotionLimits = field(default_factory=MotionLimits.unsaid)  # as the source states them
     acceleration: NDArray[np.float64] | None = None  # (n_points,) mm/s² set for the segment
     # ending at each point of the contours, NaN where nothing sets it; None: nowhere
+    refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause

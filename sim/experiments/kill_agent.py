@@ -18,7 +18,7 @@ from pathlib import Path
 from agents.launch import launch
 from agents.supervisor import AgentStatus, LaunchError
 from decmcts.errors import InputError
-from decmcts.feasibility.build import build_graph
+from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
@@ -55,12 +55,7 @@ def run(
     """Plan with a death on the way; returns 0 when the rest brought a faultless plan."""
     job, _ = read_gcode(path)
     machine = load_machine(machine_name)
-    graph = build_graph(
-        job.contours,
-        machine.heads,
-        clearance_mm=machine.clearance_mm,
-        bead_width=machine.bead_width,
-    )
+    graph = order_rules(job, machine)
     result = launch(
         job,
         machine,

@@ -19,8 +19,8 @@ from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.job import PrintJob
@@ -64,12 +64,7 @@ def run(
 ) -> Row:
     """Plan one print for one head and for the team, judge both, draw the team's plan."""
     job, _ = read_gcode(path)
-    graph = build_graph(
-        job.contours,
-        machine.heads,
-        clearance_mm=machine.clearance_mm,
-        bead_width=machine.bead_width,
-    )
+    graph = order_rules(job, machine)
     alone = plan_alone(job, machine, graph, time_limit_s=time_limit_s, seed=seed)
     started = time.perf_counter()
     team = plan_together(job, machine, graph, time_limit_s=time_limit_s, seed=seed)

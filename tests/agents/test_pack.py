@@ -39,7 +39,9 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
     """A lost bit would be another problem, and every agent would refuse it."""
     settings = ProcessSettings(travel_feed=1 / 3, hop_mm=0.2)
     barriers = (Barrier("M600", 12, "unknown command"),)
-    job = PrintJob("two", contours(), settings, barriers, "PrusaSlicer 2.5.0", ("note",))
+    job = PrintJob(
+        "two", contours(), settings, barriers, "PrusaSlicer 2.5.0", ("note",), refills=(1,)
+    )
     graph = DependencyGraph.from_pairs(2, np.array([[0, 1]], np.int32))
     machine = load_machine("dual-gantry")
     write_pack(Pack(job, machine, graph, {"seed": 3}), tmp_path)
@@ -49,6 +51,7 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
         assert ours.dtype == read.dtype and ours.tobytes() == read.tobytes(), f.name
     assert back.job.settings == settings
     assert back.job.barriers == barriers
+    assert back.job.refills == (1,)
     assert (back.job.name, back.job.slicer, back.job.notes) == (job.name, job.slicer, job.notes)
     assert back.graph.pairs().tolist() == [[0, 1]]
     assert [h.name for h in back.machine.heads] == [h.name for h in machine.heads]

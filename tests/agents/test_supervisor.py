@@ -145,6 +145,21 @@ def test_heads_that_cannot_print_it_all_end_the_launch(scene: Scene) -> None:
         scene.run()
 
 
+def test_the_second_interrupt_goes_to_whoever_launched(scene: Scene) -> None:
+    """The first asks for the best so far; the second wants out, not one head's plan instead."""
+    asked: list[bool] = []
+
+    def interrupted() -> bool:
+        asked.append(True)
+        if len(asked) == 2:
+            raise KeyboardInterrupt  # as a handler does, wherever the supervisor is
+        return True
+
+    with pytest.raises(KeyboardInterrupt):
+        scene.run(should_stop=interrupted)
+    assert scene.children[0].told == [{"command": "stop"}]
+
+
 @pytest.mark.slow
 def test_an_agent_that_never_gets_ready_is_fenced() -> None:
     """A process that hangs while loading must not hang the launch."""

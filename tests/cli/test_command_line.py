@@ -204,3 +204,17 @@ def test_loops_begin_where_the_seam_policy_says(tmp_path, capsys, seam):
     first = next(x for x in text.splitlines() if x.startswith("G1 X1") and "E" not in x)
     assert ("Y120" in first) == bool(seam)
     assert run(["verify", str(out), "--source", str(source), "--machine", "paper"]) == 0
+
+
+@pytest.mark.parametrize("command", ["plan", "post", "launch", "verify", "machines", "demo"])
+def test_help_fits_a_terminal_of_80_columns(command, monkeypatch, capsys):
+    """Names cut off cannot be typed; options in panels can be found."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run([command, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "…" not in said
+    assert max(len(line.rstrip()) for line in said.splitlines()) <= 80
+    options = said.split("Options ", 1)[1].split("╰", 1)[0]
+    assert [line for line in options.splitlines() if "--" in line] == [
+        line for line in options.splitlines() if "--help" in line
+    ]

@@ -193,6 +193,19 @@ CONTOUR = ("contours", 1)
         ((*CONTOUR, "points", 2), 7, "contours[1].points: expected lists"),
         ((*CONTOUR, "points", 2), [1, 1e999], "not finite"),
         ((*CONTOUR, "z"), "low", "contours[1].z: expected a finite number"),
+        ((*CONTOUR, "points", 2), [1, 1e5], "contours[1].points: number 5 is 100000, not finite"),
+        ((*CONTOUR, "points", 2), [1, [[[[[]]]]]], "contours[1].points: expected numbers"),
+        ((*CONTOUR, "z"), -1e5, "contours[1].z: expected a finite number up to 10000"),
+        ((*CONTOUR, "width"), 1e4, "contours[1].width: expected a finite number up to 100"),
+        ((*CONTOUR, "feed"), -1, "contours[1].feed: -1 is below 0"),
+        ((*CONTOUR, "extrusion"), [1, -2, 1], "contours[1].extrusion: number 1 is -2, below 0"),
+        (("machine", "bed", "max"), [1e5, 1e5], "machine.bed.max: number 0 is 100000"),
+        ((*ACTION, "path", 0), [1, 2, 1e5], "heads[1].actions[1].path: number 2 is 100000"),
+        (
+            (*ACTION, "end_s"),
+            1e8,
+            "heads[1].actions[1].end_s: expected a finite number up to 1e+07",
+        ),
         ((*CONTOUR, "role"), "magic", "contours[1].role: unknown role 'magic'"),
         ((*CONTOUR, "role"), ["x"], "contours[1].role: expected a text"),
         ((*CONTOUR, "head"), "middle", "contours[1].head: 'middle' is no head"),
@@ -205,6 +218,7 @@ CONTOUR = ("contours", 1)
         (("precedence", 1), [0, 99], "precedence[1]: no contour 99, there are 6"),
         (("precedence", 1), [0, -1], "precedence[1]: no contour -1"),
         (("precedence", 1), [2, 2], "precedence[1]: contour 2 before itself"),
+        (("precedence", 1), [3, 2], "precedence[1]: contour 3 before contour 2"),
         (("precedence", 1), [2], "precedence[1]: expected two contour ids"),
         (("precedence", 1), [0, 1.5], "precedence[1]: expected two contour ids"),
         (("heads", 1, "name"), "left", "heads[0].name: 'left' is not one head"),
@@ -251,7 +265,8 @@ def test_missing_parts_are_named(written, key):
 @pytest.mark.parametrize(
     "content",
     [b"", b"\x00\x01", b"[]", b"3", b"{", b'{"format": "decmcts-plan", "version": 1}',
-     b'{"format": NaN}', b"[" * 100_000, b"\x1f\x8b broken",
+     b'{"format": NaN}', b"[" * 100_000, b'{"version": ' + b"7" * 5000 + b"}",
+     b'{"format": 1, "format": 2}', b'{"format": 1' + b"e9" * 9 + b"}", b"\x1f\x8b broken",
      gzip.compress(b"x" * 99, mtime=0)[:-9]],
 )  # fmt: skip
 def test_files_that_are_no_plan_are_refused(tmp_path, content):
@@ -292,7 +307,26 @@ def test_large_plans_take_seconds(tmp_path):
     assert len(again.contours) == 11_000
 
 
-ODD = (None, True, -1, 0, 2**70, 1e308, "", "x", [], [[]], {}, {"a": 1}, [1, "a"], [None], 0.5)
+ODD = (
+    None,
+    True,
+    -1,
+    0,
+    2**70,
+    10**4000,
+    1e308,
+    1e5,
+    "x" * 10**5,
+    "",
+    "x",
+    [],
+    [[]],
+    {},
+    {"a": 1},
+    [1, "a"],
+    [None],
+    0.5,
+)
 
 
 def places(value: Any) -> list[tuple[Any, Any]]:

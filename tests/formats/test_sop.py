@@ -52,7 +52,25 @@ def test_a_number_a_line_is_read_too(tmp_path: Path, start: str) -> None:
     assert read_sop(written(tmp_path, one)).costs.tolist() == [[0.0]]
 
 
+@pytest.mark.parametrize("start", ["", "3\n", "\n 3 \n\n"])
+@pytest.mark.parametrize("rows", [ROWS, ROWS.replace(" ", "\t").lstrip(), "\n".join(ROWS.split())])
+def test_a_bare_matrix_is_read(tmp_path: Path, start: str, rows: str) -> None:
+    """SOPLIB is published without a header: the size, or not even that, and the matrix."""
+    if not start and rows.count(" ") + rows.count("\t") == 0:
+        start = "3\n"  # a number a line does not tell the size
+    plain = read_sop(written(tmp_path, HEAD + ROWS))
+    bare = read_sop(written(tmp_path, start + rows))
+    assert bare.name == "tiny.sop"
+    assert bare.costs.tolist() == plain.costs.tolist()
+    assert bare.precedence.tolist() == plain.precedence.tolist()
+
+
 BAD = {
+    "bare, cut off": ("3\n0 4 7\n-1 0 2\n", "3", "6 costs instead of 3 × 3"),
+    "bare, too many": ("3\n0 4 7\n-1 0 2\n-1 -1 0\n1 2\n", "5", "more than 3 × 3"),
+    "bare, no number": ("3\n0 4 7\n-1 x 2\n-1 -1 0\n", "3", "not a number"),
+    "bare, no size": ("0 4 7\n-1 0 2\n", "2", "6 costs instead of 3 × 3"),
+    "bare, absurd size": ("99999999999\n0 4 7\n", "1", "from 1 to 20000"),
     "cut off": (HEAD + "0 4 7\n-1 0 2\n", "9", "6 costs instead of 3 × 3"),
     "cut off by one": (HEAD + "3\n0 4 7\n-1 0 2\n-1 -1\n", "11", "8 costs instead of 3 × 3"),
     "one too many": (HEAD + "0 4 7\n-1 0 2\n-1 -1 0\n5\n", "11", "10 costs instead of 3 × 3"),

@@ -69,8 +69,9 @@ _MERGED = {
 GROWING = frozenset(_MERGED) - {"M204", "SET_FAN_SPEED"}  # commands whose parameters only add up
 _REASONS = {
     "M600": "filament change", "M0": "pause", "M1": "pause", "M25": "pause", "M226": "pause",
-    "M601": "pause", "PAUSE": "pause", "G4": "dwell", "G28": "homing", "G29": "bed probing",
-    "G92": "coordinates set anew", "M400": "wait for moves to end",
+    "M601": "pause", "M125": "pause", "PAUSE": "pause", "@PAUSE": "pause",
+    "M701": "filament change", "M702": "filament change", "G4": "dwell", "G28": "homing",
+    "G29": "bed probing", "G92": "coordinates set anew", "M400": "wait for moves to end",
 }  # fmt: skip
 _WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]*)")
 

@@ -67,9 +67,10 @@ class Block:
 class Habits:
     """How the source does what is regenerated, beyond `ProcessSettings`."""
 
-    restart_extra: float = 0.0  # mm pushed back more than was retracted
+    restart_extra: float = 0.0  # mm pushed back more than was retracted; below 0: less
     resets_e: bool = False  # G92 E0 occurs in the print
-    progress: bool = False  # M73 occurs in the print
+    progress: str = ""  # parameters of M73 in the print, of P, R (normal mode), Q, S (silent)
+    silent_share: float = 0.0  # time in silent mode over that in normal mode, as M73 says
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ class GcodeDocument:
     blocks: tuple[Block, ...]  # ascending epoch
     states: StateTable
     point_state: NDArray[np.int32]  # (n_points,) state of the segment ending there
-    owed: NDArray[np.float64]  # (n,) filament still retracted when a contour begins, mm
+    owed: NDArray[np.float64]  # (n,) mm still retracted when a contour is begun, as the source does
     relative_e: bool
     e_area: float  # mm² when E is volumetric (M200), 0 when it is mm
     decimals: tuple[int, int, int]  # xy, e, feed

@@ -105,18 +105,25 @@ class Emitter:
 
     # -- retraction -------------------------------------------------------------
 
-    def owe(self, owed: float, *, firmware: bool = False) -> None:
-        """Retract or push back until `owed` mm of filament are retracted."""
+    def owe(self, owed: float, *, firmware: bool = False, extra: float = 0.0) -> None:
+        """Retract or push back until `owed` mm are retracted, then push `extra` mm more."""
         if self.firmware_retracted != firmware:
             self.say("G10" if firmware else "G11")
             self.firmware_retracted = firmware
         change = self.owed - owed
         if abs(change) > 1e-6:
-            extra = self.document.habits.restart_extra if owed == 0.0 else 0.0
             settings = self.settings
             feed = settings.unretract_feed if change > 0 else settings.retract_feed
-            self.push(change + max(extra, -change) if change > 0 else change, feed)
+            self.push(change + (extra if change > 0 else 0.0), feed)
             self.owed = owed
+
+    def restart(self, due: float) -> None:
+        """Push back what is retracted as the source does: until `due` mm are, or with a surplus.
+
+        What is not retracted any more is not retracted for it.
+        """
+        extra = max(0.0, self.document.habits.restart_extra) if due == 0.0 else 0.0
+        self.owe(min(due, self.owed), extra=extra)
 
     def retract(self) -> None:
         """Retract as the source does, wiping along the last bead if it wipes."""

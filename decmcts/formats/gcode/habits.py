@@ -14,12 +14,14 @@ from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
+from decmcts.formats.gcode.progress import silent_share
 from decmcts.formats.gcode.state import Track
 from decmcts.print.job import ProcessSettings
 
 PULLED = 0.01  # mm of filament that counts as a retraction
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
-EXTRA_LIMIT_MM = 1.0  # a surplus or lack beyond this is loading or unloading
+OWED_MM = 1e-3  # of filament that counts as still retracted
+EXTRA_LIMIT_MM = 1.0  # a surplus beyond this is loading
 _RULE = re.compile(
     rb"^;\s*(?:slowdown_below_layer_time|slow_down_layer_time|minSpeedLayerTime|min_layer_time_s)"
     rb" *[=,] *([\d., ]+)",
@@ -95,7 +97,7 @@ def infer_settings(
         motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
     )
     by_firmware = bool(firmware.sum() * 2 > max(1, pulled.sum()))
-    amount = float(np.median(owed[owed > PULLED])) if (owed > PULLED).any() else 0.0
+    amount = _usual_pull(owed)
     feeds = tuple(_usual(motion.feed[gap & still & way]) or 40.0 for way in (pull, push))
     if by_firmware:
         amount, feeds = _told_to_firmware(lines, track, int(motion.line[runs.last[-1]]))
@@ -116,9 +118,10 @@ def infer_settings(
         min_layer_time_s=min_layer_time(lines.text),
     )
     return settings, Habits(
-        restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled]),
+        restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled], amount),
         resets_e=_occurs(lines, motion, runs, 71, 920),
-        progress=_occurs(lines, motion, runs, 77, 730),
+        progress=_progress(lines, motion, runs),
+        silent_share=silent_share(lines.text),
     )
 
 
@@ -143,10 +146,27 @@ def _usual_acceleration(
     return _usual(said[known], length[travel][known])
 
 
-def _restart_extra(surplus: NDArray[np.float64]) -> float:
-    """Return what is usually pushed back beyond a retraction; tool changes are no habit."""
-    small = surplus[np.abs(surplus) <= EXTRA_LIMIT_MM]
+def _usual_pull(pulled: NDArray[np.float64]) -> float:
+    """Return the median of what is retracted in a gap, where anything is, mm."""
+    some = pulled[pulled > PULLED]
+    return float(np.median(some)) if len(some) else 0.0
+
+
+def _restart_extra(surplus: NDArray[np.float64], retract_mm: float) -> float:
+    """Return what is usually pushed back beyond a retraction; tool changes are no habit.
+
+    Below 0 where less is pushed back, which can be no less than nothing.
+    """
+    small = surplus[(surplus >= -max(retract_mm, EXTRA_LIMIT_MM)) & (surplus <= EXTRA_LIMIT_MM)]
     return float(np.median(small)) if len(small) else 0.0
+
+
+def _progress(lines: Lines, motion: Motion, runs: Runs) -> str:
+    """Return which parameters of M73 occur between the first bead and the last."""
+    first, last = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
+    told = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
+    words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in told.tolist()})
+    return "".join(letter for letter in "PRQS" if letter.encode() in words)
 
 
 def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:
@@ -161,6 +181,25 @@ def _retractions(motion: Motion, runs: Runs) -> tuple[NDArray[np.float64], NDArr
     begin, end = runs.last[:-1] + 1, runs.first[1:]
     surplus = total[end] - total[begin]
     return pulled[begin] - pulled[end], np.where(np.abs(surplus) < 1e-3, 0.0, surplus)
+
+
+def owed_at_begins(
+    motion: Motion, runs: Runs, habits: Habits, tied: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Return the filament still retracted when each contour begins, (n,) mm.
+
+    A source may push back less than it retracted. Contours it begins bare have
+    what its habit leaves, should they be reached by a retracted travel now. In tool
+    changes (`tied`) any length may be unloaded; elsewhere that is no habit.
+    """
+    above = np.maximum(motion.line[runs.first] - 1, 0)
+    owed: NDArray[np.float64] = motion.extruder[above, 1].copy()
+    pulled, _ = _retractions(motion, runs)
+    owed[(owed < OWED_MM) | (~tied & (owed > _usual_pull(pulled)))] = 0.0
+    bare = np.concatenate([[True], (pulled <= PULLED) & ~_firmware(motion, runs)])
+    owed[bare & ~tied] = np.maximum(owed, -habits.restart_extra)[bare & ~tied]
+    owed.setflags(write=False)
+    return owed
 
 
 def _firmware(motion: Motion, runs: Runs) -> NDArray[np.bool_]:

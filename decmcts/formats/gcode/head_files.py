@@ -31,6 +31,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
+from decmcts.formats.gcode.progress import without_progress
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
 from decmcts.formats.gcode.writer import print_contour, with_header
@@ -261,7 +262,7 @@ class _HeadFile:
         """Return lines as this controller needs them: no unplanned moves, no other tools."""
         kept = []
         newline = self.document.newline
-        for line in text.splitlines(keepends=True):
+        for line in without_progress(text):
             relative_e = _relative_after(line, relative_e)
             if _MOVE.match(line) or (not keep_homing and _HOMING.match(line)):
                 kept.append(b"; left out, heads share the bed: " + line)

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from decmcts._kernels import gcode_scan as scan
 from decmcts.errors import InputError
+from decmcts.formats.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
 
-LIMIT_MM = 1e5  # no printer reaches 100 m; larger coordinates are damage
+LARGEST_E_MM = 1e9  # of absolute E, which may count for years
+LARGEST_RADIUS_MM = 1e6  # nearly straight arcs have their centre far away
 _NUMBERED = re.compile(
     rb"^[ \t]*N\d+[ \t]*([^;\r\n]*?)[ \t]*(?:\*\d+)?[ \t]*(?=[;\r\n]|\Z)", re.I | re.M
 )
@@ -25,6 +27,22 @@ _FAULTS = {
     scan.EXTRA_AXIS: "a move of an axis other than X, Y, Z, E",
     scan.BAD_CHARACTER: "a character that is no parameter",
 }
+
+
+_PROGRESS = re.compile(rb"M0*73(?![0-9.])", re.I)
+_OPEN_BRACKET = re.compile(rb"\([^);]*(?:;|\Z)")
+
+
+def command_of(line: bytes) -> bytes:
+    """Return what a line commands: no comment, line number, checksum or extra blanks.
+
+    Nothing where it only tells progress (M73), which another order counts anew.
+    """
+    code = line.split(b";", 1)[0]
+    if _NUMBERED.match(code):
+        code = _NUMBERED.sub(rb"\1", code)
+    code = b" ".join(code.split())
+    return b"" if code[:1] in (b"(", b"") or _PROGRESS.match(code) else code
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,17 +114,40 @@ def split_lines(text: bytes, path: Path | str) -> Lines:
 
 
 def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
+    _check_brackets(lines)
     bad = np.flatnonzero(fault)
     if len(bad):
         first = int(bad[0])
         raise lines.refuse(first, _FAULTS[int(fault[first])], "export the G-code again")
-    finite = np.nan_to_num(lines.values[:, : scan.F], nan=0.0)
-    large = np.flatnonzero((np.abs(finite) > LIMIT_MM).any(axis=1) & (lines.letter == 71))
-    huge_e = np.abs(finite[large, scan.E]) > 1e9  # absolute E may be long
-    large = large[(np.abs(finite[large, : scan.E]) > LIMIT_MM).any(axis=1) | huge_e]
-    if len(large):
-        raise lines.refuse(int(large[0]), f"a coordinate beyond ±{LIMIT_MM:g} mm")
+    for column, most, what in (
+        (slice(scan.X, scan.E), LARGEST_MM, "a coordinate"),
+        (slice(scan.OFFSET_I, scan.D), LARGEST_RADIUS_MM, "the centre of an arc"),
+        (slice(scan.E, scan.F), LARGEST_E_MM, "an amount of filament"),
+        (slice(scan.F, scan.OFFSET_I), 60.0 * LARGEST_SPEED_MM_S, "a feed"),
+    ):
+        wild = np.abs(lines.values[:, column]) > most  # NaN, a parameter left out, is not
+        large = np.flatnonzero(wild.any(axis=1) & (lines.letter == 71))
+        if len(large):
+            raise lines.refuse(int(large[0]), f"{what} beyond ±{most:g}")
     _check_tail(lines)
+
+
+def _check_brackets(lines: Lines) -> None:
+    """Refuse a G command with a bracket that stays open: firmwares differ in what it hides.
+
+    RepRapFirmware takes the rest of the line for a comment, Marlin reads on (but for
+    PAREN_COMMENTS), Klipper knows no brackets and stops.
+    """
+    at = lines.text.find(b"(")
+    while at >= 0:
+        line = int(np.searchsorted(lines.starts, at, side="right")) - 1
+        row = lines.raw(line)
+        if lines.letter[line] == ord("G") and _OPEN_BRACKET.search(row.split(b";", 1)[0] + b";"):
+            raise lines.refuse(
+                line, "a bracket that is not closed hides the rest of the line from some firmwares",
+                "close the comment, or begin it with a semicolon",
+            )  # fmt: skip
+        at = lines.text.find(b"(", int(lines.ends[line]))
 
 
 def _check_tail(lines: Lines) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels import gcode_moves as kernels
 from decmcts._kernels import gcode_scan as scan
+from decmcts.formats.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
 from decmcts.formats.gcode.lines import Lines
 
 CHORD_ERROR_MM = 0.005
@@ -81,9 +82,14 @@ def _decimals(lines: Lines) -> tuple[int, int, int]:
 
 
 def _refuse_far(lines: Lines, motion: Motion) -> None:
-    far = np.flatnonzero((np.abs(motion.points[1:]) > 1e6).any(axis=1))
+    far = np.flatnonzero((np.abs(motion.points[1:]) > LARGEST_MM).any(axis=1))
     if len(far):
-        raise lines.refuse(int(motion.line[far[0]]), "relative moves that leave ±1e6 mm")
+        what = f"relative moves that leave ±{LARGEST_MM:g} mm"
+        raise lines.refuse(int(motion.line[far[0]]), what)
+    much = np.flatnonzero(np.abs(motion.extrusion) > LARGEST_FILAMENT_MM)
+    if len(much):
+        what = f"more than {LARGEST_FILAMENT_MM:g} mm of filament in one move"
+        raise lines.refuse(int(motion.line[much[0]]), what)
 
 
 def _refuse_frames(lines: Lines) -> None:

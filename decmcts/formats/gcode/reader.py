@@ -20,9 +20,9 @@ from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
 from decmcts.formats.gcode.edges import state_edges
 from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
-from decmcts.formats.gcode.habits import filament_diameter, infer_settings
+from decmcts.formats.gcode.habits import filament_diameter, infer_settings, owed_at_begins
 from decmcts.formats.gcode.limits import commanded, state_limits, stated_limits
-from decmcts.formats.gcode.lines import Lines, split_lines
+from decmcts.formats.gcode.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
@@ -32,6 +32,7 @@ from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limits_of
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
+REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after
 _SLICERS = re.compile(
     rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
     rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
@@ -119,10 +120,11 @@ def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
     """
     parsed = _parse(path)
     end = document.postamble
-    if not parsed.lines.text.rstrip().endswith(end.rstrip()):
+    due = end.rstrip().split(b"\n") if end.strip() else []
+    has = parsed.lines.text.rstrip().split(b"\n")
+    line = len(has) - len(due)
+    if list(map(command_of, has[max(line, 0) :])) != list(map(command_of, due)):
         raise InputError("the end G-code is not the source's", path=path)
-    open_line = 1 if end and not end.endswith(b"\n") else 0
-    line = len(parsed.lines) - end.count(b"\n") - open_line
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())
@@ -145,8 +147,8 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         str(path), lines.span(0, top), lines.span(bottom, len(lines)),
         b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
         start, cursor_at(motion, parsed.track, bottom), blocks.blocks, parsed.track.table,
-        point_state, _owed(parsed, blocks.tied), bool(motion.modes[first, 1]),
-        float(motion.extruder[first, 2]), motion.decimals, habits,
+        point_state, owed_at_begins(motion, runs, habits, blocks.tied),
+        bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
     )  # fmt: skip
     name = Path(path).name.removesuffix(".gz").rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
@@ -159,9 +161,18 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text), _notes(parsed, blocks),
-        limits, None if unsaid else said,
+        limits, None if unsaid else said, _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
+
+
+def _refills(parsed: _Parsed, blocks: Blocks) -> tuple[int, ...]:
+    """Return the epochs that begin where the nozzle is fed anew or stood still for long."""
+    barriers = parsed.track.barriers.items()
+    lines = np.array([line for line, reason in barriers if reason in REFILLS], np.int64)
+    next_one = np.searchsorted(parsed.motion.line[parsed.runs.first], lines)
+    within = (next_one > 0) & (next_one < len(blocks.epoch))
+    return tuple(np.unique(blocks.epoch[next_one[within]]).tolist())
 
 
 def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
@@ -208,15 +219,6 @@ def _preamble_end(parsed: _Parsed) -> int:
     pushed = float(motion.extrusion[motion.before[top] : runs.first[0]].sum())
     owed = float(motion.extruder[top - 1, 1]) if top else 0.0
     return first if abs(pushed - owed) > PRIMED_MM else top
-
-
-def _owed(parsed: _Parsed, tied: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the filament still retracted at each contour: in tool changes it may be unloaded."""
-    above = np.maximum(parsed.motion.line[parsed.runs.first] - 1, 0)
-    owed = parsed.motion.extruder[above, 1]
-    owed = np.where(tied & (owed > 1e-4), owed, 0.0)
-    owed.setflags(write=False)
-    return owed
 
 
 def _towers(parsed: _Parsed) -> NDArray[np.bool_]:

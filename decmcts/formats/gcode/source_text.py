@@ -8,12 +8,12 @@ from __future__ import annotations
 import gzip
 import io
 import os
-import zlib
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
 from decmcts.formats.atomic import write_whole
+from decmcts.formats.bounds import unpacked
 from decmcts.formats.gcode.binary import SUFFIX, is_binary, pack, unpack
 
 
@@ -26,11 +26,7 @@ def load_text(path: Path | str) -> bytes:
         When the file cannot be read, is empty, damaged or no G-code at all.
     """
     raw = _read(Path(path))
-    if raw[:2] == b"\x1f\x8b":
-        try:
-            raw = gzip.decompress(raw)
-        except (OSError, EOFError, zlib.error) as error:
-            raise InputError(f"damaged gzip data ({error})", path=path) from error
+    raw = unpacked(raw, path)
     if is_binary(raw):
         raw = unpack(raw, path)
     if not raw.strip():

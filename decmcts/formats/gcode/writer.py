@@ -17,6 +17,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.dialect import SPLIT_MARK
 from decmcts.formats.gcode.document import Block, GcodeDocument
 from decmcts.formats.gcode.emitter import NEAR_MM, Emitter
+from decmcts.formats.gcode.progress import Progress, without_progress
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import traversal
@@ -63,11 +64,12 @@ def gcode_bytes(
 ) -> bytes:
     """Return what `write_gcode` writes."""
     emitter = Emitter(document, job.settings)
-    emitter.verbatim(with_header(document.preamble, header_lines, document.newline))
+    progress = Progress(document, actions)
+    preamble = progress.above(document.preamble)
+    emitter.verbatim(with_header(preamble, header_lines, document.newline))
     blocks = iter(document.blocks)
     block = next(blocks, None)
     path: list[NDArray[np.float64]] = []
-    progress = _Progress(document, actions)
     for k in range(len(actions)):
         if actions.kind[k] == ActionKind.TRAVEL:
             path.append(actions.action_path(k))
@@ -131,7 +133,7 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     emitter.set_e(begin.e)
     emitter.set_feed(begin.feed)
     stood = emitter.at
-    emitter.verbatim(block.text)
+    emitter.verbatim(b"".join(without_progress(block.text)))
     emitter.take(block.end)
     emitter.parted = True  # as it parted the contours in the source
     emitter.tail = emitter.tail[:0]
@@ -170,7 +172,7 @@ def print_contour(
     emitter.set_state(state[0], before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
-    emitter.owe(float(emitter.document.owed[contour]))
+    emitter.restart(float(emitter.document.owed[contour]))
     if len(emitter.lines) == written and not emitter.parted:
         emitter.say(SPLIT_MARK)
     emitter.parted = False
@@ -219,23 +221,4 @@ def _finish(emitter: Emitter) -> None:
     emitter.set_state(end.state)
     emitter.set_e(end.e)
     emitter.set_feed(end.feed)
-    emitter.verbatim(emitter.document.postamble)
-
-
-class _Progress:
-    """Writes M73 anew from the plan's own times, where the source had any."""
-
-    def __init__(self, document: GcodeDocument, actions: HeadActions) -> None:
-        self._begin = actions.begin_s
-        self._total = float(actions.end_s.max(initial=0.0)) if document.habits.progress else 0.0
-        self._shown = -1
-
-    def tell(self, emitter: Emitter, action: int) -> None:
-        """Write the progress at the beginning of an action if it changed."""
-        if self._total <= 0.0:
-            return
-        percent = int(100.0 * self._begin[action] / self._total)
-        if percent != self._shown:
-            left = (self._total - float(self._begin[action])) / 60.0
-            emitter.say(f"M73 P{percent} R{left:.0f}")
-            self._shown = percent
+    emitter.verbatim(b"".join(without_progress(emitter.document.postamble)))

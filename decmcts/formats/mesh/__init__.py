@@ -8,12 +8,12 @@ G-code reader makes the print job of that: one way in for every print.
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 from decmcts import __version__
 from decmcts.errors import InputError
+from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions
 from decmcts.print.job import PrintJob
@@ -33,8 +33,8 @@ def slice_mesh(
     """
     source = Path(path)
     text = slice_to_gcode(source, options)
-    with tempfile.TemporaryDirectory(prefix="decmcts-") as folder:
-        sliced = Path(folder) / f"{source.stem}.gcode"
+    with draft_folder() as folder:
+        sliced = folder / f"{source.stem}.gcode"
         sliced.write_text(text, encoding="utf-8", newline="\n")
         try:
             job, document = read_gcode(sliced)

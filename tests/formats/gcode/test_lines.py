@@ -81,10 +81,51 @@ def test_scanner_never_raises_anything_else(text):
         pass
 
 
+@pytest.mark.parametrize(
+    ("line", "what"),
+    [
+        ("G1 X1e5", "a coordinate beyond ±10000"),
+        ("G1 X100000", "a coordinate beyond ±10000"),
+        ("G1 X" + "7" * 5000, "a coordinate beyond ±10000"),
+        ("G1 Y-10000.1", "a coordinate beyond ±10000"),
+        ("G1 X1 E1e300", "an amount of filament beyond"),
+        ("G1 X1 E1" + "0" * 300, "an amount of filament beyond"),
+        ("G1 X1 F" + "9" * 400, "a feed beyond"),
+        ("G2 X1 I" + "9" * 20, "the centre of an arc beyond"),
+        ("M83\nG1 X1 E5000000", "more than 1e.06 mm of filament in one move"),
+        ("G91\n" + "G1 X9000\n" * 2, "relative moves that leave ±10000 mm"),
+    ],
+)
+def test_numbers_no_printer_knows_are_refused(line, what):
+    """A coordinate of 100 m once took 23 GB of memory; its line and the limit are named."""
+    with pytest.raises(InputError, match=what):
+        interpret(split_lines(f"{line}\n".encode(), "t"))
+
+
+def test_a_line_of_megabytes_is_read_like_any_other():
+    """Memory goes with the size of the file, not with the length of a line."""
+    lines = split_lines(b"G1 X1 " + b"; " + b"x" * 2**22 + b"\nG1 X2\n", "t")
+    assert lines.values[:, 0].tolist() == [1.0, 2.0]
+
+
 @settings(max_examples=200, deadline=None)
-@given(st.floats(-9e4, 9e4, allow_nan=False), st.integers(0, 8))
+@given(st.floats(-9999, 9999, allow_nan=False), st.integers(0, 8))
 def test_number_equals_python_float(value, places):
     """The fast path must agree with the exact reading of the same text."""
     text = f"{value:.{places}f}"
     got = split_lines(f"G1 X{text}\n".encode(), "t").values[0, 0]
     assert got == pytest.approx(float(re.sub(r"^-0$", "0", text)), abs=1e-11)
+
+
+@pytest.mark.parametrize("row", ["G1 X9 (half E.5 F900", "G1 X5 (a;b)", "G92 (x E0"])
+def test_a_bracket_that_stays_open_is_refused(row):
+    """Firmwares differ in what it hides: the E behind it would be lost in silence here."""
+    with pytest.raises(InputError, match="bracket") as caught:
+        split_lines(f"G28\n{row}\n".encode(), "x")
+    assert caught.value.line == 2
+
+
+@pytest.mark.parametrize("row", ["(note", "M117 (x", "G1 X9 (a) E.5", "G1 X1 ; (b", "; (c"])
+def test_brackets_that_hide_nothing_are_fine(row):
+    """Messages, comments and closed brackets mean the same to all."""
+    assert len(split_lines(f"G28\n{row}\n".encode(), "x")) == 2

@@ -1,0 +1,61 @@
+"""How large a file and its numbers may be: stated once, for G-code, machines and plans.
+
+A limit here is far beyond any printer and near enough that whatever stays within
+it costs memory and time like an honest file of its size.
+"""
+
+from __future__ import annotations
+
+import io
+import zlib
+from pathlib import Path
+
+from decmcts.errors import InputError
+
+LARGEST_MM = 10_000.0  # of a coordinate or a size: ten metres
+LARGEST_BEAD_MM = 100.0  # of a bead's width or height
+LARGEST_FILAMENT_MM = 1e6  # of one move: a kilometre, over three spools
+LARGEST_SPEED_MM_S = 1e5
+LARGEST_SECONDS = 1e7  # of one print: 115 days
+UNPACKED_FREE = 64 * 2**20  # bytes that any gzipped file may hold
+UNPACKED_TIMES = 100  # a larger one may hold this many times its own size
+UNPACKED_MOST = 4 * 2**30  # bytes
+_GZIP_MAGIC = b"\x1f\x8b"
+_BLOCK = 2**20
+
+
+def unpacked(raw: bytes, path: Path | str) -> bytes:
+    """Return what a gzipped file holds, and any other file as it is.
+
+    Raises
+    ------
+    InputError
+        When the data is damaged or unpacks to more than any honest file holds.
+    """
+    if not raw.startswith(_GZIP_MAGIC):
+        return raw
+    most = min(max(UNPACKED_FREE, UNPACKED_TIMES * len(raw)), UNPACKED_MOST)
+    try:
+        return _inflated(raw, most, path)
+    except zlib.error as error:
+        raise InputError(f"damaged gzip data ({error})", path=path) from error
+
+
+def _inflated(raw: bytes, most: int, path: Path | str) -> bytes:
+    """Unpack all members of a gzip file, `most` bytes at the most."""
+    whole, rest = io.BytesIO(), raw
+    while rest.startswith(_GZIP_MAGIC):
+        member = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
+        while not member.eof:
+            block = member.decompress(rest, _BLOCK)
+            rest = member.unused_data if member.eof else member.unconsumed_tail
+            if whole.tell() + len(block) > most:
+                raise InputError(
+                    f"{len(raw):,} bytes unpack to more than {most:,}, so this is no print",
+                    path=path,
+                    advice="unpack it and look",
+                )
+            whole.write(block)
+            if not block and not rest and not member.eof:
+                raise InputError("damaged gzip data (it ends too early)", path=path)
+    return whole.getvalue()

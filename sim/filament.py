@@ -1,0 +1,119 @@
+"""Filament between the beads of a file: retracted, pushed back, pushed on the spot.
+
+Judged against the source: a bead begins with what the source begins it with
+still retracted, no more is pushed at once than the source does, and none is
+pulled further back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import Motions
+from sim.faults import Fault, FaultKind, listed
+
+OWED_MM = 1e-3
+SURPLUS_MM = 0.01  # of filament pushed on the spot
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Source = Callable[[], Motions | None]
+
+
+def check_owed(
+    motions: Motions, rows: Ints, contour: Ints, source: Source, *, expected: bool
+) -> list[Fault]:
+    """Check that beads begin with as much filament retracted as the source's.
+
+    One the source begins without a retraction may have what the source usually
+    leaves after its retractions, its habit. Less than the habit is fine where nothing
+    was pushed back, for then nothing had been retracted.
+
+    Parameters
+    ----------
+    rows : (k,) moves of the file that lay known beads
+    contour : (k,) the source's contour each of them belongs to
+    source
+        Asked only where something is, or is `expected` to be, still retracted.
+    """
+    if motions.owed is None or not len(rows):
+        return []
+    begins = np.concatenate([[True], np.diff(motions.contour[rows]) != 0])
+    rows, contour = rows[begins], contour[begins]
+    owed = motions.owed[rows]
+    due, habit = np.zeros(len(rows)), 0.0
+    theirs = source() if expected or (owed > OWED_MM).any() else None
+    if theirs is not None:
+        due, habit = _due(theirs, int(contour.max()) + 1)
+        due = due[contour]
+    pushed = _between_beads(motions, motions.extrusion > 0)[rows]
+    short = owed > due + OWED_MM
+    over = (owed < np.minimum(due, habit) - OWED_MM) & pushed
+    line = np.asarray(motions.line)[rows]
+    return listed(
+        FaultKind.STATE,
+        [
+            f"line {line[k]} begins a bead with {owed[k]:g} mm retracted"
+            + (f", the source with {due[k]:g}" if due[k] > 0.0 else "")
+            for k in np.flatnonzero(short | over).tolist()
+        ],
+    )
+
+
+def _due(source: Motions, n: int) -> tuple[Floats, float]:
+    """Return what the source leaves retracted when it begins each contour, (n,), and usually."""
+    due = np.zeros(max(n, int(source.contour.max(initial=-1)) + 1))
+    if source.owed is None:
+        return due, 0.0
+    laying = np.flatnonzero(source.contour >= 0)
+    begins = laying[np.concatenate([[True], np.diff(source.contour[laying]) != 0])[: len(laying)]]
+    owed = source.owed[begins]
+    pulled = _between_beads(source, source.extrusion < 0)[begins] | np.isinf(owed)
+    habit = float(np.median(owed[pulled])) if pulled.any() else 0.0
+    due[source.contour[begins]] = np.where(pulled, owed, np.maximum(owed, habit))
+    return due, habit
+
+
+def _between_beads(motions: Motions, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Tell for each move whether a chosen one lies between the last bead above it and it, (m,)."""
+    rows = np.arange(len(motions.contour))
+    bead = np.asarray(motions.contour) >= 0
+    last_bead = np.maximum.accumulate(np.where(bead, rows, -1))
+    last_chosen = np.maximum.accumulate(np.where(chosen & ~bead, rows, -1))
+    before = np.concatenate([[-1], last_bead[:-1]])
+    return np.asarray(last_chosen > before)
+
+
+def check_surplus(motions: Motions, source: Source) -> list[Fault]:
+    """Check that no more filament is pushed on the spot than the source ever does at once.
+
+    The source is read only when something is pushed.
+    """
+    pushed = _surplus(motions)
+    if pushed.max(initial=0.0) <= SURPLUS_MM:
+        return []
+    theirs = source()
+    most = 0.0 if theirs is None else float(_surplus(theirs).max(initial=0.0))
+    over = np.flatnonzero(pushed > most + SURPLUS_MM).tolist()
+    line = np.asarray(motions.line)
+    return listed(
+        FaultKind.STATE,
+        [f"line {line[k]} pushes {pushed[k]:.3f} mm of filament on the spot" for k in over],
+    )
+
+
+def _surplus(motions: Motions) -> Floats:
+    """Return the filament each move pushes standing still, beyond what is retracted, (m,) mm.
+
+    Counted from the first bead to the last; what primes the nozzle before is the source's.
+    """
+    if motions.owed is None:
+        return np.zeros(len(motions.line))
+    still = (motions.points[1:] == motions.points[:-1]).all(axis=1)
+    beads = np.flatnonzero(motions.contour >= 0)
+    rows = np.arange(len(still))
+    within = (rows >= beads.min(initial=len(rows))) & (rows <= beads.max(initial=-1))
+    return np.where(still & within, motions.extrusion - motions.owed, 0.0)

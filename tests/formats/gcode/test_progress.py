@@ -1,0 +1,117 @@
+"""Progress and times: what the source states of its own order is not left standing."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import numpy as np
+import pytest
+
+from decmcts.formats.gcode import direct_actions, read_gcode, same_ending, write_gcode
+from decmcts.formats.gcode.progress import restated, without_progress
+from decmcts.print.toolpath import Toolpath
+
+TOLD = "G28\nM83\nM73 P0 R84\nM73 Q0 S168\nM73 C20\n;LAYER_CHANGE\n;Z:0.2\n"
+LINES = "".join(
+    f"G1 X{20 * k} Y0 Z.2 F9000\nM73 P{9 * k} R{84 - k}\nM73 Q{9 * k} S{168 - k}\n"
+    f"G1 X{20 * k + 9} E.5 F900\n"
+    for k in range(1, 9)
+)
+END = ";TIME_ELAPSED:5040\nM73 P100 R0\nM104 S0\nM84\n"
+
+
+def written(read, text: str = LINES + END, start: str = TOLD) -> str:
+    job, document = read(text, start=start)
+    actions = direct_actions(job, Toolpath.as_sliced(len(job.contours)))
+    k = np.arange(len(actions.kind))
+    object.__setattr__(actions, "begin_s", 600.0 * k)
+    object.__setattr__(actions, "end_s", 600.0 * (k + 1.0))
+    out = io.StringIO()
+    write_gcode(document, job, actions, out)
+    return out.getvalue()
+
+
+def test_silent_mode_is_counted_with_normal_mode(read):
+    """A printer in silent mode showed the source's 84 minutes for the whole print."""
+    found = re.findall(r"M73 Q(\d+) S(\d+)", written(read))
+    assert found[0] == ("0", "300") and len(found) > 8
+    left = [int(s) for _, s in found]
+    assert left == sorted(left, reverse=True) and left[-1] < 30
+
+
+def test_the_start_codes_progress_is_the_plans(read):
+    """The first figure a display shows is that of this file: 15 actions of 10 minutes."""
+    text = written(read)
+    assert text.index("M73 P0 R150") < text.index("M73 Q0 S300") < text.index(";LAYER_CHANGE")
+    assert "R84" not in text and "S168" not in text
+
+
+def test_time_to_the_next_stop_is_left_out(read):
+    """Other work comes before a colour change now."""
+    assert "\nM73 C" not in written(read)
+
+
+def test_a_dialect_without_minutes_gets_none(read):
+    """MakerBot's M73 knows a percentage only."""
+    text = re.sub(r"(M73 P\d+) R\d+\nM73 Q.*", r"\1", LINES)
+    told = re.findall(r"^M73.*", written(read, text + "M84\n", start="G28\nM83\n;LAYER:0\n"), re.M)
+    assert len(told) > 5 and all(re.fullmatch(r"M73 P\d+", line) for line in told)
+
+
+def test_what_says_that_all_is_done_stays():
+    """100 % is true of any order; any other figure of a verbatim block is not."""
+    lines = list(without_progress(b"M73 P100 R0\r\nM73 P7 R3\r\nM400\r\n"))
+    assert lines[0] == b"M73 P100 R0\r\n" and lines[2] == b"M400\r\n"
+    assert lines[1].startswith(b";") and lines[1].endswith(b"M73 P7 R3\r\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "half"),
+    [
+        ("; estimated printing time (normal mode) = 1h 24m 3s", "0h 42m 2s"),
+        ("; estimated printing time (silent mode) = 1d 2h 3m 4s", "0d 13h 1m 32s"),
+        ("; model printing time: 18m 58s; total estimated time: 25m 9s", "9m 29s; total"),
+        ("; model printing time: 18m 58s; total estimated time: 25m 10s", "time: 12m 35s"),
+        (";TIME:5034", ";TIME:2517"),
+        (";TIME_ELAPSED:960.35", ";TIME_ELAPSED:480.18"),
+        (";PRINT.TIME:600", ";PRINT.TIME:300"),
+        (";Print time: 0 hours 23 minutes", "0 hours 12 minutes"),
+        (";   Build time: 1 hour 2 minutes", "0 hour 31 minutes"),
+        ("; Estimated Build Time:   12.34 minutes", "6.17 minutes"),
+        ("; Total estimated (pre-cool) minutes: 31.26", "15.63"),
+        ("; --- print time: 1234s ---", "617s ---"),
+        (";Print Time: 1234", "617"),
+        (";REMAINING_TIME: 90", "45"),
+    ],
+)
+def test_times_of_every_slicer_are_stated_anew(line, half):
+    """In the slicer's own words, so that what reads them still can."""
+    assert half in restated(line.encode(), 0.5).decode()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "; filament_load_time = 5", "; slowdown_below_layer_time = 5", ";LAYER_COUNT:50",
+        "; total layer number: 100", "; Estimated Build Cost:   $1.23", "G1 X5 ; print time: 9",
+    ],
+)  # fmt: skip
+def test_settings_and_counts_stay(line):
+    """They are true of any order."""
+    assert restated(line.encode(), 0.5).decode() == line
+
+
+def test_a_first_layers_time_is_left_out():
+    """Nobody counted it for the new order."""
+    line = restated(b"; estimated first layer printing time (normal mode) = 49s", 0.5)
+    assert b"49" not in line and line.startswith(b"; left out")
+
+
+def test_an_ending_with_other_times_and_line_ends_is_the_same(read, tmp_path):
+    """Comments command nothing, and an editor may have turned CRLF to LF."""
+    read((TOLD + LINES + END).replace("\n", "\r\n").encode())
+    _, document = read_gcode(tmp_path / "in.gcode")
+    out = tmp_path / "out.gcode"
+    out.write_bytes((TOLD + LINES + END.replace("5040", "4000")).encode())
+    assert same_ending(document, out) == []
