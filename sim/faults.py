@@ -29,6 +29,7 @@ class FaultKind(Enum):
     EXTRUSION = "extrusion"
     FEED = "feed"
     STATE = "machine state"
+    COMMAND = "command"
     E_TOTAL = "extrusion total"
     DIGEST = "digest"
     MACHINE = "machine"

@@ -87,6 +87,34 @@ def _between_beads(motions: Motions, chosen: NDArray[np.bool_]) -> NDArray[np.bo
     return np.asarray(last_chosen > before)
 
 
+def check_pulled(motions: Motions, usual_mm: float, source: Source) -> list[Fault]:
+    """Check that between beads no more filament is retracted than the source ever has.
+
+    The source is read only when more than `usual_mm` is.
+    """
+    owed, line = _owed_between(motions)
+    most = usual_mm
+    if owed.max(initial=0.0) > most + SURPLUS_MM:
+        theirs = source()
+        if theirs is not None:
+            most = max(most, float(_owed_between(theirs)[0].max(initial=0.0)))
+    deep = np.flatnonzero(owed > most + SURPLUS_MM).tolist()
+    return listed(
+        FaultKind.STATE,
+        [f"above line {line[k]} {owed[k]:g} mm are retracted, {most:g} at the most" for k in deep],
+    )
+
+
+def _owed_between(motions: Motions) -> tuple[Floats, Ints]:
+    """Return what is retracted by moves between the first bead and the last, and their lines."""
+    beads = np.flatnonzero(motions.contour >= 0)
+    if motions.owed is None or not len(beads):
+        return np.zeros(0), np.zeros(0, np.int64)
+    within = slice(int(beads[0]), int(beads[-1]) + 1)
+    owed = motions.owed[within]
+    return np.where(np.isinf(owed), 0.0, owed), np.asarray(motions.line, np.int64)[within]
+
+
 def check_surplus(motions: Motions, source: Source) -> list[Fault]:
     """Check that no more filament is pushed on the spot than the source ever does at once.
 

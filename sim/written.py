@@ -29,9 +29,10 @@ from decmcts.formats.gcode.source_text import load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.commands import check_commands
 from sim.epochs import check_file_epochs
 from sim.faults import Fault, FaultKind, Verdict, listed
-from sim.filament import check_owed, check_surplus
+from sim.filament import check_owed, check_pulled, check_surplus
 from sim.file_contacts import check_file_material
 from sim.inventory import NO_MATCH, contour_segments, match_segments
 from sim.priming import check_file_priming
@@ -75,13 +76,18 @@ def verify_written(
     faults += check_file_epochs(np.asarray(motions.line)[laid], match, epoch)
     printed = np.where(known, source[match], -1)
     faults += check_file_priming(job.contours, printed, refills=job.refills)
+    text = load_text(path)
+    faults += check_commands(
+        text, document, np.asarray(motions.line)[laid[known]], epoch[match[known]]
+    )
     faults += check_owed(
         motions, laid[known], source[match[known]], theirs, expected=bool(document.owed.any())
     )
+    faults += check_pulled(motions, job.settings.retract_mm, theirs)
     faults += check_surplus(motions, theirs)
     faults += check_file_material(motions, match, machine, source=theirs)
     if lane is not None:
-        faults += _check_waits(load_text(path), motions, laid, lane)
+        faults += _check_waits(text, motions, laid, lane)
     return Verdict(tuple(faults), {"moves": float(len(motions.line))})
 
 

@@ -101,7 +101,7 @@ def judge(
     seams = list(seams_of_file(ours.contours, job.contours))
     verdict = verify_motions(motions, read_motions(source), chosen, job=job, seams=seams)
     written = verify_written(result, job, print_text, chosen, seams=seams)
-    more = [fault for fault in written.faults if fault.kind == FaultKind.STATE]
+    more = [fault for fault in written.faults if fault.kind in (FaultKind.STATE, FaultKind.COMMAND)]
     return Verdict((*verdict.faults, *more), verdict.counts)
 
 

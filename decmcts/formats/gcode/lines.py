@@ -29,7 +29,7 @@ _FAULTS = {
 }
 
 
-_PROGRESS = re.compile(rb"M0*73(?![0-9.])", re.I)
+_PROGRESS = re.compile(rb"M0*73(?: ?[PRQSCDLB] ?[0-9.]*)*(?: ?\([^)]*\)?)?\Z", re.I)
 _OPEN_BRACKET = re.compile(rb"\([^);]*(?:;|\Z)")
 
 

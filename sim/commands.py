@@ -1,0 +1,158 @@
+"""Everything in a file that is no contour, against its source.
+
+Start code, end code and blocks that stand at barriers are the source's, command by
+command and in their place. Between contours only what this module lists is accepted:
+moves, which are simulated; retraction, which is counted; and commands that set what
+holds until it is set again, in the source's own words, whose effect is compared
+bead by bead elsewhere. Comments and progress (M73) command nothing. Whatever else
+there is, known or not, is a fault.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.dialect import WAIT_MARK
+from decmcts.formats.gcode.document import Block
+from decmcts.formats.gcode.lines import command_of
+from sim.faults import LIMIT, Fault, FaultKind, listed
+
+LONGEST_DWELL_S = 600.0  # no layer time asks for more
+_FEED = rb" F(?=[0-9.]*[1-9])\d*\.?\d+"  # above 0: some firmwares never end a move without feed
+_MOVE = re.compile(rb"G1(?=[ ])(?: [XYZE]-?\d*\.?\d+)*(?:" + _FEED + rb")?\r?\Z")
+_RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?\d*\.?\d+\Z")
+_DWELL = re.compile(rb"G4 P(\d+)\Z")
+_NAME = re.compile(rb"[GM]\d+(?:\.\d+)?(?![\w.])|[A-Z_]+(?=\s|\Z)")
+_HOLDS = frozenset(
+    b"M106 M107 M126 M127 M220 M221 M117 M900 M572 M74 M593 G17 M204 M205 M201 M203 M566 M207"
+    b" M208 M486 M624 M625 SET_PRINT_STATS_INFO SET_VELOCITY_LIMIT SET_PRESSURE_ADVANCE"
+    b" SET_RETRACTION SET_FAN_SPEED EXCLUDE_OBJECT_START EXCLUDE_OBJECT_END".split()
+)
+_BLOCKS_ALONE = ("tool", "temperature")  # slots that only verbatim blocks may set
+
+Ints = NDArray[np.int64]
+
+
+def check_commands(text: bytes, document: GcodeDocument, line: Ints, epoch: Ints) -> list[Fault]:
+    """Check all that a one-head file commands besides its beads.
+
+    Parameters
+    ----------
+    document : GcodeDocument
+        Start code, end code, blocks and states of the source.
+    line, epoch : (n,)
+        Where the file lays each known bead, from 1, and the epoch the source has it in.
+    """
+    rows = text.rstrip().split(b"\n")
+    begin, faults = match_start(rows, document.preamble)
+    end = len(rows) - _height(document.postamble)
+    lines = faults + _end_faults(rows, document.postamble)
+    taken: set[int] = set()
+    lines += _block_faults(rows, document.blocks, line, epoch, taken)
+    known = known_settings(document)
+    for k in range(begin, end):
+        row = rows[k]
+        if k in taken or _MOVE.match(row) or row[:1] == b";":
+            continue
+        if not accepted(row, known):
+            lines.append(f"line {k + 1}: {_shown(row)} is not in the source at this place")
+    return listed(FaultKind.COMMAND, lines[:LIMIT], total=len(lines))
+
+
+def commands(rows: Iterable[bytes]) -> list[tuple[int, bytes]]:
+    """Return the number (from 0) and the command of each line that has one."""
+    return [(k, code) for k, row in enumerate(rows) if (code := command_of(row))]
+
+
+def match_start(rows: Sequence[bytes], preamble: bytes) -> tuple[int, list[str]]:
+    """Return the first line below the source's start code, and where the file's is another."""
+    k = 0
+    for number, due in commands(preamble.split(b"\n")):
+        while k < len(rows) and not command_of(rows[k]):
+            k += 1
+        has = command_of(rows[k]) if k < len(rows) else b""
+        if has != due:
+            wanted = f"the source's start code has {_shown(due)} there (its line {number + 1})"
+            return k, [f"line {k + 1}: {_shown(has)}, {wanted}"]
+        k += 1
+    return k, []
+
+
+def _height(text: bytes) -> int:
+    """Return the number of lines of a text without blank ones at its end."""
+    return text.rstrip().count(b"\n") + 1 if text.strip() else 0
+
+
+def _end_faults(rows: Sequence[bytes], postamble: bytes) -> list[str]:
+    """Return where the end code is another than the source's."""
+    due = [code for _, code in commands(postamble.split(b"\n"))]
+    has = commands(rows[max(0, len(rows) - _height(postamble)) :])
+    if due and [code for _, code in has] != due:
+        return ["the end code is not the source's, command by command"]
+    return []
+
+
+def _block_faults(
+    rows: Sequence[bytes], blocks: Sequence[Block], line: Ints, epoch: Ints, taken: set[int]
+) -> list[str]:
+    """Return the blocks that are not whole where they belong; writes their lines into `taken`.
+
+    A block belongs below all beads of earlier epochs and above all later ones.
+    """
+    order = np.argsort(epoch, kind="stable")
+    sorted_epoch = epoch[order]
+    highest = np.maximum.accumulate(line[order]) if len(line) else line
+    lowest = np.minimum.accumulate(line[order][::-1])[::-1] if len(line) else line
+    lines, since = [], 0
+    for block in blocks:
+        due = [code for _, code in commands(block.text.split(b"\n"))]
+        if not due:
+            continue
+        k = int(np.searchsorted(sorted_epoch, block.epoch))
+        low = max(int(highest[k - 1]) if k else 0, since)
+        high = int(lowest[k]) - 1 if k < len(lowest) else len(rows)
+        has = commands(rows[low:high])
+        codes = [code for _, code in has]
+        at = next((i for i in range(len(has)) if codes[i : i + len(due)] == due), -1)
+        if at < 0:
+            lines.append(
+                f"between lines {low} and {high + 1} there is no {_shown(due[0])} with all that "
+                f"follows it in the source (line {block.line}, {block.reason})"
+            )
+            continue
+        found = [low + number for number, _ in has[at : at + len(due)]]
+        taken.update(found)
+        since = found[-1] + 1
+    return lines
+
+
+def known_settings(document: GcodeDocument) -> frozenset[bytes]:
+    """Return the commands of the source that set what holds, comments left out."""
+    states = document.states
+    kept = [k for k, slot in enumerate(states.slots) if not slot.startswith(_BLOCKS_ALONE)]
+    used = np.unique(states.rows[:, kept]).tolist() if kept else []
+    texts = [text for k in used for text in (states.values[k], states.leave[k])]
+    rows = (row.encode("utf-8", "surrogateescape") for text in texts for row in text.split("\n"))
+    return frozenset(code for _, code in commands(rows))
+
+
+def accepted(row: bytes, known: frozenset[bytes]) -> bool:
+    """Tell whether a line may stand between contours, moves aside."""
+    code = command_of(row)
+    if not code or _MOVE.match(code) or _RETRACTION.match(code):
+        return True
+    if (dwell := _DWELL.match(code)) and row.rstrip().endswith(WAIT_MARK.encode()):
+        return int(dwell[1]) <= 1000.0 * LONGEST_DWELL_S
+    name = _NAME.match(code.upper())
+    return name is not None and name[0] in _HOLDS and code in known
+
+
+def _shown(code: bytes) -> str:
+    """Return a command for a message."""
+    text = code.strip()[:60].decode("utf-8", "replace")
+    return f"'{text}'" if text else "nothing"
