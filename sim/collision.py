@@ -45,27 +45,6 @@ def swept_vertices(
     return np.concatenate([shape + start, shape + end])
 
 
-def bead_vertices(
-    start: NDArray[np.float64], end: NDArray[np.float64], width: float, height: float, shrink: float
-) -> Vertices:
-    """Return the corners of one bead segment, smaller by `shrink` on all sides.
-
-    A bead fills from z - height to z and width / 2 either side of its
-    centreline; its ends are cut square.
-    """
-    along = end - start
-    length = float(np.hypot(along[0], along[1]))
-    u = np.array([along[0] / length, along[1] / length]) if length > 0 else np.array([1.0, 0.0])
-    cut = min(shrink, 0.49 * length)
-    side = np.array([-u[1], u[0]]) * (width / 2 - shrink)
-    corners = []
-    for point, sign in ((start, 1.0), (end, -1.0)):
-        middle = point[:2] + sign * cut * u
-        for xy in (middle + side, middle - side):
-            corners += [[*xy, point[2] - height + shrink], [*xy, point[2] - shrink]]
-    return np.array(corners)
-
-
 class Solid:
     """The convex hull of some points as an FCL body that stays where it is."""
 

@@ -79,6 +79,11 @@ def _contacts_in_file(
     beads = as_material(beads, machine, FILE_TOLERANCE_MM)
     moves = moves_array(motions)[rows]
     contacts = find_contacts(
-        moves, beads, machine.heads[0], tolerance_mm=FILE_TOLERANCE_MM, limit=10 * LIMIT
+        moves,
+        beads,
+        machine.heads[0],
+        clearance_mm=machine.clearance_mm,
+        tolerance_mm=FILE_TOLERANCE_MM,
+        limit=10 * LIMIT,
     )
     return moves, contacts, beads

@@ -2,31 +2,29 @@
 
 Both one-head G-code and joint plans come here as a list of moves, a list of
 beads, and for each bead the first move that may meet it. A head slice k fills
-its polygons from tip + height_k upwards; the carriage's bodies are boxes.
+its polygons from tip + height_k upwards and keeps the machine's clearance from beads;
+the carriage's bodies are boxes, which only must not touch them.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from decmcts.print.machine import Head, Machine
 from sim import raster
-from sim.collision import (
-    HEAD_TOP_MM,
-    Solid,
-    Vertices,
-    bead_vertices,
-    box_vertices,
-    prism_vertices,
-    swept_vertices,
-)
+from sim.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
+from sim.overlap import meets
 
 FIRST = 1 << 16  # rows of candidates looked for at first
 MOST = 1 << 24  # rows; a print with more near misses is broken, not subtle
-MARGIN_MM = 0.01  # the middle phase looks this much further than FCL
+MARGIN_MM = 0.01  # the middle phase looks this much further than the exact check
+ENTRIES_FREE = 1 << 24  # cells that beads may reach into, all together;
+ENTRIES_EACH = 64  # and so many for each bead of a large print
 
 
 class UndecidedError(Exception):
@@ -74,6 +72,7 @@ class Part:
     polygon: NDArray[np.float64]  # (k, 2) counter-clockwise
     low: float
     high: float
+    slice: bool = False  # a slice of the head: it has no top, and keeps the clearance
 
     def vertices(self) -> Vertices:
         """Return its corners."""
@@ -88,6 +87,7 @@ def parts_of(head: Head) -> list[Part]:
             np.asarray(polygon, np.float64),
             s.height_mm,
             HEAD_TOP_MM,
+            slice=True,
         )
         for s in head.slices
         for polygon in s.polygons
@@ -99,7 +99,13 @@ def parts_of(head: Head) -> list[Part]:
 
 
 def find_contacts(
-    moves: NDArray[np.float64], beads: Beads, head: Head, *, tolerance_mm: float, limit: int
+    moves: NDArray[np.float64],
+    beads: Beads,
+    head: Head,
+    *,
+    clearance_mm: float,
+    tolerance_mm: float,
+    limit: int,
 ) -> list[Contact]:
     """Return moves in which a part of the head overlaps a bead by more than the tolerance.
 
@@ -110,13 +116,15 @@ def find_contacts(
     moves : (m, 6) start and end of each move in the order they are made
     beads : Beads
     head : Head
+    clearance_mm : kept between the head's slices and the beads
     tolerance_mm : overlap that counts as touching, which is allowed
     limit : stop after this many
 
     Raises
     ------
     UndecidedError
-        When there are too many near misses to judge and no contact among the first.
+        When there are too many near misses to judge and no contact among the first, or
+        beads too large to hold.
     """
     if not len(beads.start) or not len(moves):
         return []
@@ -124,8 +132,9 @@ def find_contacts(
     parts = parts_of(head)
     size = FIRST
     while True:
-        found, total = _candidates(moves, beads, order, parts, tolerance_mm, size)
-        contacts = _judge_all(moves, beads, order, parts, found, tolerance_mm, limit)
+        found, total = _candidates(moves, beads, order, parts, (clearance_mm, tolerance_mm), size)
+        search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
+        contacts = _judge_all(search, order, found, limit)
         if contacts or total <= size:
             return contacts
         if size >= MOST:
@@ -133,24 +142,32 @@ def find_contacts(
         size = min(16 * size, MOST)
 
 
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What the exact check looks at."""
+
+    moves: NDArray[np.float64]  # (m, 6)
+    beads: Beads
+    parts: list[Part]
+    clearance_mm: float
+    tolerance_mm: float
+
+
 def _judge_all(
-    moves: NDArray[np.float64],
-    beads: Beads,
-    order: NDArray[np.int64],
-    parts: list[Part],
-    found: NDArray[np.int64],
-    tolerance_mm: float,
-    limit: int,
+    search: Search, order: NDArray[np.int64], found: NDArray[np.int64], limit: int
 ) -> list[Contact]:
-    """Return what FCL confirms of the candidates, one contact a move, at most `limit`."""
+    """Return which candidates are contacts, one a move, at most `limit`."""
+    polygons = [shapely.Polygon(part.polygon) for part in search.parts]
+    for polygon in polygons:
+        shapely.prepare(polygon)
     contacts: dict[int, Contact] = {}
     for move, at, part in found.tolist():
         if len(contacts) >= limit:
             break
         if move not in contacts:
-            contact = _judge(moves[move], beads, int(order[at]), parts[part], tolerance_mm)
-            if contact is not None:
-                contacts[move] = Contact(move, *contact)
+            depth = _judge(search, move, int(order[at]), part, polygons[part])
+            if depth is not None:
+                contacts[move] = Contact(move, int(order[at]), search.parts[part].name, depth)
     return list(contacts.values())
 
 
@@ -159,30 +176,34 @@ def _candidates(
     beads: Beads,
     order: NDArray[np.int64],
     parts: list[Part],
-    tolerance_mm: float,
+    margins: tuple[float, float],
     size: int,
 ) -> tuple[NDArray[np.int64], int]:
-    """Return rows (move, position in `order`, part) that FCL has to look at, and their number.
+    """Return rows (move, position in `order`, part) to look at closely, and their number.
 
     With more than `size` the search stops there and the number is above `size`.
+    `margins` are the clearance and the tolerance.
     """
-    rows = _rectangles(beads, order)
+    clearance_mm, tolerance_mm = margins
+    rows = _rectangles(beads, order, clearance_mm)
     upto = np.searchsorted(beads.since[order], np.arange(len(moves)), side="right")
     offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
     heights = np.array([p.low for p in parts]) + tolerance_mm
     packed = (heights, offsets, np.concatenate([p.polygon for p in parts]))
     reach = np.hypot(rows[:, 4], rows[:, 5])[:, None]
     low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
-    shape = (np.ceil((high - low) / raster.CELL_MM) + 1).astype(np.int64)
-    entries = raster.count_entries(rows, low, shape)
+    grid, shape = raster.grid_over(low, high)
+    entries = raster.count_entries(rows, grid, shape)
+    if entries > max(ENTRIES_FREE, ENTRIES_EACH * len(rows)):
+        raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
     found = np.empty((size, 3), np.int64)
     moves = np.ascontiguousarray(moves, np.float64)
-    n = int(raster.scan(moves, upto, rows, packed, low, shape, entries, found))
+    n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found))
     return found[: min(n, size)], n
 
 
-def _rectangles(beads: Beads, order: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the beads as the raster takes them, (n, 7), a margin larger than they are."""
+def _rectangles(beads: Beads, order: NDArray[np.int64], clearance_mm: float) -> NDArray[np.float64]:
+    """Return boxes round the beads as the raster takes them, (n, 7), a margin too large."""
     start, end = beads.start[order], beads.end[order]
     along = end[:, :2] - start[:, :2]
     length = np.hypot(along[:, 0], along[:, 1])
@@ -190,25 +211,33 @@ def _rectangles(beads: Beads, order: NDArray[np.int64]) -> NDArray[np.float64]:
     rows = np.empty((len(order), 7))
     rows[:, :2] = (start[:, :2] + end[:, :2]) / 2
     rows[:, 2:4] = unit
-    rows[:, 4] = length / 2 + MARGIN_MM
-    rows[:, 5] = beads.width[order] / 2 + MARGIN_MM
+    rows[:, 5] = beads.width[order] / 2 + clearance_mm + MARGIN_MM
+    rows[:, 4] = length / 2 + rows[:, 5]
     rows[:, 6] = np.maximum(start[:, 2], end[:, 2])
     return rows
 
 
 def _judge(
-    move: NDArray[np.float64], beads: Beads, bead: int, part: Part, tolerance_mm: float
-) -> tuple[int, str, float] | None:
-    """Ask FCL whether a swept part of the head overlaps one bead."""
-    start, end = beads.start[bead], beads.end[bead]
-    if np.array_equal(start[:2], end[:2]):
+    search: Search, move: int, bead: int, number: int, polygon: shapely.Polygon
+) -> float | None:
+    """Return how far a bead is above the underside of a part that meets it; None if it does not."""
+    part, beads = search.parts[number], search.beads
+    start, end = beads.start[bead].tolist(), beads.end[bead].tolist()
+    if start == end:
         return None  # nothing is laid down where the nozzle stands
-    shape = bead_vertices(start, end, beads.width[bead], beads.height[bead], tolerance_mm)
-    sweep = Solid(swept_vertices(part.vertices(), move[:3], move[3:]))
-    if not sweep.touches(Solid(shape)):
+    row = search.moves[move].tolist()
+    reach = float(beads.width[bead]) / 2 + (search.clearance_mm if part.slice else 0.0)
+    if not meets(
+        (row[:3], row[3:]),
+        (start, end),
+        float(beads.height[bead]),
+        polygon,
+        (part.low, math.inf if part.slice else part.high),
+        reach=reach,
+        tolerance_mm=search.tolerance_mm,
+    ):
         return None
-    depth = max(start[2], end[2]) - (min(move[2], move[5]) + part.low)
-    return bead, part.name, float(depth)
+    return float(max(start[2], end[2]) - (min(row[2], row[5]) + part.low))
 
 
 def place_of(move: NDArray[np.float64]) -> str:

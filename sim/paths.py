@@ -84,6 +84,7 @@ def check_head(contours: Contours, actions: HeadActions, head: Head) -> list[Fau
     """Check one head's paths: joined, as the contours are, in reach, parked at both ends."""
     return [
         *_check_joined(actions, head),
+        *_check_waits(actions),
         *_check_prints(contours, actions),
         *_check_reach(actions, head),
         *_check_tools(contours, actions, head),
@@ -115,6 +116,19 @@ def _check_joined(actions: HeadActions, head: Head) -> list[Fault]:
         if np.linalg.norm(last[a] - park) > SAME_MM
     ]
     return listed(FaultKind.WRONG_PATH, lines) + listed(FaultKind.NOT_PARKED, parked)
+
+
+def _check_waits(actions: HeadActions) -> list[Fault]:
+    """Check that a head that waits stands still and one that moves takes time."""
+    sizes = np.diff(actions.path_offsets)
+    way = np.abs(actions.path - np.repeat(actions.path[actions.path_offsets[:-1]], sizes, axis=0))
+    far = np.zeros(len(actions))
+    np.maximum.at(far, np.repeat(np.arange(len(actions)), sizes), way.max(axis=1, initial=0.0))
+    strays = np.flatnonzero((actions.kind == ActionKind.WAIT) & (far > SAME_MM))
+    lines = [f"{describe(actions, a)} moves by {far[a]:.3f} mm" for a in strays.tolist()]
+    hurried = np.flatnonzero((far > SAME_MM) & (actions.end_s <= actions.begin_s))
+    timeless = [f"{describe(actions, a)} moves in no time" for a in hurried.tolist()]
+    return listed(FaultKind.WRONG_PATH, lines) + listed(FaultKind.TIMES, timeless)
 
 
 def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:

@@ -29,8 +29,12 @@ def moves_array(motions: Motions) -> NDArray[np.float64]:
 
 
 def moving(motions: Motions) -> NDArray[np.int64]:
-    """Return the moves the head makes: homing and G92 have no feed and no known path."""
-    return np.nonzero(np.asarray(motions.feed) > 0)[0]
+    """Return the moves the head makes: homing and G92 have no known path.
+
+    A move at feed 0 (`F0`) is one: firmware makes it at the feed before.
+    """
+    known = np.asarray(motions.feed) > 0
+    return np.nonzero(known if motions.placed is None else ~np.asarray(motions.placed))[0]
 
 
 def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:

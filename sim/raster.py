@@ -18,11 +18,21 @@ from numpy.typing import NDArray
 
 from sim.compiled import compiled
 
-CELL_MM = 2.0
+CELL_MM = 2.0  # side of a cell, unless that makes too many
+MOST_CELLS = 1 << 22  # of a grid: a larger area has larger cells
 COARSE = 8  # cells of the fine grid along one side of a coarse cell
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+def grid_over(low: Floats, high: Floats) -> tuple[Floats, Ints]:
+    """Return corner and cell side (3,), and the cells along x and y, of a grid over an area."""
+    span = np.maximum(high - low, 0.0)
+    cell = CELL_MM
+    while np.prod(np.ceil(span / cell) + 1) > MOST_CELLS:
+        cell *= 2.0
+    return np.array([*low, cell]), (np.ceil(span / cell) + 1).astype(np.int64)
 
 
 @compiled
@@ -41,11 +51,27 @@ def bead_cells(bead: Floats, grid: Floats, shape: Ints) -> tuple[int, int, int, 
     """Return the range of cells under the bounding box of a bead."""
     ex = abs(bead[2]) * bead[4] + abs(bead[3]) * bead[5]
     ey = abs(bead[3]) * bead[4] + abs(bead[2]) * bead[5]
-    i0 = max(0, int((bead[0] - ex - grid[0]) // CELL_MM))
-    i1 = min(shape[0] - 1, int((bead[0] + ex - grid[0]) // CELL_MM))
-    j0 = max(0, int((bead[1] - ey - grid[1]) // CELL_MM))
-    j1 = min(shape[1] - 1, int((bead[1] + ey - grid[1]) // CELL_MM))
+    i0 = max(0, int((bead[0] - ex - grid[0]) // grid[2]))
+    i1 = min(shape[0] - 1, int((bead[0] + ex - grid[0]) // grid[2]))
+    j0 = max(0, int((bead[1] - ey - grid[1]) // grid[2]))
+    j1 = min(shape[1] - 1, int((bead[1] + ey - grid[1]) // grid[2]))
     return i0, i1, j0, j1
+
+
+@compiled
+def rows_at(bead: Floats, grid: Floats, x: float, j0: int, j1: int) -> tuple[int, int]:
+    """Return the range of cells a bead may reach in the column of cells around x.
+
+    So that a long slanting bead costs its length, not the area of its bounding box.
+    """
+    ux, uy, long, wide = bead[2], bead[3], bead[4], bead[5]
+    if abs(ux) < 1e-6:
+        return j0, j1
+    half, middle = 0.5 * grid[2] + abs(uy) * wide, (x - bead[0]) / ux
+    t0, t1 = max(-long, middle - half / abs(ux)), min(long, middle + half / abs(ux))
+    low = bead[1] + min(t0 * uy, t1 * uy) - abs(ux) * wide - grid[1]
+    high = bead[1] + max(t0 * uy, t1 * uy) + abs(ux) * wide - grid[1]
+    return max(j0, int(low // grid[2]) - 1), min(j1, int(high // grid[2]) + 1)
 
 
 @compiled
@@ -55,9 +81,11 @@ def count_entries(beads: Floats, grid: Floats, shape: Ints) -> int:
     for b in range(len(beads)):
         i0, i1, j0, j1 = bead_cells(beads[b], grid, shape)
         for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                x, y = grid[0] + (i + 0.5) * CELL_MM, grid[1] + (j + 0.5) * CELL_MM
-                total += bead_reaches(beads[b], x, y, 0.5 * CELL_MM)
+            x = grid[0] + (i + 0.5) * grid[2]
+            first, last = rows_at(beads[b], grid, x, j0, j1)
+            for j in range(first, last + 1):
+                y = grid[1] + (j + 0.5) * grid[2]
+                total += bead_reaches(beads[b], x, y, 0.5 * grid[2])
     return total
 
 
@@ -71,9 +99,11 @@ def insert_bead(
     i0, i1, j0, j1 = bead_cells(bead, grid, shape)
     top = bead[6]
     for i in range(i0, i1 + 1):
-        for j in range(j0, j1 + 1):
-            x, y = grid[0] + (i + 0.5) * CELL_MM, grid[1] + (j + 0.5) * CELL_MM
-            if not bead_reaches(bead, x, y, 0.5 * CELL_MM):
+        x = grid[0] + (i + 0.5) * grid[2]
+        j_first, j_last = rows_at(bead, grid, x, j0, j1)
+        for j in range(j_first, j_last + 1):
+            y = grid[1] + (j + 0.5) * grid[2]
+            if not bead_reaches(bead, x, y, 0.5 * grid[2]):
                 continue
             owner[used] = b
             following[used] = first[i, j]
@@ -165,7 +195,7 @@ def coarse_hit(
     box: tuple[float, float, float, float], level: float, grid: Floats, coarse_peak: Floats
 ) -> bool:
     """Whether any coarse cell under the box holds material above `level`."""
-    size = CELL_MM * COARSE
+    size = grid[2] * COARSE
     i0, i1 = max(0, int((box[0] - grid[0]) // size)), int((box[1] - grid[0]) // size)
     j0, j1 = max(0, int((box[2] - grid[1]) // size)), int((box[3] - grid[1]) // size)
     for i in range(i0, min(i1 + 1, coarse_peak.shape[0])):
@@ -202,14 +232,14 @@ def search_cells(
 ) -> int:  # fmt: skip
     """Collect the beads above `level` that one sweep meets; returns the new number found."""
     query, part, mark, n = tag
-    i0, i1 = int((box[0] - grid[0]) // CELL_MM), int((box[1] - grid[0]) // CELL_MM)
-    j0, j1 = int((box[2] - grid[1]) // CELL_MM), int((box[3] - grid[1]) // CELL_MM)
+    i0, i1 = int((box[0] - grid[0]) // grid[2]), int((box[1] - grid[0]) // grid[2])
+    j0, j1 = int((box[2] - grid[1]) // grid[2]), int((box[3] - grid[1]) // grid[2])
     for i in range(max(0, i0), min(i1, shape[0] - 1) + 1):
         for j in range(max(0, j0), min(j1, shape[1] - 1) + 1):
             if peaks[0][i, j] <= level:
                 continue
-            x, y = grid[0] + (i + 0.5) * CELL_MM, grid[1] + (j + 0.5) * CELL_MM
-            if outside(sweep[0], sweep[1], x, y, 0.5 * CELL_MM):
+            x, y = grid[0] + (i + 0.5) * grid[2], grid[1] + (j + 0.5) * grid[2]
+            if outside(sweep[0], sweep[1], x, y, 0.5 * grid[2]):
                 continue
             at = (query, part, mark, n)
             n = walk_cell(lists[0][i, j], level, sweep, beads, lists, peaks[1], stamp, found, at)
@@ -232,7 +262,7 @@ def scan(
     upto : (m,) beads[:upto[i]] may be there during move i; non-decreasing
     beads : (n, 7) centre x, y, unit direction x, y, half length, half width, top
     parts : (heights (k,), offsets (k + 1,), xy (p, 2)) convex polygons of the head
-    grid : (2,) corner of the grid
+    grid : (3,) corner of the grid and side of a cell
     shape : (2,) cells along x and y
     entries : number of (bead, cell) entries, from `count_entries`
     """

@@ -252,7 +252,7 @@ def _swapped(
         ends[place], ends[inner], ends[inner.stop] = run.points[0], run.points[1:], behind
         extrusion[inner] = run.extrusion[1:]
         extrusion[[place, inner.stop]], contour[[place, inner.stop]] = 0.0, -1
-    names = ("feed", "line", "width", "height")
+    names = ("feed", "line", "width", "height", *(["placed"] if source.placed is not None else []))
     rest = {name: np.asarray(getattr(source, name))[rows] for name in names}
     points = np.concatenate([source.points[:1], ends])
     return Motions(points, extrusion, contour=contour, **rest)

@@ -20,6 +20,7 @@ from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.cooling import check_cooling
 from sim.epochs import check_epochs, check_file_epochs
+from sim.extent import check_extent, check_file_extent, check_file_feeds
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.file_contacts import check_file_material
 from sim.growth import beads_for, moves_of
@@ -83,6 +84,8 @@ def verify_plan(
     faults += check_once(document)
     for actions, head in zip(lanes, heads, strict=True):
         faults += check_head(document.contours, actions, head)
+    known = None if source is None else source.contours
+    faults += check_extent(document.contours, known, lanes, document.machine)
     if source is not None and source.contours is not document.contours:
         ours, theirs = contour_segments(document.contours), contour_segments(source.contours)
         faults += compare(ours, theirs, match_segments(ours, theirs))
@@ -144,6 +147,8 @@ def verify_motions(
         faults += check_file_epochs(ours.place, match, epoch)
         printed = np.where(match >= 0, contour[match], -1)
         faults += check_file_priming(job.contours, printed, refills=job.refills)
+    faults += check_file_extent(motions, source, machine)
+    faults += check_file_feeds(motions, source)
     faults += check_file_material(motions, match, machine)
     counts = {
         "moves": float(len(motions.line)),
@@ -251,6 +256,7 @@ def check_material(
             moves,
             beads,
             document.machine.heads[h],
+            clearance_mm=document.machine.clearance_mm,
             tolerance_mm=PLAN_TOLERANCE_MM,
             limit=10 * LIMIT,
         ):

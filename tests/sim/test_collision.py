@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.collision import Solid, bead_vertices, box_vertices, prism_vertices, swept_vertices
+from sim.collision import Solid, box_vertices, prism_vertices, swept_vertices
 
 CUBE = box_vertices(np.full(3, -20.0), np.full(3, 20.0))
 
@@ -48,10 +48,3 @@ def test_a_sweep_covers_every_position_on_the_way():
         assert sweep.touches(
             Solid(0.99 * prism + 0.01 * prism.mean(axis=0) + start + t * (end - start))
         )
-
-
-def test_a_bead_fills_half_its_width_and_all_its_height():
-    """The bead is z - height to z and width / 2 either side, ends cut square."""
-    corners = bead_vertices(np.array([0.0, 0, 1]), np.array([3.0, 0, 1]), 0.4, 0.2, 0.0)
-    np.testing.assert_allclose(corners.min(axis=0), [0.0, -0.2, 0.8])
-    np.testing.assert_allclose(corners.max(axis=0), [3.0, 0.2, 1.0])

@@ -32,7 +32,7 @@ def drop(rows):
 
 
 def double(rows):
-    now = {"begin_s": rows[1]["end_s"], "end_s": rows[1]["end_s"]}
+    now = {"begin_s": rows[1]["end_s"], "end_s": rows[1]["end_s"] + 4e-4}
     back = {**rows[2], "path": rows[0]["path"][-1:], **now}
     return [*rows[:2], back, {**rows[1], **now}, *rows[2:]]
 

@@ -23,6 +23,7 @@ class File:
     contour: np.ndarray
     width: np.ndarray
     height: np.ndarray
+    placed: None = None
 
 
 def file_of(paths, *, lift=1.0, home=False) -> File:

@@ -55,6 +55,7 @@ class Motions:
     width: NDArray[np.float64]  # (m,) bead width, mm; 0 where contour is -1
     height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
     owed: NDArray[np.float64] | None = None  # (m,) mm retracted before the line; inf: by firmware
+    placed: NDArray[np.bool_] | None = None  # (m,) homing or G92, no move of known path
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,8 +203,9 @@ def _motions_of(parsed: _Parsed) -> Motions:
     firmware = motion.modes[above, FIRMWARE_RETRACTED] > 0
     owed = np.where(firmware, np.inf, motion.extruder[above, 1])
     return Motions(
-        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height, owed
-    )
+        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height, owed,
+        motion.placed[motion.line],
+    )  # fmt: skip
 
 
 def _preamble_end(parsed: _Parsed) -> int:
