@@ -125,9 +125,9 @@ def summary_of(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     return rows
 
 
-def gain_table(before: dict[str, Any], after: dict[str, Any], title: str) -> Table:
+def gain_table(before: dict[str, Any], after: dict[str, Any]) -> Table:
     """Return the table of what was gained."""
-    table = Table(title=title, title_justify="left")
+    table = Table()
     for name, justify in (("", "left"), ("before", "right"), ("after", "right"), ("less", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]  # a literal of rich's
     for label, key, unit, digits in ROWS:

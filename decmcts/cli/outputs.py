@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from decmcts import __version__
 from decmcts.cli.console import clock_time, summary_of
 from decmcts.cli.pipeline import Planned
@@ -23,6 +25,7 @@ from decmcts.formats.gcode.source_text import load_text, packed_text, save_text
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import write_plan
 from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind
 from sim.faults import Verdict
 from sim.seams import seams_of_plan
 from sim.written import verify_written
@@ -144,9 +147,24 @@ def header_lines(planned: Planned) -> list[str]:
         f" freedom {now['freedom']}{seam}, seed {now['seed']}",
         f"extrusionless travel {bare(was):.1f} mm -> {bare(now):.1f} mm",
         f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
-        *([line] if (line := cooling_line(planned.after)) else []),
+        *(line for line in (cooling_line(planned.after), layers_line(planned)) if line),
         "verified: every extrusion exactly once, no contact of head and print",
     ]
+
+
+def layers_line(planned: Planned) -> str | None:
+    """Return one line on layers entered more often than in the source; None if they are not."""
+    lanes, layer = planned.after.plan.heads, planned.loaded.job.contours.layer
+    if len(lanes) > 1 or not len(layer):
+        return None
+    order = lanes[0].contour[lanes[0].kind == ActionKind.PRINT]
+    was, now = (1 + int(np.count_nonzero(np.diff(row))) for row in (layer, layer[order]))
+    if now <= was:
+        return None
+    return (
+        f"layers are entered {now} times instead of {was}: viewers count every change of height "
+        "as a layer, so their sliders follow the sequence"
+    )
 
 
 @dataclass(frozen=True, slots=True)

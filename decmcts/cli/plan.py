@@ -18,6 +18,7 @@ from decmcts.cli.outputs import (
     STDOUT,
     FileTimes,
     figures,
+    layers_line,
     name_of,
     refuse_other_suffixes,
     refuse_two_on_stdout,
@@ -203,14 +204,14 @@ def show(
         f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
         f"planner {after['planner']} for {after['objective']}, seed {after['seed']}, verified"
     )
-    to.print(gain_table(before, after, title))
-    for line in (bound_line(after), cooling_line(planned.after)):
+    to.print(title, soft_wrap=True)
+    to.print(gain_table(before, after))
+    whole = None if times is not None and times.kept else whole_file_line(planned, times)
+    for line in (bound_line(after), cooling_line(planned.after), whole, layers_line(planned)):
         if line:
             to.print(line, soft_wrap=True)
     if times is not None and times.kept:
         to.print(f"kept the source as it is: {kept_line(times)}", soft_wrap=True)
-    elif line := whole_file_line(planned, times):
-        to.print(line, soft_wrap=True)
     for path in paths:
         to.print(f"wrote {name_of(path)}", soft_wrap=True)
 

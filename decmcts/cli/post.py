@@ -13,9 +13,9 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.console import out, print_json, steps, summary_of, written
+from decmcts.cli.console import err, out, print_json, steps, summary_of, written
 from decmcts.cli.no_slower import kept_line, write_no_slower
-from decmcts.cli.outputs import FileTimes, figures, refuse_unwritable, whole_file_line
+from decmcts.cli.outputs import FileTimes, figures, layers_line, refuse_unwritable, whole_file_line
 from decmcts.cli.pipeline import Planned
 from decmcts.cli.plan import run_single, seam_of, show_notes
 from decmcts.cli.quality import Quality
@@ -77,6 +77,8 @@ def show_rewritten(planned: Planned, path: Path, times: FileTimes, *, as_json: b
     if times.kept:
         out.print(f"{path}: left as it was; {kept_line(times)}", soft_wrap=True)
         return
+    if line := layers_line(planned):
+        err.print(line, soft_wrap=True)
     travel = summary_of(planned.before.metrics, planned.after.metrics)["emitted_travel_mm"]
     took = f"; {line}" if (line := whole_file_line(planned, times)) else ""
     out.print(

@@ -268,7 +268,8 @@ def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
         f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
         f"planner {after['planner']}, seed {after['seed']}, verified"
     )
-    out.print(gain_table(before, after, title))
+    out.print(title, soft_wrap=True)
+    out.print(gain_table(before, after))
     ratio = after["one_head_s"] / after["makespan_s"]
     out.print(
         f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "

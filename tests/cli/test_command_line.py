@@ -16,6 +16,7 @@ from decmcts.cli.console import out, steps
 from decmcts.cli.outputs import refuse_unwritable
 from decmcts.errors import InputError
 from tests.cli.test_bad_input import SQUARE, gcode
+from tests.formats.gcode.test_layers import PRUSA, towers
 
 
 @pytest.mark.parametrize(
@@ -195,6 +196,7 @@ def test_loops_begin_where_the_seam_policy_says(tmp_path, capsys, seam):
     source, out = tmp_path / "part.gcode", tmp_path / "out.gcode"
     source.write_text(gcode(SQUARE + SQUARE.replace("X1", "X2").replace("Y120", "Y110")))
     asked = ["--machine", "paper", "--freedom", "seam", *seam, "--time-limit", "0.1", "--json"]
+    asked.append("--allow-slower")  # what a seam saves here is less than a lift takes
     assert run(["plan", str(source), "-o", str(out), *asked]) == 0
     after = json.loads(capsys.readouterr().out)["after"]
     assert after["seam"] == (seam[1] if seam else "nearest")
@@ -218,3 +220,16 @@ def test_help_fits_a_terminal_of_80_columns(command, monkeypatch, capsys):
     assert [line for line in options.splitlines() if "--" in line] == [
         line for line in options.splitlines() if "--help" in line
     ]
+
+
+def test_layers_entered_more_often_are_said_once(tmp_path, capsys):
+    """A viewer's layer slider turns into one of the sequence; who looks must know why."""
+    source, made = tmp_path / "part.gcode", tmp_path / "out.gcode"
+    source.write_text(towers(*PRUSA))
+    words = ["--machine", "paper", "--time-limit", "0.1", "--allow-slower", "-o", str(made)]
+    assert run(["plan", str(source), *words]) == 0
+    line = "layers are entered 6 times instead of 3"
+    assert capsys.readouterr().out.count(line) == 1
+    assert made.read_text().count("; " + line) == 1
+    assert made.read_text().count(";LAYER_CHANGE\n") == 6
+    assert run(["verify", str(made), "--source", str(source), "--machine", "paper"]) == 0

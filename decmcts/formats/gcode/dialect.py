@@ -50,6 +50,9 @@ _LAYER = re.compile(
     r"|\*+ LAYER |LAYER \d+",
     re.I,
 )
+_BESIDE = re.compile(
+    r"(BEFORE|AFTER)_LAYER_CHANGE$|LAYER NUM/TOTAL_LAYER_COUNT:|-?(\d+\.?\d*|\.\d+)$", re.I
+)  # comments below a layer's marker
 _TEMPERATURE = {"M104", "M109", "M140", "M190", "M141", "M191", "M142", "M116", "M303"}
 # Commands whose setting holds: slot and the parameter that selects which one.
 _REPLACED = {
@@ -101,7 +104,7 @@ def _comment(text: str) -> Event:
         return Event(Kind.STATE, "width", text)
     if key in ("HEIGHT", "LAYER_HEIGHT") and not text.startswith("; LAYER_HEIGHT: ;"):
         return Event(Kind.STATE, "height", text)
-    if key in ("Z", "Z_HEIGHT"):
+    if key in ("Z", "Z_HEIGHT") or _BESIDE.match(body):
         return Event(Kind.LAYER_NOTE, "layer", text)
     if key in ("MESH", "PRINTING"):
         return Event(Kind.STATE, "mesh", text)
@@ -132,6 +135,8 @@ def _command(code: str) -> Event:
     rest = code[head.end() :].strip() if head else ""
     if name in ("G90", "G91", "M82", "M83"):
         return Event(Kind.MODE, text=name)
+    if name == "M73" and re.fullmatch(r"[Ll]\s*\d+", rest):
+        return Event(Kind.LAYER_NOTE, "layer", code)  # the layer that Bambu's display shows
     if name in ("G21", "M73") or (name == "G92" and re.fullmatch(r"[Ee]\s*[-+0-9.]*", rest)):
         return _NOTHING
     if name in ("G10", "G11") and not re.search(r"[PSRLX]", rest.upper()):

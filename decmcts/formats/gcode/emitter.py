@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
+from decmcts.formats.gcode.layers import LayerWords, layer_words
 from decmcts.print.job import ProcessSettings
 
 NEAR_MM = 1e-3  # two positions this near are one
@@ -25,6 +26,8 @@ class Emitter:
 
     def __init__(self, document: GcodeDocument, settings: ProcessSettings) -> None:
         self.document = document
+        self._told: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
+        self._arrival: tuple[str, ...] = ()  # to be said when the head is there
         self.settings = settings
         self.lines: list[bytes] = []
         xy, e, _ = document.decimals
@@ -45,6 +48,7 @@ class Emitter:
         self.firmware_retracted = cursor.firmware_retracted
         self.relative_e = cursor.relative_e  # M82 and M83 in the print are blocks
         self.row = self.document.states.rows[cursor.state].tolist()
+        self._untold(layer_words(self.document.states.text(cursor.state, "layer")))
 
     def say(self, text: str) -> None:
         """Write a line."""
@@ -221,6 +225,8 @@ class Emitter:
         """
         table = self.document.states
         target = table.rows[state].tolist()
+        if not before_travel:
+            self._arrive()
         if target == self.row:
             return
         changed = [
@@ -233,12 +239,36 @@ class Emitter:
                 self._block_of(text)
         changed.sort(key=lambda k: _rank(table.slots[k]))
         for k in changed:
-            if target[k] != UNSET:
+            if table.slots[k] == "layer":
+                self._enter(table.values[self.row[k]], table.values[target[k]])
+            elif target[k] != UNSET:
                 self._block_of(table.values[target[k]])
             self.row[k] = target[k]
+        if not before_travel:
+            self._arrive()
+
+    def _enter(self, held: str, text: str) -> None:
+        """Write what begins a layer, and what belongs to its first move where that is made."""
+        words, had = layer_words(text), layer_words(held).always
+        grown = bool(had) and words.always[: len(had)] == had  # the same one, said in part
+        self._block_of("\n".join(words.always[len(had) if grown else 0 :]))
+        before, self._arrival = self._untold(words)
+        self._block_of("\n".join(before))
+
+    def _untold(self, words: LayerWords) -> tuple[tuple[str, ...], ...]:
+        """Return what is due around the first move of a layer, and take it as told."""
+        layer, parts = words.always[:2], (words.before, words.after)
+        due = tuple(() if (layer, lines) in self._told else lines for lines in parts)
+        self._told.update((layer, lines) for lines in parts)
+        return due
+
+    def _arrive(self) -> None:
+        """Write what follows the first move of a layer."""
+        self._block_of("\n".join(self._arrival))
+        self._arrival = ()
 
     def _block_of(self, text: str) -> None:
-        for line in text.split("\n"):
+        for line in text.split("\n") if text else []:
             self.say(line)
 
     def text(self) -> bytes:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.gcode_moves import RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.dialect import Event, Kind, classify
 from decmcts.formats.gcode.document import UNSET, StateTable
+from decmcts.formats.gcode.layers import with_note
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion
 from decmcts.formats.gcode.roles import CANONICAL, trailing_role
@@ -126,7 +127,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
             last_layer = event.text
             recorder.put("layer", last_layer, line)
         elif kind == Kind.LAYER_NOTE:
-            _note(recorder, event, line, last_layer)
+            last_layer = _note(recorder, event, line, last_layer)
         elif kind == Kind.LEAVE:
             recorder.leave_slot(event.slot, event.text, line)
         elif kind == Kind.SPLIT:
@@ -153,15 +154,17 @@ def _code(lines: Lines, line: int) -> str:
     return " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
 
 
-def _note(recorder: _Recorder, event: Event, line: int, last_layer: str) -> None:
-    """Append a line to the marker or object it belongs to."""
+def _note(recorder: _Recorder, event: Event, line: int, last_layer: str) -> str:
+    """Append a line to the marker or object it belongs to; returns the marker."""
     if event.slot == "layer":
         if last_layer:
-            recorder.put("layer", f"{last_layer}\n{event.text}", line)
-        return
+            last_layer = with_note(last_layer, event.text)
+            recorder.put("layer", last_layer, line)
+        return last_layer
     now = recorder.get("object")
     if now and event.text not in now.split("\n"):
         recorder.put("object", f"{now}\n{event.text}", line)
+    return last_layer
 
 
 def _event_lines(lines: Lines, moves: NDArray[np.bool_]) -> NDArray[np.int64]:
