@@ -92,7 +92,7 @@ def judge(
         raise InputError(
             "what was made of a mesh cannot be compared with it",
             path=source,
-            advice="verify the plan.json of `plan --plan`",
+            advice="verify against the slicer's G-code (`plan --sliced`), or verify plan.json",
         )
     refuse_head_file(result)
     chosen, _ = machine_for(machine, source)

@@ -235,3 +235,42 @@ Perimeters = Annotated[
     int,
     typer.Option("--perimeters", rich_help_panel=MESH, metavar="N", help="Number of perimeters"),
 ]
+SlicerOption = Annotated[
+    str,
+    typer.Option(
+        "--slicer",
+        rich_help_panel=MESH,
+        metavar="NAME",
+        help="auto (the first of PrusaSlicer, OrcaSlicer and CuraEngine that is found), "
+        "builtin (for experiments), a slicer's name, or the path of its program",
+    ),
+]
+SlicerConfig = Annotated[
+    str | None,
+    typer.Option(
+        "--slicer-config",
+        rich_help_panel=MESH,
+        metavar="FILES",
+        help="PrusaSlicer: config.ini; OrcaSlicer: 'machine.json;process.json;filament.json'; "
+        "CuraEngine: fdmprinter.def.json",
+    ),
+]
+Sliced = Annotated[
+    Path | None,
+    typer.Option(
+        "--sliced", rich_help_panel=MESH, metavar="FILE", help="Keep the slicer's own G-code here"
+    ),
+]
+Temperature = Annotated[
+    float,
+    typer.Option("--temperature", rich_help_panel=MESH, metavar="C", help="Of the nozzle, °C"),
+]
+BedTemperature = Annotated[
+    float,
+    typer.Option("--bed-temperature", rich_help_panel=MESH, metavar="C", help="Of the bed, °C"),
+]
+
+MESH_OPTIONS = (  # they mean nothing to G-code
+    "slicer", "slicer_config", "sliced", "layer_height", "nozzle", "density", "perimeters",
+    "temperature", "bed_temperature",
+)  # fmt: skip

@@ -237,7 +237,7 @@ def draft_single(planned: Planned, draft: Path, path: Path) -> FileTimes:
 
 def compared_with(planned: Planned) -> Path | None:
     """Return the G-code a result is compared with; None where there is none."""
-    source = planned.loaded.path
+    source = Path(planned.loaded.document.path)  # of a mesh: what its slicer made
     return None if source.suffix.lower() in MESH_SUFFIXES else source
 
 
@@ -321,6 +321,7 @@ def figures(
         "input": str(loaded.path),
         "machine": loaded.machine.name,
         "slicer": loaded.job.slicer,
+        "sliced_by": loaded.sliced_by or None,
         "edges": loaded.graph.n_edges,
         "barriers": [f"{b.text} (line {b.line}): {b.reason}" for b in loaded.job.barriers],
         "notes": list(loaded.job.notes),

@@ -19,13 +19,14 @@ from decmcts._kernels.cooling import Lags
 from decmcts._kernels.ideals import WINDOW
 from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound, row_of
 from decmcts.cli.quality import Quality, search_cooled
+from decmcts.cli.slicing import Slicing
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.machine_file import check_fits, load_machine
-from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, read_sliced, slice_mesh
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -62,6 +63,7 @@ class Loaded:
     seconds: dict[str, float]  # time of each step
     own_limits: bool = True  # the motion limits the source states count, not the machine's
     min_layer_time_s: float = 0.0  # no spot is printed over sooner; 0: no such rule
+    sliced_by: str = ""  # what made the G-code of a mesh
 
     @property
     def problem(self) -> str:
@@ -81,10 +83,17 @@ class Planned:
     seconds: dict[str, float]
 
 
-def read_input(path: Path, options: SliceOptions) -> tuple[PrintJob, GcodeDocument]:
-    """Read G-code, or slice a mesh; raises InputError when neither works."""
+def read_input(
+    path: Path, options: SliceOptions, sliced: Path | None = None
+) -> tuple[PrintJob, GcodeDocument]:
+    """Read G-code, or slice a mesh; raises InputError when neither works.
+
+    `sliced` is G-code that was made of the mesh at `path`.
+    """
     if not path.exists():
         raise InputError("no such file", path=path)
+    if sliced is not None:
+        return read_sliced(sliced, path)
     if path.suffix.lower() in MESH_SUFFIXES:
         return slice_mesh(path, options)
     return read_gcode(path)
@@ -100,18 +109,27 @@ def load(
     own_limits: bool = True,
     quality: Quality = NO_QUALITY,
     freedom: str = "reversible",
+    slicing: Slicing | None = None,
 ) -> Loaded:
     """Read `path`, check that it fits the machine and build its dependency graph.
 
+    `slicing` makes G-code of a mesh, in place of the built-in slicer with `options`.
     With `own_limits` the motion limits a source states replace the machine's. With
     freedom `seam` the graph knows what loops lay down wherever they begin.
     """
     seconds: dict[str, float] = {}
+    chosen = load_machine(machine) if isinstance(machine, str) else machine
+    sliced, sliced_by = None, ""
+    if slicing is not None and path.suffix.lower() in MESH_SUFFIXES and path.exists():
+        started = time.perf_counter()
+        sliced_by = slicing.chosen.name
+        announce(f"slicing {path.name} with {sliced_by}")
+        sliced = slicing.slice_for(path, chosen)
+        seconds["slice"] = time.perf_counter() - started
     started = time.perf_counter()
     announce(f"reading {path.name}")
-    job, document = read_input(path, options)
+    job, document = read_input(path, options, sliced)
     seconds["read"] = time.perf_counter() - started
-    chosen = load_machine(machine) if isinstance(machine, str) else machine
     if own_limits:
         chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     started = time.perf_counter()
@@ -131,7 +149,9 @@ def load(
         raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
     seconds["graph"] = time.perf_counter() - started
     rule = quality.rule_s(job, chosen)
-    return Loaded(path, job, document, chosen, graph, seconds, own_limits, rule)
+    return Loaded(
+        path, job, document, chosen, graph, seconds, own_limits, rule, sliced_by
+    )  # fmt: skip
 
 
 def document_of(loaded: Loaded, plan: JointPlan, extra: dict[str, Any]) -> PlanDocument:

@@ -30,7 +30,10 @@ from decmcts.cli.outputs import (
 from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
 from decmcts.cli.quality import Quality, cooling_line
 from decmcts.cli.signals import interrupt_stops
+from decmcts.cli.slicing import AUTO, Chosen, Slicing, choose_slicer
 from decmcts.errors import InputError
+from decmcts.formats.drafts import draft_folder
+from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.sop import is_sop
 
@@ -72,23 +75,33 @@ def plan(
     nozzle: opt.Nozzle = 0.4,
     density: opt.Density = 0.2,
     perimeters: opt.Perimeters = 2,
+    slicer: opt.SlicerOption = AUTO,
+    slicer_config: opt.SlicerConfig = None,
+    temperature: opt.Temperature = 210.0,
+    bed_temperature: opt.BedTemperature = 60.0,
+    sliced: opt.Sliced = None,
 ) -> None:
     """Find a better order for one head and write it, verified; or solve a bare SOP."""
     if is_sop(source):
         sop.refuse_for_sop(context)
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
-    refuse_unwritable([output, plan_file, report, picture], source)
+    refuse_unwritable([output, plan_file, report, picture, sliced], source)
     refuse_unpackable(output, source)
     refuse_other_suffixes(plan_file, report, picture)
     refuse_two_on_stdout(output, as_json=as_json)
     policy = seam_of(freedom, seam)
-    only_shown = not (as_json or output or plan_file or report or picture)
+    only_shown = not (as_json or output or plan_file or report or picture or sliced)
     if only_shown:
         err.print(ONLY_SHOWN, soft_wrap=True)
-    slicing = SliceOptions(
-        layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters
-    )
+    slicing = slicing_of(
+        context,
+        choose_slicer(slicer, slicer_config),
+        SliceOptions(
+            layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters,
+            temperature=temperature, bed_temperature=bed_temperature, skirts=2, fan_percent=100.0,
+        ),
+    )  # fmt: skip
     planned = run_single(
         source,
         machine,
@@ -115,10 +128,25 @@ def plan(
         if plan_file or report or picture:
             announce("writing plan, report and pictures")
             paths += write_extras(planned, plan=plan_file, report=report, picture=picture)
+        if sliced is not None and planned.loaded.sliced_by:
+            save_text(Path(planned.loaded.document.path).read_bytes(), sliced)
+            paths.append(sliced)
     with written():
         show(planned, paths, times, as_json=as_json, to=err if output == STDOUT else out)
         if only_shown:
             err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
+
+
+def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) -> Slicing:
+    """Return how meshes are sliced, with a folder that goes when the command ends."""
+    folder = context.with_resource(draft_folder())
+    said = (context.get_parameter_source(name) for name in opt.MESH_OPTIONS)
+    given = frozenset(
+        name
+        for name, origin in zip(opt.MESH_OPTIONS, said, strict=True)
+        if origin is not None and origin.name == "COMMANDLINE"
+    )
+    return Slicing(chosen, options, given, folder)
 
 
 def seam_of(freedom: opt.Freedom, seam: opt.Seam | None) -> str:
@@ -142,7 +170,7 @@ def run_single(
     time_limit_s: float,
     seed: int,
     seam: str,
-    slicing: SliceOptions,
+    slicing: Slicing | None = None,
     certificate: bool = False,
     objective: str = "travel",
     limits: str = "source",
@@ -165,7 +193,8 @@ def run_single(
             chosen,
             process_order=process_order,
             quality=quality,
-            options=slicing,
+            options=SliceOptions(),
+            slicing=slicing,
             announce=announce,
             own_limits=limits == "source",
             freedom=freedom,
@@ -204,10 +233,17 @@ def show(
         f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
         f"planner {after['planner']} for {after['objective']}, seed {after['seed']}, verified"
     )
+    by = planned.loaded.sliced_by
     to.print(title, soft_wrap=True)
     to.print(gain_table(before, after))
     whole = None if times is not None and times.kept else whole_file_line(planned, times)
-    for line in (bound_line(after), cooling_line(planned.after), whole, layers_line(planned)):
+    for line in (
+        f"sliced by {by}" if by else "",
+        bound_line(after),
+        cooling_line(planned.after),
+        whole,
+        layers_line(planned),
+    ):
         if line:
             to.print(line, soft_wrap=True)
     if times is not None and times.kept:

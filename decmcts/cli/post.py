@@ -21,7 +21,7 @@ from decmcts.cli.plan import run_single, seam_of, show_notes
 from decmcts.cli.quality import Quality
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
-from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
+from decmcts.formats.mesh import MESH_SUFFIXES
 
 
 @app.command()
@@ -58,7 +58,6 @@ def post(
         quality=Quality(quality, min_layer_time, max_layers_ahead),
         time_limit_s=time_limit,
         seed=seed,
-        slicing=SliceOptions(),
     )
     with interrupt_stops() as stop, steps() as (announce, _):
         planned, times = write_no_slower(

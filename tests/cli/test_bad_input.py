@@ -161,7 +161,7 @@ def test_mesh_with_holes_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtur
     ball.update_faces(ball.triangles_center[:, 0] < 5)
     source = tmp_path / "part.stl"
     ball.export(source)
-    said = refused(["plan", str(source), "--machine", "paper", "--time-limit", "0.1"], capsys)
+    said = refused(["plan", str(source), "--slicer", "builtin", "--machine", "paper"], capsys)
     assert "part.stl" in said
     assert "edge" in said
 
@@ -170,7 +170,7 @@ def test_3mf_of_nothing_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
     """An empty scene has nothing to print."""
     source = tmp_path / "part.3mf"
     source.write_bytes(b"")
-    assert "part.3mf" in refused(["plan", str(source)], capsys)
+    assert "part.3mf" in refused(["plan", str(source), "--slicer", "builtin"], capsys)
 
 
 def test_malformed_plan_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from decmcts.errors import InputError
 from decmcts.formats.mesh import SliceOptions, slice_mesh, slice_to_gcode
 from decmcts.formats.mesh.infill import zigzags
 from decmcts.formats.mesh.infill_joints import border_joints
+from decmcts.formats.mesh.options import Bed
 from decmcts.formats.mesh.sections import Layers, cut_layers
 from decmcts.formats.mesh.shells import find_shells
 from decmcts.print.contours import Role
@@ -255,3 +257,41 @@ def test_a_mesh_lower_than_half_a_layer_is_refused(tmp_path):
     trimesh.creation.box((20.0, 20.0, 0.05)).export(path)
     with pytest.raises(InputError, match="half a layer"):
         slice_to_gcode(path)
+
+
+def test_the_skirt_runs_around_the_part_and_comes_first(cube):
+    """It fills the nozzle and shows whether the bed is level, before the part begins."""
+    job, _ = slice_mesh(cube, SliceOptions(center=(100.0, 100.0), skirts=2))
+    contours = job.contours
+    assert contours.role[:3].tolist() == [Role.SKIRT_BRIM, Role.SKIRT_BRIM, Role.PERIMETER]
+    reach = [np.abs(contours.polyline(k)[:, :2] - 100.0).max() for k in (0, 1)]
+    assert reach == pytest.approx([8.0 + 6.0 + 0.45, 8.0 + 6.0], abs=1e-3)
+
+
+def test_a_skirt_stays_on_the_bed(tmp_path):
+    """Beads beyond the edge hang on the clips; where there is no room there is no skirt."""
+    file = tmp_path / "plate.stl"
+    trimesh.creation.box((200.0, 80.0, 0.4)).export(file)
+    bed = Bed((0.0, 0.0), (205.0, 90.0))
+    here = SliceOptions(center=bed.center, bed=bed, skirts=2, density=0.0)
+    job, _ = slice_mesh(file, here)
+    first = job.contours.polyline(0)
+    assert job.contours.role[0] == Role.SKIRT_BRIM
+    assert first[:, 0].min() >= 0.225 - 1e-9 and first[:, 0].max() <= 205.0 - 0.225 + 1e-9
+    tight = Bed((0.0, 0.0), (201.0, 81.0))
+    job, _ = slice_mesh(file, replace(here, center=tight.center, bed=tight))
+    assert Role.SKIRT_BRIM not in job.contours.role
+
+
+def test_the_head_lifts_within_the_machine_and_parks(cube):
+    """On the tallest prints there is no room for the whole lift."""
+    text = slice_to_gcode(cube, SliceOptions(bed=Bed((0, 0), (180, 170), 9.0)))
+    end = text[text.rindex(";TYPE:Custom") :].splitlines()
+    assert end[1:4] == ["G1 E-1 F2400", "G1 Z9.000 F600 ; up", "G1 X5.000 Y165.000 F9000 ; park"]
+    assert "M104 S0 ; nozzle off" in end
+
+
+def test_temperatures_nothing_flows_at_are_refused():
+    """A cold nozzle grinds the filament and prints nothing."""
+    with pytest.raises(InputError, match=r"temperature 20 is outside 150\.\.500"):
+        SliceOptions(temperature=20.0)

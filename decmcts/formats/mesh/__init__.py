@@ -2,8 +2,9 @@
 
 It makes honest plain prints (walls, rectilinear infill, solid top and bottom)
 so that planning works with no slicer installed; it is no rival to one: no
-supports, bridges, thin walls or brims. Meshes become G-code text, and the
-G-code reader makes the print job of that: one way in for every print.
+supports, bridges, gap fill, thin walls or brims. `slicers` has the commands of
+real ones. Meshes become G-code text, and the G-code reader makes the print job
+of that: one way in for every print.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions
 from decmcts.print.job import PrintJob
 
-__all__ = ["MESH_SUFFIXES", "SliceOptions", "slice_mesh", "slice_to_gcode"]
+__all__ = ["MESH_SUFFIXES", "SliceOptions", "read_sliced", "slice_mesh", "slice_to_gcode"]
 
 
 def slice_mesh(
@@ -36,12 +37,18 @@ def slice_mesh(
     with draft_folder() as folder:
         sliced = folder / f"{source.stem}.gcode"
         sliced.write_text(text, encoding="utf-8", newline="\n")
-        try:
-            job, document = read_gcode(sliced)
-        except InputError as error:  # of a file that is gone by now
-            raise InputError(error.what, path=source, advice=error.advice) from error
-    slicer = f"decmcts {__version__}, built-in slicer"
-    return replace(job, slicer=slicer), replace(document, path=str(source))
+        job, document = read_sliced(sliced, source)
+    return job, replace(document, path=str(source))
+
+
+def read_sliced(sliced: Path, mesh: Path) -> tuple[PrintJob, GcodeDocument]:
+    """Read the G-code a slicer made of a mesh; what is wrong with it is said of the mesh."""
+    try:
+        job, document = read_gcode(sliced)
+    except InputError as error:  # of a file nobody will find
+        raise InputError(error.what, path=mesh, advice=error.advice) from error
+    ours = f"decmcts {__version__}, built-in slicer"
+    return replace(job, name=mesh.stem, slicer=job.slicer or ours), document
 
 
 def slice_to_gcode(path: Path | str, options: SliceOptions | None = None) -> str:

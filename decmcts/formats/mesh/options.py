@@ -1,9 +1,9 @@
-"""What the built-in slicer can be told."""
+"""What a slicer can be told."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from decmcts.errors import InputError
 
@@ -11,9 +11,34 @@ MESH_SUFFIXES = (".stl", ".3mf", ".obj")
 _WIDTH_PER_NOZZLE = 1.125  # what PrusaSlicer takes for a 0.4 mm nozzle: 0.45 mm
 
 
+_PARK_MM = 5.0  # from the edge of the bed
+
+
+@dataclass(frozen=True, slots=True)
+class Bed:
+    """The bed a mesh is put on, and how high may be printed, mm."""
+
+    low: tuple[float, float] = (0.0, 0.0)
+    high: tuple[float, float] = (250.0, 210.0)
+    height: float = 200.0
+
+    @property
+    def center(self) -> tuple[float, float]:
+        """Middle of the bed."""
+        return (self.low[0] + self.high[0]) / 2.0, (self.low[1] + self.high[1]) / 2.0
+
+    @property
+    def park(self) -> tuple[float, float]:
+        """Where the head rests when all is printed: behind, on the left."""
+        return self.low[0] + _PARK_MM, self.high[1] - _PARK_MM
+
+
 @dataclass(frozen=True, slots=True)
 class SliceOptions:
     """Options of the built-in slicer; lengths in mm, feeds in mm/s.
+
+    The defaults are for PLA. Skirt and fan are off, for a bare print to compute with;
+    `decmcts plan` turns them on.
 
     Raises
     ------
@@ -31,6 +56,10 @@ class SliceOptions:
     top_layers: int = 3
     bottom_layers: int = 3
     center: tuple[float, float] | None = (125.0, 105.0)  # of the whole mesh; None: as in the file
+    bed: Bed = field(default_factory=Bed)  # for the end code and other slicers
+    skirts: int = 0  # loops around the first layer, which also prime the nozzle
+    skirt_distance: float = 6.0
+    fan_percent: float = 0.0  # from the second layer on
     filament_diameter: float = 1.75
     perimeter_feed: float = 60.0
     external_feed: float = 40.0
@@ -52,14 +81,17 @@ class SliceOptions:
             self._within("width", 0.6 * self.nozzle, 2.5 * self.nozzle)
         self._within("density", 0.0, 1.0)
         self._within("filament_diameter", 0.5, 5.0)
-        for name in ("perimeters", "top_layers", "bottom_layers"):
+        for name in ("perimeters", "top_layers", "bottom_layers", "skirts"):
             self._within(name, 0, 1000)
         for name in ("perimeter_feed", "external_feed", "infill_feed", "solid_feed"):
             self._within(name, 0.1, 2000.0)
         for name in ("first_layer_feed", "travel_feed", "retract_feed"):
             self._within(name, 0.1, 2000.0)
-        for name in ("retract_mm", "retract_min_travel_mm", "temperature", "bed_temperature"):
+        for name in ("retract_mm", "retract_min_travel_mm", "skirt_distance"):
             self._within(name, 0.0, 500.0)
+        self._within("temperature", 150.0, 500.0)  # colder no plastic flows
+        self._within("bed_temperature", 0.0, 200.0)
+        self._within("fan_percent", 0.0, 100.0)
         if self.center is not None and not all(map(math.isfinite, self.center)):
             raise InputError(f"center {self.center} is no place on a bed")
 
