@@ -1,13 +1,14 @@
 """Exactly once: the extrusions of a result against those of its source.
 
 Both are sets of straight segments that may be run either way. They are matched
-as multisets: first by their coordinates on a grid of a micrometre, then what
-rounding put into neighbouring cells by distance.
+as multisets: first by their coordinates on a grid of a micrometre, those alike in
+the order they come in, then what rounding put into neighbouring cells by distance.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,8 @@ GRID_MM = 1e-3
 NEAR_MM = 3e-3  # both ends together, rounding to three decimals on both sides
 E_TOLERANCE_MM = 1e-4
 FEED_TOLERANCE_MM_S = 0.02  # files give whole mm/min
+SAME_E_MM = 3e-5  # filament of two segments alike, each rounded to 1e-5 in a file
+SAME_FEED_MM_S = 0.01
 NO_MATCH = -1
 
 
@@ -84,19 +87,55 @@ def _laid_down(
 def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
     """Return for each of our segments the source's segment it is, or NO_MATCH, (n,).
 
-    No source segment is matched twice. Complexity O(n log n).
+    No source segment is matched twice. Of segments alike in place, filament and feed
+    the first of ours is the source's first, and so on: alike ones of two epochs are
+    each matched in its own if the epochs of ours come in the source's order.
+    Complexity O(n log n).
     """
+    match = np.full(len(ours.ends), NO_MATCH, np.int64)
     mine, theirs = _keys(ours), _keys(source)
-    by_mine = np.lexsort((ours.feed, ours.extrusion, mine))
-    by_theirs = np.lexsort((source.feed, source.extrusion, theirs))
+    like, alike = _alike(ours, source, mine, theirs)
+    _match_in_turn(match, like, alike)
+    left, free = np.flatnonzero(match == NO_MATCH), _unmatched(source, match)
+    if len(left) and len(free):  # of one place with another amount: the nearest in amount
+        left = left[np.lexsort((ours.feed[left], ours.extrusion[left]))]
+        free = free[np.lexsort((source.feed[free], source.extrusion[free]))]
+        rest = np.full(len(left), NO_MATCH, np.int64)
+        _match_in_turn(rest, mine[left], theirs[free])
+        found = rest != NO_MATCH
+        match[left[found]] = free[rest[found]]
+    _match_near(ours, source, match)
+    return match
+
+
+def _alike(
+    ours: Segments, source: Segments, mine: NDArray[np.uint64], theirs: NDArray[np.uint64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return one number a segment, equal for what is alike in place, feed and filament.
+
+    Amounts may differ by what files round off.
+    """
+    n = len(mine)
+    _, like = np.unique(np.concatenate([mine, theirs]), return_inverse=True)
+    like = like.astype(np.int64)
+    for amount, step in (
+        (np.concatenate([ours.feed, source.feed]), SAME_FEED_MM_S),
+        (np.concatenate([ours.extrusion, source.extrusion]), SAME_E_MM),
+    ):
+        order = np.lexsort((amount, like))
+        new = (np.diff(like[order]) != 0) | (np.diff(amount[order]) > step)
+        like[order] = np.concatenate([[0], np.cumsum(new)])[: len(order)]
+    return like[:n], like[n:]
+
+
+def _match_in_turn(match: NDArray[np.int64], mine: NDArray[Any], theirs: NDArray[Any]) -> None:
+    """Match equal numbers, first with first; mutates match."""
+    by_mine, by_theirs = (np.argsort(keys, kind="stable") for keys in (mine, theirs))
     mine, theirs = mine[by_mine], theirs[by_theirs]
     rank = np.arange(len(mine)) - np.searchsorted(mine, mine, side="left")
     at = np.searchsorted(theirs, mine, side="left") + rank
     hit = at < np.searchsorted(theirs, mine, side="right")
-    match = np.full(len(mine), NO_MATCH, np.int64)
     match[by_mine[hit]] = by_theirs[at[hit]]
-    _match_near(ours, source, match)
-    return match
 
 
 def _keys(segments: Segments) -> NDArray[np.uint64]:

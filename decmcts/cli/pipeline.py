@@ -224,11 +224,14 @@ def plan_single(
     seam: str = "nearest",
     certificate: bool = False,
     objective: str = "travel",
+    before: PlanDocument | None = None,
     **hooks: Any,
 ) -> Planned:
-    """Plan one head: search, bound the travel if `certificate`, schedule, verify."""
-    announce("the source's own order")
-    before = source_plan(loaded)
+    """Plan one head: search, bound the travel if `certificate`, schedule, verify.
+
+    `before` is the plan of the source's own order, where it was made already.
+    """
+    before = before or source_plan(loaded)
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
     if certificate and time_limit_s >= EARLY_FROM_S:
         announce("a first bound on the travel")

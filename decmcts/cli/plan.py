@@ -13,6 +13,7 @@ from decmcts.cli import sop
 from decmcts.cli.app import app, machine_for
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
+from decmcts.cli.first_check import refuse_unsound
 from decmcts.cli.no_slower import kept_line, write_no_slower
 from decmcts.cli.outputs import (
     STDOUT,
@@ -27,16 +28,17 @@ from decmcts.cli.outputs import (
     whole_file_line,
     write_extras,
 )
-from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine
+from decmcts.cli.pipeline import Planned, load, plan_single, single_head_machine, source_plan
 from decmcts.cli.quality import Quality, cooling_line
 from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.slicing import AUTO, Chosen, Slicing, choose_slicer
 from decmcts.errors import InputError
 from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode.source_text import save_text
-from decmcts.formats.mesh import SliceOptions
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 from decmcts.formats.sop import is_sop
 
+ONLY_MESH = (*opt.MESH_OPTIONS, "slicer", "slicer_config", "sliced")
 ONLY_SHOWN = (
     "nothing will be written, as neither -o nor --plan, --report or --picture is given: "
     "this shows what a new order saves"
@@ -86,6 +88,7 @@ def plan(
         sop.refuse_for_sop(context)
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
+    refuse_for_gcode(context, source)
     refuse_unwritable([output, plan_file, report, picture, sliced], source)
     refuse_unpackable(output, source)
     refuse_other_suffixes(plan_file, report, picture)
@@ -116,6 +119,7 @@ def plan(
         seed=seed,
         slicing=slicing,
         certificate=certificate,
+        writes=output is not None,
     )
     times: FileTimes | None = None
     # a first Ctrl-C lets everything be written
@@ -149,6 +153,21 @@ def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) ->
     return Slicing(chosen, options, given, folder)
 
 
+def refuse_for_gcode(context: typer.Context, source: Path) -> None:
+    """Raise InputError for an option of meshes given with a file that is none."""
+    if source.suffix.lower() in MESH_SUFFIXES:
+        return
+    for option in context.command.params:
+        origin = context.get_parameter_source(option.name or "")
+        if option.name in ONLY_MESH and origin is not None and origin.name == "COMMANDLINE":
+            raise InputError(
+                f"{option.opts[0]} is for meshes and means nothing here: this is no mesh "
+                f"({', '.join(sorted(MESH_SUFFIXES))}), its beads are printed as they are",
+                path=source,
+                advice="leave it out, or set it in the slicer",
+            )
+
+
 def seam_of(freedom: opt.Freedom, seam: opt.Seam | None) -> str:
     """Return the seam policy; raises InputError for one that would mean nothing."""
     if seam is not None and freedom != opt.Freedom.SEAM:
@@ -174,8 +193,12 @@ def run_single(
     certificate: bool = False,
     objective: str = "travel",
     limits: str = "source",
+    writes: bool = True,
 ) -> Planned:
-    """Load, plan and verify for one head (the first, where the machine has several)."""
+    """Load, plan and verify for one head (the first, where the machine has several).
+
+    With `writes` what could not be written is refused before the search.
+    """
     chosen, origin = machine_for(machine, source)
     if origin:
         err.print(origin, soft_wrap=True, markup=False)
@@ -199,6 +222,9 @@ def run_single(
             own_limits=limits == "source",
             freedom=freedom,
         )
+        announce("the source's own order, judged before anything is searched")
+        before = source_plan(loaded)
+        refuse_unsound(loaded, before, writes=writes)
         with interrupt_stops() as stop:  # from here on there is something to keep
             return plan_single(
                 loaded,
@@ -210,6 +236,7 @@ def run_single(
                 announce=announce,
                 certificate=certificate,
                 objective=objective,
+                before=before,
                 progress=searched,
                 stop=stop,
             )

@@ -19,6 +19,7 @@ from agents.supervisor import AgentStatus, LaunchError
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
+from decmcts.cli.first_check import refuse_unsound
 from decmcts.cli.outputs import (
     SAME_TIME_S,
     figures,
@@ -32,6 +33,7 @@ from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, sear
 from decmcts.cli.quality import Quality
 from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.warm import compiling_ahead
+from decmcts.formats.gcode import refuse_for_heads
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import PlanDocument
@@ -84,6 +86,7 @@ def launch(
         quality=Quality(quality, max_layers_ahead=max_layers_ahead),
         time_limit_s=time_limit,
         seed=seed,
+        writes=output is not None,
     )
     with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
         announce("writing files")
@@ -101,8 +104,12 @@ def run_team(
     quality: Quality,
     time_limit_s: float,
     seed: int,
+    writes: bool = True,
 ) -> Planned:
-    """Load, let the agents plan and agree, schedule, verify."""
+    """Load, let the agents plan and agree, schedule, verify.
+
+    With `writes` what no head's file could hold is refused before the search.
+    """
     with steps() as (announce, _):
         loaded = load(
             source,
@@ -115,6 +122,9 @@ def run_team(
         loaded = _uncooled(loaded)
         announce("the source's own order, one head")
         before = source_plan(loaded)
+        if writes:
+            refuse_for_heads(loaded.document, loaded.job, loaded.machine)
+        refuse_unsound(loaded, before, writes=False)
         announce("what one head alone reaches")
         order = search(
             loaded,

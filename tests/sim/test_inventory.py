@@ -79,3 +79,25 @@ def test_a_shift_of_a_hundredth_is_found():
 def test_empty_against_empty():
     """No extrusion on either side is equal."""
     assert kinds(segments([]), segments([])) == set()
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-5])
+def test_alike_segments_are_matched_in_turn(off):
+    """A line twice in a file, once on each side of a barrier: the first is the first.
+
+    Rounding makes the later of two alike the smaller; that must not turn them round.
+    """
+    rng = np.random.default_rng(4)
+    ends = np.repeat(random_ends(40), 3, axis=0)
+    source = segments(ends, 0.4 + off * rng.integers(0, 2, 120))
+    ours = segments(np.roll(ends, 3, axis=1), 0.4 + off * rng.integers(0, 2, 120))
+    assert match_segments(ours, source).tolist() == list(range(120))
+
+
+def test_twins_of_other_filament_are_matched_by_it():
+    """One place, three amounts: each is matched with its own, wherever it comes."""
+    ends = np.repeat(random_ends(1), 3, axis=0)
+    ours, source = segments(ends, [0.3, 0.1, 0.2]), segments(ends, [0.1, 0.2, 0.3])
+    assert match_segments(ours, source).tolist() == [2, 0, 1]
+    altered = segments(ends, [0.35, 0.1, 0.2])
+    assert kinds(altered, source) == {K.EXTRUSION, K.E_TOTAL}

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
+from decmcts._kernels.gcode_scan import X, Z
 from decmcts.formats.gcode.document import Block, Cursor
 from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.lines import Lines
@@ -89,9 +90,12 @@ def _block(lines: Lines, motion: Motion, track: Track, span: tuple[int, int], ep
     first, last = span
     inside = [track.barriers[k] for k in range(first, last) if k in track.barriers]
     moved = motion.points[motion.before[first] : motion.before[last] + 1]
+    moves = (lines.letter[first:last] == 71) & (lines.code[first:last] <= 30)
+    placed = moves[:, None] & ~np.isnan(lines.values[first:last, X : Z + 1])
     return Block(
         epoch, lines.span(first, last), cursor_at(motion, track, first),
-        cursor_at(motion, track, last), bool(np.ptp(moved, axis=0).max() > 1e-9), first + 1,
+        cursor_at(motion, track, last),
+        bool(placed.any() or np.ptp(moved, axis=0).max() > 1e-9), first + 1,
         inside[0] if inside else "extrusion outside a contour",
     )  # fmt: skip
 

@@ -36,6 +36,7 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
 from decmcts.formats.gcode.writer import print_contour, with_header
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 
 SIGNAL = "SYNC_SIGNAL N={number}"
@@ -98,8 +99,8 @@ def head_gcode_bytes(
 ) -> bytes:
     """Return what `write_head_gcode` writes."""
     head = plan.heads[head_index]
-    tool = _only_tool(document, job, head)
     _refuse_own_moves(document, job)
+    tool = _only_tool(document, job, head)
     home = tuple(head.action_path(0)[0].tolist()) if len(head) else park
     if home is None:
         raise InputError(f"head {head.head} has nothing to do and no park position is given")
@@ -115,18 +116,34 @@ def head_gcode_bytes(
     return file.emitter.text()
 
 
+def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -> None:
+    """Raise InputError where no files of several heads can be written, whatever the plan.
+
+    So before any plan: moves of the source's own, and heads that may print with more
+    than one tool of the source.
+    """
+    _refuse_own_moves(document, job)
+    tools = np.unique(job.contours.tool).tolist()
+    for head in machine.heads:
+        _refuse_tools(document, head.name, [t for t in tools if not head.tools or t in head.tools])
+
+
 def _only_tool(document: GcodeDocument, job: PrintJob, head: HeadActions) -> int | None:
     """Return the tool a head prints with; None when it prints nothing."""
     printed = head.contour[head.kind == ActionKind.PRINT]
     tools = np.unique(job.contours.tool[printed]).tolist()
+    _refuse_tools(document, head.head, tools)
+    return int(tools[0]) if tools else None
+
+
+def _refuse_tools(document: GcodeDocument, head: str, tools: list[int]) -> None:
     if len(tools) > 1:
         raise InputError(
-            f"head {head.head} would print with tools {', '.join(map(str, tools))}; a head of "
+            f"head {head} would print with tools {', '.join(map(str, tools))}; a head of "
             "several has one tool",
             path=document.path,
             advice="give each head its tools in the machine file",
         )
-    return int(tools[0]) if tools else None
 
 
 def _refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:

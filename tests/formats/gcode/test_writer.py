@@ -250,6 +250,20 @@ def test_filament_total_is_the_sources(read, tmp_path, text):
     assert read_motions(out).extrusion.sum() == pytest.approx(want.extrusion.sum(), abs=1e-4)
 
 
+def test_a_line_said_twice_pushes_its_filament_where_the_source_does(read, tmp_path):
+    """The second pushes on the spot; after a bead run backwards it would lay one across."""
+    text = "G1 X0 Y0 Z.2\nG1 X9 E.4 F900\nG1 X9 Y0 E.5\n"
+    text += "".join(f"G1 X{x}\nG1 X{x + 9} E.4\n" for x in (20, 40, 60))
+    job, document = read(text, start=M83)
+    out = tmp_path / "o.gcode"
+    turned = Toolpath.of(np.arange(4, dtype=np.int32), np.arange(4) < 1)
+    write_gcode(document, job, direct_actions(job, turned), out)
+    assert same_extrusions(job, document, *read_gcode(out)) == []
+    pushed = read_motions(out)
+    still = (pushed.points[1:] == pushed.points[:-1]).all(axis=1) & (pushed.extrusion == 0.5)
+    assert pushed.points[:-1][still].tolist() == [[9.0, 0.0, 0.2]]
+
+
 def test_the_mode_of_e_is_followed(read, again):
     """An absolute E written after M83 would push the whole print's filament at once."""
     text = "G1 X0 Y0 Z.2 F6000\nG1 X9 E.5 F900\nG1 X20\nG1 X30 E1\nM83\n"
