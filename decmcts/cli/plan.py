@@ -38,7 +38,6 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 from decmcts.formats.sop import is_sop
 
-ONLY_MESH = (*opt.MESH_OPTIONS, "slicer", "slicer_config", "sliced")
 ONLY_SHOWN = (
     "nothing will be written, as neither -o nor --plan, --report or --picture is given: "
     "this shows what a new order saves"
@@ -159,7 +158,7 @@ def refuse_for_gcode(context: typer.Context, source: Path) -> None:
         return
     for option in context.command.params:
         origin = context.get_parameter_source(option.name or "")
-        if option.name in ONLY_MESH and origin is not None and origin.name == "COMMANDLINE":
+        if option.name in opt.MESH_OPTIONS and origin is not None and origin.name == "COMMANDLINE":
             raise InputError(
                 f"{option.opts[0]} is for meshes and means nothing here: this is no mesh "
                 f"({', '.join(sorted(MESH_SUFFIXES))}), its beads are printed as they are",

@@ -20,9 +20,13 @@ _RESTORABLE = (*BEFORE_TRAVEL, *DESCRIBES)
 
 def state_edges(
     motion: Motion, runs: Runs, track: Track, layer: NDArray[np.int32]
-) -> NDArray[np.bool_]:
-    """Return the contours an epoch begins at, (n,) bool."""
-    edge = np.zeros(len(runs), np.bool_)
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the contours an epoch begins at, and those that set something first, (n,) bool.
+
+    The latter run one way only: backwards what holds behind the command would hold
+    before it, and what is not set yet cannot be set back.
+    """
+    edge, one_way = np.zeros(len(runs), np.bool_), np.zeros(len(runs), np.bool_)
     first = track.table.rows[track.at(motion.line[runs.first])]
     last = track.table.rows[track.at(motion.line[runs.last])]
     _mark_first_layer(edge, motion, runs, track, layer)
@@ -30,6 +34,7 @@ def state_edges(
         if slot in _RESTORABLE or slot.startswith(SILENT):
             continue
         missing = _missing(track.table.values, np.unique([first[:, k], last[:, k]]))
+        one_way |= missing[first[:, k]] & ~missing[last[:, k]]
         unset = np.flatnonzero(missing[first[:, k]])
         if not len(unset):
             continue
@@ -37,7 +42,7 @@ def state_edges(
         if not missing[last[unset[-1], k]]:  # set within this contour: it ends its epoch
             edge[unset[-1]] = True
     edge[0] = False
-    return edge
+    return edge, one_way
 
 
 def _missing(values: tuple[str, ...], used: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -136,9 +136,9 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
     """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
-    edges = state_edges(motion, runs, parsed.track, parsed.beads.layer)
+    edges, one_way = state_edges(motion, runs, parsed.track, parsed.beads.layer)
     blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
-    contours, point_state = _contours(parsed, blocks)
+    contours, point_state = _contours(parsed, blocks, one_way)
     settings, habits = infer_settings(lines, motion, runs, parsed.track, parsed.filament_mm)
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
@@ -234,7 +234,9 @@ def _towers(parsed: _Parsed) -> NDArray[np.bool_]:
     return np.asarray(inside | (parsed.beads.role == Role.WIPE_TOWER))
 
 
-def _contours(parsed: _Parsed, blocks: Blocks) -> tuple[Contours, NDArray[np.int32]]:
+def _contours(
+    parsed: _Parsed, blocks: Blocks, one_way: NDArray[np.bool_]
+) -> tuple[Contours, NDArray[np.int32]]:
     """Return the contours and the state of each of their points."""
     motion, runs, beads = parsed.motion, parsed.runs, parsed.beads
     moves = np.flatnonzero(runs.contour >= 0)
@@ -256,7 +258,7 @@ def _contours(parsed: _Parsed, blocks: Blocks) -> tuple[Contours, NDArray[np.int
         points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
         height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
         layer=beads.layer, tool=motion.modes[motion.line[runs.first], 2].astype(np.int16),
-        reversible=turns & ~blocks.tied,
+        reversible=turns & ~blocks.tied & ~one_way,
         epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
     )  # fmt: skip
     state.setflags(write=False)

@@ -264,6 +264,12 @@ def test_a_line_said_twice_pushes_its_filament_where_the_source_does(read, tmp_p
     assert pushed.points[:-1][still].tolist() == [[9.0, 0.0, 0.2]]
 
 
+def test_a_bead_in_which_something_is_set_first_runs_one_way(read):
+    """Backwards the fan would blow before the line that starts it, and no line can unset it."""
+    job, _ = read("G1 X0 Y0 Z.2\nG1 X9 E.5 F900\nM106 S255\nG1 X9 Y9 E1\nG1 X20\nG1 X30 E1.5\n")
+    assert job.contours.reversible.tolist() == [False, True]
+
+
 def test_the_mode_of_e_is_followed(read, again):
     """An absolute E written after M83 would push the whole print's filament at once."""
     text = "G1 X0 Y0 Z.2 F6000\nG1 X9 E.5 F900\nG1 X20\nG1 X30 E1\nM83\n"
