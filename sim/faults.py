@@ -26,6 +26,7 @@ class FaultKind(Enum):
     DEADLOCK = "deadlock"
     TIMES = "nominal times"
     COOLING = "printed over too soon"
+    CONTOUR = "contour"
     EXTRUSION = "extrusion"
     FEED = "feed"
     STATE = "machine state"
@@ -52,6 +53,7 @@ class Verdict:
 
     faults: tuple[Fault, ...]
     counts: dict[str, float] = field(default_factory=dict)  # what was checked, how often
+    checked: tuple[str, ...] = ()  # which rules it was held to, one line each
 
     @property
     def ok(self) -> bool:

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.print.plan import HeadActions, OrderRules, PlanDocument
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.cooling import check_cooling
-from sim.epochs import check_epochs, check_file_epochs
+from sim.epochs import check_file_epochs
 from sim.extent import check_extent, check_file_extent, check_file_feeds
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.file_contacts import check_file_material
@@ -27,8 +27,9 @@ from sim.growth import beads_for, moves_of
 from sim.inventory import compare, contour_segments, match_segments
 from sim.material import UndecidedError, as_material, find_contacts, place_of
 from sim.order import PartialOrder, order_of
+from sim.order_rules import check_order, statements, usual_rules
 from sim.paths import check_head, check_once, check_structure, describe
-from sim.priming import check_file_priming, check_priming
+from sim.priming import check_file_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.replay import (
     Meeting,
@@ -38,6 +39,7 @@ from sim.replay import (
     run_trial,
     timing_factors,
 )
+from sim.same_print import check_contours, check_machine
 from sim.seams import Moved, motions_with
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
@@ -48,18 +50,27 @@ def verify_plan(
     document: PlanDocument,
     *,
     source: PrintJob | None = None,
+    machine: Machine | None = None,
+    rules: OrderRules | None = None,
     digest: str | None = None,
     trials: int = 3,
     seed: int = 0,
 ) -> Verdict:
     """Check a joint plan for every execution its partial order allows.
 
+    What must come before what is found anew, whatever the plan's own pairs say.
+
     Parameters
     ----------
     document : PlanDocument
         The plan with its machine and contours.
     source : PrintJob | None
-        What it was made from; when given, every extrusion is compared.
+        What it was made from; when given, every contour is compared in all its fields,
+        and what a plan does not carry is taken from it.
+    machine : Machine | None
+        The machine it must be for; None: the plan's own is believed.
+    rules : OrderRules | None
+        What the order is held to; None: what the plan says, else `usual_rules`.
     digest : str | None
         Digest of the problem the plan should be for; compared when given.
     trials : int
@@ -89,16 +100,17 @@ def verify_plan(
     if source is not None and source.contours is not document.contours:
         ours, theirs = contour_segments(document.contours), contour_segments(source.contours)
         faults += compare(ours, theirs, match_segments(ours, theirs))
+        faults += check_contours(document.contours, source.contours)
+    if machine is not None:
+        faults += check_machine(document.machine, machine, source)
+    held = rules or document.rules or usual_rules(document.machine)
     order = order_of(lanes)
     counts: dict[str, float] = {"contours": len(document.contours)}
     if isinstance(order, list):
         lines = [f"{describe(lanes[h], a)} can never begin" for h, a in order]
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
-        faults += check_precedence(document, lanes, order)
-        faults += check_epochs(document.contours, lanes, order)
-        refills = source.refills if source is not None else ()
-        faults += check_priming(document.contours, lanes, order, refills=refills)
+        faults += check_order(document, source, lanes, order, held)
         faults += check_times(lanes)
         faults += _or_undecided(lambda: check_material(document, lanes, order, counts))
         faults += check_heads(document, lanes, order)
@@ -107,7 +119,7 @@ def verify_plan(
         faults += check_cooling(document, lanes, arrivals)
         faults += check_replays(document, lanes, order, arrivals, counts, trials=trials, seed=seed)
     counts["seconds"] = time.perf_counter() - started
-    return Verdict(tuple(faults), counts)
+    return Verdict(tuple(faults), counts, statements(document, source, machine, held, rules))
 
 
 def verify_motions(
@@ -195,27 +207,6 @@ def _renumbered(lane: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
         lane.path, lane.begin_s, lane.end_s, lane.after_offsets,
         renumber[lane.after_head], lane.after_action,
     )  # fmt: skip
-
-
-def check_precedence(
-    document: PlanDocument, lanes: tuple[HeadActions, ...], order: PartialOrder
-) -> list[Fault]:
-    """J2: for each pair (a, b) the action of a precedes the action of b, whatever the timing."""
-    n = len(document.contours)
-    head, action = np.full(n, -1), np.full(n, -1)
-    for h, lane in enumerate(lanes):
-        printing = np.nonzero(lane.kind == ActionKind.PRINT)[0]
-        head[lane.contour[printing]], action[lane.contour[printing]] = h, printing
-    pairs = document.precedence.reshape(-1, 2)
-    pairs = pairs[(head[pairs] >= 0).all(axis=1)]
-    a, b = pairs[:, 0], pairs[:, 1]
-    clock = np.empty(len(pairs), np.int64)
-    for h, clocks in enumerate(order.clocks):
-        rows = head[b] == h
-        clock[rows] = clocks[action[b[rows]], head[a[rows]]]
-    broken = pairs[clock <= action[a]]
-    lines = [f"contour {x} must end before contour {y} begins" for x, y in broken[:LIMIT].tolist()]
-    return listed(FaultKind.PRECEDENCE, lines, total=len(broken))
 
 
 def check_times(lanes: tuple[HeadActions, ...]) -> list[Fault]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,6 +22,7 @@ from decmcts.formats.plan_json import read_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from sim.faults import FaultKind, Verdict
+from sim.order_rules import usual_rules
 from sim.seams import seams_of_file
 from sim.verify import verify_motions, verify_plan
 from sim.written import verify_written
@@ -41,6 +43,11 @@ def verify(
         ),
     ] = None,
     machine: opt.MachineOption = None,
+    process_order: opt.HeldProcessOption = None,
+    quality: opt.HeldQualityOption = None,
+    min_layer_time: opt.HeldCoolingOption = None,
+    max_layers_ahead: opt.HeldLeadOption = None,
+    freedom: opt.HeldFreedomOption = None,
     seed: opt.SeedOption = 0,
     trials: Annotated[
         int,
@@ -58,34 +65,63 @@ def verify(
         raise InputError("no such file", path=result)
     with steps() as (announce, _):
         announce(f"verifying {result.name}")
-        verdict = judge(result, source, machine, seed=seed, trials=trials)
+        held = Held(
+            None if process_order is None else process_order.value,
+            quality,
+            max_layers_ahead,
+            None if freedom is None else freedom.value,
+            min_layer_time,
+        )
+        verdict = judge(result, source, machine, held, seed=seed, trials=trials)
     if as_json:
         faults = [str(fault) for fault in verdict.faults]
-        print_json("decmcts-verdict/1", {"file": str(result), "ok": not faults, "faults": faults})
+        found = {"ok": not faults, "faults": faults, "checked": list(verdict.checked)}
+        print_json("decmcts-verdict/1", {"file": str(result), **found})
     else:
         for fault in verdict.faults:
             out.print(str(fault), soft_wrap=True, markup=False)
         state = f"{len(verdict.faults)} faults" if verdict.faults else "no fault"
+        for line in verdict.checked:
+            err.print(line, soft_wrap=True, markup=False)
         err.print(f"{result}: {state}", soft_wrap=True)
     if verdict.faults:
         raise typer.Exit(1)
 
 
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What the command line holds a plan to; None: as the plan says."""
+
+    process_order: str | None = None
+    quality: bool | None = None
+    max_layers_ahead: int | None = None
+    freedom: str | None = None
+    min_layer_time_s: float | None = None
+
+    def named(self) -> dict[str, Any]:
+        """Return what was asked for."""
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in given.items() if value is not None}
+
+
 def judge(
-    result: Path, source: Path | None, machine: str | None, *, seed: int, trials: int
+    result: Path,
+    source: Path | None,
+    machine: str | None,
+    held: Held,
+    *,
+    seed: int,
+    trials: int,
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if result.name.lower().endswith((".json", ".json.gz")):
-        if machine is not None:
-            raise InputError(
-                "a plan names its machine, --machine means nothing beside it",
-                path=result,
-                advice="leave it out",
-            )
-        document = read_plan(result)
-        job = read_gcode(source)[0] if source is not None else None
-        digest = digest_of(document)
-        return verify_plan(document, source=job, digest=digest, trials=trials, seed=seed)
+        return judge_plan(result, source, machine, held, seed=seed, trials=trials)
+    if asked := held.named():
+        raise InputError(
+            f"{', '.join(asked)}: only the order of a plan.json is held to rules",
+            path=result,
+            advice="leave them out, or verify the plan.json",
+        )
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
     if source.suffix.lower() in MESH_SUFFIXES:
@@ -103,6 +139,32 @@ def judge(
     written = verify_written(result, job, print_text, chosen, seams=seams)
     more = [fault for fault in written.faults if fault.kind in (FaultKind.STATE, FaultKind.COMMAND)]
     return Verdict((*verdict.faults, *more), verdict.counts)
+
+
+def judge_plan(
+    result: Path,
+    source: Path | None,
+    machine: str | None,
+    held: Held,
+    *,
+    seed: int,
+    trials: int,
+) -> Verdict:
+    """Verify a plan file by the rules it states, as far as the command line names no others."""
+    document = read_plan(result)
+    digest = digest_of(document)
+    asked = held.named()
+    rule = asked.pop("min_layer_time_s", document.min_layer_time_s)
+    rules = replace(document.rules or usual_rules(document.machine), **asked) if asked else None
+    return verify_plan(
+        replace(document, min_layer_time_s=rule),
+        source=read_gcode(source)[0] if source is not None else None,
+        machine=load_machine(machine) if machine is not None else None,
+        rules=rules,
+        digest=digest,
+        trials=trials,
+        seed=seed,
+    )
 
 
 def refuse_head_file(path: Path) -> None:

@@ -152,6 +152,34 @@ LeadOption = Annotated[
         help="How many layers a part may run ahead of the rest; default: no limit",
     ),
 ]
+_HELD = "A plan.json is held to it; default: as the plan says"
+HeldProcessOption = Annotated[
+    ProcessOrder | None,
+    typer.Option("--process-order", rich_help_panel=QUALITY, metavar="ORDER", help=_HELD),
+]
+HeldQualityOption = Annotated[
+    bool | None,
+    typer.Option("--quality/--no-quality", rich_help_panel=QUALITY, help=_HELD, show_default=False),
+]
+HeldCoolingOption = Annotated[
+    float | None,
+    typer.Option(
+        "--min-layer-time",
+        rich_help_panel=QUALITY,
+        metavar="S",
+        min=0.0,
+        max=86400.0,
+        help=_HELD,
+    ),
+]
+HeldLeadOption = Annotated[
+    int | None,
+    typer.Option("--max-layers-ahead", rich_help_panel=QUALITY, metavar="N", min=0, help=_HELD),
+]
+HeldFreedomOption = Annotated[
+    Freedom | None,
+    typer.Option("--freedom", rich_help_panel=SEARCH, metavar="FREEDOM", help=_HELD),
+]
 ObjectiveOption = Annotated[
     Objective,
     typer.Option(

@@ -30,7 +30,7 @@ from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, read_sliced, slice
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
+from decmcts.print.plan import ActionKind, JointPlan, OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order, toolpath_cost
@@ -64,6 +64,7 @@ class Loaded:
     own_limits: bool = True  # the motion limits the source states count, not the machine's
     min_layer_time_s: float = 0.0  # no spot is printed over sooner; 0: no such rule
     sliced_by: str = ""  # what made the G-code of a mesh
+    rules: OrderRules | None = None  # what was asked of the order besides safety
 
     @property
     def problem(self) -> str:
@@ -149,8 +150,9 @@ def load(
         raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
     seconds["graph"] = time.perf_counter() - started
     rule = quality.rule_s(job, chosen)
+    rules = OrderRules(process_order, quality.holds(chosen), quality.max_layers_ahead, freedom)
     return Loaded(
-        path, job, document, chosen, graph, seconds, own_limits, rule, sliced_by
+        path, job, document, chosen, graph, seconds, own_limits, rule, sliced_by, rules
     )  # fmt: skip
 
 
@@ -159,7 +161,7 @@ def document_of(loaded: Loaded, plan: JointPlan, extra: dict[str, Any]) -> PlanD
     metrics = {**plan_metrics(loaded.job, plan), **extra, "version": __version__}
     return PlanDocument(
         loaded.problem, loaded.machine, loaded.job.contours, loaded.graph.pairs(), plan, metrics,
-        loaded.min_layer_time_s,
+        loaded.min_layer_time_s, loaded.rules,
     )  # fmt: skip
 
 

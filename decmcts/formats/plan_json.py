@@ -13,6 +13,7 @@ import json
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
@@ -26,12 +27,15 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts
 from decmcts.formats.plan_contours import contours_from_dicts, contours_to_dicts
-from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
 FORMAT = "decmcts-plan"
 VERSION = 1
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
 _COOLING = "min_layer_time_s"  # may be left out
+_RULES = "rules"  # likewise
+_CHOICES = {"process_order": ("keep", "free"), "freedom": ("fixed", "reversible", "seam")}
+_MOST_LAYERS = 2**31
 
 
 def write_plan(document: PlanDocument, path: Path | str) -> None:
@@ -60,6 +64,8 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
     }
     if document.min_layer_time_s:
         head[_COOLING] = document.min_layer_time_s
+    if document.rules is not None:
+        head[_RULES] = asdict(document.rules)
     file.write(_dump(head)[:-1] + b',\n"contours":[')
     _write_lines(file, contours_to_dicts(document.contours, document.machine))
     file.write(b'],\n"precedence":' + _dump(document.precedence.tolist()) + b',\n"heads":[')
@@ -105,7 +111,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         given.fail("format", f"is no {FORMAT!r}", "give a plan.json written by this program")
     if given.values.get("version") != VERSION:
         given.fail("version", f"{shown(given.values.get('version'))} is not {VERSION}")
-    given.only(*_KEYS, _COOLING)
+    given.only(*_KEYS, _COOLING, _RULES)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
     contours = contours_from_dicts(given.tables("contours"), machine)
     return PlanDocument(
@@ -116,6 +122,21 @@ def read_plan(path: Path | str) -> PlanDocument:
         _plan(given, contours_sizes=np.diff(contours.offsets)),
         dict(given.table("metrics").values),
         given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
+        _rules(given.table(_RULES)) if _RULES in given.values else None,
+    )
+
+
+def _rules(table: Fields) -> OrderRules:
+    """Return the rules a plan says it was made by; each has to be said."""
+    table.only(*(field.name for field in fields(OrderRules)))
+    for key, choices in _CHOICES.items():
+        if table.text(key) not in choices:
+            table.fail(key, f"{shown(table.need(key))} is none of {', '.join(choices)}")
+    ahead = table.need("max_layers_ahead")
+    if ahead is not None:
+        ahead = table.integer("max_layers_ahead", least=0, below=_MOST_LAYERS)
+    return OrderRules(
+        table.text("process_order"), table.flag("quality"), ahead, table.text("freedom")
     )
 
 

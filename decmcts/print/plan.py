@@ -78,6 +78,16 @@ class JointPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class OrderRules:
+    """What was asked of the order besides safety."""
+
+    process_order: str = "keep"  # "keep" or "free"
+    quality: bool = True  # shells and what is anchored in them stay as sliced
+    max_layers_ahead: int | None = None  # None: no limit
+    freedom: str = "seam"  # "fixed", "reversible" or "seam"
+
+
+@dataclass(frozen=True, slots=True)
 class PlanDocument:
     """A plan with all that is needed to check or draw it without the source."""
 
@@ -88,3 +98,4 @@ class PlanDocument:
     plan: JointPlan
     metrics: dict[str, Any]
     min_layer_time_s: float = 0.0  # no spot is printed over sooner, or than in source order
+    rules: OrderRules | None = None  # None: it does not say

@@ -8,6 +8,7 @@ import json
 import re
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from decmcts.formats.machine_dict import machine_to_dict
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan, write_plan
 from decmcts.print.contours import Contours
-from decmcts.print.plan import ActionKind, HeadActions, JointPlan, PlanDocument
+from decmcts.print.plan import ActionKind, HeadActions, JointPlan, OrderRules, PlanDocument
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -105,6 +106,26 @@ def test_round_trip_is_exact_to_the_bit(tmp_path, name):
     before = document()
     write_plan(before, tmp_path / name)
     assert_same(before, read_plan(tmp_path / name))
+
+
+def test_rules_are_kept(tmp_path):
+    """A judge has to know what a plan was made by; a rule half said is refused."""
+    for rules in (None, OrderRules("free", False, 3, "fixed"), OrderRules()):
+        write_plan(replace(document(), rules=rules), tmp_path / "plan.json")
+        assert read_plan(tmp_path / "plan.json").rules == rules
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    for key, value, message in (
+        ("process_order", "any", "rules.process_order: 'any' is none of keep, free"),
+        ("freedom", 3, "rules.freedom: expected a text"),
+        ("quality", 1, "rules.quality: expected true or false"),
+        ("max_layers_ahead", -1, "rules.max_layers_ahead: expected an integer"),
+        ("max_layers_ahead", 10**4000, "rules.max_layers_ahead: expected an integer"),
+        ("speed", 1, "rules.speed: unknown key"),
+    ):
+        with pytest.raises(InputError, match=re.escape(message)):
+            write_and_read({**plan, "rules": {**plan["rules"], key: value}})
+    with pytest.raises(InputError, match=r"rules\.max_layers_ahead: missing"):
+        write_and_read({**plan, "rules": {"process_order": "keep", "freedom": "seam"}})
 
 
 def test_plan_of_nothing_survives(tmp_path):

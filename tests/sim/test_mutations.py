@@ -243,9 +243,9 @@ def test_times_that_break_the_order(make):
 @pytest.mark.parametrize(
     ("field", "change", "due"),
     [
-        ("extrusion", lambda v: v * 1.01, {K.EXTRUSION, K.E_TOTAL}),
-        ("feed", lambda v: v + 1.0, {K.FEED}),
-        ("points", lambda v: v + np.array([0.0, 0.0, 0.05]), {K.MISSING, K.EXTRUSION}),
+        ("extrusion", lambda v: v * 1.01, {K.CONTOUR, K.EXTRUSION, K.E_TOTAL}),
+        ("feed", lambda v: v + 1.0, {K.CONTOUR, K.FEED}),
+        ("points", lambda v: v + np.array([0.0, 0.0, 0.05]), {K.CONTOUR, K.MISSING, K.EXTRUSION}),
     ],
 )
 def test_the_source_is_compared(make, field, change, due):

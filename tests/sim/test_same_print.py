@@ -1,0 +1,87 @@
+"""The machine that was named is the one a plan is for, field by field."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Body, MotionLimits, Slice
+from sim.faults import FaultKind as K
+from sim.same_print import check_machine
+from sim.verify import verify_plan
+
+
+def head_with(**changes):
+    return lambda m: replace(m, heads=(replace(m.heads[0], **changes), *m.heads[1:]))
+
+
+SMALL = (Slice(0.0, (np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]),)),)
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda m: replace(m, clearance_mm=0.5), "clearance_mm"),
+        (lambda m: replace(m, head_clearance_mm=0.5), "head_clearance_mm"),
+        (lambda m: replace(m, bead_width=False), "bead_width"),
+        (lambda m: replace(m, bed_max=(300.0, 300.0)), "bed_max"),
+        (lambda m: replace(m, lift_mm=0.0), "lift_mm"),
+        (lambda m: replace(m, rail=None), "rail"),
+        (head_with(slices=SMALL), "head left: slices"),
+        (head_with(bodies=()), "head left: bodies"),
+        (head_with(bodies=(Body("beam", (-1.0, -1.0, 1.0), (1.0, 1.0, 2.0)),)), "bodies"),
+        (head_with(park=(-40.0, 50.0, 30.0)), "head left: park"),
+        (head_with(reach_min=(0.0, 0.0, 0.0)), "head left: reach_min"),
+        (head_with(tools=(1,)), "head left: tools"),
+        (head_with(name="other"), "heads"),
+    ],
+)
+def test_a_plan_for_another_machine_names_the_field(make, change, field):
+    """A smaller head or clearance in the plan would pass every other check."""
+    machine = make.two_head_machine()
+    assert check_machine(machine, machine, None) == []
+    (fault,) = check_machine(change(machine), machine, None)
+    assert fault.kind == K.MACHINE
+    assert fault.text.startswith(field) or field in fault.text
+
+
+def test_one_head_of_several_and_a_higher_park(make):
+    """`plan` prints with one head, which parks above its print; both are the machine's."""
+    machine = make.two_head_machine()
+    left = machine.heads[0]
+    lone = replace(machine, heads=(replace(left, park=(-40.0, 50.0, 99.0)),), rail=None)
+    assert check_machine(lone, machine, None) == []
+    lower = replace(lone, heads=(replace(left, park=(-40.0, 50.0, 1.0)),))
+    assert [f.kind for f in check_machine(lower, machine, None)] == [K.MACHINE]
+
+
+def test_limits_are_the_machines_or_the_sources(make):
+    """A source's limits replace the machine's; others are nobody's."""
+    document = make.tower_plan()
+    said = replace(MotionLimits.unsaid(), acceleration=900.0)
+    source = PrintJob("source", document.contours, limits=said)
+    machine = document.machine
+    for limits, due in (
+        (machine.limits, 0),
+        (machine.limits.under(said), 0),
+        (replace(machine.limits, acceleration=901.0), 1),
+    ):
+        ours = replace(machine, limits=limits)
+        assert len(check_machine(ours, machine, source)) == due
+        assert check_machine(ours, machine, None) == []
+
+
+def test_the_verdict_says_what_was_believed(make):
+    """Who reads "no fault" must see what that rests on."""
+    document = make.tower_plan()
+    alone = verify_plan(document).checked
+    assert any("as the plan has it" in line for line in alone)
+    assert any("no source was given" in line for line in alone)
+    source = PrintJob("source", document.contours)
+    both = verify_plan(document, source=source, machine=document.machine).checked
+    assert any("compared with the source in all fields" in line for line in both)
+    other = replace(document.machine, clearance_mm=0.1)
+    assert verify_plan(document, machine=other).kinds() == {K.MACHINE}
