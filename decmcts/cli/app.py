@@ -88,7 +88,9 @@ def run(arguments: list[str]) -> int:
     except (InputError, VerificationError, LaunchError) as error:
         return _failed(error, 2 if isinstance(error, InputError) else 1)
     except OSError as error:
-        return _failed(error, 2)
+        return _failed(_in_words(error), 2)
+    except MemoryError:
+        return _failed("out of memory; no file was left half written", 70)
     except Exception as error:
         return _failed(
             f"internal error: {type(error).__name__}: {error}; no file was left "
@@ -100,13 +102,21 @@ def run(arguments: list[str]) -> int:
     return code if isinstance(code, int) else 0
 
 
+def _in_words(error: OSError) -> str:
+    """Return what the system refused, without its number."""
+    if error.strerror is None:
+        return str(error)
+    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+
+
 def _usage(error: TyperException) -> str:
     """Return what is wrong with the command line, and where help is; '' when that was shown."""
     if not error.format_message():
         return ""  # help was shown
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "decmcts"
-    return f"{error.format_message().rstrip('.')}; `{command} --help` lists what there is"
+    said = error.format_message().rstrip(".").replace("Value error, ", "")
+    return f"{said}; `{command} --help` lists what there is"
 
 
 def _failed(error: Exception | str, code: int) -> int:

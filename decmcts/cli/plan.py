@@ -94,8 +94,6 @@ def plan(
     refuse_two_on_stdout(output, as_json=as_json)
     policy = seam_of(freedom, seam)
     only_shown = not (as_json or output or plan_file or report or picture or sliced)
-    if only_shown:
-        err.print(ONLY_SHOWN, soft_wrap=True)
     slicing = slicing_of(
         context,
         choose_slicer(slicer, slicer_config),
@@ -119,6 +117,7 @@ def plan(
         slicing=slicing,
         certificate=certificate,
         writes=output is not None,
+        remark=ONLY_SHOWN if only_shown else "",
     )
     times: FileTimes | None = None
     # a first Ctrl-C lets everything be written
@@ -193,10 +192,12 @@ def run_single(
     objective: str = "travel",
     limits: str = "source",
     writes: bool = True,
+    remark: str = "",
 ) -> Planned:
     """Load, plan and verify for one head (the first, where the machine has several).
 
-    With `writes` what could not be written is refused before the search.
+    With `writes` what could not be written is refused before the search; the `remark` is
+    made once the input is known to be of use.
     """
     chosen, origin = machine_for(machine, source)
     if origin:
@@ -224,6 +225,8 @@ def run_single(
         announce("the source's own order, judged before anything is searched")
         before = source_plan(loaded)
         refuse_unsound(loaded, before, writes=writes)
+        if remark:
+            err.print(remark, soft_wrap=True)
         with interrupt_stops() as stop:  # from here on there is something to keep
             return plan_single(
                 loaded,

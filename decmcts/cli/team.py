@@ -33,6 +33,7 @@ from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, sear
 from decmcts.cli.quality import Quality
 from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.warm import compiling_ahead
+from decmcts.errors import InputError
 from decmcts.formats.gcode import refuse_for_heads
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
@@ -319,6 +320,8 @@ def demo(
     from examples import example_path
     from sim.pictures import draw_gantt
 
+    if folder.exists() and not folder.is_dir():
+        raise InputError("is no folder", path=folder, advice="name another with --out")
     folder.mkdir(parents=True, exist_ok=True)
     with compiling_ahead():
         planned = run_team(

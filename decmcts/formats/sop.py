@@ -61,6 +61,8 @@ def read_sop(path: Path | str) -> SopInstance:
     """
     source = Path(path)
     lines = _text(source).splitlines()
+    if not any(line.strip() for line in lines):
+        raise InputError("is empty", path=source, advice="fetch it again")
     if (bare := _bare(lines, source)) is not None:
         n, first = bare
         return _instance(source.name, _matrix(lines, first, n, source))

@@ -92,7 +92,7 @@ BAD = {
     "no number": (HEAD.replace("N: 3", "N: three"), "4", "'three'"),
     "no dimension": (HEAD.replace("DIMENSION: 3\n", ""), "", "no DIMENSION"),
     "no matrix": ("NAME: a\nTYPE: SOP\n", "2", "no EDGE_WEIGHT_SECTION"),
-    "empty": ("", "0", "no EDGE_WEIGHT_SECTION"),
+    "empty": ("", "", "is empty"),
 }
 
 
