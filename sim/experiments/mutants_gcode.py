@@ -163,6 +163,7 @@ COMMANDS = (
     "M42 P4 S255", "M280 P0 S90",
 )  # fmt: skip
 HARMLESS_COMMANDS = {
+    "G92 E5": "E counts from move to move here (M83), so where it stands means nothing",
     "M118 hello": "a message moves nothing",
     "M486 S7": "a label; it only matters to who cancels an object",
 }
