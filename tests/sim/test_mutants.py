@@ -1,0 +1,78 @@
+"""A sample of the mutation bench: each kind of fault, once, in a small print made by code."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from decmcts.cli.app import run
+from decmcts.cli.check import digest_of
+from decmcts.errors import InputError
+from decmcts.formats.plan_json import read_plan
+from sim.experiments.made_print import made_gcode
+from sim.experiments.mutants import NotHereError
+from sim.experiments.mutants_gcode import GCODE_MUTANTS
+from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
+
+MACHINE = "mk4s"
+WITH_TWO_HEADS = ("no head waits", "one wait", "the heads exchanged")
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Plan the made print for one head; the folder holds source, plan and G-code."""
+    folder = tmp_path_factory.mktemp("good")
+    source = folder / "in.gcode"
+    source.write_text(made_gcode([(60.0, 100.0), (200.0, 100.0)]))
+    code = run(
+        ["plan", str(source), "-o", str(folder / "out.gcode"), "--plan", str(folder / "plan.json"),
+         "--machine", MACHINE, "--planner", "greedy", "--time-limit", "0.2", "--no-certificate"]
+    )  # fmt: skip
+    assert code == 0
+    return folder
+
+
+def judged(result: Path, good: Path) -> int:
+    """Return the exit code of `decmcts verify`: 0 no fault, 1 faults, 2 refused, 70 a crash."""
+    source = str(good / "in.gcode")
+    return run(["verify", str(result), "--source", source, "--machine", MACHINE, "--trials", "1"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["plan.json", "out.gcode"])
+def test_the_good_result_passes(good: Path, name: str):
+    """A judge that faults everything would catch every mutant."""
+    assert judged(good / name, good) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mutant", PLAN_MUTANTS, ids=lambda m: m.name)
+def test_a_spoilt_plan_does_not_pass(good: Path, tmp_path: Path, mutant):
+    """Each kind is caught or refused, or does no harm for a stated reason; none crashes."""
+    if mutant.name.startswith(WITH_TWO_HEADS):
+        pytest.skip("needs two heads; the bench tries it on such a plan")
+    plan, spoilt = json.loads((good / "plan.json").read_text()), tmp_path / "plan.json"
+    mutant.spoil(plan, np.random.default_rng(0))
+    spoilt.write_text(as_text(plan))
+    if mutant.sealed:
+        with contextlib.suppress(InputError):  # then it is refused with any digest
+            plan["problem"] = digest_of(read_plan(spoilt))
+        spoilt.write_text(as_text(plan))
+    assert judged(spoilt, good) in ((0, 1) if mutant.harmless else (1, 2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mutant", GCODE_MUTANTS, ids=lambda m: m.name)
+def test_spoilt_gcode_does_not_pass(good: Path, tmp_path: Path, mutant):
+    """Each kind is caught or refused, or does no harm for a stated reason; none crashes."""
+    lines = (good / "out.gcode").read_text().splitlines()
+    try:
+        mutant.spoil(lines, np.random.default_rng(0))
+    except NotHereError:
+        pytest.fail("the made print has no place for this mutant")
+    (tmp_path / "out.gcode").write_text("\n".join(lines) + "\n")
+    assert judged(tmp_path / "out.gcode", good) in ((0, 1, 2) if mutant.harmless else (1, 2))
