@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.clearances import Setting, clearance_machine, read_clearances
+from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.own_machine import holds, machine_of_text
 
 CLEARANCES = """
@@ -72,3 +76,24 @@ def test_a_preset_holds_a_head_that_asks_for_no_more_room(radius, height, fits):
     }
     found = read_clearances({name: Setting(value) for name, value in asked.items()})
     assert holds(preset, found) is fits
+
+
+CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3] / "shared"))
+
+
+@pytest.mark.shared
+@pytest.mark.slow
+def test_real_files_with_clearances_have_a_machine():
+    """27 prints of a dozen slicers state them; none may need a machine file."""
+    heads = {}
+    for path in sorted((CORPUS / "gcode").glob("*.gcode.gz")):
+        text = load_text(path)
+        if b"; extruder_clearance_radius" in text:
+            heads[path.name] = machine_of_text(text, path)[0]
+    assert len(heads) == 27
+    assert {"mk4s", "mini", "xl", "ender3", "voron24-300", "x1c", "a1"} <= {
+        machine.name for machine in heads.values()
+    }
+    for machine in heads.values():
+        assert machine.bed_max > machine.bed_min
+        assert machine.heads[0].slices[0].height_mm == 0.0
