@@ -131,7 +131,9 @@ def judge(
             advice="verify against the slicer's G-code (`plan --sliced`), or verify plan.json",
         )
     refuse_head_file(result)
-    chosen, _ = machine_for(machine, source)
+    chosen, origin = machine_for(machine, source)
+    if origin:
+        err.print(origin, soft_wrap=True, markup=False)
     job, print_text = read_gcode(source)
     ours, _, motions = read_result(result)
     seams = list(seams_of_file(ours.contours, job.contours))

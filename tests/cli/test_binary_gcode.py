@@ -33,8 +33,7 @@ def test_the_name_of_the_output_says_how_it_is_written(begin, end, tmp_path):
     source.write_bytes(text() if begin == "a.gcode" else pack(text()))
     assert run(["plan", str(source), "-o", str(made), *QUICK, "--no-certificate"]) == 0
     assert is_binary(made.read_bytes()) is (end == "b.bgcode")
-    if begin == "a.bgcode":
-        assert run(["verify", str(made), "--source", str(source)]) == 0
+    assert run(["verify", str(made), "--source", str(source)]) == 0
 
 
 def test_a_damaged_file_is_refused_and_left_as_it_was(tmp_path, capsys):

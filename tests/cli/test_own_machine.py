@@ -35,6 +35,7 @@ def test_clearances_serve_plan_post_and_verify(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["machine"] == machine.name
     assert [part.height_mm for part in machine.heads[0].slices] == [0.0, 15.0]
     assert run(["verify", str(made), "--source", str(source)]) == 0
+    assert "extruder_clearance_radius" in capsys.readouterr().err
     assert run(["post", str(source), "--time-limit", "0.1"]) == 0
     assert "extruder_clearance_radius" in capsys.readouterr().err
 
