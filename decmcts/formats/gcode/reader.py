@@ -120,13 +120,12 @@ def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
         When the file does not end with the end G-code of `document`.
     """
     parsed = _parse(path)
-    due = [code for row in document.postamble.split(b"\n") if (code := command_of(row))]
-    rows = parsed.lines.text.split(b"\n")
-    has = [(k, code) for k, row in enumerate(rows) if (code := command_of(row))]
-    last = has[len(has) - len(due) :]
-    if len(has) < len(due) or [code for _, code in last] != due:
+    end = document.postamble
+    due = end.rstrip().split(b"\n") if end.strip() else []
+    has = parsed.lines.text.rstrip().split(b"\n")
+    line = len(has) - len(due)
+    if list(map(command_of, has[max(line, 0) :])) != list(map(command_of, due)):
         raise InputError("the end G-code is not the source's", path=path)
-    line = last[0][0] if due else len(parsed.lines)
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())

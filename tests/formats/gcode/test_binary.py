@@ -46,7 +46,7 @@ def text(body: str = BODY, *, minutes: int = 1) -> bytes:
     picture = f"; thumbnail begin 16x16 {len(PIXELS)}\n; {PIXELS}\n; thumbnail end\n"
     config = "".join(f"; {line}\n" for line in SETTINGS.splitlines())
     return (
-        f"{FIRST}\n;\n{picture};\n\n{body}"
+        f"{FIRST}\n;\n{picture};\n\n{body}\n"
         "; filament used [mm] = 3.20\n; filament used [g] = 0.01\n"
         f"; estimated printing time (normal mode) = {minutes}m 3s\n"
         f"\n; prusaslicer_config = begin\n{config}; prusaslicer_config = end\n"
