@@ -24,34 +24,41 @@ Source = Callable[[], Motions | None]
 
 
 def check_owed(
-    motions: Motions, rows: Ints, contour: Ints, source: Source, *, expected: bool
-) -> list[Fault]:
+    motions: Motions, rows: Ints, place: Ints, laid: tuple[Ints, Ints], source: Source, *,
+    expected: bool,
+) -> list[Fault]:  # fmt: skip
     """Check that beads begin with as much filament retracted as the source's.
 
     One the source begins without a retraction may have what the source usually
     leaves after its retractions, its habit. Less than the habit is fine where nothing
-    was pushed back, for then nothing had been retracted.
+    was pushed back, for then nothing had been retracted. Of a segment the source lays
+    twice nobody can tell which one a bead begins with: either will do.
 
     Parameters
     ----------
     rows : (k,) moves of the file that lay known beads
-    contour : (k,) the source's contour each of them belongs to
+    place : (k,) number of the place each of them lies at
+    laid : (m,), (m,) place and contour of every segment of the source
     source
         Asked only where something is, or is `expected` to be, still retracted.
     """
     if motions.owed is None or not len(rows):
         return []
     begins = np.concatenate([[True], np.diff(motions.contour[rows]) != 0])
-    rows, contour = rows[begins], contour[begins]
+    rows, place = rows[begins], place[begins]
     owed = motions.owed[rows]
-    due, habit = np.zeros(len(rows)), 0.0
+    least, due, habit = np.zeros(len(rows)), np.zeros(len(rows)), 0.0
     theirs = source() if expected or (owed > OWED_MM).any() else None
     if theirs is not None:
-        due, habit = _due(theirs, int(contour.max()) + 1)
-        due = due[contour]
+        places, contours = laid
+        each, habit = _due(theirs, int(contours.max()) + 1)
+        low, high = np.full(int(places.max()) + 1, np.inf), np.zeros(int(places.max()) + 1)
+        np.minimum.at(low, places, each[contours])
+        np.maximum.at(high, places, each[contours])
+        least, due = low[place], high[place]
     pushed = _between_beads(motions, motions.extrusion > 0)[rows]
     short = owed > due + OWED_MM
-    over = (owed < np.minimum(due, habit) - OWED_MM) & pushed
+    over = (owed < np.minimum(least, habit) - OWED_MM) & pushed
     line = np.asarray(motions.line)[rows]
     return listed(
         FaultKind.STATE,

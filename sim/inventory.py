@@ -108,6 +108,11 @@ def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
     return match
 
 
+def places_of(segments: Segments) -> NDArray[np.int64]:
+    """Return one number a segment, equal for those between the same two points."""
+    return np.unique(_keys(segments), return_inverse=True)[1].astype(np.int64)
+
+
 def _alike(
     ours: Segments, source: Segments, mine: NDArray[np.uint64], theirs: NDArray[np.uint64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

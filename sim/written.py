@@ -34,7 +34,7 @@ from sim.epochs import check_file_epochs
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.filament import check_owed, check_pulled, check_surplus
 from sim.file_contacts import check_file_material
-from sim.inventory import NO_MATCH, contour_segments, match_segments
+from sim.inventory import NO_MATCH, contour_segments, match_segments, places_of
 from sim.priming import check_file_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.seams import Moved, source_with
@@ -80,9 +80,11 @@ def verify_written(
     faults += check_commands(
         text, document, np.asarray(motions.line)[laid[known]], epoch[match[known]]
     )
+    places = places_of(contour_segments(job.contours))
     faults += check_owed(
-        motions, laid[known], source[match[known]], theirs, expected=bool(document.owed.any())
-    )
+        motions, laid[known], places[match[known]], (places, source), theirs,
+        expected=bool(document.owed.any()),
+    )  # fmt: skip
     faults += check_pulled(motions, job.settings.retract_mm, theirs)
     faults += check_surplus(motions, theirs)
     faults += check_file_material(motions, match, machine, source=theirs)
