@@ -48,7 +48,7 @@ _ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I 
 _SELECT = re.compile(rb"^\s*T\d+\s*(;.*)?$")
 _E_WORD = re.compile(rb"^[^;(]*?E\s*([-+]?[0-9.]+)", re.I)
 _E_MODE = re.compile(rb"^\s*(?:N\d+\s*)?(M8[23]|G9[01])(?![0-9.])", re.I)
-_FOR_TOOL = re.compile(rb"^(\s*[MG]\d[^;]*?)\s+T(\d+)(?=[\s;]|$)")
+_FOR_TOOL = re.compile(rb"^(\s*(?!M0*20[1-5]\b)[MG]\d[^;]*?)\s+T(\d+)(?=[\s;]|$)")
 
 
 def write_head_gcode(

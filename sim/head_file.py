@@ -1,0 +1,124 @@
+"""The file of one head of several as the judge reads it: commands, moves, sync points.
+
+Only reading; what the files must do together is judged in `sim.heads`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from decmcts.formats.gcode.lines import Lines, command_of, split_lines
+from decmcts.formats.gcode.motion import Motion, interpret
+from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.gcode.state import Track, track_state
+
+HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
+_HEADER = re.compile(rb"^; head (\S+), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
+_SYNC = re.compile(rb"SYNC_(SIGNAL|WAIT) N=(\d{1,9})\Z")
+_AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
+_SELECTS = re.compile(rb"T\d+\Z", re.I)
+_LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205")  # their T is no tool
+
+
+@dataclass(frozen=True, slots=True)
+class Sync:
+    """One synchronisation point of a file."""
+
+    line: int  # from 1
+    signal: bool  # else a wait
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class HeadFile:
+    """One file, read back."""
+
+    path: str
+    name: str  # of the head, as its header says; empty: it says none
+    place: tuple[int, int]  # file k of n
+    lines: Lines
+    motion: Motion
+    track: Track
+    syncs: tuple[Sync, ...]
+    rest: tuple[tuple[int, bytes], ...]  # line (from 1) and command of all that is no sync point
+    loose: tuple[int, ...]  # lines of sync points that no M400 stands before
+
+    def row(self, line: int) -> bytes:
+        """Return a line (from 1) as it stands."""
+        return self.lines.raw(line - 1)
+
+
+def read_head_file(path: Path | str) -> HeadFile:
+    """Read the file of one head.
+
+    Raises
+    ------
+    InputError
+        When it is damaged.
+    """
+    lines = split_lines(load_text(path), path)
+    motion = interpret(lines)
+    name, place = header_of(lines.text)
+    syncs, rest, loose = _parted(lines)
+    return HeadFile(
+        str(path), name, place, lines, motion, track_state(lines, motion), tuple(syncs),
+        tuple(rest), tuple(loose),
+    )  # fmt: skip
+
+
+def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
+    """Return the head a file says it is for and its place among the files; '' for none."""
+    top = b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])
+    match = _HEADER.search(top)
+    if match is None:
+        return "", (0, 0)
+    return match[1].decode("utf-8", "replace"), (int(match[2]), int(match[3]))
+
+
+def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int]]:
+    """Part the commands of a file into sync points, each with its M400, and the rest."""
+    syncs, rest, loose = list[Sync](), list[tuple[int, bytes]](), list[int]()
+    for k in range(len(lines)):
+        code = command_of(lines.raw(k))
+        if not code:
+            continue
+        match = _SYNC.match(code)
+        if match is None:
+            rest.append((k + 1, code))
+            continue
+        syncs.append(Sync(k + 1, match[1] == b"SIGNAL", int(match[2])))
+        if rest and rest[-1][1] == b"M400" and not command_of_between(lines, rest[-1][0], k):
+            rest.pop()
+        else:
+            loose.append(k + 1)
+    return syncs, rest, loose
+
+
+def command_of_between(lines: Lines, first: int, last: int) -> bool:
+    """Tell whether a line first..last - 1 (from 0) commands anything."""
+    return any(command_of(lines.raw(k)) for k in range(first, last))
+
+
+def own_commands(text: bytes, tool: int | None, *, homes: bool) -> list[bytes]:
+    """Return what a head's own controller is to be told of verbatim lines of the source.
+
+    No moves along an axis, no homing but in start code (`homes`), no choice of a tool, no
+    command to another head's tool. E set anew is left out: it is counted.
+    """
+    kept = []
+    for row in text.split(b"\n"):
+        code = command_of(row)
+        words = code.split()
+        if not code or _AXIS_MOVE.match(code) or code.upper().startswith(b"G92 E"):
+            continue
+        if _SELECTS.match(code) or (not homes and words[0].upper() in (b"G28", b"G29")):
+            continue
+        chosen = [word for word in words[1:] if _SELECTS.match(word)]
+        if chosen and words[0].upper() not in _LIMITS:
+            if tool is not None and int(chosen[0][1:]) != tool:
+                continue
+            words.remove(chosen[0])
+        kept.append(b" ".join(words))
+    return kept
