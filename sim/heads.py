@@ -71,7 +71,7 @@ def verify_heads(
         walks.append(walk)
     known = Knowledge([file.syncs for file in files])
     faults += _check_sync(files, known)
-    if not faults:
+    if not known.stuck and all(walk.complete for walk in walks):
         faults += _check_order(files, plan, known, parts, walks)
     return Verdict(tuple(faults), {"files": float(len(files))})
 
@@ -176,7 +176,7 @@ def _take_blocks(
     words: list[str],
 ) -> list[list[int]]:  # fmt: skip
     """Return the lines of each block that stands at a barrier; missing ones go into `words`."""
-    found = []
+    found: list[list[int]] = []
     codes = [code for _, code in file.rest]
     for block in document.blocks:
         due = own_commands(block.text, tool, homes=False)

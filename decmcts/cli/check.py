@@ -11,6 +11,7 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app, machine_for
 from decmcts.cli.console import err, out, print_json, steps
+from decmcts.cli.heads import judge_heads, judge_heads_alone, source_of
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
@@ -22,22 +23,32 @@ from decmcts.formats.plan_json import read_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from sim.faults import FaultKind, Verdict
+from sim.head_file import header_of
 from sim.order_rules import usual_rules
 from sim.seams import seams_of_file
 from sim.verify import verify_motions, verify_plan
 from sim.written import verify_written
 
-HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
-
 
 @app.command()
 def verify(
-    result: Annotated[Path, typer.Argument(help="PLAN.json or OUT.gcode")],
+    result: Annotated[
+        list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
+    ],
     source: Annotated[
         Path | None,
         typer.Option(
             "--source",
             help="The G-code it was made from",
+            metavar="FILE",
+            rich_help_panel=opt.BASICS,
+        ),
+    ] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(
+            "--plan",
+            help="Of files of several heads: the plan.json they were made from",
             metavar="FILE",
             rich_help_panel=opt.BASICS,
         ),
@@ -61,10 +72,12 @@ def verify(
     as_json: opt.JsonOption = False,
 ) -> None:
     """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any."""
-    if not result.exists():
-        raise InputError("no such file", path=result)
+    for path in result:
+        if not path.exists():
+            raise InputError("no such file", path=path)
+    names = ", ".join(map(str, result))
     with steps() as (announce, _):
-        announce(f"verifying {result.name}")
+        announce(f"verifying {', '.join(path.name for path in result)}")
         held = Held(
             None if process_order is None else process_order.value,
             quality,
@@ -72,18 +85,21 @@ def verify(
             None if freedom is None else freedom.value,
             min_layer_time,
         )
-        verdict = judge(result, source, machine, held, seed=seed, trials=trials)
+        if len(result) > 1 or plan is not None:
+            verdict = judge_several(result, source, plan, machine, held, seed=seed, trials=trials)
+        else:
+            verdict = judge(result[0], source, machine, held, seed=seed, trials=trials)
     if as_json:
         faults = [str(fault) for fault in verdict.faults]
         found = {"ok": not faults, "faults": faults, "checked": list(verdict.checked)}
-        print_json("decmcts-verdict/1", {"file": str(result), **found})
+        print_json("decmcts-verdict/1", {"file": names, **found})
     else:
         for fault in verdict.faults:
             out.print(str(fault), soft_wrap=True, markup=False)
         state = f"{len(verdict.faults)} faults" if verdict.faults else "no fault"
         for line in verdict.checked:
             err.print(line, soft_wrap=True, markup=False)
-        err.print(f"{result}: {state}", soft_wrap=True)
+        err.print(f"{names}: {state}", soft_wrap=True)
     if verdict.faults:
         raise typer.Exit(1)
 
@@ -102,6 +118,27 @@ class Held:
         """Return what was asked for."""
         given = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in given.items() if value is not None}
+
+
+def judge_several(
+    results: list[Path],
+    source: Path | None,
+    plan: Path | None,
+    machine: str | None,
+    held: Held,
+    *,
+    seed: int,
+    trials: int,
+) -> Verdict:
+    """Verify the files of all heads together, with the plan they were made from or without."""
+    given = source_of(source)
+    if plan is None:
+        return judge_heads_alone(results, given, machine, seed=seed, trials=trials)
+    verdict = judge(plan, given, machine, held, seed=seed, trials=trials)
+    files = judge_heads(results, given, read_plan(plan))
+    return Verdict(
+        (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}, verdict.checked
+    )
 
 
 def judge(
@@ -174,13 +211,13 @@ def refuse_head_file(path: Path) -> None:
 
     Such a file says so among its first lines.
     """
-    for line in load_text(path).splitlines()[:HEADER_LINES]:
-        if line.startswith(b"; head ") and line.rstrip().endswith(b": to be run together"):
-            raise InputError(
-                f"this is the file of one head of several ({line[2:].decode().strip()})",
-                path=path,
-                advice="write the joint plan with --plan plan.json and verify that",
-            )
+    name, (place, of) = header_of(load_text(path))
+    if name:
+        raise InputError(
+            f"this is the file of one head of several (head {name}, file {place} of {of})",
+            path=path,
+            advice="name the files of all heads, with --plan plan.json if you have it",
+        )
 
 
 def digest_of(document: PlanDocument) -> str:

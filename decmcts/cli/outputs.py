@@ -17,6 +17,7 @@ from decmcts.cli.pipeline import Planned
 from decmcts.cli.quality import cooling_line
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.atomic import refuse_special, write_whole
+from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode import write_gcode, write_head_gcode
 from decmcts.formats.gcode.binary import SUFFIX
 from decmcts.formats.gcode.duration import print_time
@@ -27,6 +28,7 @@ from decmcts.formats.plan_json import write_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind
 from sim.faults import Verdict
+from sim.heads import verify_heads
 from sim.seams import seams_of_plan
 from sim.written import verify_written
 
@@ -273,22 +275,34 @@ def head_files(stem: Path, machine: Machine) -> list[Path]:
 
 
 def write_heads(planned: Planned, stem: Path) -> list[Path]:
-    """Write one G-code file per head, `STEM_HEAD.gcode`; returns the paths."""
-    loaded = planned.loaded
-    paths = []
-    for index, head in enumerate(planned.after.plan.heads):
-        path = stem.with_name(f"{stem.name}_{head.head}.gcode")
-        write_head_gcode(
-            loaded.document,
-            loaded.job,
-            planned.after.plan,
-            index,
-            path,
-            header_lines=header_lines(planned),
-            park=planned.loaded.machine.heads[index].park,
-        )
-        paths.append(path)
-    return paths
+    """Write one G-code file per head, `STEM_HEAD.gcode`; returns the paths.
+
+    Raises
+    ------
+    VerificationError
+        When the files, read back, are not the verified plan; then none is written.
+    """
+    loaded, plan = planned.loaded, planned.after.plan
+    parks = {head.name: head.park for head in loaded.machine.heads}
+    at = [parks[lane.head] for lane in plan.heads]
+    names = [f"{stem.name}_{lane.head}.gcode" for lane in plan.heads]
+    with draft_folder() as folder:
+        drafts = [folder / name for name in names]
+        for index, draft in enumerate(drafts):
+            write_head_gcode(
+                loaded.document,
+                loaded.job,
+                plan,
+                index,
+                draft,
+                header_lines=header_lines(planned),
+                park=at[index],
+            )
+        verdict = verify_heads(drafts, plan, loaded.job, loaded.document, parks=at)
+        require_sound(verdict, stem)
+        for name, draft in zip(names, drafts, strict=True):
+            put(draft.read_bytes(), stem.with_name(name))
+    return [stem.with_name(name) for name in names]
 
 
 def write_extras(

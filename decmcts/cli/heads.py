@@ -1,0 +1,103 @@
+"""Several files, one a head, verified together: `decmcts verify STEM_*.gcode`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.machine_file import load_machine
+from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.print.machine import Machine
+from decmcts.print.plan import PlanDocument
+from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.head_file import header_of, read_head_file
+from sim.head_plan import plan_of_files
+from sim.heads import verify_heads
+from sim.verify import verify_plan
+
+
+def is_head_file(path: Path) -> bool:
+    """Tell whether a file says that it is one of several to be run together."""
+    return bool(header_of(load_text(path))[0])
+
+
+def ordered(paths: Sequence[Path]) -> list[Path]:
+    """Return the files of a plan in the order they say they have.
+
+    Raises
+    ------
+    InputError
+        When one of them is no file of one head of several.
+    """
+    for path in paths:
+        if not path.exists():
+            raise InputError("no such file", path=path)
+        if not is_head_file(path):
+            raise InputError(
+                "this is no file of one head of several",
+                path=path,
+                advice="name all files of one `launch` and nothing else",
+            )
+    return sorted(paths, key=lambda path: header_of(load_text(path))[1])
+
+
+def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verdict:
+    """Verify the files of all heads against the plan and the source they were made from."""
+    job, document = read_gcode(source)
+    files = ordered(paths)
+    faults = misnamed(files, plan.machine)
+    parks = {head.name: head.park for head in plan.machine.heads}
+    at = [parks[lane.head] for lane in plan.plan.heads]
+    verdict = verify_heads(files, plan.plan, job, document, parks=at)
+    return Verdict((*faults, *verdict.faults), verdict.counts)
+
+
+def judge_heads_alone(
+    paths: Sequence[Path], source: Path, machine: str | None, *, seed: int, trials: int
+) -> Verdict:
+    """Verify the files of all heads by what they do on the machine, without their plan."""
+    job, document = read_gcode(source)
+    chosen = load_machine(machine or "dual-gantry")
+    chosen = replace(chosen, limits=chosen.limits.under(job.limits))
+    paths = ordered(paths)
+    files = [read_head_file(path) for path in paths]
+    names = {head.name: k for k, head in enumerate(chosen.heads)}
+    faults = misnamed(paths, chosen)
+    if sorted(file.name for file in files) != sorted(names):
+        there, due = ", ".join(file.name for file in files), ", ".join(names)
+        text = f"there are files of heads {there}; machine {chosen.name} has {due}"
+        return Verdict((*faults, Fault(FaultKind.MISSING, text)))
+    plan, altered = plan_of_files(files, job, chosen)
+    verdict = verify_plan(plan, source=job, trials=trials, seed=seed)
+    parks = [chosen.heads[names[file.name]].park for file in files]
+    more = verify_heads(paths, plan.plan, job, document, parks=parks)
+    return Verdict((*faults, *altered, *verdict.faults, *more.faults), verdict.counts)
+
+
+def misnamed(paths: Sequence[Path], machine: Machine) -> list[Fault]:
+    """Return the files whose name is another head's: they would go to its controller."""
+    lines = []
+    for path in paths:
+        name, _ = header_of(load_text(path))
+        stem = path.name.removesuffix(".gz").removesuffix(".gcode")
+        ends = [head.name for head in machine.heads if stem.endswith(f"_{head.name}")]
+        if ends and name not in ends:
+            lines.append(f"{path.name} is the file of head {name}")
+    return listed(FaultKind.COMMAND, lines)
+
+
+def source_of(source: Path | None) -> Path:
+    """Return the source, which files of several heads cannot be judged without."""
+    if source is None:
+        raise InputError("G-code files need their source", advice="add --source IN.gcode")
+    if source.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            "what was made of a mesh cannot be compared with it",
+            path=source,
+            advice="verify the plan.json of `launch --plan`",
+        )
+    return source

@@ -1,0 +1,182 @@
+"""The joint plan that files of several heads carry out, read from the files alone.
+
+Where no plan.json is at hand the files are judged as what they do: each bead is a print,
+what lies between beads and sync points a travel, and one action waits for another only
+where sync points make it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, PlanDocument
+from sim.faults import Fault
+from sim.head_file import HeadFile
+from sim.head_sync import Knowledge
+from sim.head_walk import SAME_MM
+from sim.inventory import (
+    NO_MATCH,
+    Segments,
+    compare,
+    contour_segments,
+    match_segments,
+    move_segments,
+)
+from sim.order import PartialOrder, order_of
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+ACTION_S = 1.0  # times mean nothing here: files of several heads are judged for every timing
+
+
+@dataclass(slots=True)
+class _Act:
+    """One action while it is collected."""
+
+    contour: int
+    path: list[Floats]
+    first: int  # lines from 1
+    last: int
+    turned: bool = False
+
+
+def plan_of_files(
+    files: Sequence[HeadFile], job: PrintJob, machine: Machine
+) -> tuple[PlanDocument, list[Fault]]:
+    """Return the plan of the files, one for each head of the machine that is in it, in order.
+
+    And what they lay down otherwise than the source.
+    """
+    segments = [_segments(file) for file in files]
+    ours = Segments(
+        np.concatenate([s.ends for s in segments]),
+        np.concatenate([s.extrusion for s in segments]),
+        np.concatenate([s.feed for s in segments]),
+        np.concatenate([s.place for s in segments]),
+        "line",
+    )
+    theirs = contour_segments(job.contours)
+    match = match_segments(ours, theirs)
+    faults = compare(ours, theirs, match)
+    contour = np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match])
+    parts = np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
+    acts = [_acts(file, ids, job) for file, ids in zip(files, parts, strict=True)]
+    known = Knowledge([file.syncs for file in files])
+    lanes = tuple(_lane(h, file.name, acts, known) for h, file in enumerate(files))
+    document = PlanDocument(
+        "", machine, job.contours, np.zeros((0, 2), np.int32), JointPlan(_timed(lanes)), {}
+    )
+    return document, faults
+
+
+def _segments(file: HeadFile) -> Segments:
+    motion = file.motion
+    rows = slice(_begin(file), None)
+    return move_segments(
+        motion.points[rows], motion.extrusion[rows], motion.feed[rows], motion.line[rows] + 1
+    )
+
+
+def _begin(file: HeadFile) -> int:
+    """Return the first move behind the set-up: below the first number that is given."""
+    given = [s.line for s in file.syncs if s.signal]
+    return int(file.motion.before[given[0] - 1]) if given else 0
+
+
+def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Act]:
+    """Return the actions of one file."""
+    motion, syncs = file.motion, [s.line for s in file.syncs]
+    laid, n = dict[int, int](), 0
+    moves = range(_begin(file), len(motion.extrusion))
+    apart = [m for m in moves if (motion.points[m] != motion.points[m + 1]).any()]
+    for m in apart:
+        if motion.extrusion[m] > 0:
+            laid[m], n = int(contour[n]), n + 1
+    acts: list[_Act] = []
+    for m in apart:
+        line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
+        last = acts[-1] if acts else None
+        parted = last is None or any(last.last < at < line for at in _near(syncs, line))
+        if parted or last is None or last.contour != key:
+            acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], line, line))
+        else:
+            last.path.append(motion.points[m + 1])
+            last.last = line
+    for act in acts:
+        _snap(act, job)
+    for before, act in pairwise(acts):  # files are rounded
+        if act.contour == NO_CONTOUR:
+            act.path[0] = before.path[-1]
+        else:
+            before.path[-1] = act.path[0]
+    return acts
+
+
+def _near(lines: list[int], line: int) -> list[int]:
+    """Return the last of ascending lines above a line, in a list."""
+    k = int(np.searchsorted(lines, line))
+    return lines[max(0, k - 1) : k]
+
+
+def _snap(act: _Act, job: PrintJob) -> None:
+    """Put the path of a bead on its contour's points, in place, and say which way it runs."""
+    if act.contour == NO_CONTOUR:
+        return
+    line, path = job.contours.polyline(act.contour), np.array(act.path)
+    for turned in (False, True):
+        way = line[::-1] if turned else line
+        if way.shape == path.shape and np.abs(way - path).max() <= SAME_MM:
+            act.path, act.turned = list(way), turned
+            return
+
+
+def _lane(h: int, name: str, acts: list[list[_Act]], known: Knowledge) -> HeadActions:
+    """Return the actions of one head with what its sync points make them wait for."""
+    mine, done = acts[h], [0] * len(acts)
+    after: list[list[tuple[int, int]]] = []
+    ended = [np.array([act.last for act in other], np.int64) for other in acts]
+    for act in mine:
+        pairs = []
+        for g in range(len(acts)):
+            count = int(np.searchsorted(ended[g], known.done(h, act.first, g)))
+            if g != h and count > done[g]:
+                pairs.append((g, count - 1))
+                done[g] = count
+        after.append(pairs)
+    flat = np.array([pair for pairs in after for pair in pairs], np.int32).reshape(-1, 2)
+    kind = [ActionKind.TRAVEL if a.contour == NO_CONTOUR else ActionKind.PRINT for a in mine]
+    if kind and kind[-1] == ActionKind.TRAVEL:
+        kind[-1] = ActionKind.PARK
+    paths = [np.array(act.path) for act in mine]
+    n = len(mine)
+    return HeadActions(
+        name, np.array(kind, np.int8), np.array([a.contour for a in mine], np.int32),
+        np.array([a.turned for a in mine], np.bool_), np.zeros(n, np.int32),
+        np.cumsum([0, *map(len, paths)]).astype(np.int64),
+        np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(n), np.zeros(n),
+        np.cumsum([0, *map(len, after)]).astype(np.int64), flat[:, 0].copy(), flat[:, 1].copy(),
+    )  # fmt: skip
+
+
+def _timed(lanes: tuple[HeadActions, ...]) -> tuple[HeadActions, ...]:
+    """Return the lanes with times that keep their order, each action as long as any."""
+    order = order_of(lanes)
+    if not isinstance(order, PartialOrder):
+        return lanes
+    begin = [np.zeros(len(lane)) for lane in lanes]
+    for h, k in order.sequence.tolist():
+        earlier = [begin[g][a] + ACTION_S for g, a in lanes[h].after(k)]
+        if k:
+            earlier.append(begin[h][k - 1] + ACTION_S)
+        begin[h][k] = max(earlier, default=0.0)
+    return tuple(
+        replace(lane, begin_s=times, end_s=times + ACTION_S)
+        for lane, times in zip(lanes, begin, strict=True)
+    )
