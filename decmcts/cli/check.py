@@ -120,6 +120,9 @@ class Held:
         return {name: value for name, value in given.items() if value is not None}
 
 
+AS_STATED = Held()
+
+
 def judge_several(
     results: list[Path],
     source: Path | None,
@@ -145,7 +148,7 @@ def judge(
     result: Path,
     source: Path | None,
     machine: str | None,
-    held: Held,
+    held: Held = AS_STATED,
     *,
     seed: int,
     trials: int,
