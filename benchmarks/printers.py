@@ -99,9 +99,10 @@ def said(arguments: list[str]) -> dict[str, Any]:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = command([*arguments, "--json"])
-    if code in (0, 1) and out.getvalue().strip():
-        return dict(json.loads(out.getvalue()))
-    return {"error": last(err.getvalue())}
+    told = out.getvalue()
+    if code in (0, 1) and "{" in told:
+        return dict(json.loads(told[told.index("{") :]))
+    return {"error": last(err.getvalue() + told)}
 
 
 def run(key: dict[str, Any]) -> dict[str, Any]:
