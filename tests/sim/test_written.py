@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.cli import outputs
-from decmcts.cli.check import judge
+from decmcts.cli.check import Held, judge
 from decmcts.cli.no_slower import write_no_slower
 from decmcts.cli.pipeline import load, plan_single
 from decmcts.errors import VerificationError
@@ -116,9 +116,9 @@ def test_verify_sees_what_is_in_force(made):
     """`decmcts verify` is asked about files that were edited since: fan and retraction too."""
     _, document, out = made
     source = Path(document.path)
-    assert judge(out, source, "mk4s", seed=0, trials=1).ok
+    assert judge(out, source, "mk4s", Held(), seed=0, trials=1).ok
     out.write_text(out.read_text().replace("M106 S60", "M106 S61"))
-    assert FaultKind.STATE in judge(out, source, "mk4s", seed=0, trials=1).kinds()
+    assert FaultKind.STATE in judge(out, source, "mk4s", Held(), seed=0, trials=1).kinds()
 
 
 def test_a_line_written_twice_is_seen(made):
