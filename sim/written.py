@@ -20,9 +20,9 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import (
     GcodeDocument,
     Motions,
+    ending_faults,
     read_motions,
-    read_result,
-    same_ending,
+    read_written,
     same_extrusions,
 )
 from decmcts.formats.gcode.source_text import load_text
@@ -41,7 +41,7 @@ from sim.seams import Moved, source_with
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
-DWELL = re.compile(rb"G4 P(\d+)")
+DWELL = re.compile(rb"^G4 P(\d+)", re.M)
 
 
 def verify_written(
@@ -61,10 +61,10 @@ def verify_written(
     say) are the source's own and are not reported.
     """
     try:
-        ours, ours_document, motions = read_result(path)
-        endings = same_ending(document, path)
+        ours, ours_document, motions, ending = read_written(path, document)
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
+    endings = ending_faults(document, ending)
     job, document = source_with(job, document, seams)
     theirs = cache(lambda: _moves_of(document))
     faults = listed(FaultKind.STATE, same_extrusions(job, document, ours, ours_document))
@@ -102,26 +102,29 @@ def _check_waits(
     """
     line = np.asarray(motions.line)[laid]
     stood: dict[int, float] = {}  # seconds before each laying move
-    for n, row in enumerate(text.split(b"\n"), 1):
-        if dwell := DWELL.match(row):
-            k = int(np.searchsorted(line, n))
-            stood[k] = stood.get(k, 0.0) + int(dwell[1]) / 1000.0
+    at, n = 0, 1
+    for dwell in DWELL.finditer(text):
+        n += text.count(b"\n", at, dwell.start())
+        at = dwell.start()
+        k = int(np.searchsorted(line, n))
+        stood[k] = stood.get(k, 0.0) + int(dwell[1]) / 1000.0
     dwells = [(motions.points[laid[k]], seconds) for k, seconds in stood.items() if k < len(laid)]
-    lines, due = [], 0.0
-    for a in range(len(lane)):
+    lines, due, used = [], 0.0, 0
+    for a in np.flatnonzero(lane.kind != ActionKind.TRAVEL).tolist():
         if lane.kind[a] == ActionKind.WAIT:
             due += float(lane.end_s[a] - lane.begin_s[a])
         elif lane.kind[a] == ActionKind.PRINT and due > 0.0:
             begin = lane.action_path(a)[0]
-            at = (k for k, (p, _) in enumerate(dwells) if np.abs(p - begin).max() < SAME_PLACE_MM)
-            found = next(at, None)
+            left = range(used, len(dwells))
+            near = (k for k in left if np.abs(dwells[k][0] - begin).max() < SAME_PLACE_MM)
+            found = next(near, None)
             seconds = 0.0 if found is None else dwells[found][1]
             if seconds < due - DWELL_S:
                 lines.append(
                     f"waits {seconds:.1f} s before contour {lane.contour[a]}, planned {due:.1f} s"
                 )
             if found is not None:
-                dwells = dwells[found + 1 :]
+                used = found + 1
             due = 0.0
     return listed(FaultKind.COOLING, lines)
 

@@ -64,7 +64,11 @@ def same_ending(document: GcodeDocument, path: Path | str) -> list[str]:
     InputError
         When the file cannot be read or does not end with the source's end G-code.
     """
-    ending = ending_of(path, document)
+    return ending_faults(document, ending_of(path, document))
+
+
+def ending_faults(document: GcodeDocument, ending: Ending) -> list[str]:
+    """Return `same_ending` of a file that was read already."""
     cursor, table, end = ending.cursor, ending.states, document.end
     faults = _place(ending, end.position)
     if abs(cursor.owed - end.owed) > XYZ_MM or cursor.firmware_retracted != end.firmware_retracted:

@@ -111,6 +111,15 @@ def read_result(path: Path | str) -> tuple[PrintJob, GcodeDocument, Motions]:
     return *_print_of(parsed, path), _motions_of(parsed)
 
 
+def read_written(
+    path: Path | str, document: GcodeDocument
+) -> tuple[PrintJob, GcodeDocument, Motions, Ending]:
+    """Read a file made from `document` as `read_result` and as `ending_of`, parsed once."""
+    parsed = _parse(path)
+    ending = _ending(parsed, document, path)
+    return *_print_of(parsed, path), _motions_of(parsed), ending
+
+
 def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
     """Return what a file made from `document` leaves to the end G-code.
 
@@ -119,7 +128,10 @@ def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
     InputError
         When the file does not end with the end G-code of `document`.
     """
-    parsed = _parse(path)
+    return _ending(_parse(path), document, path)
+
+
+def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Ending:
     end = document.postamble
     due = end.rstrip().split(b"\n") if end.strip() else []
     has = parsed.lines.text.rstrip().split(b"\n")
