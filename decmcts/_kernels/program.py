@@ -30,7 +30,6 @@ class Habit(NamedTuple):
 
     feed: float
     z_feed: float  # of moves in Z alone
-    least_mm: float  # shorter travels are not retracted
     pull_mm: float  # filament retracted at rest
     pull_feed: float
     push_mm: float
@@ -79,13 +78,15 @@ def add_print(
 
 @kernel
 def add_travel(
-    path: NDArray[np.float64], after_print: bool, action: int, habit: Habit, moves: Moves
+    path: NDArray[np.float64],
+    retracts: bool,
+    after_print: bool,
+    action: int,
+    habit: Habit,
+    moves: Moves,
 ) -> None:
     """Append a travel with what the writer puts before and behind it (mutates moves)."""
-    length = 0.0
-    for i in range(1, len(path)):
-        length += np.sqrt(((path[i] - path[i - 1]) ** 2).sum())
-    pulls = habit.push_mm > 0.0 and length >= habit.least_mm and length > 0.0
+    pulls = habit.push_mm > 0.0 and retracts
     x, y, z = path[0]
     if pulls and after_print and habit.wipe_mm > 0.0:
         add_move(x, y, z, -habit.pull_mm, habit.pull_feed, 0, action, moves)
@@ -106,9 +107,12 @@ def add_travel(
 @kernel
 def write_moves(
     path: NDArray[np.float64], offsets: NDArray[np.int64], contour: NDArray[np.int32],
-    flipped: NDArray[np.bool_], segments: Segments, habit: Habit,
+    flipped: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: Segments, habit: Habit,
 ) -> Moves:  # fmt: skip
-    """Return the moves of a head's actions; `contour` is -1 where an action prints nothing."""
+    """Return the moves of a head's actions; `contour` is -1 where an action prints nothing.
+
+    `retracts` (k,) says which travels are retracted.
+    """
     k = len(contour)
     most = len(path) + EXTRA * k
     moves = Moves(
@@ -122,5 +126,5 @@ def write_moves(
         if contour[a] >= 0:
             add_print(way, contour[a], flipped[a], a, segments, moves)
         elif len(way):
-            add_travel(way, a > 0 and contour[a - 1] >= 0, a, habit, moves)
+            add_travel(way, retracts[a], a > 0 and contour[a - 1] >= 0, a, habit, moves)
     return moves

@@ -16,6 +16,7 @@ from decmcts.print.loops import enter_at
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan
 from decmcts.print.toolpath import Toolpath, entries_by_contour
+from decmcts.print.walls import walls_for
 from decmcts.team.actions import join_actions
 from decmcts.team.alone import hand_over
 from decmcts.team.order import floor_of, order_units, require_complete, visits_of
@@ -55,5 +56,5 @@ def schedule(
     order = order_units(visits, floor_of(job, machine, space), toolpaths)
     entry = entries_by_contour(toolpaths, len(job.contours))
     running = replace(job, contours=enter_at(job.contours, entry), acceleration=None)
-    travels = unit_travels(running, machine, order, space)
+    travels = unit_travels(running, machine, order, space, walls_for(job))
     return join_actions(job, machine, order, travels, toolpaths)

@@ -16,6 +16,7 @@ from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.loops import turned
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program, limit_rows, travel_acceleration, travel_feed
+from decmcts.print.walls import retracted_paths, walls_for
 
 
 def action_seconds(
@@ -44,11 +45,12 @@ def action_seconds(
     said = np.full(len(c.points), np.nan) if job.acceleration is None else job.acceleration
     rows, row = limit_rows(travelling, said)
     habit = habit_of(settings, limits)
+    retracts = retracted_paths(walls_for(job), settings, path, offsets)
     entries = np.zeros(len(c), np.int32)
     entries[contour[contour >= 0]] = entry[contour >= 0]
     run, first = turned(c, entries)
     segments = Segments(first, run.extrusion, run.feed, row[run.rows])
-    moves = write_moves(path, offsets, contour, flipped, segments, habit)
+    moves = write_moves(path, offsets, contour, flipped, retracts, segments, habit)
     m = int(moves.used[0])
     action = moves.action[:m]
     rest = np.diff(action, prepend=-1) != 0 if rests else np.zeros(m, np.bool_)
@@ -63,7 +65,7 @@ def habit_of(settings: ProcessSettings, limits: MotionLimits) -> Habit:
     feed = travel_feed(settings, limits)
     wiped = min(settings.wipe_filament_mm, settings.retract_mm) if settings.wipe_mm > 0.0 else 0.0
     return Habit(
-        feed, settings.z_feed or feed, settings.retract_min_travel_mm,
+        feed, settings.z_feed or feed,
         settings.retract_mm - wiped, settings.retract_feed, settings.retract_mm,
         settings.unretract_feed, settings.wipe_mm, wiped, settings.wipe_feed or feed,
     )  # fmt: skip

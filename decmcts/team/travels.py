@@ -11,20 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.routes import Beads, Rows, travel_levels
+from decmcts._kernels.walls import Walls
 from decmcts.feasibility.packed_head import pack_contours, pack_head
 from decmcts.feasibility.travel import new_height_field
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.walls import bare_pairs
 from decmcts.team.order import UnitOrder
 from decmcts.team.space import Space
 
 
 def unit_travels(
-    job: PrintJob, machine: Machine, order: UnitOrder, space: Space
+    job: PrintJob, machine: Machine, order: UnitOrder, space: Space, walls: Walls
 ) -> list[NDArray[np.float64]]:
     """Return the path of each unit as if all were travels, m of (k, 3).
 
-    What a printing unit gets here means nothing; its path is the contour's.
+    What a printing unit gets here means nothing; its path is the contour's. A travel
+    that stays bare inside `walls` is not lifted, unless something printed is in its way.
     """
     starts, goals = _starts(order, space), order.target.copy()
     level = np.zeros(len(order.head))  # units that print keep it
@@ -35,7 +38,7 @@ def unit_travels(
         field = new_height_field(job.contours, clearance_mm=machine.clearance_mm)
         shape = pack_head(head)
         travel_levels(r, units, starts, goals, beads, field, shape, machine.lift_mm, level)
-    np.maximum(level, _hops(job, machine, order, starts, goals), out=level)
+    np.maximum(level, _hops(job, machine, order, walls, starts, goals), out=level)
     return _paths(starts, goals, level)
 
 
@@ -43,6 +46,7 @@ def _hops(
     job: PrintJob,
     machine: Machine,
     order: UnitOrder,
+    walls: Walls,
     starts: NDArray[np.float64],
     goals: NDArray[np.float64],
 ) -> NDArray[np.float64]:
@@ -52,6 +56,7 @@ def _hops(
     """
     ends = np.maximum(starts[:, 2], goals[:, 2])
     far = np.hypot(*(goals - starts)[:, :2].T) >= job.settings.retract_min_travel_mm
+    far &= ~bare_pairs(walls, job.settings.bare_inside_mm, starts, goals)
     top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
     lifted = np.minimum(ends + job.settings.hop_mm, np.maximum(top, ends))
     return np.where(far, lifted, ends)

@@ -11,10 +11,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.walls import Walls
 from decmcts.formats.gcode.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
 from decmcts.formats.gcode.layers import LayerWords, layer_words
 from decmcts.print.job import ProcessSettings
+from decmcts.print.walls import no_walls, retracts
 
 NEAR_MM = 1e-3  # two positions this near are one
 APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
@@ -24,11 +26,14 @@ BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to trav
 class Emitter:
     """Writes lines and keeps what the controller will then hold."""
 
-    def __init__(self, document: GcodeDocument, settings: ProcessSettings) -> None:
+    def __init__(
+        self, document: GcodeDocument, settings: ProcessSettings, walls: Walls | None = None
+    ) -> None:
         self.document = document
         self._told: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
         self._arrival: tuple[str, ...] = ()  # to be said when the head is there
         self.settings = settings
+        self.walls = no_walls() if walls is None else walls
         self.lines: list[bytes] = []
         xy, e, _ = document.decimals
         self._xy, self._e = f".{xy}f", f".{e}f"
@@ -169,7 +174,7 @@ class Emitter:
         length = math.dist(self.at, points[0]) + sum(map(math.dist, points, points[1:]))
         if length < 1e-9:
             return
-        if length >= self.settings.retract_min_travel_mm:
+        if retracts(self.walls, self.settings, [self.at, *points]):
             self.retract()
         for to in points:
             if to != self.at:

@@ -92,7 +92,7 @@ def infer_settings(
     upright = gap & still & ~pull & ~push & (np.abs(delta[:, 2]) > 1e-9)
     owed, extra = _retractions(motion, runs)
     firmware = _firmware(motion, runs)
-    pulled = firmware | (owed > PULLED)
+    pulled = pulled_gaps(motion, runs)
     length = np.linalg.norm(
         motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
     )
@@ -123,6 +123,11 @@ def infer_settings(
         progress=_progress(lines, motion, runs),
         silent_share=silent_share(lines.text),
     )
+
+
+def pulled_gaps(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
+    """Tell between which contours the source retracts, (n - 1,)."""
+    return np.asarray(_firmware(motion, runs) | (_retractions(motion, runs)[0] > PULLED))
 
 
 def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:

@@ -38,6 +38,7 @@ from decmcts.formats.gcode.writer import print_contour, with_header
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from decmcts.print.walls import retracts, walls_for
 
 SIGNAL = "SYNC_SIGNAL N={number}"
 WAIT = "SYNC_WAIT N={number}"
@@ -177,7 +178,7 @@ class _HeadFile:
         signal: str,
         wait: str,
     ) -> None:
-        self.emitter = Emitter(document, job.settings)
+        self.emitter = Emitter(document, job.settings, walls_for(job))
         self.document, self.job, self.index, self.tool = document, job, index, tool
         self.points, self.signal, self.wait = points, signal, wait
         self.blocks = list(document.blocks)
@@ -232,8 +233,8 @@ class _HeadFile:
     def _retract_for(self, head: HeadActions, k: int) -> None:
         """Retract for action k before others may count on this head's way being clear."""
         if k < len(head) and head.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
-            way = np.linalg.norm(np.diff(head.action_path(k), axis=0), axis=1).sum()
-            if way >= self.emitter.settings.retract_min_travel_mm:
+            way = [tuple(point) for point in head.action_path(k).tolist()]
+            if retracts(self.emitter.walls, self.emitter.settings, way):
                 self.emitter.retract()
 
     def end(self) -> None:

@@ -16,11 +16,17 @@ from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
 from decmcts._kernels.motion import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.beads import Beads, measure_beads
+from decmcts.formats.gcode.combing import longest_bare
 from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
 from decmcts.formats.gcode.edges import state_edges
 from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.grouping import Runs, find_runs, refuse_unsafe
-from decmcts.formats.gcode.habits import filament_diameter, infer_settings, owed_at_begins
+from decmcts.formats.gcode.habits import (
+    filament_diameter,
+    infer_settings,
+    owed_at_begins,
+    pulled_gaps,
+)
 from decmcts.formats.gcode.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
@@ -152,6 +158,8 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
     blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
     contours, point_state = _contours(parsed, blocks, one_way)
     settings, habits = infer_settings(lines, motion, runs, parsed.track, parsed.filament_mm)
+    longest = longest_bare(lines.text, contours, settings, pulled_gaps(motion, runs))
+    settings = replace(settings, bare_inside_mm=longest)
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
     start = cursor_at(motion, parsed.track, top)
@@ -173,8 +181,9 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
     if settings.travel_acceleration > 0.0:
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
-        name, contours, settings, blocks.barriers, _slicer(lines.text), _notes(parsed, blocks),
-        limits, None if unsaid else said, _refills(parsed, blocks),
+        name, contours, settings, blocks.barriers, _slicer(lines.text),
+        _notes(parsed, blocks, longest), limits, None if unsaid else said,
+        _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
 
@@ -326,7 +335,7 @@ def _slicer(text: bytes) -> str:
     return " ".join(words).replace("Cura_SteamEngine", "Cura").replace("(R)", "").strip()
 
 
-def _notes(parsed: _Parsed, blocks: Blocks) -> tuple[str, ...]:
+def _notes(parsed: _Parsed, blocks: Blocks, bare_mm: float) -> tuple[str, ...]:
     notes = []
     codes = parsed.lines.code[parsed.motion.line]
     if curved := int(np.isin(codes, (20, 30)).sum()):
@@ -334,4 +343,9 @@ def _notes(parsed: _Parsed, blocks: Blocks) -> tuple[str, ...]:
     if len(blocks.blocks):
         n = len(blocks.blocks)
         notes.append(f"{n} place{'s' * (n != 1)} nothing is moved across")
+    if bare_mm > 0.0:
+        notes.append(
+            f"level travels of up to {bare_mm:.1f} mm that cross no outer wall stay unretracted, "
+            "as the source leaves them"
+        )
     return tuple(notes)

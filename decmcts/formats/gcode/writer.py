@@ -22,6 +22,7 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import traversal
 from decmcts.print.plan import ActionKind, HeadActions
+from decmcts.print.walls import walls_for
 
 
 def write_gcode(
@@ -63,7 +64,7 @@ def gcode_bytes(
     header_lines: Sequence[str] = (),
 ) -> bytes:
     """Return what `write_gcode` writes."""
-    emitter = Emitter(document, job.settings)
+    emitter = Emitter(document, job.settings, walls_for(job))
     progress = Progress(document, actions)
     preamble = progress.above(document.preamble)
     emitter.verbatim(with_header(preamble, header_lines, document.newline))

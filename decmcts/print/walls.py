@@ -1,0 +1,120 @@
+"""The one rule of which travels are retracted, and the outer walls it looks at.
+
+A travel is retracted unless it is shorter than the source's least, or the source's slicer
+leaves travels inside the part bare (Cura's combing, PrusaSlicer's
+`only_retract_when_crossing_perimeters`) and this one stays inside: level, no longer than the
+source's longest such travel, across no outer wall of its layer, its middle inside them.
+Search, travels, times and writers all ask here or the kernel below (`_kernels.walls.bare`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.walls import SAME_Z_MM, Walls, bare, bare_travels, list_cells
+from decmcts.print.contours import Contours, Role
+from decmcts.print.job import PrintJob, ProcessSettings
+
+CELL_MM = 2.0
+MOST_CELLS = 4_000_000  # of all layers together: cells grow beyond
+OUTER = (int(Role.EXTERNAL_PERIMETER), int(Role.OVERHANG_PERIMETER))
+
+
+def no_walls() -> Walls:
+    """Return the walls of a print that has none, or whose slicer does not look at them."""
+    return _gridded(np.empty((0, 4)), np.empty(0))
+
+
+def outer_walls(contours: Contours) -> Walls:
+    """Return the outer walls of a print, loops closed over their seam; O(segments)."""
+    outer = np.isin(contours.role, OUTER)
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    points = contours.points
+    along = np.flatnonzero(outer[owner[:-1]] & (owner[:-1] == owner[1:]))
+    loops = np.flatnonzero(outer & contours.closed)
+    begin = np.concatenate([points[along], contours.end[loops]])
+    end = np.concatenate([points[along + 1], contours.start[loops]])
+    level = np.abs(begin[:, 2] - end[:, 2]) <= SAME_Z_MM
+    segments = np.concatenate([begin[level, :2], end[level, :2]], axis=1)
+    return _gridded(segments, begin[level, 2])
+
+
+def walls_for(job: PrintJob) -> Walls:
+    """Return the walls travels of this job are judged by; none if its source has no such habit."""
+    return outer_walls(job.contours) if job.settings.bare_inside_mm > 0.0 else no_walls()
+
+
+def _gridded(segments: NDArray[np.float64], height: NDArray[np.float64]) -> Walls:
+    rounded = np.round(height, 6)
+    z, layer = np.unique(rounded, return_inverse=True)
+    layer = np.asarray(layer, np.int64).ravel()
+    low, high = np.full((len(z), 2), np.inf), np.full((len(z), 2), -np.inf)
+    for x, y in ((0, 1), (2, 3)):
+        np.minimum.at(low, layer, segments[:, [x, y]])
+        np.maximum.at(high, layer, segments[:, [x, y]])
+    cell = CELL_MM
+    while (cells := int((np.floor((high - low) / cell) + 1.0).prod(axis=1).sum())) > MOST_CELLS:
+        cell *= 2.0
+    size = (np.floor((high - low) / cell) + 1.0).astype(np.int64)
+    first = np.concatenate([[0], np.cumsum(size.prod(axis=1))[:-1]]).astype(np.int64)[: len(z)]
+    walls = Walls(
+        z, low, size, first, np.zeros(cells + 1, np.int64), np.empty(0, np.int32),
+        np.ascontiguousarray(segments, np.float64), cell,
+    )  # fmt: skip
+    counts = np.zeros(cells, np.int64)
+    list_cells(layer, walls, counts, False)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    walls = walls._replace(starts=starts, listed=np.empty(int(starts[-1]), np.int32))
+    list_cells(layer, walls, starts[:-1].copy(), True)
+    return walls
+
+
+def bare_pairs(
+    walls: Walls, longest_mm: float, starts: NDArray[np.float64], goals: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return which straight travels (n, 3) to (n, 3) stay bare inside the part."""
+    if longest_mm <= 0.0 or not len(starts):
+        return np.zeros(len(starts), np.bool_)
+    start, goal = (np.ascontiguousarray(p, np.float64) for p in (starts, goals))
+    return np.asarray(bare_travels(walls, longest_mm, start, goal))
+
+
+def retracted_paths(
+    walls: Walls,
+    settings: ProcessSettings,
+    path: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Return which of the travels path[offsets[i]:offsets[i + 1]] are retracted, (n,).
+
+    A travel with a corner, such as a lift, is retracted from the source's least length up.
+    """
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    first, last = offsets[:-1], np.maximum(offsets[1:] - 1, offsets[:-1])
+    inside = np.minimum(last, max(len(path) - 1, 0))
+    begin = np.minimum(first, max(len(path) - 1, 0))
+    length = along[inside] - along[begin]
+    due = (length > 0.0) & (length >= settings.retract_min_travel_mm)
+    straight = np.flatnonzero(due & (np.diff(offsets) == 2))
+    ends = path[begin[straight]], path[inside[straight]]
+    stays = bare_pairs(walls, settings.bare_inside_mm, *ends)
+    due[straight[stays]] = False
+    return np.asarray(due)
+
+
+def retracts(
+    walls: Walls, settings: ProcessSettings, way: Sequence[tuple[float, float, float]]
+) -> bool:
+    """Tell whether the one travel along `way` is retracted, as `retracted_paths` does."""
+    corners = [p for k, p in enumerate(way) if k == 0 or p != way[k - 1]]
+    length = sum(map(math.dist, corners, corners[1:]))
+    if length <= 0.0 or length < settings.retract_min_travel_mm:
+        return False
+    if len(corners) != 2 or settings.bare_inside_mm <= 0.0:
+        return True
+    return not bare(walls, settings.bare_inside_mm, *corners[0], *corners[1])
