@@ -110,6 +110,9 @@ def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, st
         "emitted_travel_mm": "travel as emitted, lifts included, mm",
         "print_time_s": "print time, s",
         "makespan_s": "makespan, s",
+        "file_time_s": "print time of the whole file, s",
+        "retractions": "retractions in the whole file",
+        "travel_over_walls_mm": "travel over outer walls, mm",
     }
     if after.metrics.get("waits_s"):
         names["waits_s"] = "of it waits for cooling, s"

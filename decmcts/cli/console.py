@@ -112,13 +112,21 @@ ROWS = (
     ("travel (paper's metric)", "extrusionless_travel_mm", "mm", 1),
     ("emitted travel", "emitted_travel_mm", "mm", 1),
     ("print time", "print_time_s", "s", 1),
-)
+    ("print time of whole file", "file_time_s", "s", 1),
+    ("retractions", "retractions", "", 0),
+    ("travel over outer walls", "travel_over_walls_mm", "mm", 1),
+)  # of whole files where one was written; the last where the file names roles
+
+
+def rows_of(before: dict[str, Any], after: dict[str, Any]) -> list[tuple[str, str, str, int]]:
+    """Return the rows both results have a figure for."""
+    return [row for row in ROWS if before.get(row[1]) is not None and after.get(row[1]) is not None]
 
 
 def summary_of(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     """Return the figures of a result against its source, for tables and `--json`."""
     rows = {}
-    for _, key, _, _ in ROWS:
+    for _, key, _, _ in rows_of(before, after):
         was, now = before[key], after[key]
         gain = 100.0 * (was - now) / was if was else 0.0
         rows[key] = {"before": was, "after": now, "less_percent": round(gain, 3)}
@@ -130,7 +138,7 @@ def gain_table(before: dict[str, Any], after: dict[str, Any]) -> Table:
     table = Table()
     for name, justify in (("", "left"), ("before", "right"), ("after", "right"), ("less", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]  # a literal of rich's
-    for label, key, unit, digits in ROWS:
+    for label, key, unit, digits in rows_of(before, after):
         was, now = before[key], after[key]
         gain = f"{100.0 * (was - now) / was:.1f} %" if was and key != "contours" else ""
         table.add_row(label, f"{was:,.{digits}f} {unit}", f"{now:,.{digits}f} {unit}", gain)

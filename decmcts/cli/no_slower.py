@@ -13,7 +13,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from decmcts.cli.console import clock_time
-from decmcts.cli.outputs import FileTimes, compared_with, draft_single, name_of, put
+from decmcts.cli.outputs import (
+    FileTimes,
+    compared_with,
+    draft_single,
+    name_of,
+    put,
+    with_whole_files,
+)
 from decmcts.cli.pipeline import Announce, Planned, check, plan_single
 from decmcts.formats.atomic import write_whole
 from decmcts.formats.drafts import draft_folder
@@ -52,7 +59,7 @@ def write_no_slower(
         else:
             put(packed_text(draft.read_bytes(), path, planned.loaded.path), path, packed=True)
         planned.seconds["write"] = time.perf_counter() - started
-    return planned, times
+    return with_whole_files(planned, times), times
 
 
 def _again(
@@ -92,7 +99,7 @@ def _kept(
     own = check(planned.loaded, before, after, planned.history, planned.seconds, announce)
     if not (path.exists() and path.samefile(source)):
         copy_source(source, path)
-    return own, FileTimes(times.before_s, times.before_s, refused_s=times.after_s)
+    return own, FileTimes(times.before_s, times.before_s, times.after_s, times.before, times.before)
 
 
 def copy_source(source: Path, path: Path) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,14 @@ from decmcts.formats.atomic import refuse_special, write_whole
 from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode import write_gcode, write_head_gcode
 from decmcts.formats.gcode.binary import SUFFIX
-from decmcts.formats.gcode.duration import print_time
+from decmcts.formats.gcode.duration import FileTime, print_time
 from decmcts.formats.gcode.progress import restated
 from decmcts.formats.gcode.source_text import load_text, packed_text, save_text
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import write_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind
+from decmcts.print.walls import outer_walls
 from sim.faults import Verdict
 from sim.heads import verify_heads
 from sim.seams import seams_of_plan
@@ -176,6 +177,8 @@ class FileTimes:
     before_s: float | None  # of the source; None: it is no G-code
     after_s: float
     refused_s: float | None = None  # of the new order, where the source was kept instead
+    before: Mapping[str, Any] = field(default_factory=dict)  # what else whole files show:
+    after: Mapping[str, Any] = field(default_factory=dict)  # see `whole_file`
 
     @property
     def longer(self) -> bool:
@@ -246,11 +249,30 @@ def compared_with(planned: Planned) -> Path | None:
 def _file_times(planned: Planned, draft: Path) -> FileTimes:
     """Estimate what the source takes and what was made of it takes."""
     source, limits = compared_with(planned), planned.loaded.machine.limits
-    before = None
-    if source is not None:
-        before = print_time(source, limits, own_limits=planned.loaded.own_limits).total_s
-    after = print_time(draft, limits, own_limits=planned.loaded.own_limits).total_s
-    return FileTimes(before, after)
+    walls, own = outer_walls(planned.loaded.job.contours), planned.loaded.own_limits
+    after = print_time(draft, limits, own_limits=own, walls=walls)
+    if source is None:
+        return FileTimes(None, after.total_s, after=whole_file(after))
+    before = print_time(source, limits, own_limits=own, walls=walls)
+    return FileTimes(
+        before.total_s, after.total_s, before=whole_file(before), after=whole_file(after)
+    )
+
+
+def whole_file(time: FileTime) -> dict[str, Any]:
+    """Return what a whole file shows as metrics, for tables, `--json` and plan.json."""
+    return {
+        "file_time_s": time.total_s,
+        "retractions": time.retractions,
+        "travel_over_walls_mm": time.over_walls_mm,
+    }
+
+
+def with_whole_files(planned: Planned, times: FileTimes) -> Planned:
+    """Return a result with the figures of its whole files among its metrics."""
+    before = replace(planned.before, metrics={**planned.before.metrics, **times.before})
+    after = replace(planned.after, metrics={**planned.after.metrics, **times.after})
+    return replace(planned, before=before, after=after)
 
 
 def require_sound(verdict: Verdict, path: Path) -> None:

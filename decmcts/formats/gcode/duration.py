@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED, TOOL
+from decmcts._kernels.walls import Walls, over_walls
 from decmcts.formats.gcode.limits import (
     FirmwareRetraction,
     parameters,
@@ -27,6 +28,7 @@ from decmcts.formats.gcode.state import Track, track_state
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program
 
+STILL_MM = 1e-5  # filament that moves less does not
 _STOPS_G = (40, 280, 290, 920)  # G4, G28, G29, G92: moves end before them
 _STOPS_M = (0, 10, 250, 1090, 1160, 1900, 2260, 4000, 6000, 6010)
 
@@ -40,6 +42,8 @@ class FileTime:
     change_s: float  # tool changes, as the file's settings state them
     seconds: NDArray[np.float64]  # (m,) of each move, firmware retractions counted in
     line: NDArray[np.int64]  # (m,) source line of each move, from 1
+    retractions: int = 0
+    over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
 
     @property
     def total_s(self) -> float:
@@ -47,7 +51,9 @@ class FileTime:
         return self.motion_s + self.dwell_s + self.change_s
 
 
-def print_time(path: Path | str, limits: MotionLimits, *, own_limits: bool = True) -> FileTime:
+def print_time(
+    path: Path | str, limits: MotionLimits, *, own_limits: bool = True, walls: Walls | None = None
+) -> FileTime:
     """Estimate the time of a G-code file.
 
     Parameters
@@ -56,18 +62,21 @@ def print_time(path: Path | str, limits: MotionLimits, *, own_limits: bool = Tru
         The machine's, where the file states none.
     own_limits : bool
         Whether the file's own limits win; M204 always does.
+    walls : Walls | None
+        Outer walls of the print, to tell how much travel leads over them.
 
     Raises
     ------
     InputError
         If the file is damaged.
     """
-    return text_time(load_text(path), limits, path=path, own_limits=own_limits)
+    return text_time(load_text(path), limits, path=path, own_limits=own_limits, walls=walls)
 
 
 def text_time(
-    text: bytes, limits: MotionLimits, *, path: Path | str = "", own_limits: bool = True
-) -> FileTime:
+    text: bytes, limits: MotionLimits, *, path: Path | str = "", own_limits: bool = True,
+    walls: Walls | None = None,
+) -> FileTime:  # fmt: skip
     """Estimate the time of G-code, as `print_time`."""
     lines = split_lines(text, path)
     motion = interpret(lines)
@@ -78,7 +87,35 @@ def text_time(
     seconds = program.seconds()
     dwell = sum(_dwell(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
     changes = _change_seconds(lines, motion)
-    return FileTime(float(seconds.sum()), dwell, changes, seconds, line)
+    over = travel_over(program, walls) if walls is not None and len(walls.segments) else None
+    return FileTime(
+        float(seconds.sum()), dwell, changes, seconds, line, retractions_of(program), over
+    )
+
+
+def retractions_of(program: Program) -> int:
+    """Return how often filament is pulled back, however many moves each time takes."""
+    moved = np.sign(program.filament[np.abs(program.filament) > STILL_MM])
+    return int((np.diff(moved, prepend=1.0) < 0.0).sum())
+
+
+def travel_over(program: Program, walls: Walls) -> float:
+    """Return the length of travel moves over outer walls, in mm.
+
+    Of moves between the first bead and the last that cross, seen from above, an outer
+    wall of the layer printed last or of the one printed next.
+    """
+    start, goal = program.points[:-1].copy(), program.points[1:].copy()
+    across = np.hypot(*(goal - start)[:, :2].T)
+    beads = np.flatnonzero((program.filament > STILL_MM) & (across > 0.0))
+    travels = np.flatnonzero((program.filament <= STILL_MM) & (across > 0.0))
+    if not len(beads):
+        return 0.0
+    travels = travels[(travels > beads[0]) & (travels < beads[-1])]
+    upcoming = np.searchsorted(beads, travels)
+    z = program.points[1:, 2]
+    start[travels, 2], goal[travels, 2] = z[beads[upcoming - 1]], z[beads[upcoming]]
+    return float(across[travels][over_walls(walls, start[travels], goal[travels])].sum())
 
 
 def file_program(
