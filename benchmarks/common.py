@@ -168,13 +168,16 @@ class Rows:
         return "\n## Failed\n\n" + "".join(lines) if lines else ""
 
     def append(self, row: dict[str, Any]) -> None:
-        """Add one row at the end of the file at once."""
+        """Add one row at the end of the file at once; new columns are empty in older rows."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        fresh = not self.path.exists()
-        with self.path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, fieldnames=list(row))
-            if fresh:
+        self.read()
+        names = list(self.rows[0]) if self.rows else []
+        added = [name for name in row if name not in names]
+        with self.path.open("w" if added else "a", newline="") as file:
+            writer = csv.DictWriter(file, fieldnames=[*names, *added], restval="")
+            if added:
                 writer.writeheader()
+                writer.writerows(self.rows)
             writer.writerow(row)
         self.rows.append({name: str(value) for name, value in row.items()})
 

@@ -68,6 +68,20 @@ def test_runs_once_and_resumes(script, tmp_path):
     assert (tmp_path / f"{script}.csv").read_text() == written
 
 
+def test_rows_of_a_newer_benchmark_may_have_more_columns(tmp_path):
+    """A figure under another column's name would be worse than none."""
+    path = tmp_path / "rows.csv"
+    path.write_text("model,verified\nold,True\n")
+    code = (
+        "from pathlib import Path; from common import Rows; "
+        f"rows = Rows(Path({str(path)!r}), ('model',)); "
+        "rows.append({'model': 'new', 'retractions': 3, 'verified': False})"
+    )
+    where = {**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'benchmarks'}"}
+    subprocess.run([sys.executable, "-c", code], check=True, env=where)
+    assert path.read_text().split() == ["model,verified,retractions", "old,True,", "new,False,3"]
+
+
 def test_tables_come_from_rows_alone(tmp_path):
     """A table is made anew, with a note, without a single run."""
     head = "model,limit_s,cache,repeat,contours,wall_s,first_word_s,error"
