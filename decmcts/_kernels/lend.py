@@ -17,7 +17,6 @@ from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
 from decmcts._kernels.metric import Matrix, Timed
-from decmcts._kernels.walls import Walls
 
 A = TypeVar("A")
 
@@ -51,12 +50,7 @@ def _lent(array: Any) -> Any:
     if getattr(array, "instance_class", None) is Timed:
         return lambda array: Timed(
             lent(array.points), array.speed, array.acceleration, array.z_speed,
-            array.z_acceleration, array.hop_s, array.free_mm, lent(array.walls), array.bare_mm,
-        )  # fmt: skip
-    if getattr(array, "instance_class", None) is Walls:
-        return lambda array: Walls(
-            lent(array.z), lent(array.origin), lent(array.size), lent(array.first),
-            lent(array.starts), lent(array.listed), lent(array.segments), array.cell,
+            array.z_acceleration, array.hop_s, array.free_mm,
         )  # fmt: skip
     if getattr(array, "instance_class", None) is Matrix:
         return lambda array: Matrix(lent(array.costs))

@@ -16,8 +16,6 @@ from numba import types
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from decmcts._kernels.walls import SAME_Z_MM, Walls, bare
-
 
 class Timed(NamedTuple):
     """Travels priced in seconds: upright and across, each from rest to rest, and what is extra."""
@@ -29,8 +27,6 @@ class Timed(NamedTuple):
     z_acceleration: float  # mm/s²
     hop_s: float  # for retraction, lift and their undoing, where the travel is long
     free_mm: float  # up to this length (across and upright together) a travel goes without them
-    walls: Walls  # of the part: travels inside them go without, too
-    bare_mm: float  # up to this length; 0: none do
 
 
 class Matrix(NamedTuple):
@@ -61,34 +57,17 @@ def _ramped(length: Any, speed: Any, acceleration: Any) -> Any:
 def _seconds(metric: Any, a: Any, b: Any) -> Any:
     points = metric.points
     dx, dy = points[a, 0] - points[b, 0], points[a, 1] - points[b, 1]
-    level, rise = math.sqrt(dx * dx + dy * dy), abs(points[a, 2] - points[b, 2])
-    seconds = _moving(metric, level, rise)
-    if level + rise <= metric.free_mm:
-        return seconds
-    if rise <= SAME_Z_MM and level <= metric.bare_mm and bare(
-        metric.walls, metric.bare_mm,
-        points[a, 0], points[a, 1], points[a, 2], points[b, 0], points[b, 1], points[b, 2],
-    ):  # fmt: skip
-        return seconds
-    return seconds + metric.hop_s
+    return _paced(metric, math.sqrt(dx * dx + dy * dy), abs(points[a, 2] - points[b, 2]))
 
 
 @register_jitable
-def _moving(metric: Any, level: Any, rise: Any) -> Any:
+def _paced(metric: Any, level: Any, rise: Any) -> Any:
     seconds = 0.0
     if level > 0.0:
         seconds += _ramped(level, metric.speed, metric.acceleration)
     if rise > 0.0:
         seconds += _ramped(rise, metric.z_speed, metric.z_acceleration)
-    return seconds
-
-
-@register_jitable
-def _paced(metric: Any, level: Any, rise: Any) -> Any:
-    seconds = _moving(metric, level, rise)
-    if level + rise <= metric.free_mm or (rise <= SAME_Z_MM and level <= metric.bare_mm):
-        return seconds
-    return seconds + metric.hop_s
+    return seconds + metric.hop_s if level + rise > metric.free_mm else seconds
 
 
 @register_jitable
@@ -118,9 +97,9 @@ def _distance(metric: Any, a: Any, b: Any) -> Any:
 
 
 def price(metric: Metric, level: float, rise: float) -> float:
-    """Return what a travel costs at least that leads so far across and up or down, mm.
+    """Return what a travel costs that leads so far across and up or down, mm; not of a matrix.
 
-    Not of a matrix. It grows with both. Timed travels that may stay bare are taken to.
+    It grows with both.
     """
     if isinstance(metric, Timed):
         return float(_paced(metric, level, rise))
@@ -150,13 +129,6 @@ def restricted(metric: Metric, contours: NDArray[np.int32]) -> Metric:
 def with_points(metric: Metric, points: NDArray[np.float64]) -> Metric:
     """Return the same price for other points, (2n, 3)."""
     return metric._replace(points=points) if isinstance(metric, Timed) else points
-
-
-def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
-    """Return the price for other points, (2n, 3), as if no travel stayed inside the part."""
-    if isinstance(metric, Timed):
-        return metric._replace(points=points, bare_mm=0.0)
-    return points
 
 
 def points_of(metric: Metric) -> NDArray[np.float64]:

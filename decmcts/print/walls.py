@@ -4,7 +4,7 @@ A travel is retracted unless it is shorter than the source's least, or the sourc
 leaves travels inside the part bare (Cura's combing, PrusaSlicer's
 `only_retract_when_crossing_perimeters`) and this one stays inside: level, no longer than the
 source's longest such travel, across no outer wall of its layer, its middle inside them.
-Search, travels, times and writers all ask here or the kernel below (`_kernels.walls.bare`).
+Travels, times and writers all ask here; the search prices by length alone.
 """
 
 from __future__ import annotations

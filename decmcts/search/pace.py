@@ -17,16 +17,15 @@ from decmcts.print.motion import (
     travel_feed,
     upright_travel,
 )
-from decmcts.print.walls import walls_for
 from decmcts.search.problem import Pace
 
 
 def pace_of(job: PrintJob, limits: MotionLimits) -> Pace:
     """Return how fast the travels of a print go.
 
-    Long ones, but for those that stay bare inside the part, are retracted (wiped,
-    if the source wipes), lifted by the source's own hop, lowered and primed again;
-    the lift over what is printed higher is not known before there is an order.
+    Long ones are retracted (wiped, if the source wipes), lifted by the source's
+    own hop, lowered and primed again; the lift over what is printed higher is
+    not known before there is an order.
     """
     settings = job.settings
     hop_s = retraction_time(settings, limits, np.inf)
@@ -35,5 +34,5 @@ def pace_of(job: PrintJob, limits: MotionLimits) -> Pace:
         hop_s += 2.0 * path_time(lift, settings.z_feed or travel_feed(settings, limits), limits)
     return Pace(
         *level_travel(settings, limits), *upright_travel(settings, limits), hop_s,
-        settings.retract_min_travel_mm, walls_for(job), settings.bare_inside_mm,
+        settings.retract_min_travel_mm,
     )  # fmt: skip

@@ -7,22 +7,20 @@ outside, so that a bare problem (endpoints and precedence) can be solved too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.metric import Matrix, Metric, Timed, costliest, distance
+from decmcts._kernels.metric import Matrix, Metric, Timed, distance
 from decmcts._kernels.seats import choose_visits
 from decmcts._kernels.tour import longest_hop
-from decmcts._kernels.walls import Walls
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.seam import SeamPolicy, entry_points, exit_points, seam_entries
-from decmcts.print.walls import no_walls
 from decmcts.search.spacing import Spacing
 
 Freedom = Literal["fixed", "reversible", "seam"]
@@ -41,8 +39,6 @@ class Pace:
     z_acceleration: float  # mm/s²
     hop_s: float = 0.0  # retraction, lift and their undoing
     free_mm: float = 0.0  # travels up to this length go without them
-    walls: Walls = field(default_factory=no_walls, compare=False)  # travels inside them, too,
-    bare_mm: float = 0.0  # up to this length; 0: none
 
     def __post_init__(self) -> None:
         rates = (self.speed, self.acceleration, self.z_speed, self.z_acceleration)
@@ -221,7 +217,7 @@ class OrderProblem:
         ports[:, 2] = 0.0
         level = float(longest_hop(ports, self.reversible))
         ends = np.array([[0.0, 0.0, 0.0], [level, 0.0, rise]])
-        return float(distance(costliest(_timed(ends, self.pace), ends), 0, 1))
+        return float(distance(_timed(ends, self.pace), 0, 1))
 
     def ports(self) -> NDArray[np.float64]:
         """Return the endpoints as (2n, 3): port 2c is the start of contour c, 2c + 1 its end."""
@@ -241,5 +237,5 @@ def _seams(contours: Contours, policy: SeamPolicy) -> Seams:
 def _timed(points: NDArray[np.float64], pace: Pace) -> Timed:
     return Timed(
         points, pace.speed, pace.acceleration, pace.z_speed, pace.z_acceleration, pace.hop_s,
-        pace.free_mm, pace.walls, pace.bare_mm,
+        pace.free_mm,
     )  # fmt: skip
