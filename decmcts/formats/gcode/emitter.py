@@ -37,6 +37,7 @@ class Emitter:
         self.lines: list[bytes] = []
         xy, e, _ = document.decimals
         self._xy, self._e = f".{xy}f", f".{e}f"
+        self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
         self.travel_feed = settings.travel_feed or 100.0
         self.tail: NDArray[np.float64] = np.zeros((0, 3))  # the bead just printed, newest first
@@ -86,8 +87,15 @@ class Emitter:
 
     def move(self, to: tuple[float, float, float], feed: float, filament: float = 0.0) -> None:
         """Move in a straight line, with or without filament."""
-        words = ["G1"]
         x, y, z = self.at
+        if filament and feed == self.feed and to[2] == z and (to[0] != x or to[1] != y):
+            amount = filament * self._scale  # nearly every line of a file is one of these
+            self.e += amount
+            e = amount if self.relative_e else self.e
+            self.lines.append(self._bead_line % (to[0], to[1], e))
+            self.at = to
+            return
+        words = ["G1"]
         if to[0] != x or to[1] != y:
             words += [f"X{to[0]:{self._xy}}", f"Y{to[1]:{self._xy}}"]
         if to[2] != z:

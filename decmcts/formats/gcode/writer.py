@@ -71,13 +71,13 @@ def gcode_bytes(
     blocks = iter(document.blocks)
     block = next(blocks, None)
     path: list[NDArray[np.float64]] = []
-    for k in range(len(actions)):
-        if actions.kind[k] == ActionKind.TRAVEL:
+    for k, kind in enumerate(map(ActionKind, actions.kind.tolist())):
+        if kind is ActionKind.TRAVEL:
             path.append(actions.action_path(k))
-        if actions.kind[k] == ActionKind.WAIT:
+        if kind is ActionKind.WAIT:
             pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
             path = []
-        if actions.kind[k] != ActionKind.PRINT:
+        if kind is not ActionKind.PRINT:
             continue
         contour = int(actions.contour[k])
         while block is not None and block.epoch <= job.contours.epoch[contour]:
