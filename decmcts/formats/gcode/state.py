@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,12 +114,13 @@ def track_state(lines: Lines, motion: Motion) -> Track:
     barriers: dict[int, str] = {}
     sections: list[tuple[int, int]] = []
     opened, last_layer = -1, ""
+    known = cache(classify)  # most lines say what others said
     moves = (lines.letter == 71) & (lines.code <= 30)
     for line in _event_lines(lines, moves).tolist():
         if moves[line]:
             _trailing(recorder, lines, line, layers)
             continue
-        event = classify(lines.raw(line))
+        event = known(lines.raw(line))
         kind = event.kind
         if kind == Kind.STATE:
             recorder.take(event, line)
