@@ -27,7 +27,12 @@ ROUNDING = 1e-9  # of a travel: what lies no further from it is the same
 
 
 def certify(
-    problem: OrderProblem, travel: float, *, time_limit_s: float, known: float | None = None
+    problem: OrderProblem,
+    travel: float,
+    *,
+    time_limit_s: float,
+    known: float | None = None,
+    stopped: bool = False,
 ) -> dict[str, Any]:
     """Return what the metrics say of the bound, or of why there is none.
 
@@ -40,13 +45,15 @@ def certify(
     known : float | None
         What the search itself has proven; no lower bound is returned. If it is the
         travel, no more is done.
+    stopped : bool
+        Whoever waits for the result asked to end: nothing is proven any more.
     """
     allowed_s = min(MOST_S, SHARE * time_limit_s)
     name = f"bound_{problem.unit}"
     said: dict[str, Any] = {"travel_s": travel} if problem.unit == "s" else {}
     if known is not None and travel <= known * (1.0 + ROUNDING):
         return {**said, name: known, "gap_percent": 0.0, "bound_method": "exact"}
-    reason = _too_large(len(problem), allowed_s)
+    reason = "stopped before one was proven" if stopped else _too_large(len(problem), allowed_s)
     if reason:
         return {**said, name: None, "gap_percent": None, "bound_skipped": reason}
     _compile_for(problem)

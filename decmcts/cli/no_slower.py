@@ -52,7 +52,6 @@ def write_no_slower(
         announce(f"writing {name_of(path)}, reading it back and judging it")
         times = draft_single(planned, draft, path)
         if times.longer and not allow_slower:
-            announce("the file would take longer than its source: searching for time")
             planned, times = _again(planned, times, draft, path, announce, stop)
         if times.longer and not allow_slower:
             planned, times = _kept(planned, times, path, announce)
@@ -74,6 +73,7 @@ def _again(
     said = planned.after.metrics
     if said["objective"] != "travel" or stop():
         return planned, times
+    announce("the file would take longer than its source: searching for time")
     other = plan_single(
         planned.loaded, planner=said["planner"], freedom=said["freedom"],
         seam=said.get("seam", "nearest"), seed=said["seed"], objective="time",

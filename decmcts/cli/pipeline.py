@@ -194,18 +194,24 @@ def search(
     return plan_order(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
 
 
-def compile_search(problem: OrderProblem, planner: str | Planner) -> None:
+def compile_search(
+    problem: OrderProblem, planner: str | Planner, stop: Callable[[], bool] = lambda: False
+) -> None:
     """Search problems of no size just long enough to need every kernel, off the clock.
 
-    One solved exactly, one by trees, races and what joins them, one that must cool.
+    One solved exactly, one by trees, races and what joins them, one that must cool; none
+    once `stop` says so.
     """
     ahead = ((3, None, 100), (2 * WINDOW, None, 500), (3, no_spacing(3), 100))
     for n, spacing, iterations in ahead:
+        if stop():
+            return
         row = row_of(n, loops=problem.seams is not None)
         small = replace(row, pace=problem.pace, spacing=spacing)
         plan_order(
-            small, planner=planner, time_limit_s=COMPILING_S, seed=0, max_iterations=iterations
-        )
+            small, planner=planner, time_limit_s=COMPILING_S, seed=0, max_iterations=iterations,
+            stop=stop,
+        )  # fmt: skip
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:
@@ -231,29 +237,33 @@ def plan_single(
 ) -> Planned:
     """Plan one head: search, bound the travel if `certificate`, schedule, verify.
 
-    `before` is the plan of the source's own order, where it was made already.
+    `before` is the plan of the source's own order, where it was made already. Once the
+    hook `stop` says so there is no more searching or proving, nor compiling for it.
     """
+    stop: Callable[[], bool] = hooks.get("stop", lambda: False)
     before = before or source_plan(loaded)
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
-    if certificate and time_limit_s >= EARLY_FROM_S:
+    if certificate and time_limit_s >= EARLY_FROM_S and not stop():
         announce("a first bound on the travel")
         hooks["bound"] = early_bound(problem, time_limit_s=time_limit_s)
-    announce(f"searching ({planner}, {time_limit_s:g} s)")
+    if not stop():
+        announce(f"searching ({planner}, {time_limit_s:g} s)")
     started = time.perf_counter()
     lags, guess, spacing = _lags(loaded, before)
     sliced = source_toolpath(problem)
-    compile_search(problem, planner)
+    compile_search(problem, planner, stop)
+    chosen = "slicer" if stop() else planner
 
     def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
         spaced = replace(problem, spacing=heeded)
-        return plan_order(spaced, planner=planner, time_limit_s=limit_s, seed=seed, **hooks)
+        return plan_order(spaced, planner=chosen, time_limit_s=limit_s, seed=seed, **hooks)
 
     if spacing is None:
         result = run(None, time_limit_s)
     else:
         result = search_cooled(
             loaded.job, loaded.machine, loaded.graph, guess,
-            spacing if planner in KEEP_TIME else None, run, sliced,
+            spacing if chosen in KEEP_TIME else None, run, sliced,
             time_limit_s=time_limit_s, announce=announce,
         )  # fmt: skip
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
@@ -272,10 +282,13 @@ def plan_single(
             plan, toolpath = own, sliced
     bound: dict[str, Any] = {}
     if certificate:
-        announce("proving how far from optimal this is at most")
+        if not stop():
+            announce("proving how far from optimal this is at most")
         started = time.perf_counter()
         travel = toolpath_cost(problem, toolpath)
-        bound = certify(problem, travel, time_limit_s=time_limit_s, known=result.bound)
+        bound = certify(
+            problem, travel, time_limit_s=time_limit_s, known=result.bound, stopped=stop()
+        )
         seconds["bound"] = time.perf_counter() - started
     extra = {
         "planner": planner,
