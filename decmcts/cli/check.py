@@ -96,7 +96,8 @@ def verify(
     else:
         for fault in verdict.faults:
             out.print(str(fault), soft_wrap=True, markup=False)
-        state = f"{len(verdict.faults)} faults" if verdict.faults else "no fault"
+        n = len(verdict.faults)
+        state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
         for line in verdict.checked:
             err.print(line, soft_wrap=True, markup=False)
         err.print(f"{names}: {state}", soft_wrap=True)

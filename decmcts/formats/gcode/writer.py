@@ -6,6 +6,7 @@ them lines are written by an `Emitter` that keeps the machine state in step.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, TextIO
@@ -106,10 +107,20 @@ def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) ->
         )
 
 
+OWN_HEADER = re.compile(  # as `decmcts.cli.outputs` words it
+    rb"^; reordered by decmcts [^\n]*\n(?:;[^\n]*\n){0,12}?; verified: every extrusion[^\n]*\n",
+    re.MULTILINE,
+)
+
+
 def with_header(preamble: bytes, header: Sequence[str], newline: bytes) -> bytes:
-    """Return the preamble with comment lines below the line that names the slicer."""
+    """Return the preamble with comment lines below the line that names the slicer.
+
+    They take the place of those an earlier run wrote: its figures are not this file's.
+    """
     if not header:
         return preamble
+    preamble = OWN_HEADER.sub(b"", preamble)
     text = b"".join(
         b"; " + part.encode("utf-8", "surrogateescape") + newline
         for line in header
