@@ -191,17 +191,21 @@ class FileTimes:
         return self.refused_s is not None
 
 
-def file_time_line(before_s: float, after_s: float, retracted_mm: float | None) -> str:
+def file_time_line(
+    before_s: float, after_s: float, retracted_mm: float | None, *, combs: bool = False
+) -> str:
     """Return one line on the time of the whole file, and on why it may have grown if it did.
 
-    `retracted_mm` is the travel from which filament is retracted, None if it never is.
-    Some slicers leave longer ones bare that stay inside the part, or lift while they travel.
+    `retracted_mm` is the travel from which filament is retracted, None if it never is;
+    `combs` says that longer ones inside the part are left bare, as in the source.
+    Some slicers lift while they travel.
     """
     line = f"print time of the whole file: {clock_time(before_s)} → {clock_time(after_s)}"
     if after_s <= before_s + SAME_TIME_S:
         return line
+    kind = "travel that leaves the part" if combs else "travel"
     habit = (
-        "" if retracted_mm is None else f"every travel from {retracted_mm:g} mm up is retracted, "
+        "" if retracted_mm is None else f"every {kind} from {retracted_mm:g} mm up is retracted, "
     )
     return (
         f"{line}, longer: here {habit}lifts go straight up and what must cool is waited for, which "
@@ -216,7 +220,8 @@ def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
     settings = planned.loaded.job.settings
     retracts = settings.firmware_retraction or settings.retract_mm > 0.0
     retracted_mm = settings.retract_min_travel_mm if retracts else None
-    return file_time_line(times.before_s, times.after_s, retracted_mm)
+    combs = settings.bare_inside_mm > 0.0
+    return file_time_line(times.before_s, times.after_s, retracted_mm, combs=combs)
 
 
 def draft_single(planned: Planned, draft: Path, path: Path) -> FileTimes:

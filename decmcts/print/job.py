@@ -24,6 +24,7 @@ class ProcessSettings:
     unretract_feed: float = 40.0  # mm/s
     retract_min_travel_mm: float = 2.0  # shorter travels are not retracted
     bare_inside_mm: float = 0.0  # nor are longer ones up to this inside the part; 0: they are
+    bare_climb_mm: float = 0.0  # which may climb so far to the next layer; 0: level ones only
     hop_mm: float = 0.0  # lift of the source's retracted travels
     firmware_retraction: bool = False  # G10/G11 instead of E moves
     filament_diameter_mm: float = 1.75

@@ -4,7 +4,9 @@ A travel is retracted unless it is shorter than the source's least, or the sourc
 leaves travels inside the part bare (Cura's combing, PrusaSlicer's
 `only_retract_when_crossing_perimeters`) and this one stays inside: level, no longer than the
 source's longest such travel, across no outer wall of its layer, its middle inside them.
-Travels, times and writers all ask here; the search prices by length alone.
+A change to the next layer stays bare where the source leaves such changes bare: it climbs no
+further than these do, and stays inside the walls of either layer. Travels, times and
+writers all ask here; the search prices by length alone.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.walls import SAME_Z_MM, Walls, bare, bare_travels, list_cells
+from decmcts._kernels.walls import SAME_Z_MM, Walls, bare_travels, list_cells
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 
@@ -74,13 +76,29 @@ def _gridded(segments: NDArray[np.float64], height: NDArray[np.float64]) -> Wall
 
 
 def bare_pairs(
-    walls: Walls, longest_mm: float, starts: NDArray[np.float64], goals: NDArray[np.float64]
+    walls: Walls,
+    longest_mm: float,
+    starts: NDArray[np.float64],
+    goals: NDArray[np.float64],
+    *,
+    climb_mm: float = 0.0,
 ) -> NDArray[np.bool_]:
-    """Return which straight travels (n, 3) to (n, 3) stay bare inside the part."""
+    """Return which travels (n, 3) to (n, 3) stay bare inside the part, straight as seen from above.
+
+    Those that climb, by at most `climb_mm`, are inside if they are on the layers of both ends.
+    """
     if longest_mm <= 0.0 or not len(starts):
         return np.zeros(len(starts), np.bool_)
     start, goal = (np.ascontiguousarray(p, np.float64) for p in (starts, goals))
-    return np.asarray(bare_travels(walls, longest_mm, start, goal))
+    stays = np.asarray(bare_travels(walls, longest_mm, start, goal))
+    rise = goal[:, 2] - start[:, 2]
+    climbs = np.flatnonzero((rise > SAME_Z_MM) & (rise <= climb_mm + SAME_Z_MM))
+    if len(climbs):
+        above, below = start[climbs], goal[climbs]
+        above[:, 2], below[:, 2] = goal[climbs, 2], start[climbs, 2]
+        stays[climbs] = bare_travels(walls, longest_mm, start[climbs], below)
+        stays[climbs] &= bare_travels(walls, longest_mm, above, goal[climbs])
+    return stays
 
 
 def retracted_paths(
@@ -91,7 +109,7 @@ def retracted_paths(
 ) -> NDArray[np.bool_]:
     """Return which of the travels path[offsets[i]:offsets[i + 1]] are retracted, (n,).
 
-    A travel with a corner, such as a lift, is retracted from the source's least length up.
+    One that is lifted above both its ends is retracted from the source's least length up.
     """
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -100,11 +118,24 @@ def retracted_paths(
     begin = np.minimum(first, max(len(path) - 1, 0))
     length = along[inside] - along[begin]
     due = (length > 0.0) & (length >= settings.retract_min_travel_mm)
-    straight = np.flatnonzero(due & (np.diff(offsets) == 2))
-    ends = path[begin[straight]], path[inside[straight]]
-    stays = bare_pairs(walls, settings.bare_inside_mm, *ends)
-    due[straight[stays]] = False
+    corners = np.diff(offsets)
+    climb = np.flatnonzero(due & (corners == 3))
+    climb = climb[_upright(path[begin[climb]], path[begin[climb] + 1], path[inside[climb]])]
+    plain = np.concatenate([np.flatnonzero(due & (corners == 2)), climb])
+    stays = bare_pairs(
+        walls, settings.bare_inside_mm, path[begin[plain]], path[inside[plain]],
+        climb_mm=settings.bare_climb_mm,
+    )  # fmt: skip
+    due[plain[stays]] = False
     return np.asarray(due)
+
+
+def _upright(
+    start: NDArray[np.float64], corner: NDArray[np.float64], goal: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return which ways of three corners, (n, 3) each, climb straight up, then go level."""
+    level = corner[:, 2] == goal[:, 2]
+    return np.asarray(level & (start[:, :2] == corner[:, :2]).all(axis=1))
 
 
 def retracts(
@@ -115,6 +146,7 @@ def retracts(
     length = sum(map(math.dist, corners, corners[1:]))
     if length <= 0.0 or length < settings.retract_min_travel_mm:
         return False
-    if len(corners) != 2 or settings.bare_inside_mm <= 0.0:
+    if settings.bare_inside_mm <= 0.0:
         return True
-    return not bare(walls, settings.bare_inside_mm, *corners[0], *corners[1])
+    path, offsets = np.array(corners, np.float64), np.array([0, len(corners)])
+    return bool(retracted_paths(walls, settings, path, offsets)[0])

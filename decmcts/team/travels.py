@@ -56,7 +56,9 @@ def _hops(
     """
     ends = np.maximum(starts[:, 2], goals[:, 2])
     far = np.hypot(*(goals - starts)[:, :2].T) >= job.settings.retract_min_travel_mm
-    far &= ~bare_pairs(walls, job.settings.bare_inside_mm, starts, goals)
+    far &= ~bare_pairs(
+        walls, job.settings.bare_inside_mm, starts, goals, climb_mm=job.settings.bare_climb_mm
+    )
     top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
     lifted = np.minimum(ends + job.settings.hop_mm, np.maximum(top, ends))
     return np.where(far, lifted, ends)

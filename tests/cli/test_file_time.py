@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from decmcts.cli.console import gain_table
 from decmcts.cli.outputs import file_time_line
 
 
@@ -14,6 +15,19 @@ def test_a_file_that_takes_longer_says_why(after_s: float, longer: bool) -> None
     assert line.startswith("print time of the whole file: 17 min 15 s → ")
     assert ("every travel from 5 mm up is retracted" in line) == longer
     assert ("print the source" in line) == longer
+
+
+def test_a_print_that_combs_is_not_said_to_retract_inside_the_part() -> None:
+    """Half of its travels from 5 mm up are bare: "every travel" would be false."""
+    line = file_time_line(1035.0, 1109.0, 5.0, combs=True)
+    assert "every travel that leaves the part from 5 mm up is retracted" in line
+
+
+def test_retractions_are_counted_without_a_percentage() -> None:
+    """Of 3 that became 9 a table once said −200 %, though both are next to none."""
+    table = gain_table({"retractions": 3}, {"retractions": 9})
+    cells = [next(iter(column.cells)) for column in table.columns]
+    assert cells == ["retractions", "3 ", "9 ", ""]
 
 
 def test_a_print_without_retraction_is_not_said_to_retract() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from decmcts.formats.plan_json import read_plan
 from sim.verify import verify_plan
 from tests.cli.test_bad_input import TAIL, gcode
 
+CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3] / "shared"))
+COMBED = CORPUS / "gcode/cura_5.3.1_marlin_lightning.gcode.gz"
 WORDS = ["--machine", "paper", "--time-limit", "0.2", "--max-layers-ahead", "0"]
 
 
@@ -30,6 +33,19 @@ def combed(layers: int = 8) -> str:
             text += f"G1 X{x} Y100 F7800\nG1 X{x} Y110 E.4 F1800\n"
         text += "G1 E-4 F600\n" + f"G1 X{x} Y107 F7800\nG1 E4 F600\nG1 X{x + 8} Y107 E.3 F1800\n"
     return gcode(text).replace(TAIL, "") + TAIL
+
+
+@pytest.mark.shared
+@pytest.mark.slow
+@pytest.mark.skipif(not COMBED.exists(), reason="the corpus of real prints is not here")
+def test_a_source_of_cura_is_not_retracted_more_for_being_reordered(tmp_path, capsys):
+    """It retracts 3 times in 1 464 contours; a result that did so at every layer took longer."""
+    words = ["--machine", "mk4s", "--objective", "time", "--time-limit", "2", "--no-certificate"]
+    out = tmp_path / "out.gcode"
+    assert run(["plan", str(COMBED), *words, "-o", str(out), "--json"]) == 0
+    counts = json.loads(capsys.readouterr().out)["gain"]["retractions"]
+    assert counts["before"] == 3
+    assert counts["after"] <= 10
 
 
 @pytest.fixture

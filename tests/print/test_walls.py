@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -43,6 +43,16 @@ def loops(*rings: list[tuple[float, float]], z: float = 0.2, role: int = 1) -> C
     )  # fmt: skip
 
 
+def concatenated(first: Contours, second: Contours) -> Contours:
+    """Return the contours of both."""
+    offsets = np.concatenate([first.offsets, second.offsets[1:] + first.offsets[-1]])
+    values = {
+        field.name: np.concatenate([getattr(first, field.name), getattr(second, field.name)])
+        for field in fields(Contours)
+    }
+    return Contours(**{**values, "offsets": offsets})
+
+
 def at(x: float, y: float, z: float = 0.2) -> np.ndarray:
     return np.array([[x, y, z]], float)
 
@@ -66,6 +76,33 @@ def test_a_travel_is_bare_only_inside_the_part(start, goal, stays):
     walls = outer_walls(loops(U_SHAPE))
     assert bare_pairs(walls, 100.0, start, goal).tolist() == [stays]
     assert bare_pairs(walls, 100.0, goal, start).tolist() == [stays]
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "stays"),
+    [
+        (at(5, 25), at(5, 5, 0.4), True),  # inside both layers
+        (at(5, 5, 0.4), at(5, 25), False),  # down: what was printed since is in the way
+        (at(15, 5), at(5, 5, 0.4), False),  # begins outside the upper layer
+        (at(5, 5), at(15, 5, 0.4), False),  # ends there
+        (at(5, 25), at(25, 25, 0.4), False),  # over the gap of the lower layer
+        (at(5, 25), at(5, 5, 0.6), False),  # on a layer without walls
+    ],
+)
+def test_a_change_of_layer_is_bare_only_inside_both(start, goal, stays):
+    """The nozzle leaves one layer and comes to the other: it may string on either."""
+    arm = [(0, 0), (10, 0), (10, 30), (0, 30)]
+    contours = concatenated(loops(U_SHAPE), loops(arm, z=0.4))
+    walls = outer_walls(contours)
+    assert bare_pairs(walls, 100.0, start, goal, climb_mm=0.2).tolist() == [stays]
+    assert bare_pairs(walls, 100.0, start, goal).tolist() == [False]
+    assert bare_pairs(walls, 100.0, start, goal, climb_mm=0.19).tolist() == [False]
+    settings = replace(HABIT, bare_climb_mm=0.2)
+    corner = np.array([[*start[0, :2], goal[0, 2]]])
+    up, lift = np.concatenate([start, corner, goal]), np.array([0.0, 0.0, 0.5])
+    over = np.concatenate([start, corner + lift, goal + lift, goal])
+    assert retracts(walls, settings, [tuple(p) for p in up.tolist()]) == (not stays)
+    assert retracts(walls, settings, [tuple(p) for p in over.tolist()])
 
 
 def test_no_longer_than_the_sources_longest():
@@ -129,21 +166,24 @@ def test_against_shapely(seed):
 def test_one_path_and_many_are_judged_alike(inside):
     """Times are made from the one, files from the other: they may never differ."""
     rng = np.random.default_rng(5)
-    settings = replace(HABIT, bare_inside_mm=inside)
-    walls = walls_for(PrintJob("part", loops(U_SHAPE), settings))
+    settings = replace(HABIT, bare_inside_mm=inside, bare_climb_mm=0.4)
+    contours = concatenated(loops(U_SHAPE), loops(U_SHAPE, z=0.6))
+    walls = walls_for(PrintJob("part", contours, settings))
     paths = []
     for _ in range(600):
         n = int(rng.integers(1, 5))
         path = np.column_stack([rng.uniform(0, 30, (n, 2)), np.full(n, 0.2)])
         path[1:, 2] += rng.choice([0.0, 0.0, 0.4], n - 1)
+        if n == 3 and rng.random() < 0.5:  # up, then across
+            path[1] = [*path[0, :2], path[2, 2]]
         paths.append(path if rng.random() < 0.8 else path * 0 + path[0])
     offsets = np.cumsum([0, *map(len, paths)]).astype(np.int64)
     many = retracted_paths(walls, settings, np.concatenate(paths), offsets)
     one = [retracts(walls, settings, [tuple(p) for p in path.tolist()]) for path in paths]
-    straight = np.array([len(path) == 2 for path in paths])
-    assert (many[straight] == np.array(one)[straight]).all()
-    assert many[straight].any()
-    assert (~many[straight]).any()
+    plain = np.array([1 < len(path) < 4 for path in paths])
+    assert (many[plain] == np.array(one)[plain]).all()
+    assert many[plain].any()
+    assert (~many[plain]).any()
 
 
 def test_without_the_habit_nothing_is_looked_at():

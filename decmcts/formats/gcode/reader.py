@@ -16,7 +16,7 @@ from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
 from decmcts._kernels.motion import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.beads import Beads, measure_beads
-from decmcts.formats.gcode.combing import longest_bare
+from decmcts.formats.gcode.combing import with_bare_travels
 from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
 from decmcts.formats.gcode.edges import state_edges
 from decmcts.formats.gcode.gaps import Blocks, cursor_at, find_blocks
@@ -33,7 +33,7 @@ from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
 from decmcts.print.contours import Contours, Role
-from decmcts.print.job import PrintJob
+from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limits_of
 
@@ -158,8 +158,7 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
     blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
     contours, point_state = _contours(parsed, blocks, one_way)
     settings, habits = infer_settings(lines, motion, runs, parsed.track, parsed.filament_mm)
-    longest = longest_bare(lines.text, contours, settings, pulled_gaps(motion, runs))
-    settings = replace(settings, bare_inside_mm=longest)
+    settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs))
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
     start = cursor_at(motion, parsed.track, top)
@@ -182,7 +181,7 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text),
-        _notes(parsed, blocks, longest), limits, None if unsaid else said,
+        _notes(parsed, blocks, settings), limits, None if unsaid else said,
         _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
@@ -335,7 +334,7 @@ def _slicer(text: bytes) -> str:
     return " ".join(words).replace("Cura_SteamEngine", "Cura").replace("(R)", "").strip()
 
 
-def _notes(parsed: _Parsed, blocks: Blocks, bare_mm: float) -> tuple[str, ...]:
+def _notes(parsed: _Parsed, blocks: Blocks, settings: ProcessSettings) -> tuple[str, ...]:
     notes = []
     codes = parsed.lines.code[parsed.motion.line]
     if curved := int(np.isin(codes, (20, 30)).sum()):
@@ -343,9 +342,10 @@ def _notes(parsed: _Parsed, blocks: Blocks, bare_mm: float) -> tuple[str, ...]:
     if len(blocks.blocks):
         n = len(blocks.blocks)
         notes.append(f"{n} place{'s' * (n != 1)} nothing is moved across")
-    if bare_mm > 0.0:
+    if settings.bare_inside_mm > 0.0:
+        changes = " and layer changes" if settings.bare_climb_mm > 0.0 else ""
         notes.append(
-            f"level travels of up to {bare_mm:.1f} mm that cross no outer wall stay unretracted, "
-            "as the source leaves them"
+            f"level travels{changes} of up to {settings.bare_inside_mm:.1f} mm that cross no outer "
+            "wall stay unretracted, as the source leaves them"
         )
     return tuple(notes)

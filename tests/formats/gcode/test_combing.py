@@ -23,16 +23,19 @@ U_SHAPE = ((100, 100), (160, 100), (160, 150), (145, 150), (145, 115), (115, 115
 STROKES = (105, 110, 150, 155)  # x of infill strokes: two in each arm, all above the base
 
 
-def part(*, bare_mm: float, roles: bool = True, layers: int = 4) -> str:
+def part(*, bare_mm: float, roles: bool = True, layers: int = 4, bare_changes: bool = False) -> str:
     """Return a U-shaped part whose slicer leaves travels inside it bare up to `bare_mm`.
 
     Each layer: the outer wall, then in both arms strokes at the bottom and the top.
+    To the next layer it retracts, unless `bare_changes`.
     """
     text = START
     for layer in range(layers):
         text += f";LAYER_CHANGE\n;HEIGHT:0.2\n;WIDTH:0.45\nG1 Z{0.2 * (layer + 1):.1f} F7800\n"
         text += ";TYPE:External perimeter\n" if roles else ""
-        text += "G1 E-1 F2400\nG1 X100 Y100 F7800\nG1 E1 F2400\n"
+        pulls = layer == 0 or not bare_changes
+        text += "G1 E-1 F2400\n" if pulls else ""
+        text += "G1 X100 Y100 F7800\n" + ("G1 E1 F2400\n" if pulls else "")
         text += "".join(f"G1 X{x} Y{y} E1 F1800\n" for x, y in U_SHAPE[1:])
         text += "G1 X100 Y100.1 E1\n" + (";TYPE:Solid infill\n" if roles else "")
         at = (100.0, 100.1)
@@ -91,6 +94,28 @@ def test_written_as_the_source_would(tmp_path):
     assert bare >= 30
     source = (tmp_path / "part.gcode").read_text()
     assert made.count("G1 E-1") <= source.count("G1 E-1 F2400") + 1
+
+
+def test_a_source_that_changes_layers_bare_is_known(tmp_path):
+    """Cura combs to the next layer too: 55 mm through the base, 0.2 mm up."""
+    job, _ = read(tmp_path, part(bare_mm=50.0, layers=8, bare_changes=True))
+    assert job.settings.bare_climb_mm == pytest.approx(0.2)
+    assert job.settings.bare_inside_mm == pytest.approx(np.hypot(55, 6), abs=0.002)
+    assert any("layer changes" in note for note in job.notes)
+
+
+@pytest.mark.parametrize("bare_changes", [True, False])
+def test_layers_change_as_in_the_source(tmp_path, bare_changes):
+    """Bare where the source leaves them so (one retraction a layer less), retracted where not."""
+    text = part(bare_mm=50.0, layers=8, bare_changes=bare_changes)
+    job, document = read(tmp_path, text)
+    made, lane = planned(tmp_path, job, document)
+    walls = walls_for(job)
+    travels = [lane.action_path(k) for k in range(1, len(lane)) if is_travel(lane, k)]
+    climbs = [way for way in travels if way[-1, 2] > way[0, 2] > 0.1]
+    assert len(climbs) == 7
+    assert {retracts(walls, job.settings, as_tuples(way)) for way in climbs} == {not bare_changes}
+    assert made.count("G1 E-1") == text.count("G1 E-1 F2400") == (10 if bare_changes else 17)
 
 
 def is_travel(lane: HeadActions, k: int) -> bool:
