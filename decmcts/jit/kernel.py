@@ -1,0 +1,114 @@
+"""A function that is compiled at its first call, once for each combination of types.
+
+What it calls is compiled on the way, but no further than it takes to link it in
+(`library`). Called itself later, from Python, it is compiled again, in full.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numba
+from numba.core import registry, sigutils
+from numba.core.compiler import CompileResult
+from numba.core.compiler_lock import global_compiler_lock
+
+from decmcts.jit.library import compiling, compiling_kernel, hand_environments
+from decmcts.jit.store import Store
+
+Report = Callable[[str], None]
+"""Told the name of each kernel about to be compiled."""
+
+_Dispatcher: Any = registry.CPUDispatcher  # numba has no types of its own
+_Result: Any = CompileResult
+_normalized: Any = sigutils.normalize_signature
+_reports: list[Report] = []
+
+
+@contextmanager
+def reported_to(report: Report) -> Iterator[None]:
+    """Tell `report` of every kernel that is compiled meanwhile, in this process."""
+    _reports.append(report)
+    try:
+        yield
+    finally:
+        _reports.remove(report)
+
+
+class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
+    """A compiled function whose machine code is kept in a store."""
+
+    def __init__(self, function: Callable[..., Any], store: Store) -> None:
+        options = {"nopython": True, "nogil": True, "no_cfunc_wrapper": True}
+        super().__init__(py_func=function, targetoptions=options)
+        self._store = store
+
+    def compile(self, signature: Any) -> Any:
+        """Return what runs this combination of types, known, loaded or made."""
+        with global_compiler_lock:
+            types = tuple(_normalized(signature)[0])
+            known = self.overloads.get(types)
+            if known is not None and (compiling() or not _only_linked(known)):
+                return known.entry_point
+            if compiling():
+                return super().compile(signature)
+            key = self._key(types)
+            try:
+                found = self._store.read_or_claim(key)
+                return self._make(types, key) if found is None else self._take(found)
+            finally:
+                self._store.release()
+
+    def add_overload(self, result: Any) -> None:
+        """Keep a result, for calls from Python too if it has machine code."""
+        if _only_linked(result):
+            self.overloads[tuple(result.signature.args)] = result
+        else:
+            super().add_overload(result)
+
+    def _make(self, types: tuple[Any, ...], key: tuple[str, ...]) -> Any:
+        """Compile in full and keep the machine code."""
+        for report in _reports:
+            report(self.py_func.__name__)
+        self.overloads.pop(types, None)
+        with compiling_kernel(self.py_func.__qualname__), _no_collection():
+            super().compile(types)
+        made = self.overloads[types]
+        hand_environments(made.library)
+        if not made.library.has_dynamic_globals:
+            self._store.write(key, made._reduce())
+        return made.entry_point
+
+    def _take(self, found: Any) -> Any:
+        """Use machine code from the store."""
+        self.targetctx.refresh()
+        result = _Result._rebuild(self.targetctx, *found)
+        self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        self.add_overload(result)
+        return result.entry_point
+
+    def _key(self, types: tuple[Any, ...]) -> tuple[str, ...]:
+        """Name the machine code: the function, its types, the compiler and the processor."""
+        self.targetctx.refresh()
+        machine = map(str, self.targetctx.codegen().magic_tuple())
+        function = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        return (function, *map(str, types), numba.__version__, *machine)
+
+
+def _only_linked(result: Any) -> bool:
+    return getattr(result.library, "only_linked", False)
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Keep the garbage collector from the compiler's many objects, nearly all of which live on."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()

@@ -1,0 +1,95 @@
+"""Kernels do what their Python does, whether they were called or only linked before."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from decmcts.jit.kernel import Kernel, reported_to
+from decmcts.jit.store import Store
+
+pytestmark = pytest.mark.slow
+
+
+def kernels(folder: Path) -> tuple[Kernel, Kernel]:
+    """Return a kernel and another one it calls."""
+    store = Store(folder)
+
+    def half(values: np.ndarray, k: int) -> float:
+        if k >= len(values):
+            raise IndexError("beyond the end")
+        return values[k] / 2.0
+
+    inner = Kernel(half, store)
+
+    def halves(values: np.ndarray, count: int) -> float:
+        total = 0.0
+        for k in range(count):
+            total += inner(values, k)
+        return total
+
+    return Kernel(halves, store), inner
+
+
+def test_a_callee_is_linked_and_no_more(tmp_path: Path) -> None:
+    """Machine code and wrappers of what nobody calls took two fifths of the time."""
+    outer, inner = kernels(tmp_path)
+    assert outer(np.arange(4.0), 4) == 3.0
+    (linked,) = inner.overloads.values()
+    assert linked.library.only_linked
+    assert [path.name.split("-")[0] for path in tmp_path.glob("*.code")] == ["halves"]
+
+
+def test_a_callee_may_be_called_later(tmp_path: Path) -> None:
+    """Without machine code of its own it must be compiled in full, not run."""
+    outer, inner = kernels(tmp_path)
+    outer(np.arange(4.0), 4)
+    assert inner(np.arange(4.0), 3) == 1.5
+    assert outer(np.arange(4.0), 2) == 0.5
+
+
+def test_an_error_in_a_callee_is_raised(tmp_path: Path) -> None:
+    """Exceptions need the globals of the function they come from."""
+    outer, _ = kernels(tmp_path)
+    with pytest.raises(IndexError, match="beyond the end"):
+        outer(np.arange(4.0), 5)
+
+
+def test_other_types_are_compiled_for(tmp_path: Path) -> None:
+    """One function, several metrics."""
+    outer, _ = kernels(tmp_path)
+    assert outer(np.arange(4.0), 4) == outer(np.arange(4, dtype=np.float32), 4) == 3.0
+
+
+def test_a_second_kernel_takes_the_code_from_the_store(tmp_path: Path) -> None:
+    """Compiling once a machine is the point."""
+    made: list[str] = []
+    with reported_to(made.append):
+        kernels(tmp_path)[0](np.arange(4.0), 4)
+        kernels(tmp_path)[0](np.arange(4.0), 4)
+    assert made == ["halves"]
+
+
+TWICE = """
+import numpy as np
+from decmcts._kernels.tour import respects
+from decmcts.jit.kernel import reported_to
+with reported_to(print):
+    assert respects(np.arange(3, dtype=np.int32), np.array([0, 1, 1, 1]), np.array([1], np.int32))
+    assert not respects(np.array([1, 0, 2], np.int32), np.array([0, 1, 1, 1]),
+                        np.array([1], np.int32))
+"""
+
+
+def test_a_second_process_compiles_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code from the store runs as the code it was."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    command = [sys.executable, "-c", TWICE]
+    first, second = (subprocess.run(command, check=True, capture_output=True) for _ in range(2))
+    assert first.stdout == b"respects\n"
+    assert second.stdout == b""
