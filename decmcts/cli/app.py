@@ -132,4 +132,4 @@ def _failed(error: Exception | str, code: int) -> int:
 
 
 # The commands register themselves on `app`; imported last because they need it.
-from decmcts.cli import check, plan, post, team  # noqa: E402, F401  # registration needs `app`
+from decmcts.cli import check, plan, post, team, warming  # noqa: E402, F401  # registration needs `app`

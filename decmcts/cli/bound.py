@@ -56,7 +56,7 @@ def certify(
     reason = "stopped before one was proven" if stopped else _too_large(len(problem), allowed_s)
     if reason:
         return {**said, name: None, "gap_percent": None, "bound_skipped": reason}
-    _compile_for(problem)
+    compile_bound(problem)
     found = lower_bound(problem, time_limit_s=allowed_s, upper_bound=travel)
     method: str = found.method
     if known is not None and known > found.bound:
@@ -70,7 +70,7 @@ def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:
     allowed_s = min(MOST_EARLY_S, EARLY_SHARE * time_limit_s)
     if len(problem) <= EXACT_UP_TO or _too_large(len(problem), allowed_s):
         return None
-    _compile_for(problem)
+    compile_bound(problem)
     return lower_bound(problem, time_limit_s=allowed_s).bound
 
 
@@ -106,7 +106,7 @@ def _too_large(n: int, allowed_s: float) -> str:
     return ""
 
 
-def _compile_for(problem: OrderProblem) -> None:
+def compile_bound(problem: OrderProblem) -> None:
     """Bound prints of no size, one exactly, so that compiling is off the clock."""
     for n in (3, EXACT_UP_TO + 1):
         lower_bound(replace(row_of(n), pace=problem.pace), time_limit_s=0.0)

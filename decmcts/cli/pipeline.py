@@ -17,6 +17,14 @@ import numpy as np
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
 from decmcts._kernels.ideals import WINDOW
+from decmcts.cli.ahead import (
+    FIRST,
+    bound_part,
+    compiled_beside,
+    is_compiled,
+    mark_compiled,
+    part_of,
+)
 from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound, row_of
 from decmcts.cli.quality import Quality, search_cooled
 from decmcts.cli.slicing import Slicing
@@ -32,8 +40,16 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.pace import pace_of
-from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order, toolpath_cost
+from decmcts.search.planners import (
+    KEEP_TIME,
+    PLANNERS,
+    Planner,
+    SearchResult,
+    plan_order,
+    toolpath_cost,
+)
 from decmcts.search.problem import OrderProblem
 from decmcts.search.spacing import Spacing, no_spacing
 from decmcts.team.alone import lone_machine
@@ -212,6 +228,26 @@ def compile_search(
             small, planner=planner, time_limit_s=COMPILING_S, seed=0, max_iterations=iterations,
             stop=stop,
         )  # fmt: skip
+    if isinstance(planner, str) and not stop():
+        mark_compiled(part_of(problem, planner))
+
+
+def begin_with(
+    problem: OrderProblem, planner: str, stop: Callable[[], bool]
+) -> str | Planner:
+    """Compile what a search needs; return the planner to begin with.
+
+    That is another one while the kernels of `hybrid` are still compiled beside this process,
+    and none that searches once `stop` says so.
+    """
+    part = part_of(problem, planner)
+    if planner != "hybrid" or is_compiled(part) or not compiled_beside(part):
+        compile_search(problem, planner, stop)
+        return "slicer" if stop() else planner
+    compile_search(problem, FIRST, stop)
+    if stop():
+        return "slicer"
+    return Meanwhile(PLANNERS[FIRST], PLANNERS[planner], lambda: is_compiled(part))
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:
@@ -243,16 +279,18 @@ def plan_single(
     stop: Callable[[], bool] = hooks.get("stop", lambda: False)
     before = before or source_plan(loaded)
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
-    if certificate and time_limit_s >= EARLY_FROM_S and not stop():
+    knows_bound = is_compiled(bound_part(seconds=problem.pace is not None))
+    if certificate and time_limit_s >= EARLY_FROM_S and knows_bound and not stop():
         announce("a first bound on the travel")
         hooks["bound"] = early_bound(problem, time_limit_s=time_limit_s)
-    if not stop():
-        announce(f"searching ({planner}, {time_limit_s:g} s)")
+    announce("preparing the search")
     started = time.perf_counter()
     lags, guess, spacing = _lags(loaded, before)
     sliced = source_toolpath(problem)
-    compile_search(problem, planner, stop)
-    chosen = "slicer" if stop() else planner
+    chosen = begin_with(problem, planner, stop)
+    if not stop():
+        began = "" if chosen == planner else f"; with {FIRST}, while the rest is compiled"
+        announce(f"searching ({planner}, {time_limit_s:g} s{began})")
 
     def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
         spaced = replace(problem, spacing=heeded)

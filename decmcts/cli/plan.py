@@ -10,6 +10,7 @@ from rich.console import Console
 
 from decmcts.cli import options as opt
 from decmcts.cli import sop
+from decmcts.cli.ahead import compilation_announced, compiling_beside, parts_of
 from decmcts.cli.app import app, machine_for
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
@@ -210,7 +211,11 @@ def run_single(
         )
         chosen = single_head_machine(chosen, 0)
     unit = "s" if objective == "time" else "mm"
-    with steps(time_limit_s=time_limit_s, unit=unit) as (announce, searched):
+    with (
+        steps(time_limit_s=time_limit_s, unit=unit) as (said, searched),
+        compilation_announced(said) as announce,
+        compiling_beside(parts_of(planner, objective, freedom)),
+    ):
         loaded = load(
             source,
             chosen,

@@ -22,6 +22,7 @@ STOPPING = "\ndecmcts: stopping, the best so far is written; {again} again write
 _asked = threading.Event()  # to stop, by any signal since `forget`
 _finished = threading.Event()  # everything asked for is written
 _numbers: list[int] = []  # of the signals that came
+_nothing_to_keep: list[Callable[[], bool]] = []
 
 
 def end_on_signals() -> None:
@@ -33,6 +34,11 @@ def end_on_signals() -> None:
             raise KeyboardInterrupt
 
     _handle(on_signal)
+
+
+def end_at_once_while(nothing_to_keep: Callable[[], bool]) -> None:
+    """Let the first signal end the program also in `interrupt_stops`, while this holds."""
+    _nothing_to_keep.append(nothing_to_keep)
 
 
 def ignore_signals() -> None:
@@ -68,7 +74,7 @@ def interrupt_stops() -> Iterator[Callable[[], bool]]:
         _numbers.append(number)
         if _finished.is_set():
             return
-        if _asked.is_set():
+        if _asked.is_set() or any(at_once() for at_once in _nothing_to_keep):
             raise KeyboardInterrupt
         _asked.set()
         again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name

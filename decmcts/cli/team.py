@@ -17,6 +17,7 @@ from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.supervisor import AgentStatus, LaunchError
 from decmcts.cli import options as opt
+from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside
 from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.first_check import refuse_unsound
@@ -32,7 +33,6 @@ from decmcts.cli.outputs import (
 from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
 from decmcts.cli.quality import Quality
 from decmcts.cli.signals import interrupt_stops
-from decmcts.cli.warm import compiling_ahead
 from decmcts.errors import InputError
 from decmcts.formats.gcode import refuse_for_heads
 from decmcts.formats.machine_file import load_machine
@@ -111,7 +111,7 @@ def run_team(
 
     With `writes` what no head's file could hold is refused before the search.
     """
-    with steps() as (announce, _):
+    with steps() as (said, _), compilation_announced(said) as announce:
         loaded = load(
             source,
             machine,
@@ -323,7 +323,7 @@ def demo(
     if folder.exists() and not folder.is_dir():
         raise InputError("is no folder", path=folder, advice="name another with --out")
     folder.mkdir(parents=True, exist_ok=True)
-    with compiling_ahead():
+    with compiling_beside([TEAM]):
         planned = run_team(
             example_path("plate.gcode.gz"),
             "dual-gantry",

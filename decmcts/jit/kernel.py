@@ -26,6 +26,7 @@ _Dispatcher: Any = registry.CPUDispatcher  # numba has no types of its own
 _Result: Any = CompileResult
 _normalized: Any = sigutils.normalize_signature
 _reports: list[Report] = []
+_compiled_now: list[str] = []  # kernels this process makes, or waits for
 
 
 @contextmanager
@@ -36,6 +37,11 @@ def reported_to(report: Report) -> Iterator[None]:
         yield
     finally:
         _reports.remove(report)
+
+
+def at_work() -> bool:
+    """Say whether a kernel is being compiled, or waited for, in this process."""
+    return bool(_compiled_now)
 
 
 class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
@@ -56,10 +62,12 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
             if compiling():
                 return super().compile(signature)
             key = self._key(types)
+            _compiled_now.append(key[0])
             try:
                 found = self._store.read_or_claim(key)
                 return self._make(types, key) if found is None else self._take(found)
             finally:
+                _compiled_now.pop()
                 self._store.release()
 
     def add_overload(self, result: Any) -> None:

@@ -29,6 +29,7 @@ if sys.platform != "win32":
 
 UNUSED_S = 30 * 86400.0  # a folder nobody has used for so long is removed
 SPILL = "DECMCTS_TEMPORARY_CACHE"  # environment variable: the temporary folder, for children
+MARK = "complete"  # begins the names of files that say that something is
 _DIGEST = 16  # bytes at the beginning of a file: what the rest must be
 
 Key = tuple[str, ...]
@@ -68,7 +69,7 @@ class Store:
 
     def read(self, key: Key) -> Any:
         """Return what was kept under a key, None if nothing was or the file is damaged."""
-        for folder in (self.folder, _spill()):
+        for folder in (self.folder, temporary_folder()):
             if folder is None:
                 continue
             try:
@@ -110,13 +111,17 @@ class Store:
         if claim is not None:
             claim.close()
 
+    def prepare(self) -> None:
+        """Make the folder, or the temporary one in its place."""
+        self._writable()
+
     def mark(self, name: str) -> None:
         """Say that what goes by this name is complete; lasts as long as the folder."""
-        self.write(("complete", name), True)
+        self.write((MARK, name), True)
 
     def marked(self, name: str) -> bool:
         """Say whether what goes by this name was said to be complete."""
-        return self.read(("complete", name)) is not None
+        return self.read((MARK, name)) is not None
 
     def _writable(self) -> Path:
         """Return the folder, made; the temporary one where that cannot be."""
@@ -128,7 +133,7 @@ class Store:
             raise PermissionError(13, os.strerror(13), str(self.folder))
         except OSError as error:
             Store.unwritable = Store.unwritable or error
-            return _spill() or _make_spill()
+            return temporary_folder() or _maketemporary_folder()
 
     def _mark_used(self) -> None:
         if not self._used:
@@ -179,12 +184,13 @@ def _locked(path: Path) -> Any:
     return file
 
 
-def _spill() -> Path | None:
+def temporary_folder() -> Path | None:
+    """Return what takes the place of folders that cannot be written, if it was needed."""
     folder = os.environ.get(SPILL)
     return Path(folder) if folder else None
 
 
-def _make_spill() -> Path:
+def _maketemporary_folder() -> Path:
     """Make the temporary folder, readable by this user only, and tell children of it."""
     folder = tempfile.mkdtemp(prefix="decmcts-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)

@@ -6,7 +6,8 @@ planner anytime and never worse than the source, whatever it does.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.seats import visits_cost
 from decmcts._kernels.tour import respects
 from decmcts.search.problem import OrderProblem, Seams
-from decmcts.search.stopping import Budget, Progress, StoppingCriterion
+from decmcts.search.stopping import AnyOf, Asked, Budget, Progress, StoppingCriterion
 
 
 class Incumbent:
@@ -57,7 +58,8 @@ class Incumbent:
         self.cost = self.source_cost
         self.iterations = 0
         self.notes: dict[str, float] = {}  # what a planner chose, by name
-        self._clock, self._criterion, self._report = clock, criterion, report
+        self._clock, self._report = clock, report
+        self._criterion: StoppingCriterion = criterion
         self.bound = bound  # what no sequence can cost less than, if known
         self._started, self._improved_at_s = clock(), 0.0
         self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
@@ -135,6 +137,20 @@ class Incumbent:
         if self._report is not None:
             self._report(now)
         return self._criterion(now)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the search shall end."""
+        return self._criterion(self.progress)
+
+    @contextmanager
+    def ending_when(self, asked: Callable[[], bool]) -> Iterator[None]:
+        """Let `tick` say stop also when `asked` does, within a `with`."""
+        usual, self._criterion = self._criterion, AnyOf((self._criterion, Asked(asked)))
+        try:
+            yield
+        finally:
+            self._criterion = usual
 
 
 def _allowed(seat: NDArray[np.int32], seams: Seams) -> bool:

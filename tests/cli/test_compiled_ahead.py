@@ -11,9 +11,9 @@ RECORD = """
 import sys
 from dataclasses import replace
 import numpy as np
-from numba.core.dispatcher import Dispatcher
 from decmcts.cli.pipeline import compile_search
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.jit import Kernel
 from decmcts.search.planners import plan_order
 from decmcts.search.spacing import no_spacing
 from tests.search.problems import random_problem, with_loops, with_pace
@@ -33,14 +33,14 @@ if kind == "cooling":
     problem = replace(problem, spacing=no_spacing(600))
 if ahead == "yes":
     compile_search(problem, planner)
-late, usual = [], Dispatcher.compile
+late, usual = [], Kernel.compile
 
 def recorded(self, signature):
     if self.overloads.get(tuple(signature)) is None:
         late.append(self.py_func.__name__)
     return usual(self, signature)
 
-Dispatcher.compile = recorded
+Kernel.compile = recorded
 plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=30_000)
 print(*late)
 """

@@ -2,15 +2,38 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
 import pytest
 
-from decmcts.cli.warm import compiling_ahead, main, smallest_job
+from decmcts.cli import ahead, warm
+from decmcts.cli.warm import compile_part, smallest_gcode, smallest_job
+from decmcts.formats.gcode import read_gcode
+from decmcts.jit import Store
+
+PART = "slicer for travel"  # needs next to nothing
+
+
+@pytest.fixture
+def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give this process and its children an empty cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("DECMCTS_TEMPORARY_CACHE", raising=False)
+    monkeypatch.setattr(ahead, "_store", Store(tmp_path / "decmcts" / "kernels-0"))
+    return tmp_path
 
 
 @pytest.mark.slow
-def test_smallest_job_is_planned_and_judged_without_fault() -> None:
+@pytest.mark.parametrize("part", [ahead.PRINT, ahead.TEAM])
+def test_the_smallest_jobs_are_planned_and_judged_without_fault(part: str) -> None:
     """The warm-up takes the same path as a real plan, so it must come to one."""
-    main()
+    compile_part(part)
+    assert ahead.is_compiled(part)
 
 
 def test_smallest_job_needs_both_layers_in_order() -> None:
@@ -18,7 +41,95 @@ def test_smallest_job_needs_both_layers_in_order() -> None:
     assert smallest_job().contours.layer.tolist() == [0, 0, 1, 1]
 
 
-def test_child_ends_with_the_body() -> None:
+@pytest.mark.slow
+def test_smallest_gcode_has_loops_and_lines_on_two_layers(tmp_path: Path) -> None:
+    """Else kernels for one of them would be compiled in the first real run."""
+    path = tmp_path / "smallest.gcode"
+    path.write_text(smallest_gcode())
+    contours = read_gcode(path)[0].contours
+    assert contours.layer.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
+    assert contours.closed.tolist() == [True, False] * 4
+
+
+def test_an_unknown_part_is_refused() -> None:
+    """A part that is skipped in silence would be compiled in a search's time."""
+    with pytest.raises(ValueError, match="no part 'nonsense'"):
+        compile_part("nonsense")
+
+
+def test_a_part_is_complete_once_it_was_said(fresh: Path) -> None:
+    """What was compiled before is not compiled again, also by another process."""
+    assert not ahead.is_compiled(PART)
+    ahead.mark_compiled(PART)
+    assert ahead.is_compiled(PART)
+
+
+def test_child_ends_with_the_body(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A finished program leaves no process behind, even when its body fails."""
-    with pytest.raises(ZeroDivisionError), compiling_ahead():
+    children = []
+
+    class Recorded(subprocess.Popen):  # type: ignore[type-arg]  # bytes or text, as asked
+        def __init__(self, *args: object, **options: object) -> None:
+            super().__init__(*args, **options)  # type: ignore[call-overload]  # passed on
+            children.append(self)
+
+    monkeypatch.setattr(subprocess, "Popen", Recorded)
+    with pytest.raises(ZeroDivisionError), ahead.compiling_beside([PART]):
+        assert ahead.compiled_beside(PART)
         raise ZeroDivisionError
+    assert [child.poll() is not None for child in children] == [True]
+    assert not ahead.compiled_beside(PART)
+
+
+def test_nothing_is_started_when_all_is_compiled(
+    fresh: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second process costs a second of start-up each time."""
+    ahead.mark_compiled(PART)
+    monkeypatch.setattr(subprocess, "Popen", None)
+    with ahead.compiling_beside([PART]):
+        assert not ahead.compiled_beside(PART)
+
+
+@pytest.mark.slow
+def test_the_child_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
+    """A killed program cannot tell its child to end; the end of a pipe does."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    command = [sys.executable, "-m", "decmcts.cli.warm", "hybrid for travel"]
+    child = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, env=environment
+    )
+    assert child.stdin is not None
+    child.stdin.close()
+    assert child.wait(timeout=60) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals there")
+def test_ctrl_c_while_compiling_ends_at_once(tmp_path: Path) -> None:
+    """Compiling takes a minute; nobody waits for it only to see nothing written."""
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    command = [sys.executable, "-m", "decmcts.cli", "plan", "examples/four_nuts.gcode.gz"]
+    command += ["-o", str(tmp_path / "out.gcode")]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as child:
+        assert child.stderr is not None
+        for line in child.stderr:
+            if "compiling" in line:
+                break
+        began = time.monotonic()
+        child.send_signal(signal.SIGINT)
+        assert child.wait(timeout=60) == 130
+        assert time.monotonic() - began < 30.0
+    assert not (tmp_path / "out.gcode").exists()
+
+
+def test_all_parts_are_made_by_something() -> None:
+    """`decmcts warm` names its parts; each must be one that a run asks for."""
+    asked = {
+        part
+        for objective in ("travel", "time")
+        for freedom in ("reversible", "seam")
+        for part in ahead.parts_of("hybrid", objective, freedom)
+    }
+    assert set(ahead.all_parts()) == asked | {ahead.TEAM}
+    assert warm.PLANNERS.keys() >= {"hybrid", "local"}

@@ -1,0 +1,169 @@
+"""What is compiled on this machine, by parts, and compiling the rest beside a run.
+
+A part is what one kind of run needs (`decmcts.cli.warm` makes them). That a part is
+complete is kept with the machine code; another version, numba or processor begins
+anew. See docs/adr/0007-compiled-at-first-use.md.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numba
+
+import decmcts._kernels
+import sim
+from decmcts.cli import signals
+from decmcts.cli.console import err
+from decmcts.jit import Store, cache_folder
+from decmcts.jit.kernel import at_work, reported_to
+from decmcts.jit.store import MARK, cache_home, remove_unused, size_of, temporary_folder
+from decmcts.search.problem import OrderProblem
+
+ABOUT = 65  # kernels a first `plan` compiles (docs/results/startup.md)
+EVERY_S = 3.0  # so often at most a line says what is compiled
+PRINT = "reading, scheduling, writing and judging a print"
+TEAM = "several heads"
+
+FIRST = "local"  # the planner a search begins with while the kernels of `hybrid` are compiled
+
+_said: list[str] = []  # why the cache cannot be written, once it was said
+_beside: list[str] = []  # parts that are being compiled in another process
+_folders = [Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim)]
+_store = Store(_folders[0])
+signals.end_at_once_while(at_work)
+
+
+def search_part(planner: str, *, seconds: bool, loops: bool) -> str:
+    """Name what a search needs: a planner, in mm or s, with loops entered anywhere or not."""
+    unit = "time" if seconds else "travel"
+    return f"{planner} for {unit}" + (", seams free" if loops else "")
+
+
+def bound_part(*, seconds: bool) -> str:
+    """Name what proving a bound needs."""
+    return f"bound on {'time' if seconds else 'travel'}"
+
+
+def parts_of(planner: str, objective: str, freedom: str) -> list[str]:
+    """Name what `decmcts plan` needs, in the order it is needed in."""
+    seconds, loops = objective == "time", freedom == "seam"
+    begins = [FIRST, planner] if planner == "hybrid" else [planner]
+    searches = [search_part(name, seconds=seconds, loops=loops) for name in begins]
+    return [searches[0], PRINT, bound_part(seconds=seconds), *searches[1:]]
+
+
+def compiled_beside(part: str) -> bool:
+    """Say whether a part is being compiled in another process this one started."""
+    return part in _beside
+
+
+def part_of(problem: OrderProblem, planner: str) -> str:
+    """Name what a search for this problem needs."""
+    return search_part(planner, seconds=problem.pace is not None, loops=problem.seams is not None)
+
+
+def all_parts() -> list[str]:
+    """Name everything that is compiled ahead, what most runs need first."""
+    parts = []
+    for objective, freedom in (("travel", "reversible"), ("time", "reversible"),
+                               ("travel", "seam"), ("time", "seam")):  # fmt: skip
+        parts += parts_of("hybrid", objective, freedom)
+    return [*dict.fromkeys(parts), TEAM]
+
+
+def is_compiled(part: str) -> bool:
+    """Say whether a part is complete on this machine."""
+    return _store.marked(_mark(part))
+
+
+def mark_compiled(part: str) -> None:
+    """Say that a part is complete on this machine."""
+    if not is_compiled(part):
+        _store.mark(_mark(part))
+
+
+def _mark(part: str) -> str:
+    compiler = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
+    return "|".join((part, _folders[1].name, numba.__version__, *map(str, compiler)))
+
+
+def kernels_made() -> int:
+    """Return how many kernels of this version there is machine code for."""
+    folders = [*_folders, *([spill] if (spill := temporary_folder()) else [])]
+    return sum(
+        not path.name.startswith(MARK) for folder in folders for path in folder.glob("*.code")
+    )
+
+
+def cache_line() -> str:
+    """Return one line on where the machine code is and how much of it there is."""
+    files, size = size_of(cache_home())
+    return f"{files} files of machine code, {size / 2**20:.0f} MiB, in {cache_home()}"
+
+
+@contextmanager
+def compiling_beside(parts: list[str]) -> Iterator[None]:
+    """Compile parts in a process beside the body of a `with`, if any is missing.
+
+    It ends with the body, or with this process if that is killed.
+    """
+    missing = [part for part in parts if not is_compiled(part)]
+    if not missing:
+        yield
+        return
+    remove_unused(cache_home())
+    for folder in _folders:
+        Store(folder).prepare()  # a temporary one must be known to the child
+    say_if_unwritable()
+    command = [sys.executable, "-m", "decmcts.cli.warm", *missing]
+    quiet = subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
+        _beside.extend(missing)
+        try:
+            yield
+        finally:
+            _beside.clear()
+            child.kill()
+
+
+@contextmanager
+def compilation_announced(announce: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    """Say what is compiled during which step; yields the callback for steps."""
+    step, said_at = "", 0.0
+
+    def say(text: str) -> None:
+        nonlocal step, said_at
+        step, said_at = text, 0.0
+        announce(text)
+
+    def compiles(name: str) -> None:
+        nonlocal said_at
+        say_if_unwritable()
+        now = time.monotonic()
+        if now - said_at >= EVERY_S:
+            said_at = now
+            made = kernels_made()
+            announce(
+                f"{step}: compiling {name}, once on this machine; {made} of about {ABOUT} done"
+            )
+
+    with reported_to(compiles):
+        yield say
+
+
+def say_if_unwritable() -> None:
+    """Say, once a run, that the cache cannot be written and what that costs."""
+    if Store.unwritable is None or _said:
+        return
+    _said.append(str(Store.unwritable))
+    err.print(
+        f"the cache of machine code cannot be written ({Store.unwritable}): what is missing is "
+        "compiled in every run; set XDG_CACHE_HOME to a folder that can be written",
+        soft_wrap=True,
+    )

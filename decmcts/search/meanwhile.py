@@ -1,0 +1,36 @@
+"""A planner that begins with another one, until what it needs itself is ready.
+
+On a machine where nothing is compiled yet the search begins with the planner whose
+kernels are few. When those of the other one are there, it goes on from the best
+sequence with the time that is left: phases whose share of it is over are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from decmcts.search.incumbent import Incumbent
+
+
+class _Planner(Protocol):
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Meanwhile:
+    """Let `first` search until `ready`, then `then`."""
+
+    first: _Planner
+    then: _Planner
+    ready: Callable[[], bool]
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Spend the budget."""
+        if not self.ready():
+            with incumbent.ending_when(self.ready):
+                self.first.plan(incumbent, seed=seed)
+            if incumbent.spent >= 1.0 or incumbent.stopped or not self.ready():
+                return
+        self.then.plan(incumbent, seed=seed)

@@ -1,0 +1,50 @@
+"""A search that begins with another planner must lose neither its time nor its best sequence."""
+
+from __future__ import annotations
+
+from decmcts.search.incumbent import Incumbent
+from decmcts.search.meanwhile import Meanwhile
+from decmcts.search.planners import plan_order
+from tests.search.problems import random_problem
+
+
+class Recorded:
+    """A planner that works in ticks of one iteration until it is told to stop."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Count until the incumbent says stop."""
+        while not incumbent.tick(1):
+            self.ticks += 1
+
+
+def searched(ready_after: int, iterations: int = 10) -> tuple[int, int]:
+    """Return the ticks each planner had, with the second ready after so many questions."""
+    first, then = Recorded(), Recorded()
+    asked = iter(range(10**6))
+    planner = Meanwhile(first, then, lambda: next(asked) >= ready_after)
+    plan_order(
+        random_problem(0, 4), planner=planner, time_limit_s=3600.0, seed=0,
+        max_iterations=iterations,
+    )  # fmt: skip
+    return first.ticks, then.ticks
+
+
+def test_ready_at_once_the_first_never_runs() -> None:
+    """On a warm machine the search is what was asked for."""
+    assert searched(ready_after=0)[0] == 0
+
+
+def test_the_second_takes_over_when_it_is_ready() -> None:
+    """Both share one budget."""
+    first, then = searched(ready_after=4)
+    assert first > 0
+    assert then > 0
+    assert first + then < 10
+
+
+def test_never_ready_the_first_has_all_the_time() -> None:
+    """A search shorter than compiling takes still searches."""
+    assert searched(ready_after=10**6) == (9, 0)
