@@ -18,7 +18,7 @@ import numpy as np
 
 from decmcts.cli.ahead import PRINT, TEAM, all_parts, is_compiled, mark_compiled
 from decmcts.cli.bound import compile_bound, row_of
-from decmcts.cli.outputs import write_single
+from decmcts.cli.outputs import draft_single
 from decmcts.cli.pipeline import compile_search, load, plan_single
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.digest import problem_digest
@@ -82,7 +82,7 @@ def compile_print() -> None:
         planned = plan_single(
             loaded, planner="slicer", freedom="reversible", time_limit_s=0.0, seed=0, announce=quiet
         )
-        write_single(planned, Path(folder) / "out.gcode")
+        draft_single(planned, Path(folder) / "draft.gcode", Path(folder) / "out.gcode")
 
 
 def compile_team() -> None:
