@@ -70,7 +70,7 @@ def step_seconds(lines: list[tuple[float, str]], wall_s: float) -> dict[str, flo
             if line.startswith(words):
                 begins.setdefault(name, seconds)
     marks = sorted(begins.items(), key=lambda item: item[1])
-    ends = [seconds for _, seconds in marks[1:]] + [wall_s]
+    ends = [*(seconds for _, seconds in marks), wall_s][1:]
     found = {f"{name}_s": end - at for (name, at), end in zip(marks, ends, strict=True)}
     if "search" in begins:
         found["search_begins_s"] = begins["search"]
