@@ -101,6 +101,11 @@ def kernels_made() -> int:
     )
 
 
+def how_far(made: int) -> str:
+    """Return how many kernels are made, beside how many a first run needs, while that tells."""
+    return f"{made} of about {ABOUT} done" if made < ABOUT else f"{made} done"
+
+
 def cache_line() -> str:
     """Return one line on where the machine code is and how much of it there is."""
     files, size = size_of(cache_home())
@@ -148,10 +153,7 @@ def compilation_announced(announce: Callable[[str], None]) -> Iterator[Callable[
         now = time.monotonic()
         if now - said_at >= EVERY_S:
             said_at = now
-            made = kernels_made()
-            announce(
-                f"{step}: compiling {name}, once on this machine; {made} of about {ABOUT} done"
-            )
+            announce(f"{step}: compiling {name}, once on this machine; {how_far(kernels_made())}")
 
     with reported_to(compiles):
         yield say
