@@ -16,7 +16,7 @@ from tests.cli.test_bad_input import SQUARE, gcode
 
 RESULT = {
     "schema", "input", "machine", "slicer", "edges", "barriers", "notes", "seconds", "before",
-    "after", "gain", "file_time_s", "verified", "written",
+    "after", "gain", "file_time_s", "verified", "written", "kept_source", "sliced_by",
 }  # fmt: skip
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "json-output.md"
 
@@ -54,7 +54,7 @@ def test_a_result_has_its_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str
     verdict = said(
         ["verify", str(made), "--source", str(source), "--machine", "paper"], capsys
     )  # same extrusions
-    assert verdict.keys() == {"schema", "file", "ok", "faults"}
+    assert verdict.keys() == {"schema", "file", "ok", "faults", "checked"}
     assert (verdict["schema"], verdict["ok"]) == ("decmcts-verdict/1", True)
 
 

@@ -165,7 +165,8 @@ def test_cooling_moves_no_seam_back(tmp_path):
     rule = "; cooling = 1\n; slowdown_below_layer_time = 30\n"
     closed = two_towers(rule).replace("Y50.4 E.3", "Y50.06 E.29775")
     text = closed.replace("F240\n", "F600\n")
-    _, document = plan(tmp_path, "--freedom", "seam", "--seam", "rear", text=text)
+    asked = ("--freedom", "seam", "--seam", "rear", "--allow-slower")
+    _, document = plan(tmp_path, *asked, text=text)
     lane = document.plan.heads[0]
     rows = lane.kind == ActionKind.PRINT
     assert (lane.entry[rows] == seam_entries(document.contours, "rear").vertices[0]).all()
