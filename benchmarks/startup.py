@@ -139,7 +139,11 @@ def main() -> None:
             measure(model, options, rows)
     mine = [r for r in rows.rows if float(r["limit_s"]) == options.time_limit]
     said = setting(
-        note=options.note, time_limit=f"{options.time_limit:g} s", machine="paper", options="the defaults", seed=0
+        note=options.note,
+        time_limit=f"{options.time_limit:g} s",
+        machine="paper",
+        options="the defaults",
+        seed=0,
     )
     text = f"# Start-up\n\n{said}\n\nRepeat: `python benchmarks/startup.py`. Wall time of the "
     text += "whole of `decmcts plan PRINT -o OUT`, from start to exit, in seconds: reading, "

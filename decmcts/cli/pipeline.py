@@ -232,9 +232,7 @@ def compile_search(
         mark_compiled(part_of(problem, planner))
 
 
-def begin_with(
-    problem: OrderProblem, planner: str, stop: Callable[[], bool]
-) -> str | Planner:
+def begin_with(problem: OrderProblem, planner: str, stop: Callable[[], bool]) -> str | Planner:
     """Compile what a search needs; return the planner to begin with.
 
     That is another one while the kernels of `hybrid` are still compiled beside this process,
