@@ -71,7 +71,8 @@ def attempt(path: Path, limit: float) -> dict[str, Any]:
 def arrow(row: dict[str, str], key: str) -> str:
     """Return what a figure was and is, nothing where the file does not show it."""
     was, now = row[f"{key}_before"], row[f"{key}_after"]
-    return f"{float(was):.0f} → {float(now):.0f}" if was and now else ""
+    known = {was, now}.isdisjoint({"", "None"})
+    return f"{float(was):.0f} → {float(now):.0f}" if known else ""
 
 
 def kept(row: dict[str, str]) -> str:

@@ -34,8 +34,9 @@ from sim.seams import seams_of_plan
 from sim.written import verify_written
 
 STDOUT = Path("-")  # as an output: standard output
-SAME_TIME_S = 1.0  # times of whole files that differ by less are the same: feeds and positions
-# are written anew with the source's decimals, which moves the estimate by a fraction of a second
+SAME_TIME_S = 0.25, 1.0  # times of whole files that differ by less are the same, for short prints
+SAME_TIME_SHARE = 1e-3  # and for long ones; between them this share. Feeds and positions are
+# written anew with the source's decimals, which moves the estimate by a fraction of a second
 
 
 def refuse_unwritable(paths: Sequence[Path | None], source: Path) -> None:
@@ -183,12 +184,18 @@ class FileTimes:
     @property
     def longer(self) -> bool:
         """Whether the result takes longer than its source."""
-        return self.before_s is not None and self.after_s > self.before_s + SAME_TIME_S
+        return self.before_s is not None and is_longer(self.before_s, self.after_s)
 
     @property
     def kept(self) -> bool:
         """Whether the result is the source as it was."""
         return self.refused_s is not None
+
+
+def is_longer(before_s: float, after_s: float) -> bool:
+    """Say whether a time is longer than another by more than writing a file anew may do."""
+    least, most = SAME_TIME_S
+    return after_s > before_s + min(max(least, SAME_TIME_SHARE * before_s), most)
 
 
 def file_time_line(
@@ -201,7 +208,7 @@ def file_time_line(
     Some slicers lift while they travel.
     """
     line = f"print time of the whole file: {clock_time(before_s)} → {clock_time(after_s)}"
-    if after_s <= before_s + SAME_TIME_S:
+    if not is_longer(before_s, after_s):
         return line
     kind = "travel that leaves the part" if combs else "travel"
     habit = (

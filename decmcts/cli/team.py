@@ -22,9 +22,9 @@ from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.first_check import refuse_unsound
 from decmcts.cli.outputs import (
-    SAME_TIME_S,
     figures,
     head_files,
+    is_longer,
     refuse_other_suffixes,
     refuse_unwritable,
     write_extras,
@@ -286,7 +286,7 @@ def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
         f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "
         f"at most {after['bound']['speedup']:.2f}x faster is possible here"
     )
-    if after["makespan_s"] > before["makespan_s"] + SAME_TIME_S:
+    if is_longer(before["makespan_s"], after["makespan_s"]):
         out.print(
             f"longer than one head in the source's own order ({before['makespan_s']:,.0f} s): "
             "print the source",

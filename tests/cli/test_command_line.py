@@ -59,7 +59,7 @@ def test_time_as_the_objective_is_named_and_never_worse(tmp_path, capsys):
     source, made = tmp_path / "part.gcode", tmp_path / "out.gcode"
     source.write_text(gcode("M204 P700\nM203 X55\n" + SQUARE))
     words = ["plan", str(source), "--machine", "paper", "--time-limit", "0.1", "--json"]
-    assert run([*words, "--objective", "time", "-o", str(made)]) == 0
+    assert run([*words, "--objective", "time", "-o", str(made), "--allow-slower"]) == 0
     said = json.loads(capsys.readouterr().out)
     before, after = said["before"], said["after"]
     assert after["objective"] == "time"

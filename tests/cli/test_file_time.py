@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from decmcts.cli.console import gain_table
-from decmcts.cli.outputs import file_time_line
+from decmcts.cli.outputs import file_time_line, is_longer
 
 
 @pytest.mark.parametrize(("after_s", "longer"), [(1000.0, False), (1036.0, False), (1109.0, True)])
@@ -35,3 +35,13 @@ def test_a_print_without_retraction_is_not_said_to_retract() -> None:
     line = file_time_line(1035.0, 1109.0, None)
     assert "retracted" not in line
     assert "print the source" in line
+
+
+@pytest.mark.parametrize(
+    ("before_s", "after_s", "longer"),
+    [(10.0, 10.2, False), (88.4, 89.3, True), (500.0, 500.4, False), (500.0, 500.6, True),
+     (9000.0, 9000.9, False), (9000.0, 9001.1, True)],
+)  # fmt: skip
+def test_what_counts_as_longer(before_s, after_s, longer):
+    """A short print is not given away for a whole second: 88 s became 89 s, and was written."""
+    assert is_longer(before_s, after_s) is longer

@@ -41,7 +41,7 @@ def test_a_result_has_its_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str
     """`plan` and `post` say the same of the same; `post` after the file is rewritten."""
     source, made = tmp_path / "part.gcode", tmp_path / "out.gcode"
     source.write_text(gcode(SQUARE))
-    words = [str(source), "--machine", "paper", "--time-limit", "0.1"]
+    words = [str(source), "--machine", "paper", "--time-limit", "0.1", "--allow-slower"]
     planned = said(["plan", *words, "-o", str(made)], capsys)
     assert set(planned) == RESULT
     assert planned["schema"] == "decmcts-result/1"

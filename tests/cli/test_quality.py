@@ -56,7 +56,17 @@ def plan(tmp_path, *options: str, text: str | None = None):
     """Plan the towers; returns the summary, the G-code and the plan."""
     source, out, kept = (tmp_path / name for name in ("in.gcode", "out.gcode", "plan.json"))
     source.write_text(two_towers() if text is None else text)
-    words = ["plan", str(source), "-o", str(out), "--plan", str(kept), "--machine", "mk4s"]
+    words = [
+        "plan",
+        str(source),
+        "-o",
+        str(out),
+        "--plan",
+        str(kept),
+        "--machine",
+        "mk4s",
+        "--allow-slower",
+    ]
     code = run([*words, "--time-limit", "1", "--no-certificate", "--json", *options])
     assert code == 0
     return out.read_text(), read_plan(kept)
@@ -165,7 +175,7 @@ def test_cooling_moves_no_seam_back(tmp_path):
     rule = "; cooling = 1\n; slowdown_below_layer_time = 30\n"
     closed = two_towers(rule).replace("Y50.4 E.3", "Y50.06 E.29775")
     text = closed.replace("F240\n", "F600\n")
-    asked = ("--freedom", "seam", "--seam", "rear", "--allow-slower")
+    asked = ("--freedom", "seam", "--seam", "rear")
     _, document = plan(tmp_path, *asked, text=text)
     lane = document.plan.heads[0]
     rows = lane.kind == ActionKind.PRINT
