@@ -16,16 +16,9 @@ import numpy as np
 
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
-from decmcts._kernels.ideals import WINDOW
-from decmcts.cli.ahead import (
-    FIRST,
-    bound_part,
-    compiled_beside,
-    is_compiled,
-    mark_compiled,
-    part_of,
-)
-from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound, row_of
+from decmcts.cli.ahead import FIRST, bound_part, is_compiled
+from decmcts.cli.begin import begin_with, compile_search
+from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound
 from decmcts.cli.quality import Quality, search_cooled
 from decmcts.cli.slicing import Slicing
 from decmcts.errors import InputError, VerificationError
@@ -40,18 +33,16 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import (
     KEEP_TIME,
-    PLANNERS,
     Planner,
     SearchResult,
     plan_order,
     toolpath_cost,
 )
 from decmcts.search.problem import OrderProblem
-from decmcts.search.spacing import Spacing, no_spacing
+from decmcts.search.spacing import Spacing
 from decmcts.team.alone import lone_machine
 from decmcts.team.cooling import find_lags, print_times, source_times, spacing_of
 from decmcts.team.metrics import plan_metrics
@@ -63,7 +54,6 @@ from sim.verify import verify_plan
 Announce = Callable[[str], None]
 
 PARK_ABOVE_MM = 5.0
-COMPILING_S = 3600.0  # more than all kernels take on the slowest machine
 NO_QUALITY = Quality(edges=False, min_layer_time_s=0.0)
 
 
@@ -208,44 +198,6 @@ def search(
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
     compile_search(problem, planner)
     return plan_order(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
-
-
-def compile_search(
-    problem: OrderProblem, planner: str | Planner, stop: Callable[[], bool] = lambda: False
-) -> None:
-    """Search problems of no size just long enough to need every kernel, off the clock.
-
-    One solved exactly, one by trees, races and what joins them, one that must cool; none
-    once `stop` says so.
-    """
-    ahead = ((3, None, 100), (2 * WINDOW, None, 500), (3, no_spacing(3), 100))
-    for n, spacing, iterations in ahead:
-        if stop():
-            return
-        row = row_of(n, loops=problem.seams is not None)
-        small = replace(row, pace=problem.pace, spacing=spacing)
-        plan_order(
-            small, planner=planner, time_limit_s=COMPILING_S, seed=0, max_iterations=iterations,
-            stop=stop,
-        )  # fmt: skip
-    if isinstance(planner, str) and not stop():
-        mark_compiled(part_of(problem, planner))
-
-
-def begin_with(problem: OrderProblem, planner: str, stop: Callable[[], bool]) -> str | Planner:
-    """Compile what a search needs; return the planner to begin with.
-
-    That is another one while the kernels of `hybrid` are still compiled beside this process,
-    and none that searches once `stop` says so.
-    """
-    part = part_of(problem, planner)
-    if planner != "hybrid" or is_compiled(part) or not compiled_beside(part):
-        compile_search(problem, planner, stop)
-        return "slicer" if stop() else planner
-    compile_search(problem, FIRST, stop)
-    if stop():
-        return "slicer"
-    return Meanwhile(PLANNERS[FIRST], PLANNERS[planner], lambda: is_compiled(part))
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import typer
 
+from decmcts.cli.begin import COMPILING_S
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.outputs import STDOUT, name_of, put, refuse_unwritable
-from decmcts.cli.pipeline import COMPILING_S
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.sop import SopInstance, read_sop, tour_text

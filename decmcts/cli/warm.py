@@ -17,9 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from decmcts.cli.ahead import PRINT, TEAM, all_parts, is_compiled, mark_compiled
+from decmcts.cli.begin import compile_search
 from decmcts.cli.bound import compile_bound, row_of
 from decmcts.cli.outputs import draft_single
-from decmcts.cli.pipeline import compile_search, load, plan_single
+from decmcts.cli.pipeline import load, plan_single
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.digest import problem_digest
 from decmcts.formats.machine_file import load_machine

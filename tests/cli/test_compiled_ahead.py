@@ -11,7 +11,7 @@ RECORD = """
 import sys
 from dataclasses import replace
 import numpy as np
-from decmcts.cli.pipeline import compile_search
+from decmcts.cli.begin import compile_search
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.jit import Kernel
 from decmcts.search.planners import plan_order
