@@ -18,6 +18,14 @@ ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
 
 @pytest.fixture(autouse=True)
+def hangup_counts():
+    """Undo what `nohup` did to this process: a signal it ignores stays ignored, here and below."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.fixture(autouse=True)
 def nothing_heard() -> Iterator[None]:
     """Begin and end without a signal."""
     signals.forget()
