@@ -127,8 +127,11 @@ def _smallest_problem(part: str) -> OrderProblem:
 
 
 def _end_with_parent() -> None:
-    """End this process when its standard input ends: who started it is gone."""
-    while sys.stdin.buffer.read(1):
+    """End this process when its standard input ends: who started it is gone.
+
+    Read past Python's buffer, whose lock a thread may not hold while the interpreter ends.
+    """
+    while os.read(0, 1):
         pass
     os._exit(0)
 

@@ -133,3 +133,12 @@ def test_all_parts_are_made_by_something() -> None:
     }
     assert set(ahead.all_parts()) == asked | {ahead.TEAM}
     assert warm.PLANNERS.keys() >= {"hybrid", "local"}
+
+
+@pytest.mark.slow
+def test_a_child_with_nothing_left_ends_without_a_word():
+    """It watches its standard input in a thread; that once made the interpreter's end fatal."""
+    command = [sys.executable, "-m", "decmcts.cli.warm"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as child:
+        assert child.stderr is not None
+        assert (child.stderr.read(), child.wait()) == (b"", 0)
