@@ -83,6 +83,7 @@ CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3] / "shar
 
 @pytest.mark.shared
 @pytest.mark.slow
+@pytest.mark.skipif(not CORPUS.is_dir(), reason=f"no corpus of real prints at {CORPUS}")
 def test_real_files_with_clearances_have_a_machine():
     """27 prints of a dozen slicers state them; none may need a machine file."""
     heads = {}
