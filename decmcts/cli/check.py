@@ -29,30 +29,40 @@ from sim.seams import seams_of_file
 from sim.verify import verify_motions, verify_plan
 from sim.written import verify_written
 
+Result = Annotated[
+    list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
+]
+SourceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--source", rich_help_panel=opt.BASICS, metavar="FILE", help="The G-code it was made from"
+    ),
+]
+MadeFromOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan",
+        rich_help_panel=opt.BASICS,
+        metavar="FILE",
+        help="Of files of several heads: the plan.json they were made from",
+    ),
+]
+TrialsOption = Annotated[
+    int,
+    typer.Option(
+        rich_help_panel=opt.SEARCH,
+        metavar="N",
+        min=1,
+        help="Random timing trials of a joint plan",
+    ),
+]
+
 
 @app.command()
 def verify(
-    result: Annotated[
-        list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
-    ],
-    source: Annotated[
-        Path | None,
-        typer.Option(
-            "--source",
-            help="The G-code it was made from",
-            metavar="FILE",
-            rich_help_panel=opt.BASICS,
-        ),
-    ] = None,
-    plan: Annotated[
-        Path | None,
-        typer.Option(
-            "--plan",
-            help="Of files of several heads: the plan.json they were made from",
-            metavar="FILE",
-            rich_help_panel=opt.BASICS,
-        ),
-    ] = None,
+    result: Result,
+    source: SourceOption = None,
+    plan: MadeFromOption = None,
     machine: opt.MachineOption = None,
     process_order: opt.HeldProcessOption = None,
     quality: opt.HeldQualityOption = None,
@@ -60,22 +70,13 @@ def verify(
     max_layers_ahead: opt.HeldLeadOption = None,
     freedom: opt.HeldFreedomOption = None,
     seed: opt.SeedOption = 0,
-    trials: Annotated[
-        int,
-        typer.Option(
-            min=1,
-            metavar="N",
-            help="Random timing trials of a joint plan",
-            rich_help_panel=opt.SEARCH,
-        ),
-    ] = 3,
+    trials: TrialsOption = 3,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any."""
     for path in result:
         if not path.exists():
             raise InputError("no such file", path=path)
-    names = ", ".join(map(str, result))
     with steps() as (announce, _):
         announce(f"verifying {', '.join(path.name for path in result)}")
         held = Held(
@@ -89,20 +90,25 @@ def verify(
             verdict = judge_several(result, source, plan, machine, held, seed=seed, trials=trials)
         else:
             verdict = judge(result[0], source, machine, held, seed=seed, trials=trials)
+    show(verdict, ", ".join(map(str, result)), as_json=as_json)
+    if verdict.faults:
+        raise typer.Exit(1)
+
+
+def show(verdict: Verdict, names: str, *, as_json: bool) -> None:
+    """Print what was found in the files of these names, for a person or for a program."""
     if as_json:
         faults = [str(fault) for fault in verdict.faults]
         found = {"ok": not faults, "faults": faults, "checked": list(verdict.checked)}
         print_json("decmcts-verdict/1", {"file": names, **found})
-    else:
-        for fault in verdict.faults:
-            out.print(str(fault), soft_wrap=True, markup=False)
-        n = len(verdict.faults)
-        state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
-        for line in verdict.checked:
-            err.print(line, soft_wrap=True, markup=False)
-        err.print(f"{names}: {state}", soft_wrap=True)
-    if verdict.faults:
-        raise typer.Exit(1)
+        return
+    for fault in verdict.faults:
+        out.print(str(fault), soft_wrap=True, markup=False)
+    n = len(verdict.faults)
+    state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
+    for line in verdict.checked:
+        err.print(line, soft_wrap=True, markup=False)
+    err.print(f"{names}: {state}", soft_wrap=True)
 
 
 @dataclass(frozen=True, slots=True)

@@ -130,6 +130,7 @@ QualityOption = Annotated[
         show_default=False,
     ),
 ]
+_DAY_S = 86400.0
 CoolingOption = Annotated[
     float | None,
     typer.Option(
@@ -137,7 +138,7 @@ CoolingOption = Annotated[
         rich_help_panel=QUALITY,
         metavar="S",
         min=0.0,
-        max=86400.0,
+        max=_DAY_S,
         help="Seconds before a spot is printed over, or the source's if fewer; default: the "
         "slicer's rule, none with --no-quality or machine `paper`; 0: none",
     ),
@@ -164,12 +165,7 @@ HeldQualityOption = Annotated[
 HeldCoolingOption = Annotated[
     float | None,
     typer.Option(
-        "--min-layer-time",
-        rich_help_panel=QUALITY,
-        metavar="S",
-        min=0.0,
-        max=86400.0,
-        help=_HELD,
+        "--min-layer-time", rich_help_panel=QUALITY, metavar="S", min=0.0, max=_DAY_S, help=_HELD
     ),
 ]
 HeldLeadOption = Annotated[

@@ -43,29 +43,29 @@ from decmcts.team.alone import lone_machine, one_head_toolpaths
 from decmcts.team.bound import makespan_bound
 from decmcts.team.schedule import schedule
 
+StemOption = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        rich_help_panel=opt.BASICS,
+        metavar="STEM",
+        help="Stem of the G-code files, one a head",
+    ),
+]
+HeadsOption = Annotated[
+    str,
+    typer.Option(
+        "--machine", rich_help_panel=opt.BASICS, metavar="NAME|FILE", help="A machine with heads"
+    ),
+]
+
 
 @app.command()
 def launch(
     source: opt.Input,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="STEM",
-            help="Stem of the G-code files, one a head",
-            rich_help_panel=opt.BASICS,
-        ),
-    ] = None,
-    machine: Annotated[
-        str,
-        typer.Option(
-            "--machine",
-            metavar="NAME|FILE",
-            help="A machine with heads",
-            rich_help_panel=opt.BASICS,
-        ),
-    ] = "dual-gantry",
+    output: StemOption = None,
+    machine: HeadsOption = "dual-gantry",
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     quality: opt.QualityOption = None,
     max_layers_ahead: opt.LeadOption = None,
