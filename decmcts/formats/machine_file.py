@@ -16,7 +16,8 @@ from decmcts.errors import InputError
 from decmcts.formats.machine_dict import machine_from_dict
 from decmcts.formats.machine_fit import check_fits
 from decmcts.formats.prusa_geometries import machine_from_geometries
-from decmcts.formats.slicer_profile import machine_from_ini, machine_from_json, read_json
+from decmcts.formats.reading import one_line, read_bytes, read_json
+from decmcts.formats.slicer_profile import machine_from_ini, machine_from_json
 from decmcts.print.machine import Machine
 
 __all__ = [
@@ -88,12 +89,13 @@ def load_machine(name_or_path: str) -> Machine:
     """
     name = str(name_or_path)
     if name.lower() in preset_names():
-        return _read_toml(_presets() / f"{name.lower()}.toml", Path(f"{name.lower()}.toml"))
+        file = f"{name.lower()}.toml"
+        return _from_toml((_presets() / file).read_bytes(), Path(file))
     geometries = _GEOMETRIES.match(name)
     if geometries is not None:
         return _from_geometries(Path(geometries["file"]), geometries["name"])
     if name.lower().endswith(".toml"):
-        return _read_toml(Path(name), Path(name))
+        return _from_toml(read_bytes(Path(name)), Path(name))
     if name.lower().endswith(".json"):
         return _from_json(Path(name))
     if ini := _INI.match(name):
@@ -125,29 +127,24 @@ def _known(name: str) -> str:
     )
 
 
-def _read_toml(source: Traversable | Path, path: Path) -> Machine:
-    try:
-        text = source.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no UTF-8 text, so no machine file", path=path) from error
-    try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        found = _AT_LINE.search(str(error))
-        raise InputError(
-            _AT_LINE.sub("", str(error)),
-            path=path,
-            line=int(found[1]) if found else None,
-            advice="see docs/machine-format.md",
-        ) from error
+def _from_toml(content: bytes, path: Path) -> Machine:
+    with one_line(path, "machine file"):
+        try:
+            values = tomllib.loads(content.decode("utf-8"))
+        except tomllib.TOMLDecodeError as error:
+            found = _AT_LINE.search(str(error))
+            raise InputError(
+                _AT_LINE.sub("", str(error)),
+                path=path,
+                line=int(found[1]) if found else None,
+                advice="see docs/machine-format.md",
+            ) from error
     return machine_from_dict(values, path=path)
 
 
 def _from_json(path: Path) -> Machine:
     """Return the machine of a slicer's profile; Prusa's geometries need a name besides."""
-    values = read_json(path)
+    values = read_json(path, "profile")
     if "printers" in values:
         raise InputError(
             "which printer of this file?", path=path, advice=f"write {path}:MODEL, e.g. {path}:MK4S"

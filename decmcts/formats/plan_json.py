@@ -10,7 +10,6 @@ from __future__ import annotations
 import gc
 import io
 import json
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, fields
@@ -27,6 +26,7 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts
 from decmcts.formats.plan_contours import contours_from_dicts, contours_to_dicts
+from decmcts.formats.reading import one_line, read_bytes
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
 FORMAT = "decmcts-plan"
@@ -152,21 +152,9 @@ def _parse(path: Path) -> Any:
             raise InputError(f"the key {shown(twice)} stands twice in one table", path=path)
         return table
 
-    try:
-        content = unpacked(path.read_bytes(), path)
-        with _uncollected():
-            return json.loads(content, parse_constant=refuse, object_pairs_hook=once)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error})", path=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no UTF-8 text, so no plan", path=path) from error
-    except RecursionError as error:
-        raise InputError("is nested too deeply to be a plan", path=path) from error
-    except json.JSONDecodeError as error:
-        raise InputError(f"is no JSON: {error.msg}", path=path, line=error.lineno) from error
-    except ValueError as error:  # Python reads no integer of more digits than that
-        digits = sys.get_int_max_str_digits()
-        raise InputError(f"a number of more than {digits} digits", path=path) from error
+    content = unpacked(read_bytes(path), path)
+    with one_line(path, "plan"), _uncollected():
+        return json.loads(content, parse_constant=refuse, object_pairs_hook=once)
 
 
 @contextmanager

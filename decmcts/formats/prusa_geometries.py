@@ -8,7 +8,6 @@ tip. It holds neither bed nor motion limits.
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -21,8 +20,10 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.fields import Fields, fail
 from decmcts.formats.machine_dict import machine_from_dict
+from decmcts.formats.reading import read_json
 from decmcts.print.machine import Machine
 
+_KIND = "file of printer geometries"
 _KINDS = ("convex", "box")
 _UNKNOWN_BED_MM = 1000.0  # the file names no bed, so nothing is refused for its size
 
@@ -44,7 +45,7 @@ def machine_from_geometries(path: Path, name: str, *, like: Machine | None = Non
     InputError
         For an unreadable file, an unknown model, or shapes that are not convex.
     """
-    entry = _find(_read(path), name)
+    entry = _find(Fields(read_json(path, _KIND), "", path).tables("printers"), name)
     described = {
         "name": name.lower(),
         "source": f"PrusaSlicer printer geometries, {path.name}, {name.upper()}",
@@ -58,18 +59,6 @@ def machine_from_geometries(path: Path, name: str, *, like: Machine | None = Non
     return replace(
         machine, bed_min=like.bed_min, bed_max=like.bed_max, limits=like.limits, heads=heads
     )
-
-
-def _read(path: Path) -> list[Fields]:
-    try:
-        values = json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no UTF-8 text, so no JSON", path=path) from error
-    except json.JSONDecodeError as error:
-        raise InputError(f"is no JSON: {error.msg}", path=path, line=error.lineno) from error
-    return Fields.of(values, "", path).tables("printers")
 
 
 def _find(printers: list[Fields], name: str) -> Fields:

@@ -8,7 +8,6 @@ same file). What the values mean lives in `clearances`.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -18,6 +17,7 @@ from typing import Any
 from decmcts.errors import InputError
 from decmcts.formats.clearances import Setting, clearance_machine, read_clearances
 from decmcts.formats.gcode.limits import stated_limits
+from decmcts.formats.reading import one_line, read_bytes, read_json
 from decmcts.print.machine import Machine, MotionLimits
 
 LONGEST_CHAIN = 20  # profiles that inherit from each other; OrcaSlicer's have four
@@ -54,7 +54,7 @@ def machine_from_json(path: Path, profile: Mapping[str, Any]) -> Machine:
             raise InputError(f"inherits in a circle: {' < '.join(names[:SHOWN])}", path=path)
         names.append(parent)
         file = _inherited(parent, file, path)
-        profile = read_json(file)
+        profile = read_json(file, "profile")
 
 
 def _inherited(name: str, file: Path, path: Path) -> Path:
@@ -72,23 +72,6 @@ def _inherited(name: str, file: Path, path: Path) -> Path:
             "resources/profiles/VENDOR/machine)",
         )
     return there
-
-
-def read_json(path: Path) -> Mapping[str, Any]:
-    """Return the object in a JSON file; raises InputError where there is none."""
-    try:
-        values = json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no UTF-8 text, so no JSON", path=path) from error
-    except json.JSONDecodeError as error:
-        raise InputError(f"is no JSON: {error.msg}", path=path, line=error.lineno) from error
-    except RecursionError as error:
-        raise InputError("is no profile: too many brackets", path=path) from error
-    if not isinstance(values, dict):
-        raise InputError("is no profile: expected an object", path=path)
-    return values
 
 
 def _texts(profile: Mapping[str, Any]) -> Settings:
@@ -137,12 +120,8 @@ def machine_from_ini(path: Path, name: str | None) -> Machine:
 
 def _sections(path: Path) -> dict[str, Settings]:
     """Return the settings in each section of an INI file, those above all under ''."""
-    try:
-        lines = path.read_bytes().decode("utf-8").splitlines()
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
-    except UnicodeDecodeError as error:
-        raise InputError("is no UTF-8 text, so no profile", path=path) from error
+    with one_line(path, "profile"):
+        lines = read_bytes(path).decode("utf-8").splitlines()
     found: dict[str, Settings] = {"": {}}
     here = found[""]
     for number, line in enumerate(lines, 1):

@@ -15,6 +15,7 @@ from decmcts.errors import InputError
 from decmcts.formats.atomic import write_whole
 from decmcts.formats.bounds import unpacked
 from decmcts.formats.gcode.binary import SUFFIX, is_binary, pack, unpack
+from decmcts.formats.reading import read_bytes
 
 
 def load_text(path: Path | str) -> bytes:
@@ -25,7 +26,7 @@ def load_text(path: Path | str) -> bytes:
     InputError
         When the file cannot be read, is empty, damaged or no G-code at all.
     """
-    raw = _read(Path(path))
+    raw = read_bytes(Path(path))
     raw = unpacked(raw, path)
     if is_binary(raw):
         raw = unpack(raw, path)
@@ -40,13 +41,6 @@ def load_text(path: Path | str) -> bytes:
             advice="give the G-code as a slicer exports it",
         )
     return raw
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
 
 
 def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
@@ -76,7 +70,7 @@ def packed_text(text: bytes, out: Path, source: Path | None = None) -> bytes:
     InputError
         When it cannot be packed.
     """
-    old = _read(source) if source is not None and source.exists() else b""
+    old = read_bytes(source) if source is not None and source.exists() else b""
     like = old if is_binary(old) else None
     in_place = source is not None and source.exists() and out.exists() and out.samefile(source)
     if (like is not None) if in_place else out.suffix.lower() == SUFFIX:

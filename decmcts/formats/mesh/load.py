@@ -14,6 +14,7 @@ import trimesh
 
 from decmcts.errors import InputError
 from decmcts.formats.mesh.whole import is_text_stl, read_text_stl, whole
+from decmcts.formats.reading import read_bytes
 
 _LARGEST_MM = 1e5
 _NOTHING = "holds no triangles"
@@ -52,8 +53,9 @@ def load_solid(path: Path, center: tuple[float, float] | None) -> trimesh.Trimes
 
 def _read(path: Path) -> trimesh.Trimesh:
     """Return all triangles of a file, placed, in mm."""
+    content = read_bytes(path)
     try:
-        content = whole(path.read_bytes(), path)
+        content = whole(content, path)
         if path.suffix.lower() == ".stl" and is_text_stl(content):
             return read_text_stl(content, path)
         kind = path.suffix.lower()[1:]
@@ -63,8 +65,6 @@ def _read(path: Path) -> trimesh.Trimesh:
         return _joined(scene, path)
     except InputError:
         raise
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
     except KeyError as error:  # a 3MF file without items has no root in trimesh's scene
         raise InputError(_NOTHING, path=path, advice=_EXPORT) from error
     except Exception as error:  # trimesh's readers raise whatever their parsers raise

@@ -9,7 +9,7 @@ not follow `inherits`), so edited copies of those are handed on.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 
 from decmcts.errors import InputError
 from decmcts.formats.mesh.options import SliceOptions
+from decmcts.formats.reading import read_json
 
 CURA_DEFINITION = "resources/definitions/fdmprinter.def.json"
 _LIFT_MM = 10.0  # above the print, before the head parks
@@ -207,7 +208,8 @@ def _cura_settings(options: SliceOptions) -> list[tuple[str, str]]:
 
 def _orca(request: Request) -> SlicerCommand:
     """Return OrcaSlicer's command; it writes `plate_1.gcode` into a folder."""
-    profiles = {_orca_type(p, path): p for path in request.config for p in [_profile(path)]}
+    read = ((path, read_json(path, "profile of OrcaSlicer")) for path in request.config)
+    profiles = {_orca_type(profile, path): profile for path, profile in read}
     if not {"machine", "process"} <= profiles.keys():
         raise InputError(
             "OrcaSlicer takes its settings from profiles only: a machine and a process are needed",
@@ -249,17 +251,7 @@ def _orca_options(kind: str, options: SliceOptions) -> list[tuple[str, Any, str]
     return known[kind]
 
 
-def _profile(path: Path) -> dict[str, Any]:
-    try:
-        profile = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"is no profile of OrcaSlicer ({error})", path=path) from error
-    if not isinstance(profile, dict):
-        raise InputError("is no profile of OrcaSlicer (no JSON object)", path=path)
-    return profile
-
-
-def _orca_type(profile: dict[str, Any], path: Path) -> str:
+def _orca_type(profile: Mapping[str, Any], path: Path) -> str:
     """Return the kind of a profile; raises InputError for one its command line cannot read."""
     kind = profile.get("type")
     if kind not in ("machine", "process", "filament"):

@@ -1,0 +1,52 @@
+"""Files in: what every reader refuses in the same words, whatever the file is for."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from decmcts.errors import InputError
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return what a file holds; raises InputError where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
+
+
+def read_json(path: Path, kind: str) -> Mapping[str, Any]:
+    """Return the object in a JSON file that should be a `kind`.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read or holds no object.
+    """
+    content = read_bytes(path)
+    with one_line(path, kind):
+        values = json.loads(content)
+    if not isinstance(values, dict):
+        raise InputError(f"is no {kind}: expected an object", path=path)
+    return values
+
+
+@contextmanager
+def one_line(path: Path, kind: str) -> Iterator[None]:
+    """Turn what Python's readers raise of text that should be a `kind` into an InputError."""
+    try:
+        yield
+    except UnicodeDecodeError as error:
+        raise InputError(f"is no UTF-8 text, so no {kind}", path=path) from error
+    except RecursionError as error:
+        raise InputError(f"is nested too deeply to be a {kind}", path=path) from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"is no JSON: {error.msg}", path=path, line=error.lineno) from error
+    except ValueError as error:  # Python reads no integer of more digits than that
+        digits = sys.get_int_max_str_digits()
+        raise InputError(f"a number of more than {digits} digits", path=path) from error
