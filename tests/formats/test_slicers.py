@@ -110,7 +110,7 @@ def test_orcaslicer_gets_edited_copies_of_profiles(tmp_path):
         ([{"type": "machine"}], "a machine and a process are needed"),
         ([{"type": "process", "inherits": "0.20mm Standard"}], "inherits from '0.20mm Standard'"),
         ([{"type": "printer"}], "names no type of profile"),
-        ([["a list"]], "no JSON object"),
+        ([["a list"]], "is no profile of OrcaSlicer: expected an object"),
     ],
 )
 def test_profiles_orcaslicer_would_misread_are_refused(tmp_path, contents, said):
