@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode import Motions
 from decmcts.print.machine import Machine
 from sim.faults import LIMIT, Fault, FaultKind, listed
-from sim.material import Beads, Contact, UndecidedError, as_material, find_contacts, place_of
+from sim.material import Beads, Contact, as_material, find_contacts, or_undecided, place_of
 from sim.printed_file import beads_of, laying_moves, moves_array, moving
 
 FILE_TOLERANCE_MM = 2e-3  # overlap that counts as touching: files have three decimals
@@ -34,10 +34,7 @@ def check_file_material(
     """
     if not (np.asarray(motions.contour) >= 0).any():
         return []
-    try:
-        return _file_contacts(motions, match, machine, source)
-    except UndecidedError as error:
-        return [Fault(FaultKind.HEAD_MATERIAL, str(error))]
+    return or_undecided(lambda: _file_contacts(motions, match, machine, source))
 
 
 def _file_contacts(

@@ -9,6 +9,7 @@ the carriage's bodies are boxes, which only must not touch them.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from decmcts.print.machine import Head, Machine
 from sim import raster
 from sim.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
+from sim.faults import Fault, FaultKind
 from sim.overlap import meets
 
 FIRST = 1 << 16  # rows of candidates looked for at first
@@ -29,6 +31,14 @@ ENTRIES_EACH = 64  # and so many for each bead of a large print
 
 class UndecidedError(Exception):
     """The judge cannot say; a plan it cannot judge does not pass."""
+
+
+def or_undecided(check: Callable[[], list[Fault]]) -> list[Fault]:
+    """Return what a check finds; one that cannot decide is a fault itself."""
+    try:
+        return check()
+    except UndecidedError as error:
+        return [Fault(FaultKind.HEAD_MATERIAL, str(error))]
 
 
 @dataclass(frozen=True, slots=True)

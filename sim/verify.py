@@ -7,7 +7,7 @@ planner's algorithms is imported here, only its data types.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import combinations, permutations
 
 import numpy as np
@@ -25,7 +25,7 @@ from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.file_contacts import check_file_material
 from sim.growth import beads_for, moves_of
 from sim.inventory import compare, contour_segments, match_segments
-from sim.material import UndecidedError, as_material, find_contacts, place_of
+from sim.material import as_material, find_contacts, or_undecided, place_of
 from sim.order import PartialOrder, order_of
 from sim.order_rules import check_order, statements, usual_rules
 from sim.paths import check_head, check_once, check_structure, describe
@@ -87,13 +87,33 @@ def verify_plan(
     faults = check_structure(document)
     if faults:
         return Verdict(tuple(faults))
-    heads = document.machine.heads
     if digest is not None and digest != document.problem:
         text = f"the plan is for problem {document.problem!r}, expected {digest!r}"
         faults.append(Fault(FaultKind.DIGEST, text))
     lanes = lanes_of(document)
-    faults += check_once(document)
-    for actions, head in zip(lanes, heads, strict=True):
+    faults += _check_content(document, lanes, source, machine)
+    held = rules or document.rules or usual_rules(document.machine)
+    order = order_of(lanes)
+    counts: dict[str, float] = {"contours": len(document.contours)}
+    if isinstance(order, list):
+        lines = [f"{describe(lanes[h], a)} can never begin" for h, a in order]
+        faults += listed(FaultKind.DEADLOCK, lines)
+    else:
+        faults += check_order(document, source, lanes, order, held)
+        faults += _check_execution(document, lanes, order, counts, trials=trials, seed=seed)
+    counts["seconds"] = time.perf_counter() - started
+    return Verdict(tuple(faults), counts, statements(document, source, machine, held, rules))
+
+
+def _check_content(
+    document: PlanDocument,
+    lanes: tuple[HeadActions, ...],
+    source: PrintJob | None,
+    machine: Machine | None,
+) -> list[Fault]:
+    """Check what is printed where, in any order: J1, and the source and machine where given."""
+    faults = check_once(document)
+    for actions, head in zip(lanes, document.machine.heads, strict=True):
         faults += check_head(document.contours, actions, head)
     known = None if source is None else source.contours
     faults += check_extent(document.contours, known, lanes, document.machine)
@@ -103,23 +123,27 @@ def verify_plan(
         faults += check_contours(document.contours, source.contours)
     if machine is not None:
         faults += check_machine(document.machine, machine, source)
-    held = rules or document.rules or usual_rules(document.machine)
-    order = order_of(lanes)
-    counts: dict[str, float] = {"contours": len(document.contours)}
-    if isinstance(order, list):
-        lines = [f"{describe(lanes[h], a)} can never begin" for h, a in order]
-        faults += listed(FaultKind.DEADLOCK, lines)
-    else:
-        faults += check_order(document, source, lanes, order, held)
-        faults += check_times(lanes)
-        faults += _or_undecided(lambda: check_material(document, lanes, order, counts))
-        faults += check_heads(document, lanes, order)
-        faults += check_rail(document, lanes, order)
-        arrivals = [arrivals_of(document, lane) for lane in lanes]
-        faults += check_cooling(document, lanes, arrivals)
-        faults += check_replays(document, lanes, order, arrivals, counts, trials=trials, seed=seed)
-    counts["seconds"] = time.perf_counter() - started
-    return Verdict(tuple(faults), counts, statements(document, source, machine, held, rules))
+    return faults
+
+
+def _check_execution(
+    document: PlanDocument,
+    lanes: tuple[HeadActions, ...],
+    order: PartialOrder,
+    counts: dict[str, float],
+    *,
+    trials: int,
+    seed: int,
+) -> list[Fault]:
+    """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
+    faults = check_times(lanes)
+    faults += or_undecided(lambda: check_material(document, lanes, order, counts))
+    faults += check_heads(document, lanes, order)
+    faults += check_rail(document, lanes, order)
+    arrivals = [arrivals_of(document, lane) for lane in lanes]
+    faults += check_cooling(document, lanes, arrivals)
+    faults += check_replays(document, lanes, order, arrivals, counts, trials=trials, seed=seed)
+    return faults
 
 
 def verify_motions(
@@ -168,14 +192,6 @@ def verify_motions(
         "seconds": time.perf_counter() - started,
     }
     return Verdict(tuple(faults), counts)
-
-
-def _or_undecided(check: Callable[[], list[Fault]]) -> list[Fault]:
-    """Return what a check finds; one that cannot decide is a fault itself."""
-    try:
-        return check()
-    except UndecidedError as error:
-        return [Fault(FaultKind.HEAD_MATERIAL, str(error))]
 
 
 def lanes_of(document: PlanDocument) -> tuple[HeadActions, ...]:
