@@ -78,7 +78,7 @@ def _again(
         planned.loaded, planner=said["planner"], freedom=said["freedom"],
         seam=said.get("seam", "nearest"), seed=said["seed"], objective="time",
         time_limit_s=min(AGAIN_SHARE * said["time_limit_s"], AGAIN_MOST_S),
-        announce=announce, stop=stop,
+        announce=announce, before=planned.before, stop=stop,
     )  # fmt: skip
     first = draft.read_bytes()
     found = draft_single(other, draft, path)

@@ -256,18 +256,9 @@ def plan_single(
         )  # fmt: skip
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     announce("safe travels and times")
-    toolpath = result.toolpath
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, [toolpath])
-    plan = add_waits(loaded.job, loaded.machine, plan, lags)
-    timed = objective == "time" or len(lags.below) > 0
-    if timed and plan.makespan_s > before.plan.makespan_s:
-        # Lifts and waits the search does not see; never worse than the source.
-        own = before.plan
-        if sliced.entry.any():
-            own = schedule(loaded.job, loaded.machine, loaded.graph, [sliced])
-            own = add_waits(loaded.job, loaded.machine, own, lags)
-        if own.makespan_s < plan.makespan_s:
-            plan, toolpath = own, sliced
+    plan, toolpath = _scheduled(loaded, result.toolpath, lags), result.toolpath
+    if objective == "time" or len(lags.below):
+        plan, toolpath = _no_slower(loaded, before, (plan, toolpath), sliced, lags)
     bound: dict[str, Any] = {}
     if certificate:
         if not stop():
@@ -291,6 +282,29 @@ def plan_single(
     }
     after = document_of(loaded, plan, extra)
     return check(loaded, before, after, result.history, seconds, announce)
+
+
+def _scheduled(loaded: Loaded, order: Toolpath, lags: Lags) -> JointPlan:
+    """Schedule an order for one head, with waits for what must cool."""
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, [order])
+    return add_waits(loaded.job, loaded.machine, plan, lags)
+
+
+def _no_slower(
+    loaded: Loaded,
+    before: PlanDocument,
+    found: tuple[JointPlan, Toolpath],
+    sliced: Toolpath,
+    lags: Lags,
+) -> tuple[JointPlan, Toolpath]:
+    """Return what was found, or the source's order where lifts and waits make that quicker.
+
+    A search sees neither all lifts nor all waits.
+    """
+    if found[0].makespan_s <= before.plan.makespan_s:
+        return found
+    own = _scheduled(loaded, sliced, lags) if sliced.entry.any() else before.plan
+    return (own, sliced) if own.makespan_s < found[0].makespan_s else found
 
 
 def _as_sliced(plan: JointPlan) -> bool:
