@@ -120,6 +120,27 @@ def plan(
         writes=output is not None,
         remark=ONLY_SHOWN if only_shown else "",
     )
+    planned, times, paths = write(
+        planned, output, allow_slower=allow_slower, plan_file=plan_file, report=report,
+        picture=picture, sliced=sliced,
+    )  # fmt: skip
+    with written():
+        show(planned, paths, times, as_json=as_json, to=err if output == STDOUT else out)
+        if only_shown:
+            err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
+
+
+def write(
+    planned: Planned,
+    output: Path | None,
+    *,
+    allow_slower: bool,
+    plan_file: Path | None,
+    report: Path | None,
+    picture: Path | None,
+    sliced: Path | None,
+) -> tuple[Planned, FileTimes | None, list[Path]]:
+    """Write what was asked for; returns what it shows, its times and the names of the files."""
     times: FileTimes | None = None
     # a first Ctrl-C lets everything be written
     with interrupt_stops() as stop, steps() as (announce, _):
@@ -134,10 +155,7 @@ def plan(
         if sliced is not None and planned.loaded.sliced_by:
             save_text(Path(planned.loaded.document.path).read_bytes(), sliced)
             paths.append(sliced)
-    with written():
-        show(planned, paths, times, as_json=as_json, to=err if output == STDOUT else out)
-        if only_shown:
-            err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
+    return planned, times, paths
 
 
 def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) -> Slicing:
