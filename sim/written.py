@@ -9,7 +9,8 @@ really written.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -34,7 +35,7 @@ from sim.epochs import check_file_epochs
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.filament import check_owed, check_pulled, check_surplus
 from sim.file_contacts import check_file_material
-from sim.inventory import NO_MATCH, contour_segments, match_segments, places_of
+from sim.inventory import NO_MATCH, Segments, contour_segments, match_segments, places_of
 from sim.priming import check_file_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.seams import Moved, source_with
@@ -42,6 +43,20 @@ from sim.seams import Moved, source_with
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
 DWELL = re.compile(rb"^G4 P(\d+)", re.M)
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """A file as it was read back, beside what it was made from."""
+
+    text: bytes
+    motions: Motions
+    job: PrintJob  # what it was made from, seams as they had to move
+    document: GcodeDocument
+    laid: NDArray[np.int64]  # (n,) moves that lay beads, in the file's order
+    match: NDArray[np.int64]  # (n,) the segment of the job each of them is, or NO_MATCH
+    segments: Segments  # (m,) of the job
+    faults: tuple[Fault, ...]  # what reading found: other extrusions, another ending
 
 
 def verify_written(
@@ -61,36 +76,83 @@ def verify_written(
     say) are the source's own and are not reported.
     """
     try:
-        ours, ours_document, motions, ending = read_written(path, document)
+        written = _read_back(path, job, document, seams)
     except InputError as error:
-        return Verdict((Fault(FaultKind.STATE, f"the file cannot be read back: {error}"),))
+        return Verdict((_unreadable(error),))
+    theirs = cache(lambda: _moves_of(document))
+    faults = _check_state(written, theirs)
+    faults += _check_order(written)
+    faults += check_file_material(written.motions, written.match, machine, source=theirs)
+    if lane is not None:
+        faults += _check_waits(written.text, written.motions, written.laid, lane)
+    return Verdict(tuple(faults), {"moves": float(len(written.motions.line))})
+
+
+def check_state(
+    path: Path | str, job: PrintJob, document: GcodeDocument, *, seams: Sequence[Moved] = ()
+) -> list[Fault]:
+    """Check only what a file commands and what is in force and retracted where it prints.
+
+    For files whose moves are judged already (`sim.verify.verify_motions`).
+    """
+    try:
+        written = _read_back(path, job, document, seams)
+    except InputError as error:
+        return [_unreadable(error)]
+    return _check_state(written, cache(lambda: _moves_of(document)))
+
+
+def _unreadable(error: InputError) -> Fault:
+    return Fault(FaultKind.STATE, f"the file cannot be read back: {error}")
+
+
+def _read_back(
+    path: Path | str, job: PrintJob, document: GcodeDocument, seams: Sequence[Moved]
+) -> Written:
+    """Read a file that was made from a document; raises InputError where that fails."""
+    ours, ours_document, motions, ending = read_written(path, document)
     endings = ending_faults(document, ending)
     job, document = source_with(job, document, seams)
-    theirs = cache(lambda: _moves_of(document))
-    faults = listed(FaultKind.STATE, same_extrusions(job, document, ours, ours_document))
-    faults += listed(FaultKind.STATE, endings)
-    laid, match = laying_moves(motions), match_job(motions, job)
-    source = contour_of(job)
-    known = match != NO_MATCH
-    epoch = np.asarray(job.contours.epoch, np.int64)[source]
-    faults += check_file_epochs(np.asarray(motions.line)[laid], match, epoch)
-    printed = np.where(known, source[match], -1)
-    faults += check_file_priming(job.contours, printed, refills=job.refills)
-    text = load_text(path)
-    faults += check_commands(
-        text, document, np.asarray(motions.line)[laid[known]], epoch[match[known]]
-    )
-    places = places_of(contour_segments(job.contours))
-    faults += check_owed(
-        motions, laid[known], places[match[known]], (places, source), theirs,
-        expected=bool(document.owed.any()),
+    differences = same_extrusions(job, document, ours, ours_document)
+    faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
+    segments = contour_segments(job.contours)
+    return Written(
+        load_text(path), motions, job, document, laying_moves(motions),
+        match_segments(segments_of(motions), segments), segments, tuple(faults),
     )  # fmt: skip
-    faults += check_pulled(motions, job.settings.retract_mm, theirs)
-    faults += check_surplus(motions, theirs)
-    faults += check_file_material(motions, match, machine, source=theirs)
-    if lane is not None:
-        faults += _check_waits(text, motions, laid, lane)
-    return Verdict(tuple(faults), {"moves": float(len(motions.line))})
+
+
+def _check_state(written: Written, theirs: Callable[[], Motions | None]) -> list[Fault]:
+    """Check the commands of a file, and its filament, against the source's."""
+    motions, job, document = written.motions, written.job, written.document
+    known = written.match != NO_MATCH
+    laid, match = written.laid[known], written.match[known]
+    source = np.asarray(written.segments.place, np.int64)
+    epoch = np.asarray(job.contours.epoch, np.int64)[source[match]]
+    line = np.asarray(motions.line)[laid]
+    places = places_of(written.segments)
+    return [
+        *written.faults,
+        *check_commands(written.text, document, line, epoch),
+        *check_owed(
+            motions, laid, places[match], (places, source), theirs,
+            expected=bool(document.owed.any()),
+        ),
+        *check_pulled(motions, job.settings.retract_mm, theirs),
+        *check_surplus(motions, theirs),
+    ]  # fmt: skip
+
+
+def _check_order(written: Written) -> list[Fault]:
+    """Check that nothing moved across a barrier, and that what primes the nozzle stays first."""
+    contours, match = written.job.contours, written.match
+    source = np.asarray(written.segments.place, np.int64)
+    epoch = np.asarray(contours.epoch, np.int64)[source]
+    printed = np.where(match != NO_MATCH, source[match], -1)
+    return [
+        *check_file_epochs(np.asarray(written.motions.line)[written.laid], match, epoch),
+        *check_file_priming(contours, printed, refills=written.job.refills),
+    ]
 
 
 def _check_waits(
@@ -127,16 +189,6 @@ def _check_waits(
                 used = found + 1
             due = 0.0
     return listed(FaultKind.COOLING, lines)
-
-
-def match_job(motions: Motions, job: PrintJob) -> NDArray[np.int64]:
-    """Return for each laying move the segment of the contours it is, or NO_MATCH, (n,)."""
-    return match_segments(segments_of(motions), contour_segments(job.contours))
-
-
-def contour_of(job: PrintJob) -> NDArray[np.int64]:
-    """Return the contour of each laid segment, in the order of `contour_segments`."""
-    return np.asarray(contour_segments(job.contours).place, np.int64)
 
 
 def _moves_of(document: GcodeDocument) -> Motions | None:

@@ -15,19 +15,19 @@ from decmcts.cli.heads import judge_heads, judge_heads_alone, source_of
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.gcode import read_gcode, read_motions, read_result
+from decmcts.formats.gcode import read_gcode, read_result
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
-from sim.faults import FaultKind, Verdict
+from sim.faults import Verdict
 from sim.head_file import header_of
 from sim.order_rules import usual_rules
 from sim.seams import seams_of_file
 from sim.verify import verify_motions, verify_plan
-from sim.written import verify_written
+from sim.written import check_state
 
 Result = Annotated[
     list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
@@ -181,13 +181,12 @@ def judge(
     chosen, origin = machine_for(machine, source)
     if origin:
         err.print(origin, soft_wrap=True, markup=False)
-    job, print_text = read_gcode(source)
+    job, print_text, theirs = read_result(source)
     ours, _, motions = read_result(result)
     seams = list(seams_of_file(ours.contours, job.contours))
-    verdict = verify_motions(motions, read_motions(source), chosen, job=job, seams=seams)
-    written = verify_written(result, job, print_text, chosen, seams=seams)
-    more = [fault for fault in written.faults if fault.kind in (FaultKind.STATE, FaultKind.COMMAND)]
-    return Verdict((*verdict.faults, *more), verdict.counts)
+    verdict = verify_motions(motions, theirs, chosen, job=job, seams=seams)
+    state = check_state(result, job, print_text, seams=seams)
+    return Verdict((*verdict.faults, *state), verdict.counts)
 
 
 def judge_plan(
