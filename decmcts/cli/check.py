@@ -11,14 +11,13 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app, machine_for
 from decmcts.cli.console import err, out, print_json, steps
-from decmcts.cli.heads import judge_heads, judge_heads_alone, source_of
+from decmcts.cli.heads import judge_heads, judge_heads_alone, refuse_mesh, source_of
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, read_result
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.machine_file import load_machine, preset_names
-from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
@@ -171,12 +170,7 @@ def judge(
         )
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
-    if source.suffix.lower() in MESH_SUFFIXES:
-        raise InputError(
-            "what was made of a mesh cannot be compared with it",
-            path=source,
-            advice="verify against the slicer's G-code (`plan --sliced`), or verify plan.json",
-        )
+    refuse_mesh(source, "verify against the slicer's G-code (`plan --sliced`), or verify plan.json")
     refuse_head_file(result)
     chosen, origin = machine_for(machine, source)
     if origin:

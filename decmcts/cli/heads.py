@@ -20,36 +20,31 @@ from sim.heads import verify_heads
 from sim.verify import verify_plan
 
 
-def is_head_file(path: Path) -> bool:
-    """Tell whether a file says that it is one of several to be run together."""
-    return bool(header_of(load_text(path))[0])
-
-
-def ordered(paths: Sequence[Path]) -> list[Path]:
-    """Return the files of a plan in the order they say they have.
+def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Return the files of a plan in the order they say they have, and each one's head.
 
     Raises
     ------
     InputError
         When one of them is no file of one head of several.
     """
-    for path in paths:
-        if not path.exists():
-            raise InputError("no such file", path=path)
-        if not is_head_file(path):
+    headers = [(header_of(load_text(path)), path) for path in paths]
+    for (head, _), path in headers:
+        if not head:
             raise InputError(
                 "this is no file of one head of several",
                 path=path,
                 advice="name all files of one `launch` and nothing else",
             )
-    return sorted(paths, key=lambda path: header_of(load_text(path))[1])
+    headers.sort(key=lambda header: header[0][1])
+    return [path for _, path in headers], [head for (head, _), _ in headers]
 
 
 def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verdict:
     """Verify the files of all heads against the plan and the source they were made from."""
     job, document = read_gcode(source)
-    files = ordered(paths)
-    faults = misnamed(files, plan.machine)
+    files, named = ordered(paths)
+    faults = misnamed(files, named, plan.machine)
     parks = {head.name: head.park for head in plan.machine.heads}
     at = [parks[lane.head] for lane in plan.plan.heads]
     verdict = verify_heads(files, plan.plan, job, document, parks=at)
@@ -63,10 +58,10 @@ def judge_heads_alone(
     job, document = read_gcode(source)
     chosen = load_machine(machine or "dual-gantry")
     chosen = replace(chosen, limits=chosen.limits.under(job.limits))
-    paths = ordered(paths)
+    paths, named = ordered(paths)
     files = [read_head_file(path) for path in paths]
     names = {head.name: k for k, head in enumerate(chosen.heads)}
-    faults = misnamed(paths, chosen)
+    faults = misnamed(paths, named, chosen)
     if sorted(file.name for file in files) != sorted(names):
         there, due = ", ".join(file.name for file in files), ", ".join(names)
         text = f"there are files of heads {there}; machine {chosen.name} has {due}"
@@ -78,11 +73,10 @@ def judge_heads_alone(
     return Verdict((*faults, *altered, *verdict.faults, *more.faults), verdict.counts)
 
 
-def misnamed(paths: Sequence[Path], machine: Machine) -> list[Fault]:
+def misnamed(paths: Sequence[Path], named: Sequence[str], machine: Machine) -> list[Fault]:
     """Return the files whose name is another head's: they would go to its controller."""
     lines = []
-    for path in paths:
-        name, _ = header_of(load_text(path))
+    for path, name in zip(paths, named, strict=True):
         stem = path.name.removesuffix(".gz").removesuffix(".gcode")
         ends = [head.name for head in machine.heads if stem.endswith(f"_{head.name}")]
         if ends and name not in ends:
@@ -94,10 +88,13 @@ def source_of(source: Path | None) -> Path:
     """Return the source, which files of several heads cannot be judged without."""
     if source is None:
         raise InputError("G-code files need their source", advice="add --source IN.gcode")
+    refuse_mesh(source, "verify the plan.json of `launch --plan`")
+    return source
+
+
+def refuse_mesh(source: Path, advice: str) -> None:
+    """Raise InputError for a source that holds no extrusions to compare with."""
     if source.suffix.lower() in MESH_SUFFIXES:
         raise InputError(
-            "what was made of a mesh cannot be compared with it",
-            path=source,
-            advice="verify the plan.json of `launch --plan`",
+            "what was made of a mesh cannot be compared with it", path=source, advice=advice
         )
-    return source
