@@ -36,6 +36,9 @@ class FaultKind(Enum):
     MACHINE = "machine"
 
 
+SHOWN = 3  # faults told in one line
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """One broken rule, in one clear line."""
@@ -59,6 +62,11 @@ class Verdict:
     def ok(self) -> bool:
         """Whether no rule was broken."""
         return not self.faults
+
+    @property
+    def shown(self) -> str:
+        """The first faults in one line."""
+        return "; ".join(map(str, self.faults[:SHOWN]))
 
     def kinds(self) -> set[FaultKind]:
         """Return the kinds of the faults found."""

@@ -49,10 +49,9 @@ def refuse_unsound(loaded: Loaded, before: PlanDocument, *, writes: bool) -> Non
 def _refusal(loaded: Loaded, verdict: Verdict, line: int | None) -> InputError:
     """Return the error that says what is wrong with the source's own order."""
     count = len(verdict.faults)
-    shown = "; ".join(str(fault) for fault in verdict.faults[:3])
     return InputError(
         f"in its own order this print fails verification with {count} fault{'s' * (count > 1)}, "
-        f"so no other order is searched: {shown}",
+        f"so no other order is searched: {verdict.shown}",
         path=loaded.path,
         line=line,
         advice="export the G-code again, and report this if it stays so",

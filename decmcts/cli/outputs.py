@@ -290,10 +290,9 @@ def with_whole_files(planned: Planned, times: FileTimes) -> Planned:
 def require_sound(verdict: Verdict, path: Path) -> None:
     """Raise VerificationError if a text that was to be written to `path` has faults."""
     if not verdict.ok:
-        shown = "; ".join(str(fault) for fault in verdict.faults[:3])
         raise VerificationError(
             f"{path} was not written: its G-code failed verification with "
-            f"{len(verdict.faults)} faults: {shown}"
+            f"{len(verdict.faults)} faults: {verdict.shown}"
         )
 
 

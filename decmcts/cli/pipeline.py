@@ -347,10 +347,9 @@ def check(
     verdict = verify_plan(after, source=loaded.job)
     seconds = {**seconds, "verify": time.perf_counter() - started}
     if verdict.faults:
-        shown = "; ".join(str(fault) for fault in verdict.faults[:3])
         raise VerificationError(
             f"the plan failed verification with {len(verdict.faults)} faults "
-            f"and was not written: {shown}"
+            f"and was not written: {verdict.shown}"
         )
     return Planned(loaded, before, after, verdict, history, seconds)
 
