@@ -23,12 +23,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from decmcts._kernels.closure import TOUCH_MM
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 
 FRONT = (Role.SKIRT_BRIM, Role.WIPE_TOWER, Role.CUSTOM)
-TOUCH_MM = 0.05  # beads nearer than this touch
 
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]

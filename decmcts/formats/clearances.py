@@ -50,7 +50,7 @@ SETTINGS = (
 LARGEST_MM = 1000.0  # of a radius or a height: no printer of this kind is larger
 TALLEST_NOZZLE_MM = 20.0
 NOZZLE_HALF_MM = 5.0  # half of the nozzle's width, as PrusaSlicer has it (ArrangeHelper.cpp)
-UNKNOWN_BED_MM = 1000.0
+UNKNOWN_BED_MM = 1000.0  # where no bed is stated, so that nothing is refused for its size
 CORNERS = 24  # of the polygon around the cylinder
 UNCHANGED = (20.0, 20.0)  # radius and height in Slic3r and PrusaSlicer where nobody set them
 

@@ -40,8 +40,13 @@ def check_polygon(polygon: NDArray[np.float64], where: str, path: Path | str | N
 
 def covers_nozzle(polygon: NDArray[np.float64]) -> bool:
     """Tell whether the origin lies in a convex counter-clockwise polygon, edges included."""
-    ahead = np.roll(polygon, -1, axis=0)
-    return bool((polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0] >= 0.0).all())
+    return bool((_crossed(polygon) >= 0.0).all())
+
+
+def inner_radius(polygon: NDArray[np.float64]) -> float:
+    """Return the distance of the origin to the nearest side, below 0 outside."""
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    return float((_crossed(polygon) / np.linalg.norm(sides, axis=1)).min())
 
 
 def _turns(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -52,5 +57,10 @@ def _turns(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _area(polygon: NDArray[np.float64]) -> float:
+    return float(_crossed(polygon).sum() / 2.0)
+
+
+def _crossed(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (k,) cross products of each corner and the next."""
     ahead = np.roll(polygon, -1, axis=0)
-    return float((polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]).sum() / 2.0)
+    return np.asarray(polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0])

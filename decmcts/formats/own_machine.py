@@ -11,7 +11,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.clearances import (
@@ -20,6 +19,7 @@ from decmcts.formats.clearances import (
     clearance_machine,
     read_clearances,
 )
+from decmcts.formats.head_polygon import inner_radius
 from decmcts.formats.machine_file import load_machine, preset_by_clearances, preset_for_printer
 from decmcts.formats.slicer_settings import comment_settings
 from decmcts.print.machine import Machine
@@ -85,7 +85,7 @@ def holds(machine: Machine, found: Clearances) -> bool:
     """
     across = float(np.subtract(machine.bed_max, machine.bed_min).max())
     parts = [
-        (part.height_mm, _inner_radius(polygon))
+        (part.height_mm, inner_radius(polygon))
         for part in machine.heads[0].slices
         for polygon in part.polygons
     ]
@@ -93,10 +93,3 @@ def holds(machine: Machine, found: Clearances) -> bool:
     disc = max(radius for height, radius in parts if radius < across and height <= begin)
     rod = min((height for height, radius in parts if radius >= across), default=np.inf)
     return bool(disc >= found.radius - HAIR_MM and rod <= found.rod)
-
-
-def _inner_radius(polygon: NDArray[np.float64]) -> float:
-    """Return the distance of the origin to the nearest side, below 0 outside."""
-    ahead = np.roll(polygon, -1, axis=0)
-    cross = polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]
-    return float((cross / np.linalg.norm(ahead - polygon, axis=1)).min())

@@ -18,6 +18,7 @@ import shapely
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.formats.clearances import UNKNOWN_BED_MM
 from decmcts.formats.fields import Fields, fail
 from decmcts.formats.machine_dict import machine_from_dict
 from decmcts.formats.reading import read_json
@@ -25,7 +26,6 @@ from decmcts.print.machine import Machine
 
 _KIND = "file of printer geometries"
 _KINDS = ("convex", "box")
-_UNKNOWN_BED_MM = 1000.0  # the file names no bed, so nothing is refused for its size
 
 
 def machine_from_geometries(path: Path, name: str, *, like: Machine | None = None) -> Machine:
@@ -49,7 +49,7 @@ def machine_from_geometries(path: Path, name: str, *, like: Machine | None = Non
     described = {
         "name": name.lower(),
         "source": f"PrusaSlicer printer geometries, {path.name}, {name.upper()}",
-        "bed": {"min": [-_UNKNOWN_BED_MM] * 2, "max": [_UNKNOWN_BED_MM] * 2},
+        "bed": {"min": [-UNKNOWN_BED_MM] * 2, "max": [UNKNOWN_BED_MM] * 2},
         "heads": [{"name": "head", "slices": _slices(entry)}],
     }
     machine = machine_from_dict(described, path=path)
@@ -101,7 +101,7 @@ def _ring(text: str, where: str, path: Path | str | None) -> list[list[float]]:
         points = np.array([[float(v) for v in pair.split(",")] for pair in text.split(";")])
     except ValueError:
         points = np.empty((0, 0))
-    if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= _UNKNOWN_BED_MM).all():
+    if points.ndim != 2 or points.shape[1] != 2 or not (np.abs(points) <= UNKNOWN_BED_MM).all():
         fail(where, f"expected 'x,y;x,y;...', found {text!r}", path)
     return [list(map(float, row)) for row in _counter_clockwise(points, where, path)]
 
