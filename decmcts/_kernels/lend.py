@@ -16,7 +16,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic, overload
 from numba.np import arrayobj
 
-from decmcts._kernels.metric import Matrix, Timed
+from decmcts._kernels.metric import Matrix, Timed, TimedBare
 
 A = TypeVar("A")
 
@@ -51,6 +51,12 @@ def _lent(array: Any) -> Any:
         return lambda array: Timed(
             lent(array.points), array.speed, array.acceleration, array.z_speed,
             array.z_acceleration, array.hop_s, array.free_mm,
+        )  # fmt: skip
+    if getattr(array, "instance_class", None) is TimedBare:
+        return lambda array: TimedBare(
+            lent(array.points), array.speed, array.acceleration, array.z_speed,
+            array.z_acceleration, array.hop_s, array.free_mm, array.bare_mm, array.climb_mm,
+            lent(array.walls),
         )  # fmt: skip
     if getattr(array, "instance_class", None) is Matrix:
         return lambda array: Matrix(lent(array.costs))

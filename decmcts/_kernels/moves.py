@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.lend import lent
-from decmcts._kernels.metric import Metric, distance
+from decmcts._kernels.metric import Metric, costs_the_same_back, distance
 from decmcts._kernels.pauses import Pauses, lent_pauses, retime, swap_keeps, turn_keeps
 
 
@@ -185,14 +185,14 @@ def inner_change(
     i: int,
     k: int,
 ) -> float:
-    """Return what turning [i, k) changes inside it: 0 where all contours turn."""
+    """Return what turning [i, k) changes inside it: 0 where all turn, but for bare climbs."""
     change = 0.0
     for p in range(i, k - 1):
         a, b = order[p], order[p + 1]
-        if turns[a] and turns[b]:
+        there, back = turned_entry(flip, turns, b) ^ 1, turned_entry(flip, turns, a)
+        if turns[a] and turns[b] and costs_the_same_back(metric, there, back):
             continue
-        there = turned_entry(flip, turns, b) ^ 1
-        change += distance(metric, there, turned_entry(flip, turns, a)) - after[a]
+        change += distance(metric, there, back) - after[a]
     return float(change)
 
 

@@ -30,32 +30,41 @@ EVERY_S = 3.0  # so often at most a line says what is compiled
 PRINT = "reading, scheduling, writing and judging a print"
 TEAM = "several heads"
 
+BARE = " with bare travels"
 FIRST = "local"  # the planner a search begins with while the kernels of `hybrid` are compiled
 
 _said: list[str] = []  # why the cache cannot be written, once it was said
 _beside: list[str] = []  # parts that are being compiled in another process
+_children: list[subprocess.Popen[bytes]] = []  # that process
 _folders = [Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim)]
 _store = Store(_folders[0])
 signals.end_at_once_while(at_work)
 
 
-def search_part(planner: str, *, seconds: bool, loops: bool) -> str:
-    """Name what a search needs: a planner, in mm or s, with loops entered anywhere or not."""
-    unit = "time" if seconds else "travel"
+def unit_of(*, seconds: bool, walls: bool) -> str:
+    """Name what is minimised: mm, s, or s where some travels inside walls cost less."""
+    return f"time{BARE if walls else ''}" if seconds else "travel"
+
+
+def search_part(planner: str, unit: str, *, loops: bool) -> str:
+    """Name what a search needs: a planner, a unit, loops entered anywhere or not."""
     return f"{planner} for {unit}" + (", seams free" if loops else "")
 
 
-def bound_part(*, seconds: bool) -> str:
+def bound_part(unit: str) -> str:
     """Name what proving a bound needs."""
-    return f"bound on {'time' if seconds else 'travel'}"
+    return f"bound on {unit}"
 
 
-def parts_of(planner: str, objective: str, freedom: str) -> list[str]:
-    """Name what `decmcts plan` needs, in the order it is needed in."""
-    seconds, loops = objective == "time", freedom == "seam"
+def parts_of(planner: str, objective: str, freedom: str, *, walls: bool = False) -> list[str]:
+    """Name what `decmcts plan` needs, in the order it is needed in.
+
+    `walls` tells that the source leaves travels bare, which is known once it was read.
+    """
+    unit, loops = unit_of(seconds=objective == "time", walls=walls), freedom == "seam"
     begins = [FIRST, planner] if planner == "hybrid" else [planner]
-    searches = [search_part(name, seconds=seconds, loops=loops) for name in begins]
-    return [searches[0], PRINT, bound_part(seconds=seconds), *searches[1:]]
+    searches = [search_part(name, unit, loops=loops) for name in begins]
+    return [searches[0], PRINT, bound_part(unit), *searches[1:]]
 
 
 def compiled_beside(part: str) -> bool:
@@ -65,7 +74,13 @@ def compiled_beside(part: str) -> bool:
 
 def part_of(problem: OrderProblem, planner: str) -> str:
     """Name what a search for this problem needs."""
-    return search_part(planner, seconds=problem.pace is not None, loops=problem.seams is not None)
+    return search_part(planner, unit_for(problem), loops=problem.seams is not None)
+
+
+def unit_for(problem: OrderProblem) -> str:
+    """Name what is minimised in this problem."""
+    pace = problem.pace
+    return unit_of(seconds=pace is not None, walls=pace is not None and pace.looks_at_walls)
 
 
 def all_parts() -> list[str]:
@@ -74,6 +89,8 @@ def all_parts() -> list[str]:
     for objective, freedom in (("travel", "reversible"), ("time", "reversible"),
                                ("travel", "seam"), ("time", "seam")):  # fmt: skip
         parts += parts_of("hybrid", objective, freedom)
+    for freedom in ("reversible", "seam"):
+        parts += parts_of("hybrid", "time", freedom, walls=True)
     return [*dict.fromkeys(parts), TEAM]
 
 
@@ -118,22 +135,37 @@ def compiling_beside(parts: list[str]) -> Iterator[None]:
 
     It ends with the body, or with this process if that is killed.
     """
+    try:
+        compile_beside(parts)
+        yield
+    finally:
+        _end_child()
+
+
+def compile_beside(parts: list[str]) -> None:
+    """Compile these parts, where any is missing, in place of what is compiled beside by now.
+
+    To be called within `compiling_beside`, once it is known what else is needed.
+    """
     missing = [part for part in parts if not is_compiled(part)]
     if not missing:
-        yield
         return
+    _end_child()
     remove_unused(cache_home())
     for folder in _folders:
         Store(folder).prepare()  # a temporary one must be known to the child
     say_if_unwritable()
     command = [sys.executable, "-m", "decmcts.cli.warm", *missing]
     quiet = subprocess.DEVNULL
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as child:
-        _beside.extend(missing)
-        try:
-            yield
-        finally:
-            _beside.clear()
+    _children.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet))
+    _beside.extend(missing)
+
+
+def _end_child() -> None:
+    """End the process that compiles beside this one, if there is one."""
+    _beside.clear()
+    while _children:
+        with _children.pop() as child:
             child.kill()
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
-from decmcts.cli.ahead import FIRST, bound_part, is_compiled
+from decmcts.cli.ahead import FIRST, bound_part, is_compiled, unit_for
 from decmcts.cli.begin import begin_with, compile_search
 from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound
 from decmcts.cli.quality import Quality, search_cooled
@@ -229,7 +229,7 @@ def plan_single(
     stop: Callable[[], bool] = hooks.get("stop", lambda: False)
     before = before or source_plan(loaded)
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
-    knows_bound = is_compiled(bound_part(seconds=problem.pace is not None))
+    knows_bound = is_compiled(bound_part(unit_for(problem)))
     if certificate and time_limit_s >= EARLY_FROM_S and knows_bound and not stop():
         announce("a first bound on the travel")
         hooks["bound"] = early_bound(problem, time_limit_s=time_limit_s)

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from decmcts.cli import options as opt
 from decmcts.cli import sop
-from decmcts.cli.ahead import compilation_announced, compiling_beside, parts_of
+from decmcts.cli.ahead import compilation_announced, compile_beside, compiling_beside, parts_of
 from decmcts.cli.app import app, machine_for
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
@@ -38,6 +38,7 @@ from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 from decmcts.formats.sop import is_sop
+from decmcts.search.pace import pace_of
 
 ONLY_SHOWN = (
     "nothing will be written, as neither -o nor --plan, --report or --picture is given: "
@@ -245,6 +246,8 @@ def run_single(
             own_limits=limits == "source",
             freedom=freedom,
         )
+        if objective == "time" and pace_of(loaded.job, loaded.machine.limits).looks_at_walls:
+            compile_beside(parts_of(planner, objective, freedom, walls=True))
         announce("the source's own order, judged before anything is searched")
         before = source_plan(loaded)
         refuse_unsound(loaded, before, writes=writes)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from decmcts.cli.ahead import PRINT, TEAM, all_parts, is_compiled, mark_compiled
+from decmcts.cli.ahead import BARE, PRINT, TEAM, all_parts, is_compiled, mark_compiled
 from decmcts.cli.begin import compile_search
 from decmcts.cli.bound import compile_bound, row_of
 from decmcts.cli.outputs import draft_single
@@ -28,6 +28,7 @@ from decmcts.formats.mesh import SliceOptions
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
+from decmcts.print.walls import outer_walls
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import PLANNERS
 from decmcts.search.problem import OrderProblem
@@ -122,7 +123,10 @@ def compile_part(part: str) -> None:
 def _smallest_problem(part: str) -> OrderProblem:
     pace = None
     if "on time" in part or "for time" in part:
-        pace = pace_of(smallest_job(), load_machine("mk4s").limits)
+        job = smallest_job()
+        pace = pace_of(job, load_machine("mk4s").limits)
+        if BARE in part:
+            pace = replace(pace, hop_s=1.0, bare_mm=100.0, walls=outer_walls(job.contours))
     return replace(row_of(3, loops="seams free" in part), pace=pace)
 
 

@@ -198,9 +198,9 @@ def filament_time(length_mm: float, feed: float, limits: MotionLimits) -> float:
     return float(program.seconds()[0])
 
 
-def retraction_time(settings: ProcessSettings, limits: MotionLimits, travel_mm: float) -> float:
-    """Return the seconds a travel of `travel_mm` spends wiping, retracting and priming again."""
-    if settings.retract_mm <= 0.0 or travel_mm < settings.retract_min_travel_mm:
+def retraction_time(settings: ProcessSettings, limits: MotionLimits) -> float:
+    """Return the seconds a retracted travel spends wiping, retracting and priming again."""
+    if settings.retract_mm <= 0.0:
         return 0.0
     wiped = min(settings.wipe_filament_mm, settings.retract_mm) if settings.wipe_mm > 0.0 else 0.0
     leg = np.array([[0.0, 0.0, 0.0], [settings.wipe_mm / 2.0, 0.0, 0.0]])

@@ -6,7 +6,7 @@ leaves travels inside the part bare (Cura's combing, PrusaSlicer's
 source's longest such travel, across no outer wall of its layer, its middle inside them.
 A change to the next layer stays bare where the source leaves such changes bare: it climbs no
 further than these do, and stays inside the walls of either layer. Travels, times and
-writers all ask here; the search prices by length alone.
+writers ask here, the search its kernel (`decmcts._kernels.walls.bare`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.walls import SAME_Z_MM, Walls, bare_travels, list_cells
+from decmcts._kernels.walls import (
+    HEAD,
+    LAYERS,
+    PER_LAYER,
+    SAME_Z_MM,
+    Walls,
+    bare_travels,
+    list_cells,
+)
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 
@@ -45,6 +53,11 @@ def outer_walls(contours: Contours) -> Walls:
     return _gridded(segments, begin[level, 2])
 
 
+def has_walls(walls: Walls) -> bool:
+    """Tell whether a print has outer walls that are known."""
+    return bool(walls[LAYERS] > 0.0)
+
+
 def walls_for(job: PrintJob) -> Walls:
     """Return the walls travels of this job are judged by; none if its source has no such habit."""
     return outer_walls(job.contours) if job.settings.bare_inside_mm > 0.0 else no_walls()
@@ -61,17 +74,17 @@ def _gridded(segments: NDArray[np.float64], height: NDArray[np.float64]) -> Wall
     cell = CELL_MM
     while (cells := int((np.floor((high - low) / cell) + 1.0).prod(axis=1).sum())) > MOST_CELLS:
         cell *= 2.0
-    size = (np.floor((high - low) / cell) + 1.0).astype(np.int64)
-    first = np.concatenate([[0], np.cumsum(size.prod(axis=1))[:-1]]).astype(np.int64)[: len(z)]
-    walls = Walls(
-        z, low, size, first, np.zeros(cells + 1, np.int64), np.empty(0, np.int32),
-        np.ascontiguousarray(segments, np.float64), cell,
-    )  # fmt: skip
+    size = np.floor((high - low) / cell) + 1.0
+    first = np.concatenate([[0.0], np.cumsum(size.prod(axis=1))[:-1]])[: len(z)]
+    layers = np.column_stack([z, low, size, first])
+    begin = HEAD + PER_LAYER * len(z)  # of the cells' starts
+    head = np.array([cell, len(z), begin, begin + cells + 1])
+    walls = np.concatenate([head, layers.ravel()])
     counts = np.zeros(cells, np.int64)
-    list_cells(layer, walls, counts, False)
+    list_cells(segments, layer, walls, counts, False)
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    walls = walls._replace(starts=starts, listed=np.empty(int(starts[-1]), np.int32))
-    list_cells(layer, walls, starts[:-1].copy(), True)
+    walls = np.concatenate([walls, starts, np.empty(4 * int(starts[-1]))])
+    list_cells(segments, layer, walls, starts[:-1].copy(), True)
     return walls
 
 
@@ -90,15 +103,7 @@ def bare_pairs(
     if longest_mm <= 0.0 or not len(starts):
         return np.zeros(len(starts), np.bool_)
     start, goal = (np.ascontiguousarray(p, np.float64) for p in (starts, goals))
-    stays = np.asarray(bare_travels(walls, longest_mm, start, goal))
-    rise = goal[:, 2] - start[:, 2]
-    climbs = np.flatnonzero((rise > SAME_Z_MM) & (rise <= climb_mm + SAME_Z_MM))
-    if len(climbs):
-        above, below = start[climbs], goal[climbs]
-        above[:, 2], below[:, 2] = goal[climbs, 2], start[climbs, 2]
-        stays[climbs] = bare_travels(walls, longest_mm, start[climbs], below)
-        stays[climbs] &= bare_travels(walls, longest_mm, above, goal[climbs])
-    return stays
+    return np.asarray(bare_travels(walls, longest_mm, climb_mm, start, goal))
 
 
 def retracted_paths(

@@ -7,20 +7,22 @@ outside, so that a bare problem (endpoints and precedence) can be solved too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.metric import Matrix, Metric, Timed, distance
+from decmcts._kernels.metric import Matrix, Metric, Timed, TimedBare, costliest, distance
 from decmcts._kernels.seats import choose_visits
 from decmcts._kernels.tour import longest_hop
+from decmcts._kernels.walls import Walls
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.seam import SeamPolicy, entry_points, exit_points, seam_entries
+from decmcts.print.walls import has_walls, no_walls
 from decmcts.search.spacing import Spacing
 
 Freedom = Literal["fixed", "reversible", "seam"]
@@ -39,6 +41,9 @@ class Pace:
     z_acceleration: float  # mm/s²
     hop_s: float = 0.0  # retraction, lift and their undoing
     free_mm: float = 0.0  # travels up to this length go without them
+    bare_mm: float = 0.0  # and those inside the walls up to this
+    climb_mm: float = 0.0  # which may climb so far
+    walls: Walls = field(default_factory=no_walls, compare=False)  # outer ones of the part
 
     def __post_init__(self) -> None:
         rates = (self.speed, self.acceleration, self.z_speed, self.z_acceleration)
@@ -46,6 +51,11 @@ class Pace:
             raise ValueError(f"speeds and accelerations {rates}: expected above 0")
         if not (self.hop_s >= 0.0 and self.free_mm >= 0.0):
             raise ValueError(f"hop {self.hop_s} s, free {self.free_mm} mm: expected 0 or more")
+
+    @property
+    def looks_at_walls(self) -> bool:
+        """Whether what a travel costs depends on walls; it takes longer to price then."""
+        return self.hop_s > 0.0 and self.bare_mm > self.free_mm and has_walls(self.walls)
 
 
 @dataclass(frozen=True)
@@ -217,7 +227,7 @@ class OrderProblem:
         ports[:, 2] = 0.0
         level = float(longest_hop(ports, self.reversible))
         ends = np.array([[0.0, 0.0, 0.0], [level, 0.0, rise]])
-        return float(distance(_timed(ends, self.pace), 0, 1))
+        return float(distance(costliest(_timed(ends, self.pace), ends), 0, 1))
 
     def ports(self) -> NDArray[np.float64]:
         """Return the endpoints as (2n, 3): port 2c is the start of contour c, 2c + 1 its end."""
@@ -234,8 +244,11 @@ def _seams(contours: Contours, policy: SeamPolicy) -> Seams:
     )
 
 
-def _timed(points: NDArray[np.float64], pace: Pace) -> Timed:
-    return Timed(
+def _timed(points: NDArray[np.float64], pace: Pace) -> Timed | TimedBare:
+    timed = Timed(
         points, pace.speed, pace.acceleration, pace.z_speed, pace.z_acceleration, pace.hop_s,
         pace.free_mm,
     )  # fmt: skip
+    if not pace.looks_at_walls:
+        return timed
+    return TimedBare(*timed, pace.bare_mm, pace.climb_mm, pace.walls)

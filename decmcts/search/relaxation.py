@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.arborescence import cheapest_arborescence
-from decmcts._kernels.metric import distance, points_of, with_points
+from decmcts._kernels.metric import costliest, distance, points_of
 from decmcts._kernels.pricing import (
     WORD,
     Boxes,
@@ -92,7 +92,7 @@ class Relaxation:
         self._list(np.union1d(n * n + self.first, self.passages.keys))
         self.escape = np.full(n, np.inf)
         corners = np.stack([points.min(axis=0), points.max(axis=0)])
-        self.reach = float(distance(with_points(self.ways.metric, corners), 0, 1))
+        self.reach = float(distance(costliest(self.ways.metric, corners), 0, 1))
 
     def prices(self, at: NDArray[np.float64]) -> Prices:
         """Return the multipliers, but those for passages, as prices of travels."""

@@ -43,7 +43,13 @@ class UnitOrder:
 
 
 def floor_of(job: PrintJob, machine: Machine, space: Space) -> Floor:
-    """Return the machine as the scheduling kernels take it."""
+    """Return the machine as the scheduling kernels take it.
+
+    Travels are retracted by length alone there. These times only rank what may come
+    next: nothing is safe because of them, and the exact ones (`decmcts.team.timing`) look at
+    walls. A look at walls in each of the many replays of a team's search would cost more
+    than it tells.
+    """
     settings, limits = job.settings, machine.limits
     feed, acceleration = level_travel(settings, limits)
     travel = np.array(
@@ -51,7 +57,7 @@ def floor_of(job: PrintJob, machine: Machine, space: Space) -> Floor:
             feed,
             acceleration,
             *upright_travel(settings, limits),
-            retraction_time(settings, limits, np.inf),
+            retraction_time(settings, limits),
             settings.retract_min_travel_mm,
         ]
     )

@@ -16,7 +16,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.jit import Kernel
 from decmcts.search.planners import plan_order
 from decmcts.search.spacing import no_spacing
-from tests.search.problems import random_problem, with_loops, with_pace
+from tests.search.problems import random_problem, with_bare, with_loops, with_pace
 
 planner, kind, ahead = sys.argv[1:]
 problem = random_problem(0, 600, density=0.002)
@@ -29,6 +29,8 @@ if kind == "loops":
     problem = with_loops(problem, 0)
 if kind == "time":
     problem = with_pace(problem)
+if kind == "bare":
+    problem = with_bare(problem)
 if kind == "cooling":
     problem = replace(problem, spacing=no_spacing(600))
 if ahead == "yes":
@@ -60,6 +62,7 @@ def late(planner: str, kind: str, *, ahead: bool) -> list[str]:
         ("hybrid", "narrow"),
         ("hybrid", "loops"),
         ("hybrid", "time"),
+        ("hybrid", "bare"),
         ("hybrid", "cooling"),
         ("mcts", "paths"),
         ("local", "loops"),

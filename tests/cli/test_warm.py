@@ -129,7 +129,8 @@ def test_all_parts_are_made_by_something() -> None:
         part
         for objective in ("travel", "time")
         for freedom in ("reversible", "seam")
-        for part in ahead.parts_of("hybrid", objective, freedom)
+        for walls in (False, True)
+        for part in ahead.parts_of("hybrid", objective, freedom, walls=walls)
     }
     assert set(ahead.all_parts()) == asked | {ahead.TEAM}
     assert warm.PLANNERS.keys() >= {"hybrid", "local"}

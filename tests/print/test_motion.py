@@ -143,13 +143,12 @@ def test_contour_times_use_each_segments_feed() -> None:
     assert contour_times(contours, LIMITS, set_500) == pytest.approx([2.0 + 0.1, 4.0 + 0.025])
 
 
-def test_only_long_travels_pay_for_retraction() -> None:
-    """Short travels are not retracted by the source either."""
+def test_a_retraction_pulls_and_pushes_the_filament() -> None:
+    """Both from rest to rest; a source that never retracts pays nothing."""
     settings = ProcessSettings(retract_mm=2.0, retract_feed=40.0, unretract_feed=20.0)
-    assert retraction_time(settings, LIMITS, 1.0) == 0.0
     due = 2 / 40 + 40 / 800 + 2 / 20 + 20 / 800
-    assert retraction_time(settings, LIMITS, 3.0) == pytest.approx(due)
-    assert retraction_time(ProcessSettings(), LIMITS, 100.0) == 0.0
+    assert retraction_time(settings, LIMITS) == pytest.approx(due)
+    assert retraction_time(ProcessSettings(), LIMITS) == 0.0
 
 
 def test_a_wipe_takes_its_part_of_the_retraction() -> None:
@@ -160,7 +159,7 @@ def test_a_wipe_takes_its_part_of_the_retraction() -> None:
     )  # fmt: skip
     pull, push = 2 * np.sqrt(1 / 800), 2 / 20 + 20 / 800  # 1 mm is too short to reach 40 mm/s
     wipe = 2 * (2 / 10 + 10 / 1000)
-    assert retraction_time(settings, LIMITS, 9.0) == pytest.approx(pull + push + wipe)
+    assert retraction_time(settings, LIMITS) == pytest.approx(pull + push + wipe)
 
 
 def test_limits_that_say_nothing_change_nothing() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.walls import _gridded
 from decmcts.search.incumbent import Incumbent
 from decmcts.search.problem import OrderProblem, Pace, Seams
 from decmcts.search.stopping import Budget, IterationLimit
@@ -55,6 +57,31 @@ def with_pace(problem: OrderProblem) -> OrderProblem:
     return replace(problem, pace=Pace(2.0, 1.5, 0.7, 1.1, hop_s=0.8, free_mm=2.5))
 
 
+def with_bare(problem: OrderProblem) -> OrderProblem:
+    """Price travels as `with_pace`, but for some inside walls: see `is_inside`."""
+    pace = Pace(
+        2.0, 1.5, 0.7, 1.1, hop_s=0.8, free_mm=2.5, bare_mm=4.2, climb_mm=1.0, walls=box_walls()
+    )
+    assert pace.looks_at_walls
+    return replace(problem, pace=pace)
+
+
+def box_walls() -> np.ndarray:
+    """Rectangles around the small box of `random_problem`, but for its rim on one side."""
+    segments, height = [], []
+    for z in range(5):
+        x, y = (2.5, 5.5) if z % 2 == 0 else (5.5, 2.5)
+        ring = [(-0.5, -0.5), (x, -0.5), (x, y), (-0.5, y), (-0.5, -0.5)]
+        segments += [(*p, *q) for p, q in pairwise(ring)]
+        height += [float(z)] * 4
+    return _gridded(np.array(segments), np.array(height))
+
+
+def is_inside(point: np.ndarray, z: float) -> bool:
+    """Tell whether a place is within the walls at z, from which no straight way leads out."""
+    return bool(point[0 if z % 2 == 0 else 1] < 2.5 and z < 5)
+
+
 def ways(problem: OrderProblem, c: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Where a contour may be entered, and where it is left then."""
     seams, ends = problem.seams, (problem.start[c], problem.end[c])
@@ -76,4 +103,6 @@ def price(problem: OrderProblem, a: np.ndarray, b: np.ndarray) -> float:
     ):
         ramps = min(way, speed**2 / rate)
         seconds += 2.0 * np.sqrt(ramps / rate) + (way - ramps) / speed
-    return float(seconds + (pace.hop_s if level + rise > pace.free_mm else 0.0))
+    inside = all(is_inside(p, z) for p in (a, b) for z in (a[2], b[2]))
+    bare = inside and level <= pace.bare_mm and a[2] <= b[2] <= a[2] + pace.climb_mm
+    return float(seconds + (pace.hop_s if level + rise > pace.free_mm and not bare else 0.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from decmcts._kernels.anneal import anneal
 from decmcts._kernels.descent import descend
+from decmcts._kernels.metric import costliest, distance
 from decmcts._kernels.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
 from decmcts._kernels.random import below, seeded, uniform
 from decmcts._kernels.sift import try_sift
@@ -19,7 +20,7 @@ from decmcts._kernels.tour import respects, tour_cost
 from decmcts.search.annealing import tour_of
 from decmcts.search.neighbours import near_ports
 from decmcts.search.problem import OrderProblem, Pace
-from tests.search.problems import random_problem, started
+from tests.search.problems import price, random_problem, started, with_bare
 
 
 def fresh_tour(problem: OrderProblem, group: np.ndarray | None = None) -> Tour:
@@ -60,6 +61,31 @@ def test_changes_are_true_for_seconds_and_bare_costs(seed: int, n: int, timed: b
     total, _ = anneal(tour, seeded(seed), 1.0, 500)
     assert plain_cost(problem, tour) == pytest.approx(before + total, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 30))
+def test_changes_are_true_where_a_climb_may_be_bare(seed: int, n: int) -> None:
+    """A travel up costs less than the same down: turning a segment changes what is inside it."""
+    problem = with_bare(random_problem(seed, n, density=0.05, turning=0.8))
+    tour = fresh_tour(problem)
+    before = tour_cost(problem.metric(), tour.order, tour.flip)
+    total, _ = anneal(tour, seeded(seed), 1.0, 500)
+    after = tour_cost(problem.metric(), tour.order, tour.flip)
+    assert after == pytest.approx(before + total, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bare_travels_are_priced_as_by_hand(seed: int) -> None:
+    """Inside rectangles that change from layer to layer, up one layer but never down."""
+    problem = with_bare(random_problem(seed, 40, density=0.0))
+    metric, ports = problem.metric(), problem.ports()
+    bare = 0
+    for a, b in product(range(80), repeat=2):
+        found = distance(metric, a, b)
+        assert found == pytest.approx(price(problem, ports[a], ports[b]))
+        bare += found < distance(costliest(metric, ports), a, b)
+    assert 50 < bare < 3000
 
 
 def plain_cost(problem: OrderProblem, tour: Tour) -> float:

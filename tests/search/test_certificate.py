@@ -20,7 +20,7 @@ from decmcts.search.certificate import Ascent, lower_bound
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import Freedom, OrderProblem
 from decmcts.search.relaxation import Relaxation
-from tests.search.problems import price, random_problem, ways, with_loops, with_pace
+from tests.search.problems import price, random_problem, ways, with_bare, with_loops, with_pace
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[2].parent / "shared"))
 
@@ -65,9 +65,10 @@ def relaxed_bound_of(problem: OrderProblem, rounds: int, target: float = 200.0) 
 
 
 def varied(problem: OrderProblem, seed: int) -> OrderProblem:
-    """The problem as it is, with loops, in seconds, or both, in turn."""
+    """The problem as it is, with loops, in seconds, or both, in turn; some with bare travels."""
     problem = with_loops(problem, seed) if seed // 2 % 2 else problem
-    return with_pace(problem) if seed // 4 % 2 else problem
+    paced = with_bare if seed // 8 % 2 else with_pace
+    return paced(problem) if seed // 4 % 2 else problem
 
 
 def layered_problem(seed: int) -> OrderProblem:
@@ -133,7 +134,7 @@ def test_travels_that_are_not_listed_are_bounded_too(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(8))
 def test_the_cheapest_travels_are_those_of_a_plain_search(seed: int) -> None:
     """Boxes of contours and of 64 contours may hide nothing."""
     n, width = 150, 3

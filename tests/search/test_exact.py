@@ -17,7 +17,7 @@ from decmcts.search.exact import Optimum, Patience, solve_exactly
 from decmcts.search.hybrid import Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem, Seams
-from tests.search.problems import price, random_problem, ways, with_loops, with_pace
+from tests.search.problems import price, random_problem, ways, with_bare, with_loops, with_pace
 
 
 def kinds(problem: OrderProblem, seed: int) -> OrderProblem:
@@ -27,7 +27,8 @@ def kinds(problem: OrderProblem, seed: int) -> OrderProblem:
         costs = np.random.default_rng(seed).integers(0, 30, (n, n)).astype(float)
         return replace(problem, reversible=np.zeros(n, np.bool_), costs=costs)
     problem = with_loops(problem, seed) if seed % 5 in (1, 3) else problem
-    return with_pace(problem) if seed % 5 in (2, 3) else problem
+    paced = with_bare if seed // 5 % 2 else with_pace
+    return paced(problem) if seed % 5 in (2, 3) else problem
 
 
 def layers(seed: int, count: int, each: int, *, apart: bool = False) -> OrderProblem:

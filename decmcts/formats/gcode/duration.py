@@ -27,6 +27,7 @@ from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program
+from decmcts.print.walls import has_walls
 
 STILL_MM = 1e-5  # filament that moves less does not
 _STOPS_G = (40, 280, 290, 920)  # G4, G28, G29, G92: moves end before them
@@ -87,7 +88,7 @@ def text_time(
     seconds = program.seconds()
     dwell = sum(_dwell(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
     changes = _change_seconds(lines, motion)
-    over = travel_over(program, walls) if walls is not None and len(walls.segments) else None
+    over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
     return FileTime(
         float(seconds.sum()), dwell, changes, seconds, line, retractions_of(program), over
     )

@@ -199,7 +199,9 @@ class Emitter:
     def approach(self, to: tuple[float, float, float]) -> None:
         """Go to the first bead: up, across, down.
 
-        Every axis is named, for where homing or a macro left the head is not known.
+        Every axis is named, for where homing or a macro left the head is not known. That
+        it is lifted over what lies there, outside the part, is why length alone decides
+        whether it is retracted.
         """
         if math.dist(self.at, to) >= self.settings.retract_min_travel_mm:
             self.retract()
