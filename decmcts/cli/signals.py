@@ -12,17 +12,30 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 Handler = Callable[[int, FrameType | None], Any] | int | None
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 STOPPING = "\ndecmcts: stopping, the best so far is written; {again} again writes nothing more\n"
+
+
+class Stopped(KeyboardInterrupt):
+    """A signal that ends the program.
+
+    A class of its own: `python -m` ends by SIGINT, whatever exit code is asked for, once
+    a bare KeyboardInterrupt has passed through an `exec`, and importing dataclasses is
+    full of them. Each is kept to the program's end, and with it what was at work when it
+    came: objects of LLVM, half handed over, must not be freed by two owners.
+    """
+
+
 _asked = threading.Event()  # to stop, by any signal since `forget`
 _finished = threading.Event()  # everything asked for is written
 _numbers: list[int] = []  # of the signals that came
 _nothing_to_keep: list[Callable[[], bool]] = []
+_raised: list[Stopped] = []  # kept: see `Stopped`
 
 
 def end_on_signals() -> None:
@@ -31,7 +44,7 @@ def end_on_signals() -> None:
     def on_signal(number: int, _frame: FrameType | None) -> None:
         _numbers.append(number)
         if not _finished.is_set():
-            raise KeyboardInterrupt
+            _end()
 
     _handle(on_signal)
 
@@ -75,7 +88,7 @@ def interrupt_stops() -> Iterator[Callable[[], bool]]:
         if _finished.is_set():
             return
         if _asked.is_set() or any(at_once() for at_once in _nothing_to_keep):
-            raise KeyboardInterrupt
+            _end()
         _asked.set()
         again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
         with contextlib.suppress(OSError):  # a handler may not wait for the console's lock
@@ -90,6 +103,12 @@ def interrupt_stops() -> Iterator[Callable[[], bool]]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+def _end() -> NoReturn:
+    """End the program, in order."""
+    _raised.append(Stopped())
+    raise _raised[-1]
 
 
 def _handle(handler: Handler) -> dict[int, Handler]:

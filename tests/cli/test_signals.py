@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
+import weakref
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -100,3 +103,41 @@ def test_the_exit_code_names_the_signal(number: signal.Signals) -> None:
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
     assert ended.returncode == 128 + number
+
+
+@pytest.mark.parametrize("number", ALL)
+def test_a_signal_while_modules_are_made_ends_with_its_own_code(
+    number: signal.Signals, tmp_path: Path
+) -> None:
+    """Dataclasses are made by `exec`: a bare KeyboardInterrupt in one ended `python -m` as if
+    by Ctrl-C, whatever code was asked for."""
+    (tmp_path / "stopped.py").write_text(
+        "import sys; from decmcts.cli import signals; signals.end_on_signals()\n"
+        "try:\n"
+        f"    exec('import os; os.kill(os.getpid(), {int(number)})')\n"
+        "except KeyboardInterrupt:\n"
+        "    sys.exit(signals.exit_code())\n"
+    )
+    paths = os.pathsep.join([str(tmp_path), *sys.path])
+    ended = subprocess.run(
+        [sys.executable, "-m", "stopped"], env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True, check=False,
+    )  # fmt: skip
+    assert ended.returncode == 128 + number
+
+
+def test_what_a_signal_came_into_lives_to_the_end() -> None:
+    """Half-made machine code that two owners free ended a stopped run by a fault of memory."""
+
+    class HalfMade:
+        pass
+
+    def at_work() -> weakref.ref[HalfMade]:
+        made = HalfMade()
+        known = weakref.ref(made)
+        with interrupt_stops(), contextlib.suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), signal.SIGINT)
+        return known
+
+    assert at_work()() is not None
