@@ -92,14 +92,21 @@ def run(arguments: list[str]) -> int:
     except MemoryError:
         return _failed("out of memory; no file was left half written", 70)
     except Exception as error:
+        if signals.is_ending():  # compiled code that a signal came into turns it into another error
+            return _stopped()
         return _failed(
             f"internal error: {type(error).__name__}: {error}; no file was left "
             "half written; `decmcts --debug COMMAND` shows the traceback",
             70,
         )
     if code == STOPPED:
-        return _failed("stopped; no file was left half written", signals.exit_code())
+        return _stopped()
     return code if isinstance(code, int) else 0
+
+
+def _stopped() -> int:
+    """Say that the program was stopped; return its exit code."""
+    return _failed("stopped; no file was left half written", signals.exit_code())
 
 
 def _in_words(error: OSError) -> str:

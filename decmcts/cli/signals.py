@@ -69,11 +69,17 @@ def exit_code() -> int:
     return 128 + int(_numbers[-1] if _numbers else signal.SIGINT)
 
 
+def is_ending() -> bool:
+    """Tell whether a signal has ended what ran: what fails from then on fails by it."""
+    return bool(_raised)
+
+
 def forget() -> None:
     """Begin anew, with no signal heard."""
     _asked.clear()
     _finished.clear()
     _numbers.clear()
+    _raised.clear()
 
 
 @contextlib.contextmanager

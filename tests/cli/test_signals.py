@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import signals
+from decmcts.cli import check, signals
+from decmcts.cli.app import run
 from decmcts.cli.console import written
 from decmcts.cli.signals import interrupt_stops
 
@@ -141,3 +142,25 @@ def test_what_a_signal_came_into_lives_to_the_end() -> None:
         return known
 
     assert at_work()() is not None
+
+
+def test_an_error_made_of_a_signal_is_that_signal(tmp_path, monkeypatch, capsys) -> None:
+    """Compiled code may end in "returned a result with an exception set": no error of ours."""
+
+    def interrupted(_path: Path) -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+        except KeyboardInterrupt as stop:
+            raise SystemError("returned a result with an exception set") from stop
+
+    source = tmp_path / "plan.json"
+    source.write_text("{}")
+    monkeypatch.setattr(check, "read_plan", interrupted)
+    before = {number: signal.getsignal(number) for number in ALL}
+    signals.end_on_signals()
+    try:
+        assert run(["verify", str(source)]) == 143
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert "decmcts: stopped" in capsys.readouterr().err
