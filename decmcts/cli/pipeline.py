@@ -308,9 +308,11 @@ def _no_slower(
 
 
 def _as_sliced(plan: JointPlan) -> bool:
-    """Say whether a plan for one head prints in the source's own order."""
+    """Say whether a plan for one head prints as sliced: order, directions and entries."""
     lane = plan.heads[0]
-    return bool((np.diff(lane.contour[lane.kind == ActionKind.PRINT]) > 0).all())
+    prints = lane.kind == ActionKind.PRINT
+    moved = lane.reversed[prints] | (lane.entry[prints] != 0)
+    return bool((np.diff(lane.contour[prints]) > 0).all()) and not bool(moved.any())
 
 
 def source_toolpath(problem: OrderProblem) -> Toolpath:

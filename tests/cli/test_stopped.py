@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from decmcts.cli import no_slower, pipeline
 from decmcts.cli.bound import bound_line
 from decmcts.cli.pipeline import Planned, load, plan_single
 from decmcts.formats.mesh import SliceOptions
+from decmcts.print.plan import ActionKind, JointPlan
 from tests.cli.test_first_check import LAYERS
 
 ORDER = pipeline.plan_order
@@ -63,3 +66,14 @@ def test_no_second_search_is_announced_after_a_stop(tmp_path, searched):
     times = no_slower.FileTimes(1.0, 9.0)
     no_slower._again(planned, times, tmp_path / "d", tmp_path / "o", said.append, lambda: True)
     assert said == []
+
+
+@pytest.mark.parametrize("change", [{"reversed": True}, {"entry": 1}])
+def test_as_sliced_means_directions_and_entries_too(tmp_path, searched, change):
+    """Said of a plan that runs a contour backwards, "the source's own order" is half the truth."""
+    lane = planned_when_stopped(tmp_path, []).after.plan.heads[0]
+    ((name, value),) = change.items()
+    for kind, still in ((ActionKind.PRINT, False), (ActionKind.TRAVEL, True)):
+        column = np.array(getattr(lane, name))
+        column[np.flatnonzero(lane.kind == kind)[0]] = value
+        assert pipeline._as_sliced(JointPlan((replace(lane, **{name: column}),))) is still
