@@ -22,6 +22,7 @@ from agents.agent import Agent
 from agents.events import Leave, PlanningEnded, Release
 from agents.pipes import PipeFront, TerminalFront, line_of
 from agents.planner import Planner
+from agents.processes import PREFIX
 from agents.transport import NoNetwork, Traffic, Transport
 from decmcts.errors import InputError
 
@@ -190,13 +191,13 @@ def main(argv: Sequence[str] | None = None, *, make_planner: MakePlanner = _team
         _require_problem(planner.problem, given.expect)
         run(planner, options_of(given))
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"{PREFIX}{error}", file=sys.stderr)
         return 2
     except Exception as error:
         # The launcher shows this line; a trace helps nobody there.
         if given is not None and given.debug:
             raise
-        print(f"error: {type(error).__name__}: {error}", file=sys.stderr)
+        print(f"{PREFIX}{type(error).__name__}: {error}", file=sys.stderr)
         return 1
     return 0
 

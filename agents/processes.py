@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 _STOP_S = 3.0
+PREFIX = "decmcts: "  # of every error the program says
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,10 +97,10 @@ class AgentProcess:
         return words
 
     def last_words(self) -> str:
-        """Return the last line it wrote to stderr."""
+        """Return the last line it wrote to stderr, without the program's name."""
         self._errors.seek(0)
         lines = self._errors.read()[-4096:].decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else ""
+        return lines[-1].removeprefix(PREFIX) if lines else ""
 
     def _read(self, heard: queue.Queue[Said]) -> None:
         pipe = self._process.stdout

@@ -102,7 +102,8 @@ class Supervisor:
         Raises
         ------
         LaunchError
-            If no agent is left, or an agent holds another problem.
+            If no agent is left, an agent holds another problem, or all was stopped
+            before they knew one another.
         """
         while True:
             try:
@@ -118,10 +119,25 @@ class Supervisor:
                 self.stop()
 
     def stop(self) -> None:
-        """Ask every agent, once, to end planning and agree on the best so far."""
+        """Ask every agent, once, to end planning and agree on the best so far.
+
+        Raises
+        ------
+        LaunchError
+            If an agent does not know all others yet: it would take them for lost.
+        """
         if not self._stopping:
             self._stopping = True
+            if not self._have_met():
+                raise LaunchError("stopped before the agents had found one another")
             self._tell_all({"command": "stop"})
+
+    def _have_met(self) -> bool:
+        """Tell whether every agent planned, or knows all it will plan with."""
+        heads = self._unfenced()
+        return all(
+            self.status[h].rounds > 0 or set(heads) <= set(self.status[h].live) for h in heads
+        )
 
     def _tell_all(self, command: dict[str, Any]) -> None:
         for head in self._unfenced():

@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             seed=options.seed,
         )
     except (InputError, LaunchError) as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"decmcts: {error}", file=sys.stderr)
         return 2
 
 

@@ -165,7 +165,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             write_csv(options.out / "two_heads.csv", rows)
             print_table(rows)
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"decmcts: {error}", file=sys.stderr)
         return 2
     return 1 if any(row.faults for row in rows) else 0
 

@@ -45,12 +45,12 @@ def test_options_are_read() -> None:
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ("--head 0", "error: no print given; name a file, or a folder with --pack"),
-        ("--head 0 --pack /nowhere", "error: /nowhere: no problem pack: "),
-        ("nowhere.gcode --head 0", "error: nowhere.gcode: no such file"),
-        ("--head one", "error: argument --head: invalid int value: 'one'; --help lists"),
-        ("--head 0 --ports x", "error: argument --ports: invalid numbers value: 'x'; --help"),
-        ("", "error: the following arguments are required: --head; --help lists what"),
+        ("--head 0", "decmcts: no print given; name a file, or a folder with --pack"),
+        ("--head 0 --pack /nowhere", "decmcts: /nowhere: no problem pack: "),
+        ("nowhere.gcode --head 0", "decmcts: nowhere.gcode: no such file"),
+        ("--head one", "decmcts: argument --head: invalid int value: 'one'; --help lists"),
+        ("--head 0 --ports x", "decmcts: argument --ports: invalid numbers value: 'x'; --help"),
+        ("", "decmcts: the following arguments are required: --head; --help lists what"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
@@ -75,7 +75,7 @@ def test_a_crash_is_one_line_unless_debugged(capsys: pytest.CaptureFixture[str])
         raise ZeroDivisionError("oops")
 
     assert main(["--head", "0"], make_planner=crash) == 1
-    assert capsys.readouterr().err == "error: ZeroDivisionError: oops\n"
+    assert capsys.readouterr().err == "decmcts: ZeroDivisionError: oops\n"
     with pytest.raises(ZeroDivisionError):
         main(["--head", "0", "--debug"], make_planner=crash)
 
