@@ -250,8 +250,8 @@ def _check_order(
 
 
 def _last_end(file: HeadFile, part: Parts) -> int:
-    """Return the last line a head commands."""
-    return max(file.rest[-1][0] if file.rest else 0, part.end_code if file.rest else 0)
+    """Return the last line of a head's end code; 0 where it has none."""
+    return file.rest[-1][0] if file.rest and part.end_code <= len(file.lines) else 0
 
 
 def _unkept(plan: JointPlan, known: Knowledge, walks: list[Walk], h: int) -> list[str]:
