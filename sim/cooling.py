@@ -16,7 +16,8 @@ import shapely
 from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
-from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions, OrderRules, PlanDocument
 from sim.faults import Fault, FaultKind, listed
 
 SLACK_S = 0.5
@@ -47,6 +48,21 @@ def check_cooling(
     for h in busy:
         lines += _too_soon(document, lanes[h], arrivals[h])
     return listed(FaultKind.COOLING, lines)
+
+
+def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
+    """Check that a plan states no less time than its source's slicer keeps.
+
+    That rule counts as `decmcts plan` takes it: with quality, on a machine of one head.
+    """
+    due, stated = source.settings.min_layer_time_s, document.min_layer_time_s
+    if stated >= due or not held.quality or len(document.machine.heads) > 1:
+        return []
+    text = (
+        f"the plan states {f'{stated:g} s' if stated else 'no time'} before a spot is printed "
+        f"over, the source's slicer {due:g} s; --min-layer-time {stated:g}, if that was asked for"
+    )
+    return [Fault(FaultKind.COOLING, text)]
 
 
 def _too_soon(document: PlanDocument, lane: HeadActions, arrivals: Floats) -> list[str]:

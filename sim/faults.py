@@ -17,6 +17,7 @@ class FaultKind(Enum):
     RAIL = "rail order or separation"
     PRECEDENCE = "precedence"
     PRIMING = "priming"
+    OTHER_PRINT = "another print, or the same one moved"
     MISSING = "missing contour"
     DOUBLED = "doubled contour"
     WRONG_PATH = "wrong path"

@@ -30,6 +30,7 @@ from sim.inventory import (
     move_segments,
 )
 from sim.order import PartialOrder, order_of
+from sim.same_print import check_print
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -64,7 +65,7 @@ def plan_of_files(
     )
     theirs = contour_segments(job.contours)
     match = match_segments(ours, theirs)
-    faults = compare(ours, theirs, match)
+    faults = check_print(ours, theirs, match, theirs.place) or compare(ours, theirs, match)
     contour = np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match])
     parts = np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
     acts = [_acts(file, ids, job) for file, ids in zip(files, parts, strict=True)]

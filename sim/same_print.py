@@ -1,22 +1,60 @@
-"""Is this the print and the machine that were meant: contours and machine, field by field."""
+"""Is this the print and the machine that were meant: contours and machine, field by field.
+
+Two prints that share hardly a segment are another print, said in one line: each of
+their segments would be a fault, and none of them the one to look for.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Head, Machine, MotionLimits
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.inventory import NO_MATCH, Segments
 
 SAME = 1e-6  # mm, mm/s: plan.json keeps every bit, so that this is no rounding
+
+LITTLE = 0.1  # share of the segments of each that two prints have in common at most
+FEW = 20  # of so few segments each fault can be read
 
 PER_POINT = ("points", "extrusion", "feed")
 PER_CONTOUR = (
     "width", "height", "role", "closed", "layer", "tool", "reversible", "epoch", "line",
 )  # fmt: skip
+
+
+def check_print(
+    ours: Segments, source: Segments, match: NDArray[np.int64], contour: NDArray[np.int64]
+) -> list[Fault]:
+    """Return one fault where nearly nothing of ours is in the source, nor the other way round.
+
+    `match` says which segment of the source each of ours is, `contour` which contour each
+    of the source's is of (below 0: of none).
+    """
+    there = match[match != NO_MATCH]
+    sizes = (len(ours.ends), len(source.ends))
+    if min(sizes) < FEW or len(there) >= LITTLE * min(sizes):
+        return []
+    found = np.zeros(len(source.ends), np.bool_)
+    found[there] = True
+    known = np.unique(contour[contour >= 0])
+    whole = len(np.setdiff1d(known, contour[~found]))
+    text = (
+        f"{whole} of the source's {len(known)} contours and {len(there)} of its {sizes[1]} "
+        "segments are in it; nothing else was compared"
+    )
+    return [Fault(FaultKind.OTHER_PRINT, text)]
+
+
+def is_other_print(faults: Sequence[Fault]) -> bool:
+    """Tell whether the fault found is that this is another print."""
+    return any(fault.kind is FaultKind.OTHER_PRINT for fault in faults)
 
 
 def check_contours(ours: Contours, source: Contours) -> list[Fault]:

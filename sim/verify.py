@@ -39,7 +39,7 @@ from sim.replay import (
     run_trial,
     timing_factors,
 )
-from sim.same_print import check_contours, check_machine
+from sim.same_print import check_contours, check_machine, check_print, is_other_print
 from sim.seams import Moved, motions_with
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
@@ -92,6 +92,8 @@ def verify_plan(
         faults.append(Fault(FaultKind.DIGEST, text))
     lanes = lanes_of(document)
     faults += _check_content(document, lanes, source, machine)
+    if is_other_print(faults):
+        return Verdict(tuple(faults))
     held = rules or document.rules or usual_rules(document.machine)
     order = order_of(lanes)
     counts: dict[str, float] = {"contours": len(document.contours)}
@@ -111,7 +113,10 @@ def _check_content(
     source: PrintJob | None,
     machine: Machine | None,
 ) -> list[Fault]:
-    """Check what is printed where, in any order: J1, and the source and machine where given."""
+    """Check what is printed where, in any order: J1, and the source and machine where given.
+
+    Of another print than the source that is all that is said.
+    """
     faults = check_once(document)
     for actions, head in zip(lanes, document.machine.heads, strict=True):
         faults += check_head(document.contours, actions, head)
@@ -119,7 +124,10 @@ def _check_content(
     faults += check_extent(document.contours, known, lanes, document.machine)
     if source is not None and source.contours is not document.contours:
         ours, theirs = contour_segments(document.contours), contour_segments(source.contours)
-        faults += compare(ours, theirs, match_segments(ours, theirs))
+        match = match_segments(ours, theirs)
+        if other := check_print(ours, theirs, match, theirs.place):
+            return other
+        faults += compare(ours, theirs, match)
         faults += check_contours(document.contours, source.contours)
     if machine is not None:
         faults += check_machine(document.machine, machine, source)
@@ -176,9 +184,11 @@ def verify_motions(
         source = motions_with(source, job.contours, seams)
     ours, theirs = segments_of(motions), segments_of(source)
     match = match_segments(ours, theirs)
+    contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
+    if other := check_print(ours, theirs, match, contour):
+        return Verdict(tuple(other))
     faults = compare(ours, theirs, match)
     if job is not None and len(job.contours):
-        contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
         epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
         faults += check_file_epochs(ours.place, match, epoch)
         printed = np.where(match >= 0, contour[match], -1)

@@ -21,9 +21,11 @@ from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
+from sim.cooling import check_stated
 from sim.faults import Verdict
 from sim.head_file import header_of
 from sim.order_rules import usual_rules
+from sim.same_print import is_other_print
 from sim.seams import seams_of_file
 from sim.verify import verify_motions, verify_plan
 from sim.written import check_state
@@ -144,6 +146,8 @@ def judge_several(
     if plan is None:
         return judge_heads_alone(results, given, machine, seed=seed, trials=trials)
     verdict = judge(plan, given, machine, held, seed=seed, trials=trials)
+    if is_other_print(verdict.faults):
+        return verdict
     files = judge_heads(results, given, read_plan(plan))
     return Verdict(
         (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}, verdict.checked
@@ -179,6 +183,10 @@ def judge(
     ours, _, motions = read_result(result)
     seams = list(seams_of_file(ours.contours, job.contours))
     verdict = verify_motions(motions, theirs, chosen, job=job, seams=seams)
+    if is_other_print(verdict.faults):
+        return verdict
+    if load_text(result) == load_text(source):  # as `plan` leaves what cannot be made faster
+        return Verdict(verdict.faults, verdict.counts, ("the file is its source, byte for byte",))
     state = check_state(result, job, print_text, seams=seams)
     return Verdict((*verdict.faults, *state), verdict.counts)
 
@@ -192,21 +200,29 @@ def judge_plan(
     seed: int,
     trials: int,
 ) -> Verdict:
-    """Verify a plan file by the rules it states, as far as the command line names no others."""
+    """Verify a plan file by the rules it states, as far as the command line names no others.
+
+    But the time before a spot is printed over is no less than the source's slicer keeps.
+    """
     document = read_plan(result)
     digest = digest_of(document)
     asked = held.named()
     rule = asked.pop("min_layer_time_s", document.min_layer_time_s)
     rules = replace(document.rules or usual_rules(document.machine), **asked) if asked else None
-    return verify_plan(
+    job = read_gcode(source)[0] if source is not None else None
+    verdict = verify_plan(
         replace(document, min_layer_time_s=rule),
-        source=read_gcode(source)[0] if source is not None else None,
+        source=job,
         machine=load_machine(machine) if machine is not None else None,
         rules=rules,
         digest=digest,
         trials=trials,
         seed=seed,
     )
+    if job is None or held.min_layer_time_s is not None or is_other_print(verdict.faults):
+        return verdict
+    less = check_stated(document, job, rules or document.rules or usual_rules(document.machine))
+    return replace(verdict, faults=(*verdict.faults, *less))
 
 
 def refuse_head_file(path: Path) -> None:

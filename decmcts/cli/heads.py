@@ -17,6 +17,7 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.head_file import header_of, read_head_file
 from sim.head_plan import plan_of_files
 from sim.heads import verify_heads
+from sim.same_print import is_other_print
 from sim.verify import verify_plan
 
 
@@ -67,6 +68,8 @@ def judge_heads_alone(
         text = f"there are files of heads {there}; machine {chosen.name} has {due}"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
     plan, altered = plan_of_files(files, job, chosen)
+    if is_other_print(altered):
+        return Verdict((*faults, *altered))
     verdict = verify_plan(plan, source=job, trials=trials, seed=seed)
     parks = [chosen.heads[names[file.name]].park for file in files]
     more = verify_heads(paths, plan.plan, job, document, parks=parks)

@@ -137,3 +137,21 @@ def test_rules_mean_nothing_to_a_file(made, tmp_path, capsys):
     source, _ = made
     assert run(["verify", str(source), "--source", str(source), "--process-order", "keep"]) == 2
     assert "process_order" in capsys.readouterr().err
+
+
+def test_a_plan_that_states_less_time_than_its_source_is_found(made, capsys):
+    """Left out of the file, the slicer's rule for short layers was forgotten by the judge too."""
+    source, plan = made
+    source.write_text(TEXT + "; cooling = 1\n; slowdown_below_layer_time = 12\n")
+    asked = ["verify", str(plan), "--source", str(source)]
+    assert run(asked) == 0  # made without quality, so without the rule
+
+    def with_quality(rows):
+        rows["rules"]["quality"] = True
+
+    spoilt(plan, with_quality)
+    assert run(asked) == 1
+    assert "the plan states no time before a spot is printed over" in capsys.readouterr().out
+    assert run([*asked, "--min-layer-time", "0"]) == 0
+    spoilt(plan, lambda rows: rows.update(min_layer_time_s=12.0))
+    assert run(asked) == 0

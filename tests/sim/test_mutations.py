@@ -240,12 +240,17 @@ def test_times_that_break_the_order(make):
     assert K.TIMES in kinds(make.edited(make.two_head_plan(), 1, hurry))
 
 
+def moved_in_part(points):
+    return points + 0.05 * (np.arange(len(points)) < 9)[:, None]
+
+
 @pytest.mark.parametrize(
     ("field", "change", "due"),
     [
         ("extrusion", lambda v: v * 1.01, {K.CONTOUR, K.EXTRUSION, K.E_TOTAL}),
         ("feed", lambda v: v + 1.0, {K.CONTOUR, K.FEED}),
-        ("points", lambda v: v + np.array([0.0, 0.0, 0.05]), {K.CONTOUR, K.MISSING, K.EXTRUSION}),
+        ("points", lambda v: v + np.array([0.0, 0.0, 0.05]), {K.OTHER_PRINT}),
+        ("points", moved_in_part, {K.CONTOUR, K.MISSING, K.EXTRUSION}),
     ],
 )
 def test_the_source_is_compared(make, field, change, due):

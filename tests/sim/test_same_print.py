@@ -10,7 +10,8 @@ import pytest
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Body, MotionLimits, Slice
 from sim.faults import FaultKind as K
-from sim.same_print import check_machine
+from sim.inventory import compare, contour_segments, match_segments
+from sim.same_print import check_machine, check_print
 from sim.verify import verify_plan
 
 
@@ -85,3 +86,39 @@ def test_the_verdict_says_what_was_believed(make):
     assert any("compared with the source in all fields" in line for line in both)
     other = replace(document.machine, clearance_mm=0.1)
     assert verify_plan(document, machine=other).kinds() == {K.MACHINE}
+
+
+def rows_of_lines(n: int, x: float) -> list[np.ndarray]:
+    """Contours of one segment each, beside one another from `x` on."""
+    return [np.array([[x + k, 10.0, 0.2], [x + k, 20.0, 0.2]]) for k in range(n)]
+
+
+def test_another_print_is_said_in_one_line(make):
+    """Dozens of segments that are missing tell nobody that the wrong file was named."""
+    ours, source = (contour_segments(make.contours_of(rows_of_lines(30, x))) for x in (10, 38))
+    match = match_segments(ours, source)
+    (fault,) = check_print(ours, source, match, source.place)
+    assert str(fault).startswith(
+        "another print, or the same one moved: 2 of the source's 30 contours and 2 of its 30"
+    )
+
+
+@pytest.mark.parametrize("kept", [3, 29])
+def test_a_part_of_the_print_is_no_other_print(make, kept):
+    """Of the right print each fault is named, however much of it is gone."""
+    rows = rows_of_lines(30, 10)
+    ours, source = (contour_segments(make.contours_of(r)) for r in (rows[:25] + rows[28:], rows))
+    few = rows[:kept] + rows_of_lines(30 - kept, 50)
+    altered = contour_segments(make.contours_of(few))
+    for found in (ours, altered):
+        match = match_segments(found, source)
+        assert check_print(found, source, match, source.place) == []
+        assert compare(found, source, match)
+
+
+def test_a_short_print_is_compared_segment_by_segment(make):
+    """Its faults can all be read; one altered line of one is no other print."""
+    ours, source = (contour_segments(make.contours_of(rows_of_lines(5, x))) for x in (10, 50))
+    match = match_segments(ours, source)
+    assert check_print(ours, source, match, source.place) == []
+    assert compare(ours, source, match)

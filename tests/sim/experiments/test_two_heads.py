@@ -49,4 +49,4 @@ def test_a_missing_file_is_one_line(tmp_path, capsys):
     """Bad input ends with a line and a code, not a trace."""
     missing = str(tmp_path / "none.gcode")
     assert two_heads.main([missing, "--out", str(tmp_path)]) == 2
-    assert capsys.readouterr().err.startswith("error: ")
+    assert capsys.readouterr().err.startswith("decmcts: ")
