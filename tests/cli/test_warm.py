@@ -81,6 +81,17 @@ def test_child_ends_with_the_body(fresh: Path, monkeypatch: pytest.MonkeyPatch) 
     assert not ahead.compiled_beside(PART)
 
 
+def test_what_is_compiled_beside_may_change(fresh: Path) -> None:
+    """Which price a search has is known once its source was read; the other is not needed."""
+    other = "slicer for time"
+    with ahead.compiling_beside([PART]):
+        ahead.compile_beside([other])
+        assert ahead.compiled_beside(other)
+        assert not ahead.compiled_beside(PART)
+        assert len(ahead._children) == 1
+    assert not ahead._children
+
+
 def test_nothing_is_started_when_all_is_compiled(
     fresh: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
