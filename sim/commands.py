@@ -50,8 +50,8 @@ def check_commands(text: bytes, document: GcodeDocument, line: Ints, epoch: Ints
     """
     rows = text.rstrip().split(b"\n")
     begin, faults = match_start(rows, document.preamble)
-    end = len(rows) - _height(document.postamble)
-    lines = faults + _end_faults(rows, document.postamble)
+    end, more = match_end(rows, document.postamble)
+    lines = faults + more
     taken: set[int] = set()
     lines += _block_faults(rows, document.blocks, line, epoch, taken)
     known = known_settings(document)
@@ -83,18 +83,17 @@ def match_start(rows: Sequence[bytes], preamble: bytes) -> tuple[int, list[str]]
     return k, []
 
 
-def _height(text: bytes) -> int:
-    """Return the number of lines of a text without blank ones at its end."""
-    return text.rstrip().count(b"\n") + 1 if text.strip() else 0
-
-
-def _end_faults(rows: Sequence[bytes], postamble: bytes) -> list[str]:
-    """Return where the end code is another than the source's."""
+def match_end(rows: Sequence[bytes], postamble: bytes) -> tuple[int, list[str]]:
+    """Return the line the source's end code begins at, and whether the file's is another."""
     due = [code for _, code in commands(postamble.split(b"\n"))]
-    has = commands(rows[max(0, len(rows) - _height(postamble)) :])
-    if due and [code for _, code in has] != due:
-        return ["the end code is not the source's, command by command"]
-    return []
+    k, has = len(rows), list[bytes]()
+    while k > 0 and len(has) < len(due):
+        k -= 1
+        if code := command_of(rows[k]):
+            has.append(code)
+    if has[::-1] != due:
+        return k, ["the end code is not the source's, command by command"]
+    return k, []
 
 
 def _block_faults(

@@ -31,3 +31,14 @@ def test_another_print_is_one_line_and_exit_code_1(tmp_path, capsys):
     assert said.out.count("\n") == 1 and "1 fault" in said.err
     assert run([*asked, "--json"]) == 1
     assert len(json.loads(capsys.readouterr().out)["faults"]) == 1
+
+
+def test_remarks_in_the_end_code_are_no_other_end_code(tmp_path, capsys):
+    """Packed and unpacked again, a .bgcode has other comments at its end than its source."""
+    source, other = tmp_path / "in.gcode", tmp_path / "other.gcode"
+    source.write_text(TEXT + "; estimated first layer printing time = 3s\n")
+    asked = ["verify", str(other), "--source", str(source), "--machine", "mk4s"]
+    for end, code in (("M84\n; one\n; two\n", 0), ("; one\nM84 X\n", 1), ("", 1)):
+        other.write_text(TEXT.removesuffix("M84\n") + end)
+        assert run(asked) == code
+        assert ("end G-code is not" in capsys.readouterr().out) is bool(code)

@@ -138,12 +138,13 @@ def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
 
 
 def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Ending:
-    end = document.postamble
-    due = end.rstrip().split(b"\n") if end.strip() else []
-    has = parsed.lines.text.rstrip().split(b"\n")
-    line = len(has) - len(due)
-    if list(map(command_of, has[max(line, 0) :])) != list(map(command_of, due)):
-        raise InputError("the end G-code is not the source's", path=path)
+    due = [code for row in document.postamble.split(b"\n") if (code := command_of(row))]
+    rows = parsed.lines.text.rstrip().split(b"\n")
+    line = len(rows)
+    for wanted in reversed(due):  # command by command: comments may have come or gone
+        line = next((k for k in range(line - 1, -1, -1) if command_of(rows[k])), -1)
+        if line < 0 or command_of(rows[line]) != wanted:
+            raise InputError("the end G-code is not the source's", path=path)
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())
