@@ -31,6 +31,7 @@ STEPS = {
     "bound_first": "a first bound",
     "prepare": "preparing the search",
     "search": "searching (",
+    "judge": "the source's own order, judged before anything is written",
     "schedule": "safe travels",
     "bound": "proving",
     "verify": "verifying",
@@ -150,7 +151,9 @@ def main() -> None:
     text += "search, proof of the bound, verification and writing. First word: when something "
     text += "was on the terminal. Of several runs the median and quartiles.\n\n" + table(mine)
     text += "\nSeconds of each step, compiling for it included, and when the search began. "
-    text += "Before the first warm run `decmcts warm` compiles the rest.\n\n" + step_table(mine)
+    text += "Before the first warm run `decmcts warm` compiles the rest. With an empty cache the "
+    text += "source's own order is judged beside the search (judge: what of that is left when "
+    text += "the search is over).\n\n" + step_table(mine)
     (options.results / "startup.md").write_text(text)
 
 

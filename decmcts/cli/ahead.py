@@ -18,10 +18,9 @@ import numba
 
 import decmcts._kernels
 import sim
-from decmcts.cli import signals
 from decmcts.cli.console import err
 from decmcts.jit import Store, cache_folder
-from decmcts.jit.kernel import at_work, reported_to
+from decmcts.jit.kernel import reported_to
 from decmcts.jit.store import MARK, cache_home, remove_unused, size_of, temporary_folder
 from decmcts.search.problem import OrderProblem
 
@@ -38,7 +37,6 @@ _beside: list[str] = []  # parts that are being compiled in another process
 _children: list[subprocess.Popen[bytes]] = []  # that process
 _folders = [Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim)]
 _store = Store(_folders[0])
-signals.end_at_once_while(at_work)
 
 
 def unit_of(*, seconds: bool, walls: bool) -> str:
@@ -57,14 +55,16 @@ def bound_part(unit: str) -> str:
 
 
 def parts_of(planner: str, objective: str, freedom: str, *, walls: bool = False) -> list[str]:
-    """Name what `decmcts plan` needs, in the order it is needed in.
+    """Name what `decmcts plan` needs, in the order a process beside it had best compile it in.
 
+    On an empty cache the run itself has to compile much of `PRINT` while the first search is
+    compiled, and goes on with it; the bound is what it needs last.
     `walls` tells that the source leaves travels bare, which is known once it was read.
     """
     unit, loops = unit_of(seconds=objective == "time", walls=walls), freedom == "seam"
     begins = [FIRST, planner] if planner == "hybrid" else [planner]
     searches = [search_part(name, unit, loops=loops) for name in begins]
-    return [searches[0], PRINT, bound_part(unit), *searches[1:]]
+    return [searches[0], bound_part(unit), PRINT, *searches[1:]]
 
 
 def compiled_beside(part: str) -> bool:
@@ -176,8 +176,8 @@ def compilation_announced(announce: Callable[[str], None]) -> Iterator[Callable[
 
     def say(text: str) -> None:
         nonlocal step, said_at
-        step, said_at = text, 0.0
         announce(text)
+        step, said_at = text, 0.0  # last, for another thread may be compiling
 
     def compiles(name: str) -> None:
         nonlocal said_at

@@ -44,11 +44,23 @@ def begin_with(problem: OrderProblem, planner: str, stop: Callable[[], bool]) ->
     That is another one while the kernels of `hybrid` are still compiled beside this process,
     and none that searches once `stop` says so.
     """
-    part = part_of(problem, planner)
-    if planner != "hybrid" or is_compiled(part) or not compiled_beside(part):
-        compile_search(problem, planner, stop)
-        return "slicer" if stop() else planner
-    compile_search(problem, FIRST, stop)
+    first = first_planner(problem, planner)
+    compile_search(problem, first, stop)
     if stop():
         return "slicer"
-    return Meanwhile(PLANNERS[FIRST], PLANNERS[planner], lambda: is_compiled(part))
+    if first == planner:
+        return planner
+    part = part_of(problem, planner)
+    return Meanwhile(PLANNERS[first], PLANNERS[planner], lambda: is_compiled(part))
+
+
+def can_begin(problem: OrderProblem, planner: str) -> bool:
+    """Say whether what a search begins with is compiled."""
+    return is_compiled(part_of(problem, first_planner(problem, planner)))
+
+
+def first_planner(problem: OrderProblem, planner: str) -> str:
+    """Name the planner a search begins with while other kernels are compiled beside it."""
+    part = part_of(problem, planner)
+    waits = planner == "hybrid" and compiled_beside(part) and not is_compiled(part)
+    return FIRST if waits else planner

@@ -16,10 +16,12 @@ import numpy as np
 
 from decmcts import __version__
 from decmcts._kernels.cooling import Lags
-from decmcts.cli.ahead import FIRST, bound_part, is_compiled, unit_for
-from decmcts.cli.begin import begin_with, compile_search
+from decmcts.cli.ahead import bound_part, is_compiled, unit_for
+from decmcts.cli.begin import compile_search
+from decmcts.cli.beside import Stop, searched_beside
 from decmcts.cli.bound import EARLY_FROM_S, certify, early_bound
-from decmcts.cli.quality import Quality, search_cooled
+from decmcts.cli.order_search import OrderSearch, source_toolpath
+from decmcts.cli.quality import Quality
 from decmcts.cli.slicing import Slicing
 from decmcts.errors import InputError, VerificationError
 from decmcts.feasibility.digest import problem_digest
@@ -35,7 +37,6 @@ from decmcts.print.plan import ActionKind, JointPlan, OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import (
-    KEEP_TIME,
     Planner,
     SearchResult,
     plan_order,
@@ -219,15 +220,18 @@ def plan_single(
     certificate: bool = False,
     objective: str = "travel",
     before: PlanDocument | None = None,
+    judged: Callable[[], PlanDocument] | None = None,
+    stop: Stop = lambda: False,
     **hooks: Any,
 ) -> Planned:
     """Plan one head: search, bound the travel if `certificate`, schedule, verify.
 
-    `before` is the plan of the source's own order, where it was made already. Once the
-    hook `stop` says so there is no more searching or proving, nor compiling for it.
+    `before` is the plan of the source's own order, where it was made already; else `judged`
+    makes it, while the search begins. Once `stop` says so there is no more searching or
+    proving, nor compiling for it.
     """
-    stop: Callable[[], bool] = hooks.get("stop", lambda: False)
-    before = before or source_plan(loaded)
+    if before is None and judged is None:
+        before = source_plan(loaded)
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
     knows_bound = is_compiled(bound_part(unit_for(problem)))
     if certificate and time_limit_s >= EARLY_FROM_S and knows_bound and not stop():
@@ -237,23 +241,20 @@ def plan_single(
     started = time.perf_counter()
     lags, guess, spacing = _lags(loaded, before)
     sliced = source_toolpath(problem)
-    chosen = begin_with(problem, planner, stop)
-    if not stop():
-        began = "" if chosen == planner else f"; with {FIRST}, while the rest is compiled"
-        announce(f"searching ({planner}, {time_limit_s:g} s{began})")
-
-    def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
-        spaced = replace(problem, spacing=heeded)
-        return plan_order(spaced, planner=chosen, time_limit_s=limit_s, seed=seed, **hooks)
-
-    if spacing is None:
-        result = run(None, time_limit_s)
-    else:
-        result = search_cooled(
-            loaded.job, loaded.machine, loaded.graph, guess,
-            spacing if chosen in KEEP_TIME else None, run, sliced,
-            time_limit_s=time_limit_s, announce=announce,
-        )  # fmt: skip
+    order = OrderSearch(
+        loaded.job, loaded.machine, loaded.graph, problem, guess, spacing,
+        planner, time_limit_s, seed, announce, hooks,
+    )  # fmt: skip
+    found: SearchResult | None = None
+    if before is None:
+        assert judged is not None
+        order.compile_cooling()
+        announce("the source's own order, judged while the search begins")
+        with searched_beside(order, stop=stop, announce=announce) as searched:
+            before = judged()
+            found = searched()
+        lags, _, _ = _lags(loaded, before)
+    result = found or order.search(order.begin(stop), stop)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     announce("safe travels and times")
     plan, toolpath = _scheduled(loaded, result.toolpath, lags), result.toolpath
@@ -315,22 +316,15 @@ def _as_sliced(plan: JointPlan) -> bool:
     return bool((np.diff(lane.contour[prints]) > 0).all()) and not bool(moved.any())
 
 
-def source_toolpath(problem: OrderProblem) -> Toolpath:
-    """Return the source's own order, with the seams where a policy names them."""
-    sliced, seams = Toolpath.as_sliced(len(problem)), problem.seams
-    if seams is None:
-        return sliced
-    return replace(sliced, entry=seams.vertices[seams.offsets[:-1]])
-
-
-def _lags(loaded: Loaded, source: PlanDocument) -> tuple[Lags, Lags, Spacing | None]:
+def _lags(loaded: Loaded, source: PlanDocument | None) -> tuple[Lags, Lags, Spacing | None]:
     """Return what must cool how long, by the plan's times and by those a search estimates.
 
-    And the latter as a search keeps them; None where nothing has to cool.
+    And the latter as a search keeps them; None where nothing has to cool. Without a plan
+    the estimate stands for it.
     """
-    job, rule = loaded.job, loaded.min_layer_time_s
-    exact = print_times(source.plan.heads[0], len(job.contours))
-    guess = source_times(job, loaded.machine, loaded.graph) if rule else exact
+    job, rule, n = loaded.job, loaded.min_layer_time_s, len(loaded.job.contours)
+    guess = source_times(job, loaded.machine, loaded.graph) if rule else (np.zeros(n), np.zeros(n))
+    exact = guess if source is None else print_times(source.plan.heads[0], n)
     lags, estimated = find_lags(job.contours, [exact, guess], rule)
     return lags, estimated, spacing_of(estimated, *guess) if len(estimated.below) else None
 

@@ -10,7 +10,14 @@ from rich.console import Console
 
 from decmcts.cli import options as opt
 from decmcts.cli import sop
-from decmcts.cli.ahead import compilation_announced, compile_beside, compiling_beside, parts_of
+from decmcts.cli.ahead import (
+    PRINT,
+    compilation_announced,
+    compile_beside,
+    compiling_beside,
+    is_compiled,
+    parts_of,
+)
 from decmcts.cli.app import app, machine_for
 from decmcts.cli.bound import bound_line
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
@@ -38,6 +45,7 @@ from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 from decmcts.formats.sop import is_sop
+from decmcts.print.plan import PlanDocument
 from decmcts.search.pace import pace_of
 
 ONLY_SHOWN = (
@@ -248,11 +256,18 @@ def run_single(
         )
         if objective == "time" and pace_of(loaded.job, loaded.machine.limits).looks_at_walls:
             compile_beside(parts_of(planner, objective, freedom, walls=True))
-        announce("the source's own order, judged before anything is searched")
-        before = source_plan(loaded)
-        refuse_unsound(loaded, before, writes=writes)
-        if remark:
-            err.print(remark, soft_wrap=True)
+
+        def judged() -> PlanDocument:
+            before = source_plan(loaded)
+            refuse_unsound(loaded, before, writes=writes)
+            if remark:
+                err.print(remark, soft_wrap=True)
+            return before
+
+        before: PlanDocument | None = None
+        if is_compiled(PRINT):  # else compiling takes longer than what a search waits for
+            announce("the source's own order, judged before anything is searched")
+            before = judged()
         with interrupt_stops() as stop:  # from here on there is something to keep
             return plan_single(
                 loaded,
@@ -265,6 +280,7 @@ def run_single(
                 certificate=certificate,
                 objective=objective,
                 before=before,
+                judged=judged,
                 progress=searched,
                 stop=stop,
             )

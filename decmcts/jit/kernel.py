@@ -7,6 +7,7 @@ What it calls is compiled on the way, but no further than it takes to link it in
 from __future__ import annotations
 
 import gc
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -27,6 +28,8 @@ _Result: Any = CompileResult
 _normalized: Any = sigutils.normalize_signature
 _reports: list[Report] = []
 _compiled_now: list[str] = []  # kernels this process makes, or waits for
+_turn = threading.Lock()  # held while kernels of another thread come first
+_giving_way: list[int] = []  # threads that wait for it, none of which may hold it
 
 
 @contextmanager
@@ -44,6 +47,24 @@ def at_work() -> bool:
     return bool(_compiled_now)
 
 
+@contextmanager
+def compiled_first() -> Iterator[None]:
+    """Let kernels be loaded or made before those of threads that give way, but for one begun."""
+    with _turn:
+        yield
+
+
+@contextmanager
+def giving_way() -> Iterator[None]:
+    """Let this thread's kernels wait while others come first."""
+    thread = threading.get_ident()
+    _giving_way.append(thread)
+    try:
+        yield
+    finally:
+        _giving_way.remove(thread)
+
+
 class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
     """A compiled function whose machine code is kept in a store."""
 
@@ -54,6 +75,9 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
 
     def compile(self, signature: Any) -> Any:
         """Return what runs this combination of types, known, loaded or made."""
+        if threading.get_ident() in _giving_way and not compiling():  # within a kernel none waits
+            with _turn:
+                pass
         with global_compiler_lock:
             types = tuple(_normalized(signature)[0])
             known = self.overloads.get(types)

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.cli import no_slower, pipeline
+from decmcts.cli import no_slower, order_search, pipeline
 from decmcts.cli.bound import bound_line
 from decmcts.cli.pipeline import Planned, load, plan_single
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import ActionKind, JointPlan
 from tests.cli.test_first_check import LAYERS
 
-ORDER = pipeline.plan_order
+ORDER = order_search.plan_order
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def searched(monkeypatch) -> list[str]:
         names.append(planner)
         return ORDER(problem, planner=planner, **options)
 
-    monkeypatch.setattr(pipeline, "plan_order", recorded)
+    monkeypatch.setattr(order_search, "plan_order", recorded)
     monkeypatch.setattr(pipeline, "early_bound", lambda *_args, **_options: names.append("bound"))
     return names
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from decmcts.jit.kernel import Kernel, reported_to
+from decmcts.jit.kernel import Kernel, compiled_first, giving_way, reported_to
 from decmcts.jit.store import Store
 
 pytestmark = pytest.mark.slow
@@ -93,3 +94,32 @@ def test_a_second_process_compiles_nothing(tmp_path: Path, monkeypatch: pytest.M
     first, second = (subprocess.run(command, check=True, capture_output=True) for _ in range(2))
     assert first.stdout == b"respects\n"
     assert second.stdout == b""
+
+
+def test_a_thread_that_gives_way_waits(tmp_path: Path) -> None:
+    """A search that can begin loads a dozen kernels; others are made one after the other."""
+    outer, inner = kernels(tmp_path)
+
+    def judge() -> None:
+        with giving_way():
+            outer(np.arange(4.0), 4)
+
+    late = threading.Thread(target=judge)
+    with compiled_first():
+        late.start()
+        assert inner(np.arange(4.0), 3) == 1.5
+        late.join(0.05)
+        assert late.is_alive() and not outer.overloads
+    late.join()
+    assert outer.overloads
+
+
+def test_what_comes_first_may_have_threads_of_its_own(tmp_path: Path) -> None:
+    """Searches run on two, and wait for both: these wait for no turn."""
+    outer, _ = kernels(tmp_path)
+    own = threading.Thread(target=outer, args=(np.arange(4.0), 4), daemon=True)
+    with compiled_first():
+        own.start()
+        own.join(60.0)
+        assert not own.is_alive()
+    assert outer.overloads
