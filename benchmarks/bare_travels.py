@@ -55,7 +55,8 @@ PRICES: dict[str, Callable[..., Pace]] = {"length": by_length, "walls": pace_of}
 def nanoseconds(problem: OrderProblem) -> dict[str, float]:
     """Return the processor time of a proposal, the least of some runs each."""
     none = Incumbent(problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1))
-    tour, mean, least = tour_of(none, near_ports(problem)), none.cost / len(problem), {}
+    tour, mean = tour_of(none, near_ports(problem)), none.cost / len(problem)
+    least: dict[str, float] = {}
     anneal(tour, seeded(0), mean, 1000)
     for name, share in WARMTH.items():
         took = []
