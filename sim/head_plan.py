@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, PlanDocument
+from decmcts.print.plan import (
+    NO_CONTOUR,
+    ActionKind,
+    HeadActions,
+    JointPlan,
+    PlanDocument,
+    end_edges,
+)
 from sim.faults import Fault
 from sim.head_file import HeadFile
 from sim.head_sync import Knowledge
@@ -163,6 +170,7 @@ def _lane(h: int, name: str, acts: list[list[_Act]], known: Knowledge) -> HeadAc
         np.cumsum([0, *map(len, paths)]).astype(np.int64),
         np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(n), np.zeros(n),
         np.cumsum([0, *map(len, after)]).astype(np.int64), flat[:, 0].copy(), flat[:, 1].copy(),
+        *end_edges(len(flat)),
     )  # fmt: skip
 
 

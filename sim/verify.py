@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import HeadActions, OrderRules, PlanDocument
+from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.cooling import check_cooling
 from sim.epochs import check_file_epochs
@@ -222,7 +222,7 @@ def _idle(name: str) -> HeadActions:
     empty = np.empty(0)
     return HeadActions(
         name, none.astype(np.int8), none, none.astype(bool), none, ints, np.empty((0, 3)),
-        empty, empty, ints, none, none,
+        empty, empty, ints, none, none, *end_edges(0),
     )  # fmt: skip
 
 
@@ -231,7 +231,7 @@ def _renumbered(lane: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
     return HeadActions(
         lane.head, lane.kind, lane.contour, lane.reversed, lane.entry, lane.path_offsets,
         lane.path, lane.begin_s, lane.end_s, lane.after_offsets,
-        renumber[lane.after_head], lane.after_action,
+        renumber[lane.after_head], lane.after_action, lane.after_point, lane.after_lag_s,
     )  # fmt: skip
 
 

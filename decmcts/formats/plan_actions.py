@@ -9,7 +9,7 @@ import numpy as np
 
 from decmcts.formats.bounds import LARGEST_MM, LARGEST_SECONDS
 from decmcts.formats.fields import Fields, points, shown
-from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions
+from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions
 
 _KEYS = ("kind", "contour", "reversed", "entry", "path", "begin_s", "end_s", "after")
 _KINDS = {kind.name.lower(): kind for kind in ActionKind}
@@ -77,6 +77,8 @@ def actions_from_dicts(
         after_offsets=_offsets([len(pairs) for pairs in after]),
         after_head=np.array([head for head, _ in flat], np.int32),
         after_action=np.array([action for _, action in flat], np.int32),
+        after_point=np.full(len(flat), ACTION_END, np.int32),
+        after_lag_s=np.zeros(len(flat)),
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,16 @@ class ActionKind(IntEnum):
 
 
 NO_CONTOUR = -1
+ACTION_END = -1  # for a point: the action must have ended
+
+
+class After(NamedTuple):
+    """What an action waits for: another head's action, a point of its path and a lag."""
+
+    head: int  # index of another head in the plan
+    action: int
+    point: int = ACTION_END  # vertex of that action's path its nozzle must have passed
+    lag_s: float = 0.0  # seconds that must pass after that
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +58,9 @@ class HeadActions:
     end_s: NDArray[np.float64]  # (k,)
     after_offsets: NDArray[np.int64]  # (k + 1,) rows of after_head / after_action
     after_head: NDArray[np.int32]  # (m,) index of another head in the plan
-    after_action: NDArray[np.int32]  # (m,) its action that must have ended before this one begins
+    after_action: NDArray[np.int32]  # (m,) its action that is waited for,
+    after_point: NDArray[np.int32]  # (m,) the vertex of it that must be passed, or ACTION_END
+    after_lag_s: NDArray[np.float64]  # (m,) and seconds that must pass after that
 
     def __len__(self) -> int:
         return len(self.kind)
@@ -58,11 +70,19 @@ class HeadActions:
         return self.path[self.path_offsets[action] : self.path_offsets[action + 1]]
 
     def after(self, action: int) -> list[tuple[int, int]]:
-        """Return (head index, action index) pairs that must end before `action` begins."""
+        """Return (head index, action index) pairs that `action` waits for, whatever the point."""
+        return [(edge.head, edge.action) for edge in self.after_edges(action)]
+
+    def after_edges(self, action: int) -> list[After]:
+        """Return what must have happened before `action` begins."""
         rows = slice(int(self.after_offsets[action]), int(self.after_offsets[action + 1]))
-        return list(
-            zip(self.after_head[rows].tolist(), self.after_action[rows].tolist(), strict=True)
-        )
+        columns = (self.after_head, self.after_action, self.after_point, self.after_lag_s)
+        return list(map(After, *(column[rows].tolist() for column in columns)))
+
+
+def end_edges(m: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return `after_point` and `after_lag_s` of m edges that wait for ends, without lags."""
+    return np.full(m, ACTION_END, np.int32), np.zeros(m)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from decmcts._kernels.units import UNIT_PARK, UNIT_PRINT
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
+from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.order import UnitOrder
 from decmcts.team.timing import action_seconds
@@ -111,6 +111,8 @@ def _head_actions(
         after_offsets=np.searchsorted(waiting, np.arange(len(rows) + 1)).astype(np.int64),
         after_head=head.astype(np.int32),
         after_action=order.after[rows[waiting], head].astype(np.int32),
+        after_point=np.full(len(head), ACTION_END, np.int32),
+        after_lag_s=np.zeros(len(head)),
     )
 
 

@@ -122,4 +122,6 @@ def _actions(old: HeadActions, rows: list[_Row]) -> HeadActions:
         after_offsets=np.zeros(len(rows) + 1, np.int64),
         after_head=np.empty(0, np.int32),
         after_action=np.empty(0, np.int32),
+        after_point=np.empty(0, np.int32),
+        after_lag_s=np.empty(0),
     )

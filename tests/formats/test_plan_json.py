@@ -20,7 +20,14 @@ from decmcts.formats.machine_dict import machine_to_dict
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan, write_plan
 from decmcts.print.contours import Contours
-from decmcts.print.plan import ActionKind, HeadActions, JointPlan, OrderRules, PlanDocument
+from decmcts.print.plan import (
+    ACTION_END,
+    ActionKind,
+    HeadActions,
+    JointPlan,
+    OrderRules,
+    PlanDocument,
+)
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -70,6 +77,8 @@ def actions(head: str, other: int, printed: Contours, ids: list[int]) -> HeadAct
         after_offsets=np.minimum(np.arange(k + 1), 2).astype(np.int64),
         after_head=np.full(2, other, np.int32),
         after_action=np.array([0, 1], np.int32),
+        after_point=np.full(2, ACTION_END, np.int32),
+        after_lag_s=np.zeros(2),
     )
 
 

@@ -10,7 +10,14 @@ import pytest
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Body, Head, Machine, Rail, Slice
-from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, PlanDocument
+from decmcts.print.plan import (
+    NO_CONTOUR,
+    ActionKind,
+    HeadActions,
+    JointPlan,
+    PlanDocument,
+    end_edges,
+)
 
 LAYER = 0.2
 
@@ -82,7 +89,7 @@ def lane(name, rows, polylines, waits) -> HeadActions:
         np.zeros(k, np.int32), np.cumsum([0, *(len(p) for p in polylines)]).astype(np.int64),
         np.concatenate(polylines), begin, begin + 1.0,
         np.cumsum([0, *(len(w) for w in waits)]).astype(np.int64),
-        pairs[:, 0].copy(), pairs[:, 1].copy(),
+        pairs[:, 0].copy(), pairs[:, 1].copy(), *end_edges(len(pairs)),
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import direct_actions, read_gcode, write_head_gcode
-from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.heads import verify_heads
@@ -52,7 +52,7 @@ def lane_of(job, name, contours, park, after) -> HeadActions:
         ends(plain.entry, 0), np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         np.concatenate([[park, first], plain.path, [last, park]]), np.arange(k) * 1.0,
         np.arange(k) + 1.0, np.concatenate([[0], np.cumsum([len(p) for p in pairs])]),
-        flat[:, 0].copy(), flat[:, 1].copy(),
+        flat[:, 0].copy(), flat[:, 1].copy(), *end_edges(len(flat)),
     )  # fmt: skip
 
 

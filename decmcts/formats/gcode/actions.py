@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from decmcts.print.job import PrintJob
-from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, end_edges
 from decmcts.print.toolpath import Toolpath, visit_points
 
 
@@ -39,5 +39,5 @@ def direct_actions(job: PrintJob, toolpath: Toolpath) -> HeadActions:
         "head", np.array(kinds, np.int8), np.array(contours, np.int32), np.array(turned, np.bool_),
         np.array(entries, np.int32), np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(k), np.zeros(k),
-        np.zeros(k + 1, np.int64), np.zeros(0, np.int32), np.zeros(0, np.int32),
+        np.zeros(k + 1, np.int64), np.zeros(0, np.int32), np.zeros(0, np.int32), *end_edges(0),
     )  # fmt: skip

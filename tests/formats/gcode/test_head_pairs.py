@@ -14,7 +14,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, write_head_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
-from decmcts.print.plan import ActionKind, JointPlan
+from decmcts.print.plan import ActionKind, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule import schedule
 from decmcts.team.space import build_space
@@ -208,6 +208,7 @@ def test_head_without_work_parks(read):
     idle = type(idle)(
         "right", none.astype(np.int8), none, none.astype(bool), none, np.zeros(1, np.int64),
         np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(1, np.int64), none, none,
+        *end_edges(0),
     )  # fmt: skip
     lines = written(document, job, JointPlan((busy, idle)), PARKS)[1].splitlines()
     x, y, z = PARKS[1]
