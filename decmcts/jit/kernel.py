@@ -75,8 +75,8 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
 
     def compile(self, signature: Any) -> Any:
         """Return what runs this combination of types, known, loaded or made."""
-        if threading.get_ident() in _giving_way and not compiling():  # within a kernel none waits
-            with _turn:
+        if threading.get_ident() in _giving_way and not global_compiler_lock.is_locked():
+            with _turn:  # a thread that is compiling a kernel waits for none on the way to it
                 pass
         with global_compiler_lock:
             types = tuple(_normalized(signature)[0])

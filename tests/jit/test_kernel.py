@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.compiler_lock import global_compiler_lock
 
 from decmcts.jit.kernel import Kernel, compiled_first, giving_way, reported_to
+from decmcts.jit.library import compiling_kernel
 from decmcts.jit.store import Store
 
 pytestmark = pytest.mark.slow
@@ -112,6 +114,26 @@ def test_a_thread_that_gives_way_waits(tmp_path: Path) -> None:
         assert late.is_alive() and not outer.overloads
     late.join()
     assert outer.overloads
+
+
+def test_a_thread_gives_way_also_while_another_compiles(tmp_path: Path) -> None:
+    """Which thread compiles decides: a kernel made by another is no reason not to wait."""
+    outer, _ = kernels(tmp_path)
+    waited: list[bool] = []
+
+    def judge() -> None:
+        with giving_way():
+            outer(np.arange(4.0), 4)
+
+    late = threading.Thread(target=judge)
+    with compiled_first():
+        with global_compiler_lock, compiling_kernel("of another thread"):
+            late.start()
+            late.join(0.05)
+        late.join(0.5)
+        waited.append(late.is_alive() and not outer.overloads)
+    late.join()
+    assert waited == [True] and outer.overloads
 
 
 def test_what_comes_first_may_have_threads_of_its_own(tmp_path: Path) -> None:
