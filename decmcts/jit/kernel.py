@@ -26,6 +26,7 @@ Report = Callable[[str], None]
 _Dispatcher: Any = registry.CPUDispatcher  # numba has no types of its own
 _Result: Any = CompileResult
 _normalized: Any = sigutils.normalize_signature
+_lock: Any = global_compiler_lock
 _reports: list[Report] = []
 _compiled_now: list[str] = []  # kernels this process makes, or waits for
 _turn = threading.Lock()  # held while kernels of another thread come first
@@ -75,7 +76,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
 
     def compile(self, signature: Any) -> Any:
         """Return what runs this combination of types, known, loaded or made."""
-        if threading.get_ident() in _giving_way and not global_compiler_lock.is_locked():
+        if threading.get_ident() in _giving_way and not _lock.is_locked():
             with _turn:  # a thread that is compiling a kernel waits for none on the way to it
                 pass
         with global_compiler_lock:
