@@ -1,7 +1,7 @@
 """Which material may be there when: beads of a joint plan as one head meets them.
 
 For one head, what may be printed by the time of an action is everything not
-ordered after it, so that it holds for every timing.
+ordered after it, so that it holds for every timing. Lanes are legs (`sim.legs`).
 """
 
 from __future__ import annotations
@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.legs import Legs
 from sim.material import Beads
 from sim.order import PartialOrder
 
 
 def moves_of(lane: HeadActions) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the moves of a head, (m, 6), with the action of each, (m,).
+    """Return the moves of a head, (m, 6), with the leg of each, (m,).
 
-    A last move that goes nowhere stands for the rest after the last action.
+    A last move that goes nowhere stands for the rest after the last leg.
     """
     starts, owner = _segments(lane)
     ends = np.minimum(starts + 1, lane.path_offsets[owner + 1] - 1)
@@ -28,7 +29,7 @@ def moves_of(lane: HeadActions) -> tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def _segments(lane: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return path index and action of every segment; a path of one point has one segment."""
+    """Return path index and leg of every segment; a path of one point has one segment."""
     sizes = np.diff(lane.path_offsets)
     count = np.maximum(sizes - 1, 1)
     owner = np.repeat(np.arange(len(lane)), count)
@@ -37,15 +38,14 @@ def _segments(lane: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def first_moves(lane: HeadActions) -> NDArray[np.int64]:
-    """Return the first move of every action, and behind them that of the last rest, (k + 1,)."""
+    """Return the first move of every leg, and behind them that of the last rest, (k + 1,)."""
     count = np.maximum(np.diff(lane.path_offsets) - 1, 1)
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
 
 
-def beads_for(
-    contours: Contours, lanes: tuple[HeadActions, ...], order: PartialOrder, head: int
-) -> Beads:
+def beads_for(contours: Contours, legs: Legs, order: PartialOrder, head: int) -> Beads:
     """Return all beads of the plan, each with the first move of `head` that may meet it."""
+    lanes, last = legs.lanes, legs.last(head)
     moves_begin = first_moves(lanes[head])
     groups = []
     for other, lane in enumerate(lanes):
@@ -53,9 +53,9 @@ def beads_for(
         printing = lane.kind[owner] == ActionKind.PRINT
         starts, owner = starts[printing], owner[printing]
         if other == head:
-            since = _own_since(contours, lane, starts, owner, moves_begin)
+            since = _own_since(lane, starts, owner, last, moves_begin)
         else:
-            # not ordered after action u of this head  <=>  index below following(u)
+            # not ordered after leg u of this head  <=>  index below following(u)
             seen = np.searchsorted(order.following(head, other), owner, side="right")
             since = moves_begin[seen]
         ends = np.minimum(starts + 1, lane.path_offsets[owner + 1] - 1)
@@ -66,17 +66,18 @@ def beads_for(
 
 
 def _own_since(
-    contours: Contours,
     lane: HeadActions,
     starts: NDArray[np.int64],
     owner: NDArray[np.int64],
+    last: NDArray[np.int64],
     moves_begin: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """Return from which move on a head may meet its own beads.
 
     Printed as sliced, a contour may slope over itself as its slicer meant it; in
-    any other traversal each segment is material for those that follow.
+    any other traversal each segment is material for those that follow. `last` is of
+    each leg the last one of its action.
     """
     as_sliced = ~lane.reversed[owner] & (lane.entry[owner] == 0)
     move = moves_begin[owner] + (starts - lane.path_offsets[owner])
-    return np.where(as_sliced, moves_begin[owner + 1], move + 1)
+    return np.where(as_sliced, moves_begin[last[owner] + 1], move + 1)

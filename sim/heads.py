@@ -3,7 +3,9 @@
 Each file is read back. Its moves are its head's actions, one after the other; its sync
 points, taken with the others', must order all that the plan orders, and never stop for
 good; what else it commands is the source's, as far as one controller of several is to be
-told of it. A single file proves nothing.
+told of it. A single file proves nothing. Where a head waits for a point within another's
+action, files that wait for its end keep that too; what waits for less is not judged, and
+neither are lags, since files keep no time among each other.
 """
 
 from __future__ import annotations
@@ -60,7 +62,7 @@ def verify_heads(
         files = [read_head_file(path) for path in paths]
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
-    faults = _check_names(files, plan)
+    faults = _check_names(files, plan) or _check_lags(plan)
     if faults:
         return Verdict(tuple(faults))
     parts, walks = [], []
@@ -89,6 +91,19 @@ def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
                 f"should be for head {lane.head}, file {k + 1} of {len(files)}"
             )
     return listed(FaultKind.COMMAND, lines)
+
+
+def _check_lags(plan: JointPlan) -> list[Fault]:
+    """Refuse a plan whose lags nobody could find in its files."""
+    lines = [
+        f"head {lane.head} action {k} is to begin {edge.lag_s:g} s after what head "
+        f"{plan.heads[edge.head].head} does; files of several heads keep no lags"
+        for lane in plan.heads
+        for k in np.flatnonzero(np.diff(lane.after_offsets)).tolist()
+        for edge in lane.after_edges(k)
+        if edge.lag_s != 0.0
+    ]
+    return listed(FaultKind.PRECEDENCE, lines)
 
 
 def _judge_one(
@@ -255,7 +270,7 @@ def _last_end(file: HeadFile, part: Parts) -> int:
 
 
 def _unkept(plan: JointPlan, known: Knowledge, walks: list[Walk], h: int) -> list[str]:
-    """Return the edges into one head that its waits do not keep."""
+    """Return the edges into one head that its waits do not keep, each held to its action's end."""
     lane, lines = plan.heads[h], []
     beyond = walks[h].last[-1] if walks[h].last else 0
     for k in range(len(lane)):

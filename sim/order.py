@@ -2,7 +2,8 @@
 
 Each head executes its actions in sequence, so a head is a chain and one number
 per head says it all: how many of that head's actions have ended before this one
-begins. These are vector clocks.
+begins. These are vector clocks. Actions that others wait for midway come here as
+legs (`sim.legs`). Lags only delay, so no timing is lost by leaving them out.
 
 References
 ----------
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.plan import HeadActions
+from decmcts.print.plan import ACTION_END, HeadActions
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,14 @@ def order_of(heads: tuple[HeadActions, ...]) -> PartialOrder | list[tuple[int, i
     """Return the partial order, or the actions that can never begin (a deadlock).
 
     Complexity O(actions + after edges), times the number of heads.
+
+    Raises
+    ------
+    ValueError
+        When an action waits for a point within another: cut them into legs first.
     """
+    if any((head.after_point != ACTION_END).any() for head in heads):
+        raise ValueError("actions that are waited for midway have to be cut into legs")
     clocks = [np.zeros((len(h), len(heads)), np.int64) for h in heads]
     done = [0] * len(heads)
     sequence: list[tuple[int, int]] = []

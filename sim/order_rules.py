@@ -8,9 +8,10 @@ from __future__ import annotations
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import HeadActions, OrderRules, PlanDocument
+from decmcts.print.plan import OrderRules, PlanDocument
 from sim.epochs import check_epochs
 from sim.faults import Fault
+from sim.legs import Legs
 from sim.order import PartialOrder
 from sim.precedence import (
     check_freedom,
@@ -33,7 +34,7 @@ def usual_rules(machine: Machine) -> OrderRules:
 def check_order(
     document: PlanDocument,
     source: PrintJob | None,
-    lanes: tuple[HeadActions, ...],
+    legs: Legs,
     order: PartialOrder,
     rules: OrderRules,
 ) -> list[Fault]:
@@ -48,13 +49,14 @@ def check_order(
         refills = source.refills
         if len(source.contours) == len(contours):
             contours = source.contours
+    lanes = legs.lanes
     prints = prints_of(len(contours), lanes, order)
     faults = [
         *check_precedence(document.precedence, prints),
         *check_touching(contours, prints, rules),
         *check_epochs(contours, lanes, order),
         *check_priming(contours, lanes, order, refills=refills),
-        *check_freedom(document.contours, lanes, rules),
+        *check_freedom(document.contours, legs.whole, rules),
     ]
     if rules.max_layers_ahead is not None:
         faults += check_lead(contours, lanes, order, rules.max_layers_ahead)

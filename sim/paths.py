@@ -10,11 +10,12 @@ import numpy as np
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
-from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
 from sim.faults import Fault, FaultKind, listed
 from sim.seams import Moved, run_of
 
 SAME_MM = 1e-3  # points nearer than this are one point: files keep three decimals
+LARGEST_LAG_S = 1e7
 
 
 def describe(actions: HeadActions, action: int) -> str:
@@ -56,13 +57,31 @@ def _bad_indices(actions: HeadActions, heads: tuple[HeadActions, ...], n: int) -
         lines.append(f"{name} has an action without a path")
     if not np.isfinite(actions.path).all():
         lines.append(f"{name} has a path that is not finite")
-    for other, index in zip(
-        actions.after_head.tolist(), actions.after_action.tolist(), strict=True
-    ):
-        if not (0 <= other < len(heads) and 0 <= index < len(heads[other])):
+    return lines + _bad_waits(actions, heads)
+
+
+def _bad_waits(actions: HeadActions, heads: tuple[HeadActions, ...]) -> list[str]:
+    """Return lines for waits for what no head does."""
+    name, lines = f"head {actions.head}", []
+    columns = (actions.after_head, actions.after_action, actions.after_point, actions.after_lag_s)
+    for edge in map(After, *(column.tolist() for column in columns)):
+        if not (0 <= edge.head < len(heads) and 0 <= edge.action < len(heads[edge.head])):
             lines.append(
-                f"{name} waits for action {index} of head number {other}, which is not there"
+                f"{name} waits for action {edge.action} of head number {edge.head}, "
+                "which is not there"
             )
+            continue
+        other = heads[edge.head]
+        size = int(np.diff(other.path_offsets)[edge.action])
+        moves = int(other.kind[edge.action]) != ActionKind.WAIT
+        if edge.point != ACTION_END and not (moves and 0 < edge.point < size):
+            points = f"1 to {size - 1}" if moves and size > 1 else "none"
+            lines.append(
+                f"{name} waits for point {edge.point} of {describe(other, edge.action)}, "
+                f"points to pass: {points}"
+            )
+        if not 0.0 <= edge.lag_s <= LARGEST_LAG_S:
+            lines.append(f"{name} waits {edge.lag_s:g} s after {describe(other, edge.action)}")
     return lines
 
 

@@ -43,7 +43,8 @@ class Prints:
     """Where each contour is printed, and what is known to have ended by then."""
 
     head: Ints  # (n,) NOT_PRINTED where no head prints it
-    action: Ints  # (n,)
+    first: Ints  # (n,) leg it begins with
+    last: Ints  # (n,) leg it ends with
     clocks: tuple[Ints, ...]  # of `PartialOrder`
 
     def kept(self, a: Ints, b: Ints) -> Flags:
@@ -51,18 +52,20 @@ class Prints:
         ended = np.empty(len(a), np.int64)
         for h, clock in enumerate(self.clocks):
             rows = self.head[b] == h
-            ended[rows] = clock[self.action[b[rows]], np.maximum(self.head[a[rows]], 0)]
+            ended[rows] = clock[self.first[b[rows]], np.maximum(self.head[a[rows]], 0)]
         missing = (self.head[a] == NOT_PRINTED) | (self.head[b] == NOT_PRINTED)
-        return np.asarray(missing | (ended > self.action[a]))
+        return np.asarray(missing | (ended > self.last[a]))
 
 
 def prints_of(n: int, lanes: tuple[HeadActions, ...], order: PartialOrder) -> Prints:
-    """Return where a plan prints its `n` contours."""
-    head, action = np.full(n, NOT_PRINTED), np.full(n, NOT_PRINTED)
+    """Return where a plan prints its `n` contours; its lanes are legs (`sim.legs`)."""
+    head, first, last = (np.full(n, NOT_PRINTED) for _ in range(3))
     for h, lane in enumerate(lanes):
         printing = np.nonzero(lane.kind == ActionKind.PRINT)[0]
-        head[lane.contour[printing]], action[lane.contour[printing]] = h, printing
-    return Prints(head, action, order.clocks)
+        contour = lane.contour[printing]
+        head[contour], last[contour] = h, printing
+        first[contour[::-1]] = printing[::-1]
+    return Prints(head, first, last, order.clocks)
 
 
 def check_precedence(pairs: NDArray[np.int32], prints: Prints) -> list[Fault]:

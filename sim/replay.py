@@ -3,7 +3,8 @@
 The exact check of `sim.verify` already covers every timing; the replay moves
 the heads through some of them, with other logic, and counts what happens.
 Within a segment the speed is taken as uniform: the timing error tried here is
-far larger than that.
+far larger than that. Actions that others wait for midway are replayed leg by leg
+(`sim.legs`), and a lag counts from when its point was passed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.bodies import TOLERANCE_MM
 from sim.collision import Solid, Vertices, swept_vertices
 from sim.compiled import compiled
+from sim.legs import Legs
 from sim.material import Part, parts_of
 from sim.motion import arrival_times
 from sim.order import PartialOrder
@@ -38,7 +40,7 @@ class Meeting:
     trial: str
     time_s: float
     heads: tuple[int, int]
-    actions: tuple[int, int]
+    actions: tuple[int, int]  # legs
     gap_mm: float
 
 
@@ -48,7 +50,7 @@ class Course:
 
     time: Floats  # (k,) non-decreasing seconds
     point: Floats  # (k, 3)
-    action: Ints  # (k,) action the piece that begins here belongs to; -1 before the first
+    action: Ints  # (k,) leg the piece that begins here belongs to; -1 before the first
 
 
 def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
@@ -57,7 +59,7 @@ def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
     feed = np.full(len(lane.path), limits.travel_feed)
     prints = np.repeat(lane.kind == ActionKind.PRINT, np.diff(lane.path_offsets))
     for a in np.nonzero(lane.kind == ActionKind.PRINT)[0].tolist():
-        due = _print_feed(document.contours, lane, a)
+        due = print_feed(document.contours, lane, a)
         first, last = int(lane.path_offsets[a]), int(lane.path_offsets[a + 1])
         if len(due) == last - first - 1:  # a wrong path is reported elsewhere
             feed[first + 1 : last] = np.where(due > 0, due, limits.travel_feed)
@@ -67,7 +69,7 @@ def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
     return arrivals
 
 
-def _print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:
+def print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:
     """Return the feed of each segment in the traversal of a print action."""
     contour, entry = int(lane.contour[action]), int(lane.entry[action])
     step = -1 if lane.reversed[action] else 1
@@ -79,57 +81,74 @@ def _print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:
     return feed[1:][::step]
 
 
-def timing_factors(
-    lanes: tuple[HeadActions, ...], trials: int, seed: int
-) -> Iterator[tuple[str, list[Floats]]]:
-    """Yield named timing errors, one factor an action.
+def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:
+    """Yield named timing errors, one factor a leg.
 
     Nominal; every action at random between half and twice its time; one head
     all fast and the others all slow, for each head; and fast and slow in turn.
+    Where actions are cut, the same at random and in turn for their legs.
     """
-    sizes = [len(lane) for lane in lanes]
-    yield "nominal", [np.ones(n) for n in sizes]
-    for trial in range(trials):
-        rng = np.random.default_rng([seed, trial])
-        yield f"random {trial}", [np.exp2(rng.uniform(-1.0, 1.0, n)) for n in sizes]
+    sizes, lanes = [len(lane) for lane in legs.whole], legs.whole
+    yield "nominal", [np.ones(len(lane)) for lane in legs.lanes]
+    for name, factors in _random(sizes, trials, seed):
+        yield name, _of_legs(legs, factors)
     if len(lanes) < 2:
         return
     for fast in range(len(lanes)):
         factors = [np.full(n, FASTEST if r == fast else SLOWEST) for r, n in enumerate(sizes)]
-        yield f"head {lanes[fast].head} fast", factors
+        yield f"head {lanes[fast].head} fast", _of_legs(legs, factors)
+    for name, factors in _in_turn(sizes):
+        yield name, _of_legs(legs, factors)
+    if legs.cut:
+        sizes = [len(lane) for lane in legs.lanes]
+        for name, factors in (*_random(sizes, trials, seed), *_in_turn(sizes)):
+            yield f"{name}, each leg", factors
+
+
+def _random(sizes: list[int], trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:
+    for trial in range(trials):
+        rng = np.random.default_rng([seed, trial])
+        yield f"random {trial}", [np.exp2(rng.uniform(-1.0, 1.0, n)) for n in sizes]
+
+
+def _in_turn(sizes: list[int]) -> Iterator[tuple[str, list[Floats]]]:
     for first in range(2):
-        yield (
-            f"in turn {first}",
-            [
-                np.where((np.arange(n) + r + first) % 2, SLOWEST, FASTEST)
-                for r, n in enumerate(sizes)
-            ],
-        )
+        turns = [(np.arange(n) + r + first) % 2 for r, n in enumerate(sizes)]
+        yield f"in turn {first}", [np.where(turn, SLOWEST, FASTEST) for turn in turns]
+
+
+def _of_legs(legs: Legs, factors: list[Floats]) -> list[Floats]:
+    """Return for each leg the factor of its action."""
+    return [factor[origin] for factor, origin in zip(factors, legs.origin, strict=True)]
 
 
 def execute(
     lanes: tuple[HeadActions, ...], order: PartialOrder, seconds: list[Floats]
 ) -> list[Floats]:
-    """Return when each action begins if each begins as early as the order allows."""
+    """Return when each leg begins if each begins as early as order and lags allow."""
     start = np.concatenate([[0], np.cumsum([len(lane) for lane in lanes])]).astype(np.int64)
     number = start[order.sequence[:, 0]] + order.sequence[:, 1]
     first = order.sequence[:, 1] == 0
     counts = np.concatenate([np.diff(lane.after_offsets) for lane in lanes])
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     after = np.concatenate([start[lane.after_head] + lane.after_action for lane in lanes])
-    begin = _earliest(number, first, offsets, after.astype(np.int64), np.concatenate(seconds))
+    lags = np.concatenate([lane.after_lag_s for lane in lanes])
+    taken = np.concatenate(seconds)
+    begin = _earliest(number, first, offsets, after.astype(np.int64), lags, taken)
     return [begin[start[r] : start[r + 1]] for r in range(len(lanes))]
 
 
 @compiled
-def _earliest(number: Ints, first: Ints, offsets: Ints, after: Ints, seconds: Floats) -> Floats:
+def _earliest(
+    number: Ints, first: Ints, offsets: Ints, after: Ints, lags: Floats, seconds: Floats
+) -> Floats:
     begin = np.zeros(len(seconds))
     for k in range(len(number)):
         a = number[k]
         if not first[k]:
             begin[a] = begin[a - 1] + seconds[a - 1]
         for row in range(offsets[a], offsets[a + 1]):
-            begin[a] = max(begin[a], begin[after[row]] + seconds[after[row]])
+            begin[a] = max(begin[a], begin[after[row]] + seconds[after[row]] + lags[row])
     return begin
 
 

@@ -25,10 +25,12 @@ from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.file_contacts import check_file_material
 from sim.growth import beads_for, moves_of
 from sim.inventory import compare, contour_segments, match_segments
+from sim.legs import Legs, legs_of
 from sim.material import as_material, find_contacts, or_undecided, place_of
+from sim.nominal import check_times
 from sim.order import PartialOrder, order_of
 from sim.order_rules import check_order, statements, usual_rules
-from sim.paths import check_head, check_once, check_structure, describe
+from sim.paths import check_head, check_once, check_structure
 from sim.priming import check_file_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.replay import (
@@ -43,7 +45,6 @@ from sim.same_print import check_contours, check_machine, check_print, is_other_
 from sim.seams import Moved, motions_with
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
-TIME_TOLERANCE_S = 1e-3
 
 
 def verify_plan(
@@ -95,14 +96,15 @@ def verify_plan(
     if is_other_print(faults):
         return Verdict(tuple(faults))
     held = rules or document.rules or usual_rules(document.machine)
-    order = order_of(lanes)
+    legs = legs_of(lanes)
+    order = order_of(legs.lanes)
     counts: dict[str, float] = {"contours": len(document.contours)}
     if isinstance(order, list):
-        lines = [f"{describe(lanes[h], a)} can never begin" for h, a in order]
+        lines = [f"{legs.describe(h, leg)} can never begin" for h, leg in order]
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
-        faults += check_order(document, source, lanes, order, held)
-        faults += _check_execution(document, lanes, order, counts, trials=trials, seed=seed)
+        faults += check_order(document, source, legs, order, held)
+        faults += _check_execution(document, legs, order, counts, trials=trials, seed=seed)
     counts["seconds"] = time.perf_counter() - started
     return Verdict(tuple(faults), counts, statements(document, source, machine, held, rules))
 
@@ -136,7 +138,7 @@ def _check_content(
 
 def _check_execution(
     document: PlanDocument,
-    lanes: tuple[HeadActions, ...],
+    legs: Legs,
     order: PartialOrder,
     counts: dict[str, float],
     *,
@@ -144,13 +146,13 @@ def _check_execution(
     seed: int,
 ) -> list[Fault]:
     """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
-    faults = check_times(lanes)
-    faults += or_undecided(lambda: check_material(document, lanes, order, counts))
-    faults += check_heads(document, lanes, order)
-    faults += check_rail(document, lanes, order)
-    arrivals = [arrivals_of(document, lane) for lane in lanes]
-    faults += check_cooling(document, lanes, arrivals)
-    faults += check_replays(document, lanes, order, arrivals, counts, trials=trials, seed=seed)
+    faults = check_times(document.contours, legs.whole)
+    faults += or_undecided(lambda: check_material(document, legs, order, counts))
+    faults += check_heads(document, legs, order)
+    faults += check_rail(document, legs, order)
+    arrivals = [arrivals_of(document, lane) for lane in legs.whole]
+    faults += check_cooling(document, legs.whole, arrivals)
+    faults += check_replays(document, legs, order, arrivals, counts, trials=trials, seed=seed)
     return faults
 
 
@@ -235,63 +237,43 @@ def _renumbered(lane: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
     )  # fmt: skip
 
 
-def check_times(lanes: tuple[HeadActions, ...]) -> list[Fault]:
-    """Check that the nominal times keep the order the plan itself states."""
-    lines: list[str] = []
-    for lane in lanes:
-        begin, end = lane.begin_s, lane.end_s
-        own = np.concatenate([[True], begin[1:] >= end[:-1] - TIME_TOLERANCE_S])[: len(lane)]
-        kept = (end >= begin) & own
-        owner = np.repeat(np.arange(len(lane)), np.diff(lane.after_offsets))
-        for other, waited in enumerate(lanes):
-            rows = lane.after_head == other
-            ended = waited.end_s[lane.after_action[rows]]
-            kept[owner[rows][begin[owner[rows]] < ended - TIME_TOLERANCE_S]] = False
-        lines += [
-            f"{describe(lane, a)} begins before what it waits for has ended"
-            for a in np.nonzero(~kept)[0].tolist()
-        ]
-    return listed(FaultKind.TIMES, lines)
-
-
 def check_material(
     document: PlanDocument,
-    lanes: tuple[HeadActions, ...],
+    legs: Legs,
     order: PartialOrder,
     counts: dict[str, float],
 ) -> list[Fault]:
     """J2 and J5 by geometry: no head touches anything not ordered later."""
     lines: list[str] = []
-    for h, lane in enumerate(lanes):
+    for h, lane in enumerate(legs.lanes):
         if not len(lane):
             continue
         moves, owner = moves_of(lane)
-        beads = beads_for(document.contours, lanes, order, h)
+        beads = beads_for(document.contours, legs, order, h)
         beads = as_material(beads, document.machine, PLAN_TOLERANCE_MM)
         counts["moves"] = counts.get("moves", 0) + len(moves)
-        for c in find_contacts(
+        contacts = find_contacts(
             moves,
             beads,
             document.machine.heads[h],
             clearance_mm=document.machine.clearance_mm,
             tolerance_mm=PLAN_TOLERANCE_MM,
             limit=10 * LIMIT,
-        ):
-            action = int(owner[c.move])
-            lines.append(
-                f"{describe(lane, action)}: {c.part} meets contour {beads.label[c.bead]}, "
-                f"which is {c.depth_mm:.3f} mm too high, near {place_of(moves[c.move])}"
-            )
+        )
+        lines += [
+            f"{legs.describe(h, int(owner[c.move]))}: {c.part} meets contour "
+            f"{beads.label[c.bead]}, which is {c.depth_mm:.3f} mm too high, near "
+            f"{place_of(moves[c.move])}"
+            for c in contacts
+        ]
     return listed(FaultKind.HEAD_MATERIAL, lines)
 
 
-def check_heads(
-    document: PlanDocument, lanes: tuple[HeadActions, ...], order: PartialOrder
-) -> list[Fault]:
+def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
     """J3: heads that may move or rest at the same time keep their distance."""
     lines: list[str] = []
-    for r, s in permutations(range(len(lanes)), 2):
-        for stations, others in concurrent(document.machine.heads, lanes, order, r, s):
+    for r, s in permutations(range(len(legs.lanes)), 2):
+        for stations, others in concurrent(document.machine.heads, legs.lanes, order, r, s):
             clashes = find_clashes(
                 stations,
                 document.machine.heads[r],
@@ -301,17 +283,15 @@ def check_heads(
                 limit=2 * LIMIT,
             )
             lines += [
-                f"{_station(lanes[r], c.action, c.rest)} and "
-                f"{_station(lanes[s], c.other_action, others.rest)} may happen together "
+                f"{_station(legs, r, c.action, c.rest)} and "
+                f"{_station(legs, s, c.other_action, others.rest)} may happen together "
                 f"and come within {c.gap_mm:.3f} mm ({c.part}, {c.other_part})"
                 for c in clashes
             ]
     return listed(FaultKind.HEAD_HEAD, lines)
 
 
-def check_rail(
-    document: PlanDocument, lanes: tuple[HeadActions, ...], order: PartialOrder
-) -> list[Fault]:
+def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
     """Heads on one rail keep their order and their separation, whatever the timing."""
     rail = document.machine.rail
     if rail is None:
@@ -319,14 +299,14 @@ def check_rail(
     names = [head.name for head in document.machine.heads]
     place = {name: i for i, name in enumerate(rail.order)}
     lines: list[str] = []
-    for r, s in permutations(range(len(lanes)), 2):
+    for r, s in permutations(range(len(legs.lanes)), 2):
         if names[r] not in place or names[s] not in place:
             continue
         steps = place[names[s]] - place[names[r]]
         least = rail.separation_mm * abs(steps)
-        for stations, others in concurrent(document.machine.heads, lanes, order, r, s):
+        for stations, others in concurrent(document.machine.heads, legs.lanes, order, r, s):
             lines += [
-                f"{_station(lanes[r], a, stations.rest)} and {_station(lanes[s], b, others.rest)} "
+                f"{_station(legs, r, a, stations.rest)} and {_station(legs, s, b, others.rest)} "
                 f"may happen together and be {gap:.3f} mm apart along {'xy'[rail.axis]}, "
                 f"less than {least:g} mm"
                 for a, b, gap in find_rail_breaks(
@@ -343,7 +323,7 @@ def check_rail(
 
 def check_replays(
     document: PlanDocument,
-    lanes: tuple[HeadActions, ...],
+    legs: Legs,
     order: PartialOrder,
     arrivals: list[NDArray[np.float64]],
     counts: dict[str, float],
@@ -354,30 +334,31 @@ def check_replays(
     """Move the heads through nominal, random and adversarial timings and count contacts."""
     contacts: list[Meeting] = []
     breaks: list[Meeting] = []
-    for name, factors in timing_factors(lanes, trials, seed):
-        _, courses = run_trial(document.machine, lanes, order, arrivals, factors)
+    passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
+    for name, factors in timing_factors(legs, trials, seed):
+        _, courses = run_trial(document.machine, legs.lanes, order, passing, factors)
         ends = max((float(c.time[-1]) for c in courses), default=0.0)
         counts.setdefault("makespan_s", ends)
-        for pair in combinations(range(len(lanes)), 2):
+        for pair in combinations(range(len(legs.lanes)), 2):
             contacts += meetings(document.machine, courses, pair, name, LIMIT)
         breaks += rail_breaks(document.machine, courses, name)
         counts["replays"] = counts.get("replays", 0) + 1
     counts["contacts"] = len(contacts)
     return [
-        *listed(FaultKind.HEAD_HEAD, [_met(lanes, m) for m in contacts]),
-        *listed(FaultKind.RAIL, [_met(lanes, m) for m in breaks]),
+        *listed(FaultKind.HEAD_HEAD, [_met(legs, m) for m in contacts]),
+        *listed(FaultKind.RAIL, [_met(legs, m) for m in breaks]),
     ]
 
 
-def _met(lanes: tuple[HeadActions, ...], m: Meeting) -> str:
+def _met(legs: Legs, m: Meeting) -> str:
     (r, s), (a, b) = m.heads, m.actions
     return (
-        f"replay {m.trial!r} at {m.time_s:.2f} s: {_station(lanes[r], a, False)} and "
-        f"{_station(lanes[s], b, False)}: {m.gap_mm:.3f} mm apart"
+        f"replay {m.trial!r} at {m.time_s:.2f} s: {_station(legs, r, a, False)} and "
+        f"{_station(legs, s, b, False)}: {m.gap_mm:.3f} mm apart"
     )
 
 
-def _station(lane: HeadActions, action: int, rest: bool) -> str:
-    if action < 0:
-        return f"head {lane.head} before its first action"
-    return ("the rest after " if rest else "") + describe(lane, action)
+def _station(legs: Legs, head: int, leg: int, rest: bool) -> str:
+    if leg < 0:
+        return f"head {legs.whole[head].head} before its first action"
+    return legs.describe_rest(head, leg) if rest else legs.describe(head, leg)

@@ -13,10 +13,10 @@ from decmcts.print.machine import Body, Head, Machine, Rail, Slice
 from decmcts.print.plan import (
     NO_CONTOUR,
     ActionKind,
+    After,
     HeadActions,
     JointPlan,
     PlanDocument,
-    end_edges,
 )
 
 LAYER = 0.2
@@ -52,7 +52,7 @@ def square(x: float, y: float, z: float, side: float = 4.0) -> np.ndarray:
 def head_actions(head: Head, visits, paths, index: int, *, clearance_z: float, after=None):
     """A lane that lifts to `clearance_z`, goes, lowers and prints, then parks.
 
-    `after` maps a position in `visits` to (head, action) pairs of its travel.
+    `after` maps a position in `visits` to what its travel waits for.
     """
     rows, polylines, waits = [], [], []
     at = np.array(head.park, float)
@@ -78,18 +78,19 @@ def lift(start, goal, z) -> np.ndarray:
 
 def lane(name, rows, polylines, waits) -> HeadActions:
     kind, contour, backwards = zip(*rows, strict=True)
-    flat = [pair for w in waits for pair in w]
-    pairs = np.array(flat, np.int32).reshape(-1, 2)
+    waits = [[After(*edge) for edge in w] for w in waits]
+    flat = [edge for w in waits for edge in w]
+    edges = np.array(flat, float).reshape(-1, 4)
     k = len(rows)
     begin = np.zeros(k)
     for a in range(k):  # one second each; others are taken to need as long
-        begin[a] = max([begin[a - 1] + 1 if a else 0, *(i + 1 for _, i in waits[a])])
+        begin[a] = max([begin[a - 1] + 1 if a else 0, *(e.action + 1 + e.lag_s for e in waits[a])])
     return HeadActions(
         name, np.array(kind, np.int8), np.array(contour, np.int32), np.array(backwards, bool),
         np.zeros(k, np.int32), np.cumsum([0, *(len(p) for p in polylines)]).astype(np.int64),
         np.concatenate(polylines), begin, begin + 1.0,
         np.cumsum([0, *(len(w) for w in waits)]).astype(np.int64),
-        pairs[:, 0].copy(), pairs[:, 1].copy(), *end_edges(len(pairs)),
+        *edges[:, :3].T.astype(np.int32), edges[:, 3].copy(),
     )  # fmt: skip
 
 
@@ -150,6 +151,26 @@ def two_head_plan(layers: int = 4, *, rail: bool = True, meet: bool = True):
     )  # fmt: skip
 
 
+def shared_plan(after=((0, 1, 5),), *, rail: bool = True):
+    """The left head prints a line from x = 100 to 20, the right one meanwhile from 80 to 120.
+
+    The right head's first travel waits for `after`; the left one's nozzle is at x = 100 - 10 k
+    at point k of its action 1, and 50 is far enough away.
+    """
+    machine = two_head_machine(rail=rail)
+    paths = [
+        np.array([[100.0 - 10 * k, 50.0, LAYER] for k in range(9)]),
+        np.array([[80.0 + 10 * k, 80.0, LAYER] for k in range(5)]),
+    ]
+    left = head_actions(machine.heads[0], [(0, False)], paths, 0, clearance_z=1.0)
+    right = head_actions(
+        machine.heads[1], [(1, False)], paths, 1, clearance_z=1.0, after={0: list(after)}
+    )
+    return PlanDocument(
+        "", machine, contours_of(paths), np.zeros((0, 2), np.int32), JointPlan((left, right)), {}
+    )
+
+
 def to_rows(lane_: HeadActions) -> list[dict]:
     """The actions of a lane as mutable rows, for tests that spoil one."""
     return [
@@ -159,7 +180,7 @@ def to_rows(lane_: HeadActions) -> list[dict]:
             "reversed": bool(lane_.reversed[a]),
             "entry": int(lane_.entry[a]),
             "path": lane_.action_path(a).copy(),
-            "after": lane_.after(a),
+            "after": lane_.after_edges(a),
             "begin_s": float(lane_.begin_s[a]),
             "end_s": float(lane_.end_s[a]),
         }
@@ -197,6 +218,6 @@ def make():
     return SimpleNamespace(
         contours_of=contours_of, square=square, head_actions=head_actions, lane=lane, lift=lift,
         one_head_machine=one_head_machine, two_head_machine=two_head_machine,
-        tower_plan=tower_plan, two_head_plan=two_head_plan, edited=edited, to_rows=to_rows,
-        from_rows=from_rows,
+        tower_plan=tower_plan, two_head_plan=two_head_plan, shared_plan=shared_plan, edited=edited,
+        to_rows=to_rows, from_rows=from_rows,
     )  # fmt: skip

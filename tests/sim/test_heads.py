@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,24 @@ def made(tmp_path: Path) -> Made:
 
 def test_honest_files_pass(made):
     """With wipes, a barrier, other tools' heating, turned contours and waits both ways."""
+    assert made.judged().faults == ()
+
+
+def test_lags_between_files_are_refused(made):
+    """A file that signals and waits keeps an order, no seconds."""
+    left, right = made.plan.heads
+    late = replace(left, after_lag_s=np.array([0.0, 2.5]))
+    made.plan = JointPlan((late, right))
+    assert [fault.text for fault in made.judged().faults] == [
+        "head left action 8 is to begin 2.5 s after what head right does; "
+        "files of several heads keep no lags"
+    ]
+
+
+def test_files_that_wait_for_the_end_keep_a_wait_for_a_point(made):
+    """The end comes after every point; a signal within a bead is not judged yet."""
+    left, right = made.plan.heads
+    made.plan = JointPlan((replace(left, after_point=np.array([1, -1], np.int32)), right))
     assert made.judged().faults == ()
 
 

@@ -152,7 +152,7 @@ def test_after_too_early_an_action_is_a_fault(make):
 
     def early(rows):
         for row in rows:
-            row["after"] = [(h, a - 1) for h, a in row["after"]]
+            row["after"] = [edge._replace(action=edge.action - 1) for edge in row["after"]]
 
     assert K.HEAD_HEAD in kinds(make.edited(make.two_head_plan(), 1, early))
 

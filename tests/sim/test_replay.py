@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim.faults import FaultKind
+from sim.legs import legs_of
 from sim.order import order_of
 from sim.replay import arrivals_of, execute, run_trial, timing_factors
 from sim.verify import lanes_of, verify_plan
@@ -35,7 +36,7 @@ def test_execution_begins_as_early_as_allowed(make):
 def test_adversarial_timing_is_among_the_trials(make):
     """Random error alone rarely makes one head twice as fast for the whole print."""
     lanes = lanes_of(make.two_head_plan())
-    trials = dict(timing_factors(lanes, 2, seed=7))
+    trials = dict(timing_factors(legs_of(lanes), 2, seed=7))
     assert set(trials) == {
         "nominal", "random 0", "random 1", "head left fast", "head right fast",
         "in turn 0", "in turn 1",
@@ -49,7 +50,7 @@ def test_adversarial_timing_is_among_the_trials(make):
 def test_equal_seeds_give_equal_trials(make):
     """A fault found once must be found again."""
     lanes = lanes_of(make.two_head_plan())
-    one, two = (dict(timing_factors(lanes, 2, seed=3)) for _ in range(2))
+    one, two = (dict(timing_factors(legs_of(lanes), 2, seed=3)) for _ in range(2))
     assert all(
         np.array_equal(a, b) for name in one for a, b in zip(one[name], two[name], strict=True)
     )
@@ -75,7 +76,7 @@ def test_a_head_rests_where_it_ended(make):
     document = make.two_head_plan()
     lanes = lanes_of(document)
     arrivals = [arrivals_of(document, lane) for lane in lanes]
-    _, factors = next(timing_factors(lanes, 0, 0))
+    _, factors = next(timing_factors(legs_of(lanes), 0, 0))
     begin, courses = run_trial(document.machine, lanes, order_of(lanes), arrivals, factors)
     waits = next(a for a in range(len(lanes[1])) if lanes[1].after(a))
     end = courses[1].time[courses[1].action == waits - 1][-1]
