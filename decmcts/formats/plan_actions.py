@@ -9,9 +9,11 @@ import numpy as np
 
 from decmcts.formats.bounds import LARGEST_MM, LARGEST_SECONDS
 from decmcts.formats.fields import Fields, points, shown
-from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions
+from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, After, HeadActions
 
 _KEYS = ("kind", "contour", "reversed", "entry", "path", "begin_s", "end_s", "after")
+_FORMS = {1: "[head, action]", 2: "[head, action, point, lag]"}  # of what is waited for
+_MOST_POINTS = 2**31 - 1
 _KINDS = {kind.name.lower(): kind for kind in ActionKind}
 
 
@@ -27,12 +29,20 @@ def actions_to_dicts(actions: HeadActions, heads: Sequence[str]) -> Iterator[dic
             "path": actions.action_path(i).tolist(),
             "begin_s": float(actions.begin_s[i]),
             "end_s": float(actions.end_s[i]),
-            "after": [[heads[h], a] for h, a in actions.after(i)],
+            "after": [
+                [heads[e.head], e.action, None if e.point == ACTION_END else e.point, e.lag_s]
+                for e in actions.after_edges(i)
+            ],
         }
 
 
 def actions_from_dicts(
-    table: Fields, heads: Sequence[str], counts: Sequence[int], sizes: Sequence[int]
+    table: Fields,
+    heads: Sequence[str],
+    counts: Sequence[int],
+    sizes: Sequence[int],
+    *,
+    version: int,
 ) -> HeadActions:
     """Return the actions of one head.
 
@@ -46,6 +56,9 @@ def actions_from_dicts(
         Number of actions of each head.
     sizes : Sequence[int]
         Number of points of each contour.
+    version : int
+        Of the format: in version 1 an action waits for ends only. Points are held against
+        the other heads' paths by `check_points`, when these are read.
 
     Raises
     ------
@@ -58,10 +71,11 @@ def actions_from_dicts(
     kinds = [_kind(row) for row in rows]
     contours = [_contour(row, kind, len(sizes)) for row, kind in zip(rows, kinds, strict=True)]
     paths = [_path(row) for row in rows]
-    after = [_after(row, table.text("name"), heads, counts) for row in rows]
-    flat = [pair for pairs in after for pair in pairs]
+    own = table.text("name")
+    after = [_after(row, own, heads, counts, version) for row in rows]
+    flat = [edge for edges in after for edge in edges]
     return HeadActions(
-        head=table.text("name"),
+        head=own,
         kind=np.array(kinds, np.int8),
         contour=np.array(contours, np.int32),
         reversed=np.array([row.flag("reversed") for row in rows], np.bool_),
@@ -74,11 +88,11 @@ def actions_from_dicts(
             [row.number("begin_s", least=0.0, most=LARGEST_SECONDS) for row in rows], np.float64
         ),
         end_s=np.array([_end(row) for row in rows], np.float64),
-        after_offsets=_offsets([len(pairs) for pairs in after]),
-        after_head=np.array([head for head, _ in flat], np.int32),
-        after_action=np.array([action for _, action in flat], np.int32),
-        after_point=np.full(len(flat), ACTION_END, np.int32),
-        after_lag_s=np.zeros(len(flat)),
+        after_offsets=_offsets([len(edges) for edges in after]),
+        after_head=np.array([edge.head for edge in flat], np.int32),
+        after_action=np.array([edge.action for edge in flat], np.int32),
+        after_point=np.array([edge.point for edge in flat], np.int32),
+        after_lag_s=np.array([edge.lag_s for edge in flat], np.float64),
     )
 
 
@@ -120,18 +134,44 @@ def _end(row: Fields) -> float:
 
 
 def _after(
-    row: Fields, own: str, heads: Sequence[str], counts: Sequence[int]
-) -> list[tuple[int, int]]:
+    row: Fields, own: str, heads: Sequence[str], counts: Sequence[int], version: int
+) -> list[After]:
     found = []
-    for number, pair in enumerate(row.items("after")):
-        key = f"after[{number}]"
-        if type(pair) is not list or len(pair) != 2:
-            row.fail(key, f"expected [head, action], found {shown(pair)}")
-        name, action = pair
+    for number, given in enumerate(row.items("after")):
+        key, form = f"after[{number}]", _FORMS[version]
+        if type(given) is not list or len(given) != form.count(",") + 1:
+            row.fail(key, f"expected {form}, found {shown(given)}")
+        name, action, point, lag = given if version > 1 else (*given, None, 0.0)
         if name not in heads or name == own:
             row.fail(key, f"{shown(name)} is not another head of the plan")
         head = heads.index(name)
         if type(action) is not int or not 0 <= action < counts[head]:
             row.fail(key, f"{name!r} has no action {shown(action)}, it has {counts[head]}")
-        found.append((head, action))
+        if point is not None and (type(point) is not int or not 0 < point <= _MOST_POINTS):
+            row.fail(key, f"no point {shown(point)}: a number from 1, or null for the end")
+        if type(lag) not in (int, float) or not 0.0 <= lag <= LARGEST_SECONDS:
+            row.fail(key, f"a lag of {shown(lag)}: 0 to {LARGEST_SECONDS:g} s")
+        found.append(After(head, action, ACTION_END if point is None else point, float(lag)))
     return found
+
+
+def check_points(tables: Sequence[Fields], lanes: Sequence[HeadActions]) -> None:
+    """Refuse waits for points that the other heads' paths do not have.
+
+    Raises
+    ------
+    InputError
+        Naming the first wrong place.
+    """
+    for table, lane in zip(tables, lanes, strict=True):
+        for row in np.flatnonzero(lane.after_point != ACTION_END).tolist():
+            other, waited = lanes[int(lane.after_head[row])], int(lane.after_action[row])
+            point, size = int(lane.after_point[row]), len(other.action_path(waited))
+            moves = other.kind[waited] != ActionKind.WAIT and size > 1
+            if not moves or point >= size:
+                action = int(np.searchsorted(lane.after_offsets, row, side="right")) - 1
+                table.fail(
+                    f"actions[{action}].after[{row - int(lane.after_offsets[action])}]",
+                    f"action {waited} of {other.head!r} has no point {point} to pass",
+                    f"it has points 1 to {size - 1}" if moves else "it stands still",
+                )

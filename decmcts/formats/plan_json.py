@@ -1,8 +1,9 @@
 """plan.json: a joint plan with all that is needed to check or draw it.
 
-The schema is docs/plan-format.md. Numbers are written so that reading them
-back gives the same bits. Reading is strict: whatever is malformed is refused
-with its place in the file. Whether a plan is *safe* is judged in `sim`.
+The schema is docs/plan-format.md; version 2 is written, version 1 is read too.
+Numbers are written so that reading them back gives the same bits. Reading is
+strict: whatever is malformed is refused with its place in the file. Whether a
+plan is *safe* is judged in `sim`.
 """
 
 from __future__ import annotations
@@ -24,13 +25,14 @@ from decmcts.formats.bounds import LARGEST_SECONDS, unpacked
 from decmcts.formats.fields import Fields, shown
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
-from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts
+from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts, check_points
 from decmcts.formats.plan_contours import contours_from_dicts, contours_to_dicts
 from decmcts.formats.reading import one_line, read_bytes
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
 FORMAT = "decmcts-plan"
-VERSION = 1
+VERSION = 2
+_READ = (1, 2)
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
 _COOLING = "min_layer_time_s"  # may be left out
 _RULES = "rules"  # likewise
@@ -109,8 +111,10 @@ def read_plan(path: Path | str) -> PlanDocument:
     given = Fields.of(_parse(source), "", source)
     if given.values.get("format") != FORMAT:
         given.fail("format", f"is no {FORMAT!r}", "give a plan.json written by this program")
-    if given.values.get("version") != VERSION:
-        given.fail("version", f"{shown(given.values.get('version'))} is not {VERSION}")
+    version = given.values.get("version")
+    if type(version) is not int or version not in _READ:
+        known = " or ".join(map(str, _READ))
+        given.fail("version", f"{shown(version)} is not {known}")
     given.only(*_KEYS, _COOLING, _RULES)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
     contours = contours_from_dicts(given.tables("contours"), machine)
@@ -119,7 +123,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         machine,
         contours,
         _precedence(given, len(contours)),
-        _plan(given, contours_sizes=np.diff(contours.offsets)),
+        _plan(given, contours_sizes=np.diff(contours.offsets).tolist(), version=version),
         dict(given.table("metrics").values),
         given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
         _rules(given.table(_RULES)) if _RULES in given.values else None,
@@ -194,7 +198,7 @@ def _is_pair(row: Any) -> bool:
     return type(row) is list and len(row) == 2 and all(type(v) is int for v in row)
 
 
-def _plan(given: Fields, contours_sizes: NDArray[np.int64]) -> JointPlan:
+def _plan(given: Fields, *, contours_sizes: list[int], version: int) -> JointPlan:
     tables = given.tables("heads")
     names = [table.text("name") for table in tables]
     known = [table.text("name") for table in given.table("machine").tables("heads")]
@@ -203,6 +207,9 @@ def _plan(given: Fields, contours_sizes: NDArray[np.int64]) -> JointPlan:
         if name not in known or names.count(name) != 1:
             table.fail("name", f"{shown(name)} is not one head of the machine ({', '.join(known)})")
     counts = [len(table.items("actions")) for table in tables]
-    return JointPlan(
-        tuple(actions_from_dicts(table, names, counts, contours_sizes.tolist()) for table in tables)
+    lanes = tuple(
+        actions_from_dicts(table, names, counts, contours_sizes, version=version)
+        for table in tables
     )
+    check_points(tables, lanes)
+    return JointPlan(lanes)

@@ -244,7 +244,7 @@ def one_wait_dropped(plan: Plan, rng: Rng) -> None:
 def waits_for_itself(plan: Plan, rng: Rng) -> None:
     """Let an action wait for a later one of its own head."""
     head = max(plan["heads"], key=lambda h: len(h["actions"]))
-    head["actions"][3]["after"] = [[head["name"], 7]]
+    head["actions"][3]["after"] = [[head["name"], 7, None, 0.0]]
 
 
 def heads_exchanged(plan: Plan, rng: Rng) -> None:

@@ -23,6 +23,7 @@ from decmcts.print.contours import Contours
 from decmcts.print.plan import (
     ACTION_END,
     ActionKind,
+    After,
     HeadActions,
     JointPlan,
     OrderRules,
@@ -61,7 +62,7 @@ def contours(n: int, size: int = 4, *, seed: int = 0, climbing: int = -1) -> Con
 
 
 def actions(head: str, other: int, printed: Contours, ids: list[int]) -> HeadActions:
-    """One head that prints `ids`, each after the other head's action of the same number."""
+    """One head that prints `ids`, the first two after the other head's, or its point 3."""
     k = len(ids) + 1
     paths = [*(printed.polyline(i) for i in ids), np.array([[0.0, 1.0, 2.0]])]
     return HeadActions(
@@ -77,8 +78,8 @@ def actions(head: str, other: int, printed: Contours, ids: list[int]) -> HeadAct
         after_offsets=np.minimum(np.arange(k + 1), 2).astype(np.int64),
         after_head=np.full(2, other, np.int32),
         after_action=np.array([0, 1], np.int32),
-        after_point=np.full(2, ACTION_END, np.int32),
-        after_lag_s=np.zeros(2),
+        after_point=np.array([ACTION_END, 3], np.int32),
+        after_lag_s=np.array([0.0, 1 / 3]),
     )
 
 
@@ -117,6 +118,17 @@ def test_round_trip_is_exact_to_the_bit(tmp_path, name):
     assert_same(before, read_plan(tmp_path / name))
 
 
+def test_version_1_is_still_read(written):
+    """Plans of before name actions only, and wait for their ends."""
+    old = copy.deepcopy(written)
+    for action in (action for head in old["heads"] for action in head["actions"]):
+        action["after"] = [edge[:2] for edge in action["after"]]
+    heads = write_and_read({**old, "version": 1}).plan.heads
+    assert heads[0].after_edges(1) == [After(1, 1, ACTION_END, 0.0)]
+    with pytest.raises(InputError, match=r"after\[0\]: expected \[head, action, point, lag\]"):
+        write_and_read(old)
+
+
 def test_rules_are_kept(tmp_path):
     """A judge has to know what a plan was made by; a rule half said is refused."""
     for rules in (None, OrderRules("free", False, 3, "fixed"), OrderRules()):
@@ -152,7 +164,7 @@ def test_gz_is_gzipped_and_the_same_bytes_each_time(tmp_path):
         write_plan(document(), tmp_path / name)
     first, second = (tmp_path / name for name in ("a.json.gz", "b.json.gz"))
     assert first.read_bytes() == second.read_bytes()
-    assert gzip.decompress(first.read_bytes()).startswith(b'{"format":"decmcts-plan","version":1,')
+    assert gzip.decompress(first.read_bytes()).startswith(b'{"format":"decmcts-plan","version":2,')
 
 
 def test_file_has_the_keys_of_the_format(tmp_path):
@@ -166,7 +178,8 @@ def test_file_has_the_keys_of_the_format(tmp_path):
     assert plan["contours"][2]["z"] is None
     assert {len(p) for p in plan["contours"][2]["points"]} == {3}
     assert plan["contours"][1]["role"] == "external_perimeter"
-    assert plan["heads"][0]["actions"][1]["after"] == [["right", 1]]
+    assert plan["heads"][0]["actions"][0]["after"] == [["right", 0, None, 0.0]]
+    assert plan["heads"][0]["actions"][1]["after"] == [["right", 1, 3, 1 / 3]]
     assert plan["heads"][0]["actions"][-1]["contour"] is None
     assert plan["metrics"] == {"travel_mm": 1.25, "planner": "local", "history": [0, 1, 2]}
 
@@ -201,6 +214,7 @@ def written(tmp_path_factory) -> Any:
 
 
 ACTION = ("heads", 1, "actions", 1)
+AFTER = (*ACTION, "after", 0)
 CONTOUR = ("contours", 1)
 
 
@@ -208,8 +222,10 @@ CONTOUR = ("contours", 1)
     ("where", "value", "message"),
     [
         (("format",), "other", "format: is no 'decmcts-plan'"),
-        (("version",), 2, "version: 2 is not 1"),
-        (("version",), None, "version: None is not 1"),
+        (("version",), 3, "version: 3 is not 1 or 2"),
+        (("version",), True, "version: True is not 1 or 2"),
+        (("version",), None, "version: None is not 1 or 2"),
+        (("version",), 1, "heads[0].actions[0].after[0]: expected [head, action], found"),
         (("surprise",), 1, "surprise: unknown key"),
         (("machine", "heads"), [], "machine.heads: no head"),
         (("machine", "bed", "max"), [1], "machine.bed.max"),
@@ -262,11 +278,28 @@ CONTOUR = ("contours", 1)
         ((*ACTION, "path", 0), [1, 2], "heads[1].actions[1].path: row 0 has 2 numbers"),
         ((*ACTION, "end_s"), 0.1, "heads[1].actions[1].end_s: 0.1 is before begin_s"),
         ((*ACTION, "begin_s"), -0.1, "heads[1].actions[1].begin_s"),
-        ((*ACTION, "after", 0), ["left", 99], "heads[1].actions[1].after[0]: 'left' has no action"),
-        ((*ACTION, "after", 0), ["right", 0], "after[0]: 'right' is not another head"),
-        ((*ACTION, "after", 0), [["left"], 0], "after[0]: ['left'] is not another head"),
-        ((*ACTION, "after", 0), ["left"], "after[0]: expected [head, action]"),
-        ((*ACTION, "after", 0), ["left", True], "after[0]: 'left' has no action True"),
+        (AFTER, ["left", 99, None, 0], "heads[1].actions[1].after[0]: 'left' has no action"),
+        (AFTER, ["right", 0, None, 0], "after[0]: 'right' is not another head"),
+        (AFTER, [["left"], 0, None, 0], "after[0]: ['left'] is not another head"),
+        (AFTER, ["left"], "after[0]: expected [head, action, point, lag], found ['left']"),
+        (AFTER, ["left", 0], "after[0]: expected [head, action, point, lag]"),
+        (AFTER, ["left", True, None, 0], "after[0]: 'left' has no action True"),
+        (
+            (*AFTER, 2),
+            4,
+            "heads[1].actions[1].after[0]: action 1 of 'left' has no point 4 to pass; "
+            "it has points 1 to 3",
+        ),
+        (AFTER, ["left", 3, 1, 0], "action 3 of 'left' has no point 1 to pass; it stands"),
+        ((*AFTER, 2), 0, "heads[1].actions[1].after[0]: no point 0: a number from 1, or null"),
+        ((*AFTER, 2), -1, "after[0]: no point -1"),
+        ((*AFTER, 2), 1.0, "after[0]: no point 1.0"),
+        ((*AFTER, 2), True, "after[0]: no point True"),
+        ((*AFTER, 2), 10**4000, "after[0]: no point 1000"),
+        ((*AFTER, 3), -0.5, "heads[1].actions[1].after[0]: a lag of -0.5: 0 to 1e+07 s"),
+        ((*AFTER, 3), 1e8, "after[0]: a lag of 100000000.0"),
+        ((*AFTER, 3), 1e999, "the number Infinity is not finite"),
+        ((*AFTER, 3), None, "after[0]: a lag of None"),
         (("metrics",), 3, "metrics: expected a table"),
     ],
 )
