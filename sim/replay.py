@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,8 @@ class Course:
 
 def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
     """Return for each point of a head's path the seconds since its action began."""
-    limits = document.machine.limits
+    machine = document.machine
+    limits = machine.limits_of(next(head for head in machine.heads if head.name == lane.head))
     feed = np.full(len(lane.path), limits.travel_feed)
     prints = np.repeat(lane.kind == ActionKind.PRINT, np.diff(lane.path_offsets))
     for a in np.nonzero(lane.kind == ActionKind.PRINT)[0].tolist():
@@ -245,18 +247,15 @@ def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
 
 
 def rail_breaks(machine: Machine, courses: list[Course], trial: str) -> list[Meeting]:
-    """Return the first time in a replay at which each pair of heads breaks the rail."""
-    if machine.rail is None:
-        return []
+    """Return the first time in a replay at which each pair of heads breaks each rail."""
     names = [head.name for head in machine.heads]
-    on_rail = [names.index(name) for name in machine.rail.order]
     found = []
-    for i, r in enumerate(on_rail):
-        for j in range(i + 1, len(on_rail)):
-            s = on_rail[j]
+    for rail in machine.rails:
+        on_rail = list(enumerate(names.index(name) for name in rail.order))
+        for (i, r), (j, s) in combinations(on_rail, 2):
             pieces = _shared_pieces(courses[r], courses[s])
-            gap = (pieces.b - pieces.a)[:, machine.rail.axis]
-            bad = np.nonzero(gap < (j - i) * machine.rail.separation_mm - TOLERANCE_MM)[0]
+            gap = (pieces.b - pieces.a)[:, rail.axis]
+            bad = np.nonzero(gap < (j - i) * rail.separation_mm - TOLERANCE_MM)[0]
             if len(bad):
                 k = int(bad[0])
                 actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))

@@ -95,7 +95,9 @@ def check_machine(ours: Machine, named: Machine, source: PrintJob | None) -> lis
     """
     if len(ours.heads) == 1 < len(named.heads):
         one = [head for head in named.heads if head.name == ours.heads[0].name]
-        named = replace(named, heads=tuple(one), rail=None)
+        named = named.alone(one[0]) if one else replace(named, heads=())
+    if ours.release == "action":  # such a plan asks for less than any controller can do
+        named = replace(named, release="action")
     names = [head.name for head in named.heads]
     if [head.name for head in ours.heads] != names:
         had = ", ".join(head.name for head in ours.heads)

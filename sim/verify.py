@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Machine, Rail
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
 from sim.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.cooling import check_cooling
@@ -293,9 +293,12 @@ def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list
 
 def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
     """Heads on one rail keep their order and their separation, whatever the timing."""
-    rail = document.machine.rail
-    if rail is None:
-        return []
+    rails = document.machine.rails
+    lines = [line for rail in rails for line in _rail_lines(document, legs, order, rail)]
+    return listed(FaultKind.RAIL, lines)
+
+
+def _rail_lines(document: PlanDocument, legs: Legs, order: PartialOrder, rail: Rail) -> list[str]:
     names = [head.name for head in document.machine.heads]
     place = {name: i for i, name in enumerate(rail.order)}
     lines: list[str] = []
@@ -318,7 +321,7 @@ def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[
                     limit=2 * LIMIT,
                 )
             ]
-    return listed(FaultKind.RAIL, lines)
+    return lines
 
 
 def check_replays(

@@ -352,7 +352,7 @@ def check(
 
 def single_head_machine(machine: Machine, head: int) -> Machine:
     """Return the machine with one head only, for the single-extruder mode."""
-    return replace(machine, heads=(machine.heads[head],), rail=None)
+    return machine.alone(machine.heads[head])
 
 
 def parked_above(machine: Machine, contours: Contours) -> Machine:

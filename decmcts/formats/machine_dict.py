@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from decmcts.formats.bounds import LARGEST_MM
 from decmcts.formats.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.clearances import TALLEST_NOZZLE_MM, clearance_head
-from decmcts.formats.fields import Fields, fail, points, shown
+from decmcts.formats.fields import Fields, points, shown
 from decmcts.formats.head_polygon import check_polygon, covers_nozzle
-from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Slice
+from decmcts.formats.machine_relations import AXES, check_relations
+from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Release, Slice
 
-_AXES = ("x", "y")
+_RELEASES = ("point", "action")
 _MAY_BE_ZERO = ("jerk", "junction_deviation")
 _UNREACHED = 1e6  # the types' "no limit"
 _MACHINE_KEYS = (
@@ -33,7 +34,9 @@ _MACHINE_KEYS = (
     "head_clearance_mm",
     "lift_mm",
     "limits",
+    "release",
     "rail",
+    "rails",
     "heads",
 )
 _HEAD_KEYS = (
@@ -46,12 +49,13 @@ _HEAD_KEYS = (
     "reach_min",
     "reach_max",
     "tools",
+    "limits",
 )
 
 
 def machine_to_dict(machine: Machine) -> dict[str, Any]:
     """Return plain lists, numbers and texts that `machine_from_dict` reads back equal."""
-    written: dict[str, Any] = {
+    return {
         "name": machine.name,
         "source": machine.source,
         "bed": {"min": list(machine.bed_min), "max": list(machine.bed_max)},
@@ -60,16 +64,18 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
         "head_clearance_mm": machine.head_clearance_mm,
         "lift_mm": machine.lift_mm,
         "limits": _limits_to_dict(machine.limits),
+        "release": machine.release,
+        "rails": [_rail_to_dict(rail) for rail in machine.rails],
         "heads": [_head_to_dict(head) for head in machine.heads],
     }
-    if machine.rail is not None:
-        rail = machine.rail
-        written["rail"] = {
-            "axis": _AXES[rail.axis],
-            "order": list(rail.order),
-            "separation_mm": rail.separation_mm,
-        }
-    return written
+
+
+def _rail_to_dict(rail: Rail) -> dict[str, Any]:
+    return {
+        "axis": AXES[rail.axis],
+        "order": list(rail.order),
+        "separation_mm": rail.separation_mm,
+    }
 
 
 def _limits_to_dict(limits: MotionLimits) -> dict[str, Any]:
@@ -80,6 +86,7 @@ def _limits_to_dict(limits: MotionLimits) -> dict[str, Any]:
 
 
 def _head_to_dict(head: Head) -> dict[str, Any]:
+    own = {} if head.limits is None else {"limits": _limits_to_dict(head.limits)}
     return {
         "name": head.name,
         "slices": [
@@ -92,6 +99,7 @@ def _head_to_dict(head: Head) -> dict[str, Any]:
         "park": list(head.park),
         "reach": {"min": list(head.reach_min), "max": list(head.reach_max)},
         "tools": list(head.tools),
+        **own,
     }
 
 
@@ -117,6 +125,7 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
     bed = given.table("bed")
     bed.only("min", "max")
     defaults = Machine("", (0.0, 0.0), (0.0, 0.0), ())
+    limits = _limits(given, MotionLimits())
     machine = Machine(
         name=given.text("name"),
         source=given.text("source", ""),
@@ -126,21 +135,22 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
         bead_width=given.flag("bead_width", defaults.bead_width),
         head_clearance_mm=_size(given, "head_clearance_mm", defaults.head_clearance_mm),
         lift_mm=_size(given, "lift_mm", defaults.lift_mm),
-        limits=_limits(given),
-        rail=_rail(given.table("rail")) if "rail" in given.values else None,
-        heads=tuple(_head(head, _across(bed)) for head in given.tables("heads")),
+        limits=limits,
+        rails=_rails(given),
+        release=_release(given),
+        heads=tuple(_head(head, _across(bed), limits) for head in given.tables("heads")),
     )
-    _check_relations(machine, given)
+    check_relations(machine, given)
     return machine
 
 
-def _limits(given: Fields) -> MotionLimits:
+def _limits(given: Fields, usual: MotionLimits) -> MotionLimits:
+    """Return what a table `limits` says, and for what it leaves out what is usual."""
     if "limits" not in given.values:
-        return MotionLimits()
+        return usual
     table = given.table("limits")
     names = [f.name for f in fields(MotionLimits)]
     table.only(*names)
-    usual = MotionLimits()
     read = {name: _limit(table, name, getattr(usual, name)) for name in names}
     return MotionLimits(**read)
 
@@ -158,15 +168,31 @@ def _limit(table: Fields, name: str, usual: Any) -> Any:
     return value
 
 
+def _release(given: Fields) -> Release:
+    value = given.text("release", "action")
+    if value not in _RELEASES:
+        given.fail("release", f"expected 'point' or 'action', found {shown(value)}")
+    return "point" if value == "point" else "action"
+
+
+def _rails(given: Fields) -> tuple[Rail, ...]:
+    if "rail" not in given.values:
+        tables = given.tables("rails") if "rails" in given.values else []
+        return tuple(_rail(table) for table in tables)
+    if "rails" in given.values:
+        given.fail("rail", "stands beside rails", "give one of the two")
+    return (_rail(given.table("rail")),)
+
+
 def _rail(table: Fields) -> Rail:
     table.only("axis", "order", "separation_mm")
     axis = table.need("axis")
-    if axis not in _AXES:
+    if axis not in AXES:
         table.fail("axis", f"expected 'x' or 'y', found {shown(axis)}")
     order = table.items("order")
     if len(set(map(str, order))) != len(order) or len(order) < 2:
         table.fail("order", f"expected two or more different heads, found {shown(order)}")
-    return Rail(_AXES.index(axis), tuple(map(str, order)), _size(table, "separation_mm"))
+    return Rail(AXES.index(axis), tuple(map(str, order)), _size(table, "separation_mm"))
 
 
 def _across(bed: Fields) -> float:
@@ -196,7 +222,7 @@ def _slices(table: Fields, across_mm: float) -> list[Slice]:
     return sorted((_slice(s) for s in table.tables("slices")), key=lambda s: s.height_mm)
 
 
-def _head(table: Fields, across_mm: float) -> Head:
+def _head(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
     table.only(*_HEAD_KEYS)
     slices = _slices(table, across_mm)
     _check_slices(slices, table)
@@ -213,6 +239,7 @@ def _head(table: Fields, across_mm: float) -> Head:
         reach_min=low,
         reach_max=high,
         tools=tuple(tools),
+        limits=_limits(table, usual) if "limits" in table.values else None,
     )
 
 
@@ -287,58 +314,3 @@ def _pair(table: Fields, key: str) -> tuple[float, float]:
 def _triple(table: Fields, key: str, *, most: float = LARGEST_MM) -> tuple[float, float, float]:
     x, y, z = table.point(key, 3, most=most)
     return x, y, z
-
-
-def _check_relations(machine: Machine, given: Fields) -> None:
-    """Check what no single value shows: names, rail and parks."""
-    if not machine.heads:
-        given.fail("heads", "no head")
-    if not all(a < b for a, b in zip(machine.bed_min, machine.bed_max, strict=True)):
-        given.fail("bed", f"min {machine.bed_min} is not below max {machine.bed_max}")
-    names = [head.name for head in machine.heads]
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            given.fail(f"heads[{i}].name", f"two heads are named {name!r}")
-    if machine.rail is not None:
-        _check_rail(machine, machine.rail, given)
-    _check_parks(machine, given)
-
-
-def _check_rail(machine: Machine, rail: Rail, given: Fields) -> None:
-    parks = {head.name: head.park[rail.axis] for head in machine.heads}
-    for name in rail.order:
-        if name not in parks:
-            given.fail("rail.order", f"no head is named {name!r}", f"heads: {', '.join(parks)}")
-    for before, after in pairwise(rail.order):
-        gap = parks[after] - parks[before]
-        if gap < rail.separation_mm:
-            given.fail(
-                "rail",
-                f"parked heads {before!r} and {after!r} are {gap:g} mm apart along"
-                f" {_AXES[rail.axis]}, separation_mm is {rail.separation_mm:g}",
-                "move the parks apart",
-            )
-
-
-def _check_parks(machine: Machine, given: Fields) -> None:
-    for i, one in enumerate(machine.heads):
-        for two in machine.heads[:i]:
-            gap = min(
-                (_gap(a, one.park, b, two.park) for a in one.bodies for b in two.bodies),
-                default=np.inf,
-            )
-            if gap < machine.head_clearance_mm:
-                fail(
-                    given.at(f"heads[{i}].park"),
-                    f"parked heads {two.name!r} and {one.name!r} have bodies {gap:g} mm apart,"
-                    f" head_clearance_mm is {machine.head_clearance_mm:g}",
-                    given.path,
-                    "move the parks apart",
-                )
-
-
-def _gap(a: Body, at: tuple[float, float, float], b: Body, bt: tuple[float, float, float]) -> float:
-    """Return the distance of two boxes that moved with their nozzles, in mm."""
-    low_a, high_a = np.add(a.minimum, at), np.add(a.maximum, at)
-    low_b, high_b = np.add(b.minimum, bt), np.add(b.maximum, bt)
-    return float(np.linalg.norm(np.maximum(0.0, np.maximum(low_a - high_b, low_b - high_a))))

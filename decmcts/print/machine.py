@@ -7,13 +7,16 @@ Units mm, mm/s, mm/s².
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.errors import InputError
+
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
+Release = Literal["point", "action"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,32 +38,6 @@ class Body:
     name: str
     minimum: tuple[float, float, float]  # relative to the nozzle tip
     maximum: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Head:
-    """One extruder: its shape near the print, its bodies, where it parks and reaches."""
-
-    name: str
-    slices: tuple[Slice, ...]  # ascending height
-    bodies: tuple[Body, ...] = ()
-    park: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    reach_min: tuple[float, float, float] = (-1e6, -1e6, -1e6)
-    reach_max: tuple[float, float, float] = (1e6, 1e6, 1e6)
-    tools: tuple[int, ...] = ()  # tool numbers (materials) it can print; empty: all
-
-
-@dataclass(frozen=True, slots=True)
-class Rail:
-    """Heads that share a rail keep their order along `axis`, `separation_mm` apart.
-
-    The reference points are the nozzles: nozzle of order[i + 1] minus nozzle of
-    order[i] along the axis is at least `separation_mm` at all times.
-    """
-
-    axis: int  # 0: X, 1: Y
-    order: tuple[str, ...]  # head names, ascending along the axis
-    separation_mm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +72,33 @@ def _said(usual: Any, said: Any) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
+class Head:
+    """One extruder: its shape near the print, its bodies, where it parks and reaches."""
+
+    name: str
+    slices: tuple[Slice, ...]  # ascending height
+    bodies: tuple[Body, ...] = ()
+    park: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    reach_min: tuple[float, float, float] = (-1e6, -1e6, -1e6)
+    reach_max: tuple[float, float, float] = (1e6, 1e6, 1e6)
+    tools: tuple[int, ...] = ()  # tool numbers (materials) it can print; empty: all
+    limits: MotionLimits | None = None  # its own, whatever the source states; None: the machine's
+
+
+@dataclass(frozen=True, slots=True)
+class Rail:
+    """Heads that share a rail keep their order along `axis`, `separation_mm` apart.
+
+    The reference points are the nozzles: nozzle of order[i + 1] minus nozzle of
+    order[i] along the axis is at least `separation_mm` at all times.
+    """
+
+    axis: int  # 0: X, 1: Y
+    order: tuple[str, ...]  # head names, ascending along the axis
+    separation_mm: float
+
+
+@dataclass(frozen=True, slots=True)
 class Machine:
     """A printer: bed, heads and the relations between them."""
 
@@ -106,6 +110,29 @@ class Machine:
     bead_width: bool = True  # printed material has its beads' width; False: centrelines only
     head_clearance_mm: float = 1.0  # kept between the bodies of different heads
     lift_mm: float = 0.2  # a travel that must lift clears material by this much
-    rail: Rail | None = None
+    rails: tuple[Rail, ...] = ()  # a head may be on any number of them
     limits: MotionLimits = field(default_factory=MotionLimits)
+    release: Release = "action"  # what a head can signal: points of a print, or only its end
     source: str = ""  # where the shape comes from
+
+    @property
+    def rail(self) -> Rail | None:
+        """Return the only rail, None where there is none.
+
+        Raises
+        ------
+        InputError
+            Where there are several: `rails` has them.
+        """
+        if len(self.rails) > 1:
+            raise InputError(f"machine {self.name} has {len(self.rails)} rails, not one")
+        return self.rails[0] if self.rails else None
+
+    def limits_of(self, head: Head) -> MotionLimits:
+        """Return the limits a head moves under: its own, else the machine's."""
+        return self.limits if head.limits is None else head.limits
+
+    def alone(self, head: Head) -> Machine:
+        """Return the machine with this head and no other, under the limits the head has."""
+        lone = replace(head, limits=None)
+        return replace(self, heads=(lone,), rails=(), limits=self.limits_of(head))

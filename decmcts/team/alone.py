@@ -87,4 +87,4 @@ def lone_machine(machine: Machine) -> Machine:
     """
     far = 1e6
     head = replace(machine.heads[0], reach_min=(-far,) * 3, reach_max=(far,) * 3, tools=())
-    return replace(machine, heads=(head,), rail=None)
+    return machine.alone(head)

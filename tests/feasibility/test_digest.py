@@ -32,7 +32,7 @@ def changed(contours: Contours, **fields: Any) -> Contours:
 def test_digest_is_the_same_everywhere(problem: tuple[Any, Any, Any]) -> None:
     """Agents on different machines compare digests: the value itself is a contract."""
     assert problem_digest(*problem) == (
-        "cd94f881f4236ba04e618d6f60e30a1cb74c3be8373e0dda5a6dcff928019aa2"
+        "77563f96431bf584c83bccd61c5ea0e62441676f6b43ade29cc3fde0f18eb131"
     )
 
 
@@ -54,7 +54,7 @@ def test_everything_that_matters_counts(problem: tuple[Any, Any, Any]) -> None:
         (changed(contours, reversible=~contours.reversible), graph, machine),
         (contours, DependencyGraph.from_pairs(n, np.empty((0, 2), np.int32)), machine),
         (contours, graph, replace(machine, clearance_mm=0.1)),
-        (contours, graph, replace(machine, rail=Rail(0, ("test",), 70.0))),
+        (contours, graph, replace(machine, rails=(Rail(0, ("test",), 70.0),))),
         (contours, graph, replace(machine, heads=machine.heads * 2)),
     ]
     digests = {problem_digest(*problem)} | {problem_digest(*v) for v in variants}

@@ -83,12 +83,14 @@ def test_machines_survive_the_way_through_a_mapping(name):
     again = machine_from_dict(json.loads(json.dumps(written)))
     assert machine_to_dict(again) == written
     assert again.limits == machine.limits
-    assert again.rail == machine.rail
+    assert (again.rails, again.release) == (machine.rails, machine.release)
+    assert [head.limits for head in again.heads] == [head.limits for head in machine.heads]
 
 
-def test_dual_gantry_slices_cover_its_bodies():
+@pytest.mark.parametrize("name", ["dual-gantry"])
+def test_slices_cover_the_bodies(name):
     """A body outside the slices could touch printed material unseen by the graph."""
-    for head in load_machine("dual-gantry").heads:
+    for head in load_machine(name).heads:
         for body in head.bodies:
             low, high = np.array(body.minimum), np.array(body.maximum)
             assert any(
@@ -120,9 +122,10 @@ def test_dual_gantry_parks_are_out_of_the_others_way():
     assert left.park[0] < machine.bed_min[0] - 40 and right.park[0] > machine.bed_max[0] + 40
 
 
-def test_dual_gantry_beams_cover_the_bed_from_everywhere():
+@pytest.mark.parametrize("name", ["dual-gantry"])
+def test_beams_cover_the_bed_from_everywhere(name):
     """The beam does not move along Y with the nozzle, so its box has room for both."""
-    machine = load_machine("dual-gantry")
+    machine = load_machine(name)
     for head in machine.heads:
         beam = next(b for b in head.bodies if b.name == "beam")
         assert head.reach_min[1] + beam.maximum[1] >= machine.bed_max[1]
@@ -227,6 +230,38 @@ def test_two_heads_on_a_rail_are_read(tmp_path):
     assert read(tmp_path, TWO + RAIL).rail.order == ("a", "b")
 
 
+def test_rails_are_a_list_and_the_only_one_has_a_name(tmp_path):
+    """Planners of one rail must not overlook a second."""
+    across = RAIL.replace("[rail]", "[[rails]]")
+    along = across.replace('"x"', '"y"').replace("80", "0")
+    assert read(tmp_path, TWO + across).rails == (read(tmp_path, TWO + RAIL).rail,)
+    both = read(tmp_path, TWO + across + along)
+    assert [rail.axis for rail in both.rails] == [0, 1]
+    with pytest.raises(InputError, match="2 rails, not one"):
+        _ = both.rail
+    assert read(tmp_path, TWO).rail is None
+
+
+def test_a_head_has_its_own_limits_or_the_machines(tmp_path):
+    """What a head's limits leave out is as the machine's, which the source may replace."""
+    text = "limits = { travel_feed = 99, acceleration = 7 }\n" + TWO
+    plain, own = read(
+        tmp_path, text.replace('name = "b"', 'name = "b"\nlimits = { jerk = [1, 1, 1, 1] }')
+    ).heads
+    machine = read(tmp_path, text)
+    assert plain.limits is None and machine.limits_of(plain).travel_feed == 99.0
+    assert own.limits is not None
+    assert (own.limits.travel_feed, own.limits.acceleration, own.limits.jerk[0]) == (99.0, 7.0, 1.0)
+    alone = machine.alone(own)
+    assert alone.limits == own.limits and alone.heads[0].limits is None
+
+
+def test_release_is_of_actions_unless_said(tmp_path):
+    """Any controller can meet at rest; to signal in motion is a claim about the machine."""
+    assert read(tmp_path, TWO).release == "action"
+    assert read(tmp_path, 'release = "point"\n' + TWO).release == "point"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -236,6 +271,13 @@ def test_two_heads_on_a_rail_are_read(tmp_path):
         (TWO + RAIL.replace('["a", "b"]', '["b", "a"]'), "-90 mm apart"),
         (TWO + RAIL.replace('["a", "b"]', '["a", "a"]'), "two or more different heads"),
         (TWO + RAIL.replace('"x"', '"z"'), "rail.axis: expected 'x' or 'y'"),
+        (TWO + 2 * RAIL.replace("[rail]", "[[rails]]").replace("80", "91"), "rails[0]: parked"),
+        (TWO + RAIL + RAIL.replace("[rail]", "[[rails]]"), "rail: stands beside rails"),
+        ('release = "layer"\n' + TWO, "release: expected 'point' or 'action', found 'layer'"),
+        (
+            TWO.replace('name = "b"', 'name = "b"\nlimits = { max_feed = [0, 1, 1, 1] }'),
+            "heads[1].limits.max_feed: 0 would never arrive",
+        ),
         (
             TWO.replace("park =", "bodies = [{ min = [-45, 0, 0], max = [45, 9, 9] }]\npark ="),
             "bodies 0 mm apart",

@@ -57,7 +57,7 @@ def test_purge_lines_may_lie_beside_the_bed():
 def test_contours_beyond_all_heads_are_named():
     """A contour no head reaches would be missing from every plan."""
     dual = load_machine("dual-gantry")
-    left_only = replace(dual, heads=dual.heads[:1], rail=None)
+    left_only = replace(dual, heads=dual.heads[:1], rails=())
     with pytest.raises(
         InputError, match=r"line 20: no head .* contour 1 .*x 250\.0\.\.280\.0.*; 1 "
     ):

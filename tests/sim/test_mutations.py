@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Rail
 from decmcts.print.plan import JointPlan
 from sim.faults import FaultKind as K
 from sim.verify import verify_plan
@@ -147,6 +148,17 @@ def test_without_the_after_the_heads_meet(make):
         assert kinds(make.edited(make.two_head_plan(rail=rail), 1, forget)) == due
 
 
+def test_every_rail_is_judged(make):
+    """A plan that keeps the first of two rails may still break the second."""
+    document = make.two_head_plan()
+    across = Rail(1, ("left", "right"), 25.0)  # both heads work at the same y
+    machine = replace(document.machine, rails=(*document.machine.rails, across))
+    verdict = verify_plan(replace(document, machine=machine))
+    assert verdict.kinds() == {K.RAIL}
+    assert any("may happen together" in f.text and "along y" in f.text for f in verdict.faults)
+    assert any(f.text.startswith("replay") for f in verdict.faults)
+
+
 def test_after_too_early_an_action_is_a_fault(make):
     """Waiting for the last print but not for the retreat leaves the left head in the way."""
 
@@ -176,7 +188,7 @@ def test_heads_parked_into_each_other(make):
     document = make.two_head_plan(meet=False)
     left, right = document.machine.heads
     idle = replace(right, name="third", park=(left.park[0], left.park[1] + 15.0, left.park[2]))
-    machine = replace(document.machine, heads=(left, right, idle), rail=None)
+    machine = replace(document.machine, heads=(left, right, idle), rails=())
     assert kinds(replace(document, machine=machine)) == {K.HEAD_HEAD}
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from decmcts.print.machine import MotionLimits
 from sim.faults import FaultKind
 from sim.legs import legs_of
 from sim.order import order_of
@@ -83,6 +84,20 @@ def test_a_head_rests_where_it_ended(make):
     assert begin[1][waits] > end
     here = np.interp((end + begin[1][waits]) / 2, courses[1].time, courses[1].point[:, 0])
     assert here == lanes[1].action_path(waits)[0, 0]
+
+
+def test_a_head_moves_under_its_own_limits(make):
+    """A slower head beside a quicker one is slower in the replay too."""
+    document = make.two_head_plan()
+    left, right = document.machine.heads
+    slow = MotionLimits(travel_feed=15.0, max_feed=(15.0, 15.0, 2.0, 60.0))
+    machine = replace(document.machine, heads=(left, replace(right, limits=slow)))
+    before, after = (
+        [arrivals_of(d, lane)[-1] for lane in lanes_of(d)]
+        for d in (document, replace(document, machine=machine))
+    )
+    assert after[0] == before[0]
+    assert after[1] > 3.0 * before[1]
 
 
 def test_print_feeds_follow_the_traversal(make):

@@ -30,13 +30,15 @@ SMALL = (Slice(0.0, (np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]),)),)
         (lambda m: replace(m, bead_width=False), "bead_width"),
         (lambda m: replace(m, bed_max=(300.0, 300.0)), "bed_max"),
         (lambda m: replace(m, lift_mm=0.0), "lift_mm"),
-        (lambda m: replace(m, rail=None), "rail"),
+        (lambda m: replace(m, rails=()), "rail"),
         (head_with(slices=SMALL), "head left: slices"),
         (head_with(bodies=()), "head left: bodies"),
         (head_with(bodies=(Body("beam", (-1.0, -1.0, 1.0), (1.0, 1.0, 2.0)),)), "bodies"),
         (head_with(park=(-40.0, 50.0, 30.0)), "head left: park"),
         (head_with(reach_min=(0.0, 0.0, 0.0)), "head left: reach_min"),
         (head_with(tools=(1,)), "head left: tools"),
+        (head_with(limits=MotionLimits(travel_feed=99.0)), "head left: limits"),
+        (lambda m: replace(m, release="point"), "release"),
         (head_with(name="other"), "heads"),
     ],
 )
@@ -53,10 +55,16 @@ def test_one_head_of_several_and_a_higher_park(make):
     """`plan` prints with one head, which parks above its print; both are the machine's."""
     machine = make.two_head_machine()
     left = machine.heads[0]
-    lone = replace(machine, heads=(replace(left, park=(-40.0, 50.0, 99.0)),), rail=None)
+    lone = replace(machine, heads=(replace(left, park=(-40.0, 50.0, 99.0)),), rails=())
     assert check_machine(lone, machine, None) == []
     lower = replace(lone, heads=(replace(left, park=(-40.0, 50.0, 1.0)),))
     assert [f.kind for f in check_machine(lower, machine, None)] == [K.MACHINE]
+
+
+def test_a_plan_may_ask_for_less_than_its_controllers_can_do(make):
+    """Plans written before machines said what they can release wait for whole actions."""
+    machine = make.two_head_machine()
+    assert check_machine(machine, replace(machine, release="point"), None) == []
 
 
 def test_limits_are_the_machines_or_the_sources(make):

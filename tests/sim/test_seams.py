@@ -126,7 +126,7 @@ def planned():
     graph = build_graph(close_gaps(job.contours), machine.heads, clearance_mm=machine.clearance_mm)
     n = len(job.contours)
     toolpath = replace(Toolpath.as_sliced(n), entry=random_entries(job.contours, 3))
-    machine = replace(machine, heads=(replace(machine.heads[0], park=(0.0, 0.0, 60.0)),), rail=None)
+    machine = replace(machine, heads=(replace(machine.heads[0], park=(0.0, 0.0, 60.0)),), rails=())
     plan = schedule(job, machine, graph, [toolpath])
     return job, document, PlanDocument("", machine, job.contours, graph.pairs(), plan, {})
 
