@@ -11,7 +11,10 @@ from matplotlib.figure import Figure
 from decmcts.formats.atomic import write_whole
 
 TRAVEL = "#d62728"
-HEAD_COLOURS = ("#7f7f7f", "#1f77b4", "#e6a817", "#2ca02c", "#9467bd", "#8c564b")
+HEAD_COLOURS = (
+    "#7f7f7f", "#1f77b4", "#e6a817", "#2ca02c", "#9467bd", "#8c564b",
+    "#e377c2", "#17becf", "#bcbd22",
+)  # fmt: skip
 DPI = 150
 
 

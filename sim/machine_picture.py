@@ -14,6 +14,7 @@ from decmcts.print.machine import Head, Machine
 from sim.canvas import head_colour, save
 
 NEAR_MM = 110.0  # of the nozzle; larger parts are cut off at the frame
+BESIDE_MM = 60.0  # the same for what is parked, in the picture of the bed
 
 
 def draw_machine(machine: Machine, path: Path | str) -> None:
@@ -29,7 +30,7 @@ def draw_machine(machine: Machine, path: Path | str) -> None:
         _draw_slices(axes[row, 0], head)
         _draw_elevation(axes[row, 1], head)
         _draw_bed(axes[row, 2], machine, row)
-    figure.suptitle(machine.name, fontsize=14)
+    figure.suptitle(machine.name, fontsize=14, y=1 - 0.35 * edge)
     save(figure, path)
 
 
@@ -92,7 +93,7 @@ def _draw_elevation(axis: Any, head: Head) -> None:
 
 
 def _draw_bed(axis: Any, machine: Machine, row: int) -> None:
-    """Draw the bed, the head's reach and where it parks."""
+    """Draw the bed, the head's reach and where it parks, beside the others' bodies parked."""
     head, colour = machine.heads[row], head_colour(row, max(2, len(machine.heads)))
     low, high = np.array(machine.bed_min, float), np.array(machine.bed_max, float)
     axis.add_patch(Rectangle(tuple(low), *(high - low), fc="#eeeeee", ec="black"))
@@ -104,11 +105,13 @@ def _draw_bed(axis: Any, machine: Machine, row: int) -> None:
                 tuple(reach[0]), *(reach[1] - reach[0]), fill=False, ec=colour, ls="--", lw=1.8
             )
         )
+    for k, other in enumerate(machine.heads if len(machine.heads) > 1 else ()):
+        _draw_parked(axis, other, head_colour(k, len(machine.heads)), own=k == row)
     axis.plot(*head.park[:2], "o", color=colour, ms=8, clip_on=False)
     axis.annotate(
         "park", head.park[:2], textcoords="offset points", xytext=(0, 8), fontsize=9, ha="center"
     )
-    points = np.array([low, high, head.park[:2], *(reach if limited else [])])
+    points = np.array([low, high, *_parked_corners(machine), *(reach if limited else [])])
     margin = 0.08 * float((high - low).max())
     axis.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
     axis.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
@@ -116,3 +119,20 @@ def _draw_bed(axis: Any, machine: Machine, row: int) -> None:
     axis.set_title("bed and park" + (", reach dashed" if limited else ""), fontsize=10)
     axis.set_xlabel("x, mm")
     axis.set_ylabel("y, mm")
+
+
+def _draw_parked(axis: Any, head: Head, colour: str, *, own: bool) -> None:
+    """Draw the outlines of a head's bodies where it parks; the frame cuts off long beams."""
+    for body in head.bodies:
+        corner = (head.park[0] + body.minimum[0], head.park[1] + body.minimum[1])
+        size = (body.maximum[0] - body.minimum[0], body.maximum[1] - body.minimum[1])
+        axis.add_patch(Rectangle(corner, *size, fill=False, ec=colour, lw=1.4 if own else 0.5))
+
+
+def _parked_corners(machine: Machine) -> list[NDArray[np.float64]]:
+    """Return what of the parked heads the frame holds: parks, and bodies not far from them."""
+    return [
+        np.add(head.park[:2], np.clip(corner[:2], -BESIDE_MM, BESIDE_MM))
+        for head in machine.heads
+        for corner in [(0.0, 0.0, 0.0), *(c for b in head.bodies for c in (b.minimum, b.maximum))]
+    ]

@@ -16,6 +16,7 @@ from decmcts.errors import InputError
 from decmcts.formats.machine_dict import machine_from_dict
 from decmcts.formats.machine_fit import check_fits
 from decmcts.formats.prusa_geometries import machine_from_geometries
+from decmcts.formats.rail_family import SIZES, rail_machine
 from decmcts.formats.reading import one_line, read_bytes, read_json
 from decmcts.formats.slicer_profile import machine_from_ini, machine_from_json
 from decmcts.print.machine import Machine
@@ -31,6 +32,7 @@ __all__ = [
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
 _AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
 _INI = re.compile(r"^(?P<file>.+\.ini)(:(?P<name>[^/\\]+))?$", re.IGNORECASE)
+_RAILS = {f"rail-{heads}": heads for heads in SIZES}  # presets that have no file
 _MODELS = (  # PrusaSlicer's printer_model, the longer names first
     (r"COREONEL", "coreonel"),
     (r"COREONE", "coreone"),
@@ -64,7 +66,8 @@ _BY_CLEARANCES = {  # printer_model in lower case: preset made of a profile's cl
 
 def preset_names() -> list[str]:
     """Return the names of the machines that come with the program, sorted."""
-    return sorted(entry.name[:-5] for entry in _presets().iterdir() if entry.name.endswith(".toml"))
+    files = [entry.name for entry in _presets().iterdir()]
+    return sorted([*_RAILS, *(name[:-5] for name in files if name.endswith(".toml"))])
 
 
 def load_machine(name_or_path: str) -> Machine:
@@ -88,6 +91,8 @@ def load_machine(name_or_path: str) -> Machine:
     [[-7.0, -7.0], [7.0, -7.0], [7.0, 7.0], [-7.0, 7.0]]
     """
     name = str(name_or_path)
+    if name.lower() in _RAILS:
+        return rail_machine(load_machine("dual-gantry"), _RAILS[name.lower()])
     if name.lower() in preset_names():
         file = f"{name.lower()}.toml"
         return _from_toml((_presets() / file).read_bytes(), Path(file))

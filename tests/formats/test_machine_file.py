@@ -59,6 +59,7 @@ def test_presets_are_sound_and_name_their_source(name):
 def test_the_issue_names_these_presets():
     """Users and benchmarks call the machines by these names."""
     wanted = "paper mk3s mk4 mk4s mini xl coreone coreonel ht90 dual-gantry"
+    wanted += " dueling-zero rail-3 rail-4 rail-5 rail-6 rail-7 rail-8"
     wanted += " ender3 voron24-300 voron24-350 x1c p1s a1"
     assert set(wanted.split()) <= set(preset_names())
 
@@ -87,7 +88,7 @@ def test_machines_survive_the_way_through_a_mapping(name):
     assert [head.limits for head in again.heads] == [head.limits for head in machine.heads]
 
 
-@pytest.mark.parametrize("name", ["dual-gantry"])
+@pytest.mark.parametrize("name", ["dual-gantry", "dueling-zero", "rail-3"])
 def test_slices_cover_the_bodies(name):
     """A body outside the slices could touch printed material unseen by the graph."""
     for head in load_machine(name).heads:
@@ -122,7 +123,7 @@ def test_dual_gantry_parks_are_out_of_the_others_way():
     assert left.park[0] < machine.bed_min[0] - 40 and right.park[0] > machine.bed_max[0] + 40
 
 
-@pytest.mark.parametrize("name", ["dual-gantry"])
+@pytest.mark.parametrize("name", ["dual-gantry", "dueling-zero", "rail-8"])
 def test_beams_cover_the_bed_from_everywhere(name):
     """The beam does not move along Y with the nozzle, so its box has room for both."""
     machine = load_machine(name)
