@@ -36,6 +36,10 @@ class Legs:
         """Whether any action has more than one leg."""
         return any(len(a) < len(b) for a, b in zip(self.whole, self.lanes, strict=True))
 
+    def begins(self, head: int) -> Flags:
+        """Tell of each leg of a head whether its action begins with it."""
+        return np.asarray(np.diff(self.origin[head], prepend=-1) > 0)
+
     def last(self, head: int) -> Ints:
         """Return for each leg of a head the last leg of its action."""
         ends = np.searchsorted(self.origin[head], self.origin[head], side="right") - 1
@@ -45,7 +49,7 @@ class Legs:
         """Return the seconds since each leg began from those since its action began."""
         offsets, at = self.lanes[head].path_offsets, whole[self.rows[head]]
         begun = at[offsets[:-1]]
-        begun[np.diff(self.origin[head], prepend=-1) > 0] = 0.0  # a wait has all its time here
+        begun[self.begins(head)] = 0.0  # a wait has all its time here
         return np.asarray(at - np.repeat(begun, np.diff(offsets)))
 
     def describe(self, head: int, leg: int) -> str:

@@ -151,7 +151,7 @@ def _check_execution(
     faults += check_heads(document, legs, order)
     faults += check_rail(document, legs, order)
     arrivals = [arrivals_of(document, lane) for lane in legs.whole]
-    faults += check_cooling(document, legs.whole, arrivals)
+    faults += check_cooling(document, legs, order, arrivals)
     faults += check_replays(document, legs, order, arrivals, counts, trials=trials, seed=seed)
     return faults
 

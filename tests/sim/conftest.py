@@ -11,6 +11,7 @@ import pytest
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Body, Head, Machine, Rail, Slice
 from decmcts.print.plan import (
+    ACTION_END,
     NO_CONTOUR,
     ActionKind,
     After,
@@ -171,6 +172,30 @@ def shared_plan(after=((0, 1, 5),), *, rail: bool = True):
     )
 
 
+def lanes_with_points(rng, points=4):
+    """Lanes of three heads whose random edges name points and follow a random interleaving."""
+    sizes = rng.integers(1, 6, 3)
+    slots = rng.permutation(np.repeat(np.arange(3), sizes)).tolist()
+    seen, sequence = [0, 0, 0], []
+    for h in slots:
+        sequence.append((h, seen[h]))
+        seen[h] += 1
+    waits = {key: [] for key in sequence}
+    for _ in range(8 if len(sequence) > 1 else 0):
+        i, j = sorted(rng.choice(len(sequence), 2, replace=False))
+        if sequence[i][0] != sequence[j][0]:
+            point = int(rng.choice([ACTION_END, *range(1, points)]))
+            waits[sequence[j]].append((*sequence[i], point))
+    path = np.arange(points)[:, None] * np.ones(3)
+    return tuple(
+        lane(
+            f"h{h}", [(ActionKind.TRAVEL, -1, False)] * n, [path] * n,
+            [waits[h, a] for a in range(n)],
+        )
+        for h, n in enumerate(sizes.tolist())
+    )  # fmt: skip
+
+
 def to_rows(lane_: HeadActions) -> list[dict]:
     """The actions of a lane as mutable rows, for tests that spoil one."""
     return [
@@ -219,5 +244,5 @@ def make():
         contours_of=contours_of, square=square, head_actions=head_actions, lane=lane, lift=lift,
         one_head_machine=one_head_machine, two_head_machine=two_head_machine,
         tower_plan=tower_plan, two_head_plan=two_head_plan, shared_plan=shared_plan, edited=edited,
-        to_rows=to_rows, from_rows=from_rows,
+        to_rows=to_rows, from_rows=from_rows, lanes_with_points=lanes_with_points,
     )  # fmt: skip

@@ -170,37 +170,13 @@ def test_nominal_times_wait_for_the_point_and_the_lag(make):
         assert ok or verdict.kinds() == {FaultKind.TIMES}
 
 
-def random_lanes(make, rng, points=4):
-    """Lanes of three heads whose random edges name points and follow a random interleaving."""
-    sizes = rng.integers(1, 6, 3)
-    slots = rng.permutation(np.repeat(np.arange(3), sizes)).tolist()
-    seen, sequence = [0, 0, 0], []
-    for h in slots:
-        sequence.append((h, seen[h]))
-        seen[h] += 1
-    waits = {key: [] for key in sequence}
-    for _ in range(8 if len(sequence) > 1 else 0):
-        i, j = sorted(rng.choice(len(sequence), 2, replace=False))
-        if sequence[i][0] != sequence[j][0]:
-            point = int(rng.choice([ACTION_END, *range(1, points)]))
-            waits[sequence[j]].append((*sequence[i], point))
-    path = np.arange(points)[:, None] * np.ones(3)
-    return tuple(
-        make.lane(
-            f"h{h}", [(ActionKind.TRAVEL, -1, False)] * n, [path] * n,
-            [waits[h, a] for a in range(n)],
-        )
-        for h, n in enumerate(sizes.tolist())
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_legs_wait_as_the_actions_do(make, seed):
     """Times by legs are those of a slow walk over the actions' own points and lags."""
     rng = np.random.default_rng(seed)
     lanes = tuple(
         replace(lane, after_lag_s=rng.choice([0.0, 2.5], len(lane.after_head)))
-        for lane in random_lanes(make, rng)
+        for lane in make.lanes_with_points(rng)
     )
     legs = legs_of(lanes)
     takes = [rng.uniform(0.1, 2.0, (len(lane), 3)) for lane in lanes]  # of each move
