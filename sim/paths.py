@@ -85,6 +85,23 @@ def _bad_waits(actions: HeadActions, heads: tuple[HeadActions, ...]) -> list[str
     return lines
 
 
+def check_release(document: PlanDocument) -> list[Fault]:
+    """Check that heads which signal only at rest are waited for only where an action ends."""
+    if document.machine.release == "point":
+        return []
+    heads = document.plan.heads
+    lines = [
+        f"{describe(lane, k)} waits for point {edge.point} of "
+        f"{describe(heads[edge.head], edge.action)}; heads of {document.machine.name} signal "
+        "only that an action has ended"
+        for lane in heads
+        for k in np.flatnonzero(np.diff(lane.after_offsets)).tolist()
+        for edge in lane.after_edges(k)
+        if edge.point != ACTION_END
+    ]
+    return listed(FaultKind.MACHINE, lines)
+
+
 def check_once(document: PlanDocument) -> list[Fault]:
     """J1: every contour is printed exactly once."""
     printed = [h.contour[h.kind == ActionKind.PRINT] for h in document.plan.heads]

@@ -30,7 +30,7 @@ from sim.material import as_material, find_contacts, or_undecided, place_of
 from sim.nominal import check_times
 from sim.order import PartialOrder, order_of
 from sim.order_rules import check_order, statements, usual_rules
-from sim.paths import check_head, check_once, check_structure
+from sim.paths import check_head, check_once, check_release, check_structure
 from sim.priming import check_file_priming
 from sim.printed_file import laying_moves, segments_of
 from sim.replay import (
@@ -119,7 +119,7 @@ def _check_content(
 
     Of another print than the source that is all that is said.
     """
-    faults = check_once(document)
+    faults = check_once(document) + check_release(document)
     for actions, head in zip(lanes, document.machine.heads, strict=True):
         faults += check_head(document.contours, actions, head)
     known = None if source is None else source.contours

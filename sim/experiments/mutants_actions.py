@@ -226,27 +226,6 @@ def time_backwards(plan: Plan, rng: Rng) -> None:
     action["begin_s"], action["end_s"] = action["end_s"] + 1.0, action["begin_s"]
 
 
-def own_waits_dropped(plan: Plan, rng: Rng) -> None:
-    """Let no action wait for the other head."""
-    found = [a for head in plan["heads"] for a in head["actions"] if a["after"]]
-    if not found:
-        raise NotHereError
-    for action in found:
-        action["after"] = []
-
-
-def one_wait_dropped(plan: Plan, rng: Rng) -> None:
-    """Let one action not wait for the other head."""
-    found = [a for head in plan["heads"] for a in head["actions"] if a["after"]]
-    found[pick(list(range(len(found))), rng)]["after"] = []
-
-
-def waits_for_itself(plan: Plan, rng: Rng) -> None:
-    """Let an action wait for a later one of its own head."""
-    head = max(plan["heads"], key=lambda h: len(h["actions"]))
-    head["actions"][3]["after"] = [[head["name"], 7, None, 0.0]]
-
-
 def heads_exchanged(plan: Plan, rng: Rng) -> None:
     """Give each head the other one's actions."""
     if len(plan["heads"]) < 2:

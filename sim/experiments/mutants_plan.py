@@ -1,6 +1,7 @@
 """Mutants of a plan.json, as the JSON object it holds (docs/plan-format.md).
 
-What is done to actions stands in `mutants_actions`, what is done to the rest here.
+What is done to actions stands in `mutants_actions`, to what they wait for in
+`mutants_waits`, what is done to the rest here.
 """
 
 from __future__ import annotations
@@ -23,8 +24,6 @@ from sim.experiments.mutants_actions import (
     longest_lane,
     no_time,
     off_the_bed,
-    one_wait_dropped,
-    own_waits_dropped,
     park_away,
     print_twice,
     process_order_swapped,
@@ -38,8 +37,8 @@ from sim.experiments.mutants_actions import (
     travel_at,
     upper_layer_first,
     wait_that_moves,
-    waits_for_itself,
 )
+from sim.experiments.mutants_waits import WAIT_MUTANTS
 
 Plan = dict[str, Any]
 Rng = np.random.Generator
@@ -219,9 +218,7 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("a key nobody knows", unknown_key),
     Mutant("two contours of one number", two_of_one_id),
     Mutant("another digest", another_digest),
-    Mutant("no head waits for the other", own_waits_dropped),
-    Mutant("one wait dropped", one_wait_dropped),
-    Mutant("an action waits for a later one", waits_for_itself),
+    *WAIT_MUTANTS,
     Mutant("the heads exchanged", heads_exchanged),
     Mutant(
         "other metrics", says_free, harmless="metrics are figures for people; none is relied on"

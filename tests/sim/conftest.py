@@ -158,7 +158,7 @@ def shared_plan(after=((0, 1, 5),), *, rail: bool = True):
     The right head's first travel waits for `after`; the left one's nozzle is at x = 100 - 10 k
     at point k of its action 1, and 50 is far enough away.
     """
-    machine = two_head_machine(rail=rail)
+    machine = replace(two_head_machine(rail=rail), release="point")
     paths = [
         np.array([[100.0 - 10 * k, 50.0, LAYER] for k in range(9)]),
         np.array([[80.0 + 10 * k, 80.0, LAYER] for k in range(5)]),
@@ -170,6 +170,25 @@ def shared_plan(after=((0, 1, 5),), *, rail: bool = True):
     return PlanDocument(
         "", machine, contours_of(paths), np.zeros((0, 2), np.int32), JointPlan((left, right)), {}
     )
+
+
+def stacked_plan(*after, first=()):
+    """The plan of `shared_plan`; then the right head prints line 2, on top of the left one's.
+
+    Its way to line 2 waits for `after`, to line 1 (40 s) for `first`, too; the rule is 20 s.
+    """
+    document = shared_plan()
+    machine, old = document.machine, document.contours
+    over = old.polyline(0) + np.array([0.0, 0.0, LAYER])
+    paths = [old.polyline(0), old.polyline(1), over]
+    feed = np.where(np.repeat(np.arange(3), [9, 5, 9]) == 1, 1.0, 30.0)
+    right = head_actions(
+        machine.heads[1], [(1, False), (2, False)], paths, 1, clearance_z=1.0,
+        after={0: [(0, 1, 5), *first], 1: list(after)},
+    )  # fmt: skip
+    contours = replace(contours_of(paths), feed=feed)
+    plan = JointPlan((document.plan.heads[0], right))
+    return replace(document, contours=contours, plan=plan, min_layer_time_s=20.0)
 
 
 def lanes_with_points(rng, points=4):
@@ -243,6 +262,7 @@ def make():
     return SimpleNamespace(
         contours_of=contours_of, square=square, head_actions=head_actions, lane=lane, lift=lift,
         one_head_machine=one_head_machine, two_head_machine=two_head_machine,
-        tower_plan=tower_plan, two_head_plan=two_head_plan, shared_plan=shared_plan, edited=edited,
+        tower_plan=tower_plan, two_head_plan=two_head_plan, shared_plan=shared_plan,
+        stacked_plan=stacked_plan, edited=edited,
         to_rows=to_rows, from_rows=from_rows, lanes_with_points=lanes_with_points,
     )  # fmt: skip

@@ -92,39 +92,21 @@ def test_prints_may_be_slower_than_the_machine_but_not_by_any_factor(towers, sta
     assert seconds[prints] == pytest.approx(4.0 * taken)
 
 
-def over_another_head(make, *after, first=()):
-    """The left head prints line 0, the right one line 1 (40 s), then line 2 on top of line 0.
-
-    The right head's way to line 2 waits for `after`, to line 1 for `first`; the rule is 20 s.
-    """
-    document = make.shared_plan()
-    machine, old = document.machine, document.contours
-    paths = [old.polyline(0), old.polyline(1), old.polyline(0) + [0.0, 0.0, 0.2]]  # noqa: RUF005
-    feed = np.where(np.repeat(np.arange(3), [9, 5, 9]) == 1, 1.0, 30.0)
-    right = make.head_actions(
-        machine.heads[1], [(1, False), (2, False)], paths, 1, clearance_z=1.0,
-        after={0: [(0, 1, 5), *first], 1: list(after)},
-    )  # fmt: skip
-    contours = replace(make.contours_of(paths), feed=feed)
-    plan = replace(document.plan, heads=(document.plan.heads[0], right))
-    return replace(document, contours=contours, plan=plan, min_layer_time_s=20.0)
-
-
-PARKED = (0, 2)  # the left head's last action
+PARKED = (0, 2)  # the left head's last action, in `stacked_plan`
 
 
 def test_a_lag_cools_what_another_head_printed(make):
     """What counts is promised by the order and its lags, whatever the timing."""
-    assert verify_plan(over_another_head(make, (*PARKED, -1, 18.0))).ok
+    assert verify_plan(make.stacked_plan((*PARKED, -1, 18.0))).ok
     for lag in (0.0, 10.0):
-        verdict = verify_plan(over_another_head(make, (*PARKED, -1, lag)))
+        verdict = verify_plan(make.stacked_plan((*PARKED, -1, lag)))
         assert verdict.kinds() == {FaultKind.COOLING}
         assert "after contour 0 under it, 20.0 s are due" in str(verdict.faults[0])
 
 
 def test_time_that_only_the_schedule_keeps_is_none(make):
     """Line 1 takes 40 s and nominally ends long after line 0: nothing promises that it does."""
-    document = over_another_head(make, PARKED)
+    document = make.stacked_plan(PARKED)
     left, right = document.plan.heads
     late = replace(right, begin_s=right.begin_s + 60.0, end_s=right.end_s + 60.0)
     document = replace(document, plan=replace(document.plan, heads=(left, late)))
@@ -133,12 +115,12 @@ def test_time_that_only_the_schedule_keeps_is_none(make):
 
 def test_work_between_two_waits_cools_too(make):
     """Once line 1 begins after line 0 has ended, its 40 s are enough."""
-    assert verify_plan(over_another_head(make, PARKED, first=[(0, 1)])).ok
+    assert verify_plan(make.stacked_plan(PARKED, first=[(0, 1)])).ok
 
 
 def test_a_point_is_no_end(make):
     """Line 1 may begin before line 0 has ended; its time does not count."""
-    document = over_another_head(make, PARKED, first=[(0, 1, 7)])
+    document = make.stacked_plan(PARKED, first=[(0, 1, 7)])
     assert verify_plan(document).kinds() == {FaultKind.COOLING}
 
 

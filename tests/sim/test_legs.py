@@ -56,6 +56,20 @@ def test_the_last_point_is_as_good_as_the_end(make):
         assert waiting_for(make, edge).ok
 
 
+def test_heads_that_signal_only_at_rest_are_not_waited_for_at_points(make):
+    """The machine says what its controllers can do; a plan asks for no more."""
+    for edge, ok in (((0, 1, ENOUGH), False), ((0, 1), True)):
+        document = make.shared_plan([edge])
+        verdict = verify_plan(
+            replace(document, machine=replace(document.machine, release="action"))
+        )
+        assert verdict.ok is ok
+        assert ok or verdict.shown == (
+            "machine: head right action 0 (travel) waits for point 5 of head left action 1 "
+            "(print contour 0); heads of two signal only that an action has ended"
+        )
+
+
 def test_a_point_of_a_later_action_is_a_deadlock(make):
     """Each head waits for what the other does only once it has been waited for."""
     document = make.shared_plan([(0, 1, ENOUGH)])

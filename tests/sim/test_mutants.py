@@ -12,14 +12,26 @@ import pytest
 from decmcts.cli.app import run
 from decmcts.cli.check import digest_of
 from decmcts.errors import InputError
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.plan_json import read_plan, write_plan
 from sim.experiments.made_print import made_gcode
 from sim.experiments.mutants import NotHereError
 from sim.experiments.mutants_gcode import GCODE_MUTANTS
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
+from sim.experiments.mutants_waits import WAIT_MUTANTS
+from sim.faults import FaultKind
+from sim.verify import verify_plan
 
 MACHINE = "mk4s"
-WITH_TWO_HEADS = ("no head waits", "one wait", "the heads exchanged")
+JUDGED = {  # what a reader cannot see
+    "no head waits for the other": FaultKind.HEAD_HEAD,
+    "one wait dropped": FaultKind.RAIL,
+    "two heads wait for each other": FaultKind.DEADLOCK,
+    "a wait for the point before": FaultKind.RAIL,
+    "waits for first points, not for ends": FaultKind.HEAD_HEAD,
+    "waits for the actions before": FaultKind.HEAD_HEAD,
+    "lags dropped": FaultKind.COOLING,
+}
+WITH_TWO_HEADS = {mutant.name for mutant in WAIT_MUTANTS} | {"the heads exchanged"}
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +65,8 @@ def test_the_good_result_passes(good: Path, name: str):
 @pytest.mark.parametrize("mutant", PLAN_MUTANTS, ids=lambda m: m.name)
 def test_a_spoilt_plan_does_not_pass(good: Path, tmp_path: Path, mutant):
     """Each kind is caught or refused, or does no harm for a stated reason; none crashes."""
-    if mutant.name.startswith(WITH_TWO_HEADS):
-        pytest.skip("needs two heads; the bench tries it on such a plan")
+    if mutant.name in WITH_TWO_HEADS:
+        pytest.skip("needs two heads: below, or in the bench")
     plan, spoilt = json.loads((good / "plan.json").read_text()), tmp_path / "plan.json"
     mutant.spoil(plan, np.random.default_rng(0))
     spoilt.write_text(as_text(plan))
@@ -63,6 +75,23 @@ def test_a_spoilt_plan_does_not_pass(good: Path, tmp_path: Path, mutant):
             plan["problem"] = digest_of(read_plan(spoilt))
         spoilt.write_text(as_text(plan))
     assert judged(spoilt, good) in ((0, 1) if mutant.harmless else (1, 2))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("mutant", WAIT_MUTANTS, ids=lambda m: m.name)
+def test_spoilt_waits_do_not_pass(make, tmp_path: Path, mutant, seed: int):
+    """Each wait of this plan is needed, at its point and with its lag; other values are refused."""
+    write_plan(make.stacked_plan((0, 2, -1, 18.0)), tmp_path / "plan.json")
+    assert verify_plan(read_plan(tmp_path / "plan.json"), trials=1).ok
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    mutant.spoil(plan, np.random.default_rng(seed))
+    (tmp_path / "plan.json").write_text(as_text(plan))
+    if mutant.name in JUDGED:
+        kinds = verify_plan(read_plan(tmp_path / "plan.json"), trials=1).kinds()
+        assert JUDGED[mutant.name] in kinds
+    else:
+        with pytest.raises(InputError):
+            read_plan(tmp_path / "plan.json")
 
 
 @pytest.mark.slow

@@ -1,0 +1,128 @@
+"""Mutants of what the heads of a plan.json wait for: actions, points, lags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sim.experiments.mutants import Mutant, NotHereError
+
+Plan = dict[str, Any]
+Rng = np.random.Generator
+HEAD, ACTION, POINT, LAG = range(4)  # what an entry of `after` holds
+
+
+def _lanes(plan: Plan) -> dict[str, list[dict[str, Any]]]:
+    return {head["name"]: head["actions"] for head in plan["heads"]}
+
+
+def _some_wait(plan: Plan, rng: Rng, fits: Callable[[list[Any]], bool]) -> list[Any]:
+    """Return one of the entries of `after` that fit; raises NotHereError where none does."""
+    found = [edge for lane in _lanes(plan).values() for a in lane for edge in a["after"]]
+    found = [edge for edge in found if fits(edge)]
+    if not found:
+        raise NotHereError
+    chosen: list[Any] = found[int(rng.integers(len(found)))]
+    return chosen
+
+
+def _points(plan: Plan, edge: list[Any]) -> int:
+    """Return how many points the path of a waited action has; 0 where it stands still."""
+    action = _lanes(plan)[edge[HEAD]][edge[ACTION]]
+    return 0 if action["kind"] == "wait" else len(action["path"])
+
+
+def waits_dropped(plan: Plan, rng: Rng) -> None:
+    """Let no action wait for another head."""
+    _some_wait(plan, rng, lambda edge: True)
+    for lane in _lanes(plan).values():
+        for action in lane:
+            action["after"] = []
+
+
+def one_wait_dropped(plan: Plan, rng: Rng) -> None:
+    """Let one action not wait for another head."""
+    chosen = _some_wait(plan, rng, lambda edge: True)
+    for lane in _lanes(plan).values():
+        for action in lane:
+            action["after"] = [edge for edge in action["after"] if edge is not chosen]
+
+
+def waits_for_itself(plan: Plan, rng: Rng) -> None:
+    """Let an action wait for a later one of its own head."""
+    name, lane = max(_lanes(plan).items(), key=lambda item: len(item[1]))
+    lane[0]["after"] = [[name, 1, None, 0.0]]
+
+
+def waits_for_a_later_action(plan: Plan, rng: Rng) -> None:
+    """Let what is waited for wait for a point of what waits for it, or of a later action."""
+    lanes = _lanes(plan)
+    edge = _some_wait(plan, rng, lambda edge: True)
+    for name, lane in lanes.items():
+        for k, action in enumerate(lane):
+            if any(one is edge for one in action["after"]):
+                later = next((n for n in range(k, len(lane)) if len(lane[n]["path"]) > 1), None)
+                if later is None:
+                    raise NotHereError
+                lanes[edge[HEAD]][edge[ACTION]]["after"].append([name, later, 1, 0.0])
+                return
+
+
+def one_point_too_early(plan: Plan, rng: Rng) -> None:
+    """Let one action wait for the point before the one it waits for."""
+    _some_wait(plan, rng, lambda edge: (edge[POINT] or 0) > 1)[POINT] -= 1
+
+
+def ends_to_points(plan: Plan, rng: Rng) -> None:
+    """Let all that wait for the end of a way wait for its first point only."""
+    lanes = _lanes(plan)
+    _some_wait(plan, rng, lambda edge: _points(plan, edge) > 2)
+    for action in [action for lane in lanes.values() for action in lane]:
+        for edge in action["after"]:
+            if _points(plan, edge) > 2:
+                edge[POINT] = 1
+
+
+def action_before(plan: Plan, rng: Rng) -> None:
+    """Let all that wait for an action wait for the one before it, wherever it is."""
+    _some_wait(plan, rng, lambda edge: edge[ACTION] > 0)
+    for action in [action for lane in _lanes(plan).values() for action in lane]:
+        for edge in action["after"]:
+            edge[ACTION], edge[POINT] = max(0, edge[ACTION] - 1), None
+
+
+def lags_dropped(plan: Plan, rng: Rng) -> None:
+    """Keep every order and no lag."""
+    _some_wait(plan, rng, lambda edge: edge[LAG] > 0.0)
+    for action in [action for lane in _lanes(plan).values() for action in lane]:
+        for edge in action["after"]:
+            edge[LAG] = 0.0
+
+
+def _entry(at: int, value: Any) -> Callable[[Plan, Rng], None]:
+    """Return a mutant that puts a value into an entry of `after`."""
+
+    def spoil(plan: Plan, rng: Rng) -> None:
+        _some_wait(plan, rng, lambda edge: True)[at] = value
+
+    return spoil
+
+
+WAIT_MUTANTS: tuple[Mutant[Plan], ...] = (
+    Mutant("no head waits for the other", waits_dropped),
+    Mutant("one wait dropped", one_wait_dropped),
+    Mutant("an action waits for a later one", waits_for_itself),
+    Mutant("two heads wait for each other", waits_for_a_later_action),
+    Mutant("a wait for the point before", one_point_too_early),
+    Mutant("waits for first points, not for ends", ends_to_points),
+    Mutant("waits for the actions before", action_before),
+    Mutant("lags dropped", lags_dropped),
+    Mutant("a wait for point 0", _entry(POINT, 0)),
+    Mutant("a wait for a point beyond the path", _entry(POINT, 10**6)),
+    Mutant("a wait for no whole point", _entry(POINT, 1.5)),
+    Mutant("a lag below none", _entry(LAG, -1.0)),
+    Mutant("a lag of a year", _entry(LAG, 3.2e7)),
+    Mutant("a lag that is no number", _entry(LAG, float("nan"))),
+)
