@@ -1,24 +1,31 @@
 """One fingerprint of a planning problem, equal on every platform and in every process.
 
-Agents compare it before they talk; a plan file carries it. What it covers is
-what planning depends on: contours, precedence and machine. Where the text came
-from (source lines, machine and source names) is left out.
+A plan file carries `problem_digest`, of what is printed and on what: contours,
+precedence and machine. Where the text came from (source lines, machine and source
+names) is left out. Agents compare `team_digest` before they talk: it adds what the
+same plans resolve to depends on, the source's process and the planner's own code.
 """
 
 from __future__ import annotations
 
 from dataclasses import fields, is_dataclass
+from functools import cache
 from hashlib import blake2b
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 
 DIGEST_BYTES = 32
 ROUND_TO = 1e-6  # mm, mm/s ...: numbers count as equal when they round to the same multiple
+ROOMS_OF_A_PLAN = ("_kernels", "feasibility", "print", "team")
+NAN_STEPS, INF_STEPS = 2**62, 2**61
 _ONLY_TEXT = {"Contours": {"line"}, "Machine": {"name", "source"}}
 
 
@@ -35,6 +42,38 @@ def problem_digest(contours: Contours, graph: DependencyGraph, machine: Machine)
     for name, value in (("contours", contours), ("precedence", pairs), ("machine", machine)):
         state.update(_text(name))
         _absorb(state, value)
+    return state.hexdigest()
+
+
+def team_digest(problem: str, job: PrintJob, *, code: str) -> str:
+    """Return the digest agents compare, as 64 hexadecimal digits.
+
+    Parameters
+    ----------
+    problem : str
+        `problem_digest` of the same job; the limits of motion are its machine's.
+    job : PrintJob
+        Its settings, accelerations and refills count.
+    code : str
+        `code_digest` of the planner that resolves plans.
+    """
+    state = blake2b(digest_size=DIGEST_BYTES, person=b"decmcts-team-1")
+    process = (job.settings, job.acceleration, job.refills)
+    for value in (problem, code, *process):
+        _absorb(state, value)
+    return state.hexdigest()
+
+
+@cache
+def code_digest() -> str:
+    """Return the digest of the source code that resolves plans: another version differs."""
+    state = blake2b(digest_size=DIGEST_BYTES, person=b"decmcts-code-1")
+    for room in ROOMS_OF_A_PLAN:
+        folder = files("decmcts").joinpath(room)
+        for file in sorted(folder.iterdir(), key=lambda each: each.name):
+            if file.name.endswith(".py"):
+                state.update(_text(f"{room}/{file.name}"))
+                state.update(_text(file.read_text("utf-8")))
     return state.hexdigest()
 
 
@@ -56,8 +95,15 @@ def _absorb(state: blake2b, value: Any) -> None:
         state.update(b"n")
     else:
         array = np.asarray(value, np.float64)
-        steps = np.rint(array / ROUND_TO)
-        state.update(b"a" + _integers(array.ndim, *array.shape) + steps.astype("<i8").tobytes())
+        state.update(b"a" + _integers(array.ndim, *array.shape) + _steps(array).tobytes())
+
+
+def _steps(array: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return an array as multiples of `ROUND_TO`; infinite and absent ones have their own."""
+    finite = np.isfinite(array)
+    steps = np.rint(np.where(finite, array, 0.0) / ROUND_TO).astype("<i8")
+    odd = np.where(np.isnan(array), NAN_STEPS, np.where(array > 0, INF_STEPS, -INF_STEPS))
+    return np.asarray(np.where(finite, steps, odd), "<i8")
 
 
 def _text(value: str) -> bytes:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from decmcts.feasibility.build import build_graph
-from decmcts.feasibility.digest import problem_digest
+from decmcts.feasibility.digest import code_digest, problem_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Machine, Rail
 
 
@@ -66,3 +67,28 @@ def test_whole_numbers_and_tuples_of_a_file_do_not_count(problem: tuple[Any, Any
     contours, graph, machine = problem
     whole = replace(machine, bed_max=(200, 200))
     assert problem_digest(contours, graph, whole) == problem_digest(*problem)
+
+
+def test_agents_compare_all_that_resolving_depends_on(problem: tuple[Any, Any, Any]) -> None:
+    """Hosts that differ in it took each other's plans for lies and released nothing."""
+    contours = problem[0]
+    job = PrintJob("print", contours)
+    unset = np.full(len(contours.points), np.nan)
+    variants = [
+        replace(job, settings=ProcessSettings(travel_feed=90.0)),
+        replace(job, settings=ProcessSettings(firmware_retraction=True)),
+        replace(job, acceleration=unset),
+        replace(job, acceleration=np.where(np.arange(len(unset)) == 1, 900.0, unset)),
+        replace(job, refills=(1,)),
+    ]
+    digests = {team_digest("ab", each, code="cd") for each in [job, *variants]}
+    digests |= {team_digest("ac", job, code="cd"), team_digest("ab", job, code="ce")}
+    assert len(digests) == len(variants) + 3
+    named = replace(job, name="other", slicer="another", notes=("x",))
+    assert team_digest("ab", named, code="cd") == team_digest("ab", job, code="cd")
+
+
+def test_the_code_of_the_planner_has_a_digest_of_its_own() -> None:
+    """Another version resolves plans in another way; nobody has to count versions by hand."""
+    assert len(code_digest()) == 64
+    assert code_digest() == code_digest.__wrapped__()
