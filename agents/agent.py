@@ -7,6 +7,7 @@ clock, transport, planner and front end are arguments.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,10 +19,12 @@ from agents.events import (
     Effect,
     Event,
     Forget,
+    JointReady,
     Leave,
     Left,
     LiveChanged,
     Note,
+    Offer,
     PeerAppeared,
     PeerGone,
     Phase,
@@ -39,7 +42,16 @@ from agents.events import (
     Tick,
     Unfenced,
 )
-from agents.messages import Distribution, Envelope, Message, MessageError, Plans
+from agents.messages import (
+    MAX_SILENCE_TICKS,
+    SILENCE_TICKS,
+    Distribution,
+    Envelope,
+    Message,
+    MessageError,
+    Plans,
+)
+from agents.offers import Offers
 from agents.planner import Planner
 from agents.protocol import Protocol
 from agents.transport import Packet, Presence, Traffic, Transport
@@ -50,6 +62,9 @@ TICK_S = 0.1
 
 SHARE_S = 0.05
 """At most so often a distribution goes out: 20 a second."""
+
+LONGER = 4.0
+"""Times our longest round yet: so long we may be silent before we count as stuck."""
 
 PROGRESS_S = 0.5
 WAIT_S = 0.02
@@ -96,6 +111,9 @@ class Agent:
         After so long the clock starts although heads are missing.
     fenced : tuple of int
         Heads that take no part.
+    silence_s : float
+        Peers take us for stuck when we are silent for longer, and for longer than
+        some rounds of ours take.
     clock : callable
         Seconds, monotonic.
     """
@@ -112,6 +130,7 @@ class Agent:
         clock: Callable[[], float],
         wait_s: float = 60.0,
         fenced: tuple[int, ...] = (),
+        silence_s: float = SILENCE_TICKS * TICK_S,
         traffic: Traffic | None = None,
     ) -> None:
         self.protocol = Protocol(head, epoch, planner.names, planner.problem, fenced=fenced)
@@ -126,7 +145,9 @@ class Agent:
         self._shared = self._ticked = self._shown = self._began - 1.0
         self._live: tuple[int, ...] = (head,)
         self._stuck = False
-        self._round_s = 0.0  # the latest took so long
+        self._round_s = self._longest_s = 0.0  # the latest round, the longest step
+        self._silence_s = silence_s
+        self._offers = Offers()
         self._agreeing_since: float | None = None
         self._perform(self.protocol.start())
 
@@ -139,11 +160,13 @@ class Agent:
         """Take in what arrived, plan one round or wait a little, speak if it is time."""
         for arrival in self._transport.receive(0.0 if self._is_planning() else WAIT_S):
             self._arrive(arrival)
+        began = self._clock()
         for command in self._front.commands():
             self._feed(command)
         if self._is_planning():
             self._plan()
         self._keep_time()
+        self._longest_s = max(self._longest_s, self._clock() - began)
 
     def _is_planning(self) -> bool:
         """Whether there is something to compute: not before the heads are there."""
@@ -155,18 +178,39 @@ class Agent:
         self._feed(Leave(reason))
 
     def _plan(self) -> None:
-        now = self._clock()
+        before = self._clock()
         try:
+            self._judge_offer(before)
             self._planner.iterate(self._live)
         except InputError as error:
             self._get_stuck(error)
             return
         self.rounds += 1
-        before, now = now, self._clock()
+        now = self._clock()
         self._round_s = now - before
-        if len(self._live) > 1 and now - self._shared >= SHARE_S:
+        if len(self._live) > 1:
+            self._share(now)
+
+    def _judge_offer(self, now: float) -> None:
+        """Let the planner judge what a peer told, if it claims to be better than ours."""
+        if len(self._live) == 1:
+            return
+        best_s = self._planner.best_joint(self._live).makespan_s
+        if (offer := self._offers.next(best_s, self._live, now)) is None:
+            return
+        head, joint = offer
+        try:
+            self._planner.offer(joint.plans, self._live)
+        except MessageError as error:
+            self.drop(f"joint plan of head {head} does not fit", str(error))
+
+    def _share(self, now: float) -> None:
+        if now - self._shared >= SHARE_S:
             self._shared = now
             self._feed(DistributionReady(self._planner.distribution()))
+        joint = self._planner.best_joint(self._live)
+        if self._offers.is_worth_telling(joint, now):
+            self._feed(JointReady(joint))
 
     def _get_stuck(self, error: InputError) -> None:
         # The live heads cannot print everything. Nothing to do but wait for the
@@ -182,10 +226,15 @@ class Agent:
             self._feed(PlanningEnded())
         if now - self._ticked >= TICK_S:
             self._ticked = now
-            self._feed(Tick())
+            self._feed(Tick(self._within()))
         if now - self._shown >= PROGRESS_S:
             self._shown = now
             self.show()
+
+    def _within(self) -> int:
+        """Return within how many ticks peers hear of us again, unless we are stuck."""
+        seconds = max(self._silence_s, LONGER * self._longest_s)
+        return min(math.ceil(seconds / TICK_S), MAX_SILENCE_TICKS)
 
     def show(self) -> None:
         """Report progress to the front end."""
@@ -207,7 +256,7 @@ class Agent:
         if self._stuck or not self.rounds:
             return float("inf")
         try:
-            return self._planner.best_makespan_s(self._live)
+            return self._planner.best_joint(self._live).makespan_s
         except InputError:
             return float("inf")  # the next round of planning says why
 
@@ -250,14 +299,16 @@ class Agent:
                 self._send(message, reliable=reliable)
             case Take(head, distribution):
                 self._take(head, distribution)
+            case Offer(head, joint):
+                self._offers.add(head, joint)
             case Forget(head):
                 self._planner.forget(head)
             case LiveChanged(live):
                 self._live, self._stuck = live, False
             case RosterComplete():
                 self._start = min(self._start, self._clock())
-            case Propose(live):
-                return self._propose(live)
+            case Propose(live, serial):
+                return self._propose(live, serial=serial)
             case Resolve(live, plans, claimed):
                 return self._resolve(live, plans, claimed)
             case Release():
@@ -268,15 +319,15 @@ class Agent:
                 self._front.tell(effect)
         return None
 
-    def _propose(self, live: tuple[int, ...]) -> Event | None:
+    def _propose(self, live: tuple[int, ...], *, serial: bool) -> Event | None:
         if self._agreeing_since is None:
             self._agreeing_since = self._clock()
         try:
-            best = self._planner.best(live)
+            best = self._planner.serial(live) if serial else self._planner.best(live)
         except InputError as error:
             self._get_stuck(error)
             return None
-        return Proposed(live, best.plans, best.makespan_s, best.digest)
+        return Proposed(live, best.plans, best.makespan_s, best.digest, serial)
 
     def _take(self, head: int, distribution: Distribution) -> None:
         try:

@@ -12,6 +12,9 @@ from agents.messages import Commit, Plans, Proposal, Stage
 
 Key = tuple[tuple[int, ...], str]  # live set and digest: names a plan
 
+REMEMBERED = 256
+"""Plans kept that resolved to something else; a peer may make them up."""
+
 
 def key_of(stated: Proposal | Commit) -> Key:
     """Return the plan a message speaks of."""
@@ -26,7 +29,7 @@ class Ballot:
         self.verified: dict[Key, Proposal] = {}  # resolved here, with the digest they claim
         self._proposals: dict[int, Proposal] = {}
         self._pending: dict[Key, Proposal] = {}  # being resolved
-        self._rejected: set[Key] = set()
+        self._rejected: dict[Key, Proposal] = {}
 
     def propose(self, head: int, proposal: Proposal, *, verified: bool = False) -> None:
         """Note a head's proposal; our own is verified."""
@@ -47,13 +50,16 @@ class Ballot:
         """Return the winner, or None while a live head's proposal is missing.
 
         Smallest makespan, ties by digest: every head that knows the same
-        proposals picks the same.
+        proposals picks the same. Once one head proposes a serial order, only
+        serial orders count.
         """
         stated = [p for p in map(self._proposals.get, live) if p is not None and p.live == live]
         if len(stated) < len(live):
             return None
         fetched = [p for (of, _), p in self.verified.items() if of == live]
         taken = [p for p in stated + fetched if key_of(p) not in self._rejected]
+        if any(p.serial for p in stated):
+            taken = [p for p in taken if p.serial]
         return min(taken, key=lambda p: (p.makespan_s, p.digest), default=None)
 
     def find(self, key: Key) -> Proposal | None:
@@ -78,11 +84,22 @@ class Ballot:
         proposal = self._pending.pop(key, None)
         if proposal is None:
             return True
-        if (digest, makespan_s) == (proposal.digest, proposal.makespan_s):
+        # Of an explicit order the makespan is an estimate of each host's own.
+        if digest == proposal.digest and (proposal.serial or makespan_s == proposal.makespan_s):
             self.verified[key] = proposal
             return True
-        self._rejected.add(key)
+        if len(self._rejected) >= REMEMBERED:
+            del self._rejected[next(iter(self._rejected))]
+        self._rejected[key] = proposal
         return False
+
+    def disputed(self, live: tuple[int, ...]) -> tuple[int, Proposal] | None:
+        """Return a live head that stands by a plan which is another one here, with that plan."""
+        for head, commit in sorted(self.commits.items()):
+            plan = self._rejected.get(key_of(commit))
+            if plan is not None and commit.live == live and head in live:
+                return head, plan
+        return None
 
     def stage(self, head: int, key: Key) -> int:
         """Return how far a head's latest word goes with a plan; 0: not at all."""

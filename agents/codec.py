@@ -20,23 +20,29 @@ from agents.messages import (
     MAX_HEADS,
     MAX_SEQUENCES,
     MAX_SYMBOLS,
+    Beat,
     Commit,
     Distribution,
     Envelope,
     Goodbye,
     Hello,
+    Joint,
     Message,
     MessageError,
     PlanReply,
     PlanRequest,
+    Plans,
     Proposal,
     Sequence32,
     Stage,
     Stamp,
 )
 
-MAX_MESSAGE_BYTES = 4 * 1024 * 1024
+MAX_MESSAGE_BYTES = 256 * 1024
 """Nothing larger is sent or unpacked; zenoh drops it even earlier."""
+
+MAX_JOINT_BYTES = 16 * 1024
+"""Of a joint plan told while planning: it is said often and binds nobody."""
 
 _WIDTHS = ("<i1", "<i2", "<i4", "<i8")
 _DEFLATE_LEVEL = 6
@@ -44,12 +50,15 @@ _DEFLATE_LEVEL = 6
 KINDS: dict[type[Message], str] = {
     Hello: "hello",
     Distribution: "distribution",
+    Joint: "joint",
     Proposal: "proposal",
     Commit: "commit",
     PlanRequest: "request",
     PlanReply: "reply",
+    Beat: "beat",
     Goodbye: "goodbye",
 }
+_LIMITS = {"joint": MAX_JOINT_BYTES}  # the others: MAX_MESSAGE_BYTES
 
 
 def kind_of(message: Message) -> str:
@@ -63,13 +72,12 @@ def encode(envelope: Envelope) -> bytes:
     Raises
     ------
     MessageError
-        If they would exceed `MAX_MESSAGE_BYTES`.
+        If they would exceed `MAX_MESSAGE_BYTES`, or a joint plan `MAX_JOINT_BYTES`.
     """
     stamp, message = envelope.stamp, envelope.message
     head = [kind_of(message), stamp.head, stamp.epoch, stamp.seq]
     packed: bytes = msgpack.packb(head + _fields(message), use_bin_type=True)
-    if len(packed) > MAX_MESSAGE_BYTES:
-        raise MessageError(f"{head[0]} of {len(packed)} bytes, limit {MAX_MESSAGE_BYTES}")
+    _require_size(kind_of(message), len(packed))
     return packed
 
 
@@ -87,12 +95,19 @@ def decode(data: bytes) -> Envelope:
         items = _unpack(data)
         kind, head, epoch, seq, *fields = items
         reader = _READERS[_text(kind)]
+        _require_size(kind, len(data))
         stamp = Stamp(_integer(head), _integer(epoch), _integer(seq))
         return Envelope(stamp, reader(fields))
     except MessageError:
         raise
     except (ValueError, KeyError, TypeError, OverflowError, zlib.error, RecursionError) as error:
         raise MessageError(f"{type(error).__name__}: {str(error)[:120]}") from error
+
+
+def _require_size(kind: str, size: int) -> None:
+    limit = _LIMITS.get(kind, MAX_MESSAGE_BYTES)
+    if size > limit:
+        raise MessageError(f"{kind} of {size} bytes, limit {limit}")
 
 
 def _unpack(data: bytes) -> list[Any]:
@@ -169,6 +184,10 @@ def _fields(message: Message) -> list[Any]:
         case Distribution():
             q = message.probabilities.astype("<f4").tobytes()
             return [pack_sequences(message.sequences), q]
+        case Joint():
+            return [list(message.live), *_plan_fields(message.plans), message.makespan_s]
+        case Beat():
+            return [message.within]
         case Proposal():
             return _proposal_fields(message)
         case Commit():
@@ -183,16 +202,18 @@ def _fields(message: Message) -> list[Any]:
 
 
 def _proposal_fields(proposal: Proposal) -> list[Any]:
-    heads = sorted(proposal.plans)
-    packed = pack_sequences([proposal.plans[h] for h in heads])
-    return [list(proposal.live), heads, packed, proposal.makespan_s, proposal.digest]
+    said = [proposal.makespan_s, proposal.digest, proposal.serial]
+    return [list(proposal.live), *_plan_fields(proposal.plans), *said]
+
+
+def _plan_fields(plans: Plans) -> list[Any]:
+    heads = sorted(plans)
+    return [heads, pack_sequences([plans[h] for h in heads])]
 
 
 def _read_hello(fields: list[Any]) -> Hello:
     problem, version, name, wants_answer = _list(fields, 4)
-    if not isinstance(wants_answer, bool):
-        raise MessageError("wants_answer is no bool")
-    return Hello(_text(problem), _integer(version), _text(name), wants_answer)
+    return Hello(_text(problem), _integer(version), _text(name), _bool(wants_answer))
 
 
 def _read_distribution(fields: list[Any]) -> Distribution:
@@ -206,15 +227,27 @@ def _read_distribution(fields: list[Any]) -> Distribution:
 
 
 def _read_proposal(fields: list[Any]) -> Proposal:
-    live, heads, packed, makespan, digest = _list(fields, 5)
+    live, heads, packed, makespan, digest, serial = _list(fields, 6)
+    plans = _read_plans(heads, packed)
+    return Proposal(_live(live), plans, _seconds(makespan), _text(digest), _bool(serial))
+
+
+def _read_joint(fields: list[Any]) -> Joint:
+    live, heads, packed, makespan = _list(fields, 4)
+    return Joint(_live(live), _read_plans(heads, packed), _seconds(makespan))
+
+
+def _read_plans(heads: object, packed: object) -> Plans:
     owners = [_below(h, MAX_HEADS) for h in _list(heads)]
     sequences = unpack_sequences(packed)
     if len(set(owners)) != len(owners) or len(owners) != len(sequences):
         raise MessageError("plans and their heads do not match")
-    if not isinstance(makespan, float):
-        raise MessageError("makespan is no float")
-    plans = dict(zip(owners, sequences, strict=True))
-    return Proposal(_live(live), plans, makespan, _text(digest))
+    return dict(zip(owners, sequences, strict=True))
+
+
+def _read_beat(fields: list[Any]) -> Beat:
+    (within,) = _list(fields, 1)
+    return Beat(_integer(within))
 
 
 def _read_commit(fields: list[Any]) -> Commit:
@@ -241,10 +274,12 @@ def _read_goodbye(fields: list[Any]) -> Goodbye:
 _READERS: dict[str, Callable[[list[Any]], Message]] = {
     "hello": _read_hello,
     "distribution": _read_distribution,
+    "joint": _read_joint,
     "proposal": _read_proposal,
     "commit": _read_commit,
     "request": _read_request,
     "reply": _read_reply,
+    "beat": _read_beat,
     "goodbye": _read_goodbye,
 }
 
@@ -258,6 +293,18 @@ def _list(value: object, length: int | None = None) -> list[Any]:
 def _integer(value: object) -> int:
     if not isinstance(value, int) or isinstance(value, bool):
         raise MessageError(f"expected an integer, got {type(value).__name__}")
+    return value
+
+
+def _bool(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise MessageError(f"expected true or false, got {type(value).__name__}")
+    return value
+
+
+def _seconds(value: object) -> float:
+    if not isinstance(value, float):
+        raise MessageError(f"expected seconds as a float, got {type(value).__name__}")
     return value
 
 

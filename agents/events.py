@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from agents.messages import Distribution, Envelope, Message, Plans
+from agents.messages import SILENCE_TICKS, Distribution, Envelope, Joint, Message, Plans
 
 
 class Phase(Enum):
@@ -54,6 +54,13 @@ class DistributionReady:
     distribution: Distribution
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class JointReady:
+    """Our planner knows a joint plan worth telling."""
+
+    joint: Joint
+
+
 @dataclass(frozen=True, slots=True)
 class PlanningEnded:
     """Our time is up, or the user wants the best so far."""
@@ -67,6 +74,7 @@ class Proposed:
     plans: Plans
     makespan_s: float
     digest: str
+    serial: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,14 +89,17 @@ class PlanResolved:
 
 @dataclass(frozen=True, slots=True)
 class Fenced:
-    """Who may say so says: this head is off or parked for good."""
+    """Who may say so says: this incarnation of a head is off or parked for good."""
 
     head: int
+    epoch: int
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
     """Some time passed: say again what may have been lost."""
+
+    within: int = SILENCE_TICKS  # we speak again within so many ticks
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +114,7 @@ Event = (
     | PeerGone
     | Received
     | DistributionReady
+    | JointReady
     | PlanningEnded
     | Proposed
     | PlanResolved
@@ -130,6 +142,14 @@ class Take:
     distribution: Distribution
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Offer:
+    """Give a joint plan of a peer to the planner, which may keep it."""
+
+    head: int
+    joint: Joint
+
+
 @dataclass(frozen=True, slots=True)
 class Forget:
     """Drop what the planner knows of a peer."""
@@ -154,6 +174,7 @@ class Propose:
     """Stop planning; answer with `Proposed` for this live set."""
 
     live: tuple[int, ...]
+    serial: bool = False  # the explicit order, not the best plan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +188,7 @@ class Resolve:
 
 @dataclass(frozen=True, slots=True)
 class Unfenced:
-    """Agreed, but these heads are neither with us nor fenced: nothing is released."""
+    """These heads are neither with us nor fenced: nothing is released before they are."""
 
     heads: tuple[int, ...]
 
@@ -207,6 +228,7 @@ class Left:
 Effect = (
     Send
     | Take
+    | Offer
     | Forget
     | LiveChanged
     | RosterComplete

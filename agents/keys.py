@@ -1,7 +1,7 @@
 """Key expressions, built and parsed in this one place.
 
-`decmcts/v1/{session}/{head}/msg/{kind}` carries messages and
-`decmcts/v1/{session}/{head}/alive/{epoch}` is the liveliness token of one
+`decmcts/v2/{session}/{head}/msg/{kind}` carries messages and
+`decmcts/v2/{session}/{head}/alive/{epoch}` is the liveliness token of one
 incarnation of a head. Docs: docs/protocol.md.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from agents.messages import MAX_HEADS, MessageError
 
-ROOT = "decmcts/v1"
+ROOT = "decmcts/v2"
 _SESSION = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _NUMBER = re.compile(r"0|[1-9][0-9]{0,18}")
 
@@ -41,10 +41,9 @@ class Keys:
         """Return the liveliness token of one incarnation of a head."""
         return f"{ROOT}/{self.session}/{head}/alive/{epoch}"
 
-    @property
-    def all_messages(self) -> str:
-        """Key expression of every message of the session."""
-        return f"{ROOT}/{self.session}/*/msg/*"
+    def all_messages(self, kind: str) -> str:
+        """Return the key expression of every message of one kind in the session."""
+        return f"{ROOT}/{self.session}/*/msg/{kind}"
 
     @property
     def all_alive(self) -> str:

@@ -12,15 +12,16 @@ import sys
 from dataclasses import dataclass
 
 from agents.pack import Pack, write_pack
+from agents.serial import joint_order
 from agents.spawn import Agreement, OnStart, run_agents
 from agents.supervisor import LaunchError, OnProgress, ShouldStop
+from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.drafts import draft_folder
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,11 +57,12 @@ def launch(
         If no head can print some contour.
     """
     problem = build_team_problem(job, machine, graph)
+    expected = team_digest(problem.digest, job, code=code_digest())
     with draft_folder() as folder:
         write_pack(Pack(job, machine, graph), folder)
         agreement = run_agents(
             problem.head_names,
-            ["--pack", str(folder), "--expect", problem.digest],
+            ["--pack", str(folder), "--expect", expected],
             time_limit_s=time_limit_s,
             seed=seed,
             on_progress=on_progress,
@@ -72,7 +74,7 @@ def launch(
 
 def _checked(problem: TeamProblem, agreement: Agreement) -> LaunchResult:
     """Resolve the agreed plan once more, here."""
-    resolved = resolve(problem, agreement.plans, agreement.live)
+    resolved = joint_order(problem, agreement.plans, agreement.live)
     if resolved.digest != agreement.digest:
         agreed, here = agreement.digest[:12], resolved.digest[:12]
         raise LaunchError(f"the agreed plan {agreed} resolves to {here} here")

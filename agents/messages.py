@@ -17,13 +17,17 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION = 1
+VERSION = 2
 """Of the messages and their meaning; another version is refused by name."""
+
+SILENCE_TICKS = 150
+"""Own ticks after which a peer that promised nothing else counts as stuck: 15 s."""
 
 MAX_HEADS = 64
 MAX_SEQUENCES = 256
 MAX_SYMBOLS = 4_000_000
 MAX_TEXT = 200
+MAX_SILENCE_TICKS = 6000
 DIGEST_LENGTHS = range(8, 129)
 
 Sequence32 = NDArray[np.int32]  # (k,) macro-action ids in the order one head does them
@@ -102,15 +106,35 @@ class Proposal:
     plans: Plans
     makespan_s: float
     digest: str  # of the plan resolved from `plans` for `live`
+    serial: bool = False  # an explicit order, which each head checks instead of resolving
 
     def __post_init__(self) -> None:
         check_live(self.live)
         check_digest(self.digest)
-        _require(math.isfinite(self.makespan_s) and self.makespan_s >= 0, f"{self.makespan_s} s")
-        _require(len(self.plans) <= MAX_HEADS, f"plans of {len(self.plans)} heads")
-        for head, sequence in self.plans.items():
-            check_head(head)
-            check_sequence(sequence)
+        check_joint(self.plans, self.makespan_s)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """The best joint plan the sender knows while it plans; binds nobody."""
+
+    live: tuple[int, ...]
+    plans: Plans
+    makespan_s: float
+
+    def __post_init__(self) -> None:
+        check_live(self.live)
+        check_joint(self.plans, self.makespan_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Beat:
+    """I am not stuck, and speak again within so many ticks; said by what plans, not by zenoh."""
+
+    within: int
+
+    def __post_init__(self) -> None:
+        _require(0 < self.within <= MAX_SILENCE_TICKS, f"a beat within {self.within} ticks")
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +192,12 @@ class Goodbye:
         _require(len(self.reason) <= MAX_TEXT, f"reason of {len(self.reason)} characters")
 
 
-Message = Hello | Distribution | Proposal | Commit | PlanRequest | PlanReply | Goodbye
+Message = (
+    Hello | Distribution | Joint | Proposal | Commit | PlanRequest | PlanReply | Beat | Goodbye
+)
+
+DROPPABLE = (Distribution, Joint, Beat)
+"""Soon out of date: only the latest waits to be sent, and nothing waits for it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +224,15 @@ def check_live(live: tuple[int, ...]) -> None:
     for head in live:
         check_head(head)
     _require(all(a < b for a, b in pairwise(live)), f"live set {live}")
+
+
+def check_joint(plans: Plans, makespan_s: float) -> None:
+    """Raise unless these are sequences of heads with a makespan in seconds."""
+    _require(math.isfinite(makespan_s) and makespan_s >= 0, f"{makespan_s} s")
+    _require(len(plans) <= MAX_HEADS, f"plans of {len(plans)} heads")
+    for head, sequence in plans.items():
+        check_head(head)
+        check_sequence(sequence)
 
 
 def check_digest(digest: str) -> None:

@@ -1,7 +1,7 @@
 """The agent's side of the pipes to its launcher: JSON lines both ways.
 
 Out (stdout): `ready`, `progress`, `note`, `refused`, `unfenced`, `released`,
-`left`. In (stdin): `{"command": "fence", "head": n}`, `{"command": "stop"}`
+`left`. In (stdin): `{"command": "fence", "head": n, "epoch": e}`, `{"command": "stop"}`
 (agree on the best so far), `{"command": "exit"}`. The end of stdin means the
 launcher is gone: the agent leaves, so no orphan plans on.
 """
@@ -125,8 +125,8 @@ def parse_command(line: bytes) -> Event | None:
     try:
         asked = json.loads(line)
         match asked:
-            case {"command": "fence", "head": int(head)}:
-                return Fenced(head)
+            case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
+                return Fenced(head, epoch)
             case {"command": "stop"}:
                 return PlanningEnded()
             case {"command": "exit"}:

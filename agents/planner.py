@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from agents.messages import Distribution, Plans
+from agents.messages import Distribution, Joint, Plans
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,9 +25,9 @@ class JointProposal:
 class Planner(Protocol):
     """One head's planner.
 
-    `take` and `resolve` raise `MessageError` for sequences that name work the
-    problem does not have: they come from outside. `iterate`, `best` and
-    `resolve` raise `InputError` if the live heads cannot print everything.
+    `take`, `offer` and `resolve` raise `MessageError` for sequences that name work
+    the problem does not have: they come from outside. All that is told the live
+    heads raises `InputError` if these cannot print everything.
     """
 
     @property
@@ -50,11 +50,24 @@ class Planner(Protocol):
     def forget(self, head: int) -> None:
         """Drop what is known of a peer."""
 
-    def best_makespan_s(self, live: Sequence[int]) -> float:
-        """Return the makespan of the best joint plan known, cheaply; infinite for none."""
+    def best_joint(self, live: Sequence[int]) -> Joint:
+        """Return the best joint plan known as it was judged, cheaply."""
+
+    def offer(self, plans: Plans, live: Sequence[int]) -> None:
+        """Judge a peer's joint plan; keep it if it is the best here too."""
 
     def best(self, live: Sequence[int]) -> JointProposal:
         """Return the best joint plan known for the live heads."""
 
     def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
-        """Return what plans resolve to; the same, bit for bit, on every agent."""
+        """Return what plans resolve to; the same, bit for bit, on every agent.
+
+        Of plans that state a serial order, the digest is of that order alone, and
+        the order is checked, not computed.
+        """
+
+    def serial(self, live: Sequence[int]) -> JointProposal:
+        """Return a joint plan that states who prints what in which order, one after the other.
+
+        What agents agree on when the same plans resolve differently on their hosts.
+        """

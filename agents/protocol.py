@@ -1,6 +1,6 @@
 """The agreement between agents, as a state machine: events in, effects out.
 
-Rules of this file, `agents.roster` and `agents.ballot`: no sockets, no threads,
+Rules of this file, `agents.roster`, `agents.agreement` and `agents.ballot`: no sockets, no threads,
 no clock, no randomness, no planner. Whoever drives it hands in `agents.events`
 events and carries out the effects.
 
@@ -14,83 +14,65 @@ forgotten, when it returns it is greeted again.
 
 *Planning.* Distributions are best effort: the latest by (epoch, seq) wins.
 
-*Agreeing.* Begins when our time is up or a peer proposes. For the live set L
-each head sends one `Proposal`. With all of L's proposals at hand the winner is
-the smallest (makespan, digest), so its choice needs no further message. Each
-head resolves the winner itself; equal digests are the proof that all hold the
-same plan. Then three stages, each a `Commit` for (L, digest):
+*Silence.* A token says that a head's network lives. That what plans lives is
+said by its own thread (`Beat`, or any other message). A greeted head that stays
+silent longer than it promised is forgotten like one that is gone, and greeted
+again when it speaks. Ticks measure the silence: an agent that stood still itself
+counts no time. An agent that can not agree because heads are neither with it nor
+fenced says so after a while: the two may be unable to hear each other only.
 
-    COMMITTED  I resolved it and it is the best I know for L
-    AGREED     the latest word of every other head of L is COMMITTED or more
-    RELEASED   every other head of L is AGREED and says it heard my present
-               term, and every head outside L is fenced
+*Bounds.* Each peer has a few messages kept, a message has a largest size, and a
+tick has a largest number of plans resolved, whoever asks for it.
 
-A change of L starts over with new proposals. A commit to a digest we lack is
-answered by a `PlanRequest`. Every message is stated again on each tick until
-its answer came; receivers keep only the sender's latest, so loss, delay,
-reordering and repetition cost time, never agreement, and nothing is latched.
-
-*Safety.* RELEASED is final. A **term** is one stretch in which a head stands by
-one (L, digest). X releases in term t only when every Y of L said AGREED having
-heard t. From then on Y has no older word of X to count, and X never says
-another: Y can not release anything else, and had it done so before, it would
-not have said AGREED. Hence two heads never release different plans. A head that
-hears RELEASED follows. A head outside L is fenced before anyone releases, never
-merely silent: an unreachable head is not a dead head. Alone (every other head
-fenced from the start) the same machine runs through without a message.
+*Agreeing* and why it is safe opens `agents.agreement`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
-from agents.ballot import Ballot, Key, key_of
+from agents.agreement import Agreement, is_droppable
 from agents.events import (
     DistributionReady,
     Effect,
     Event,
     Fenced,
     Forget,
+    JointReady,
     Leave,
     Left,
     LiveChanged,
     Note,
+    Offer,
     PeerAppeared,
     PeerGone,
     Phase,
     PlanningEnded,
     PlanResolved,
-    Propose,
     Proposed,
     Received,
-    Release,
-    Resolve,
     RosterComplete,
     Send,
     Take,
     Tick,
-    Unfenced,
 )
 from agents.messages import (
+    Beat,
     Commit,
     Distribution,
     Goodbye,
     Hello,
+    Joint,
     Message,
     PlanReply,
     PlanRequest,
     Proposal,
-    Stage,
 )
 from agents.roster import Roster
 
-_TERMS = 2**20
-"""Terms of one incarnation; epochs are spaced so that terms never repeat."""
-
 
 class Protocol:
-    """One head's side of the agreement.
+    """One head's side of the conversation.
 
     Parameters
     ----------
@@ -114,17 +96,15 @@ class Protocol:
         fenced: Iterable[int] = (),
     ) -> None:
         self.head = head
-        self.phase = Phase.PLANNING
-        self._term = epoch * _TERMS
-        self._roster = Roster(head, names, problem, fenced)
-        self._known: dict[int, int] = {}  # greeted peers (head -> epoch) as last looked at
-        self._ballot = Ballot()
-        self._own: Commit | None = None
-        self._adopting: Commit | None = None  # released by others, to be followed
-        self._may_ask = True  # one round of plan requests a tick
-        self._roster_told = False
-        self._unfenced_told: tuple[int, ...] = ()
         self._out: list[Effect] = []
+        self._roster = Roster(head, names, problem, fenced)
+        self._agreement = Agreement(head, epoch, self._roster, self._out)
+        self._roster_told = False
+
+    @property
+    def phase(self) -> Phase:
+        """Where we are."""
+        return self._agreement.phase
 
     @property
     def live(self) -> tuple[int, ...]:
@@ -134,7 +114,7 @@ class Protocol:
     @property
     def settled(self) -> bool:
         """Whether we released and every live peer said so too: we may go."""
-        return self.phase is Phase.RELEASED and self._lowest() == Stage.RELEASED
+        return self._agreement.settled
 
     def start(self) -> list[Effect]:
         """Return the first effects; call once before any event."""
@@ -150,10 +130,11 @@ class Protocol:
         self._sync()
         self._check_roster()
         if self.phase is Phase.AGREEING:
-            self._advance()
+            self._agreement.advance()
         return self._take_out()
 
     def _take_in(self, event: Event) -> None:
+        agreement = self._agreement
         match event:
             case PeerAppeared(head, epoch):
                 self._out += self._roster.appeared(head, epoch)
@@ -162,18 +143,20 @@ class Protocol:
             case Received(envelope):
                 self._receive(envelope.stamp.head, envelope.stamp.order, envelope.message)
             case DistributionReady(distribution):
-                if self.phase is Phase.PLANNING and len(self.live) > 1:
-                    self._send(distribution)
+                self._tell(distribution)
+            case JointReady(joint):
+                if joint.live == self.live:
+                    self._tell(joint)
             case PlanningEnded():
-                self._begin_agreeing()
+                agreement.begin()
             case Proposed():
-                self._proposed(event)
+                agreement.proposed(event)
             case PlanResolved():
-                self._resolved(event)
-            case Fenced(head):
-                self._roster.fence(head)
-            case Tick():
-                self._tick()
+                agreement.resolved(event)
+            case Fenced(head, epoch):
+                self._roster.fence(head, epoch)
+            case Tick(within):
+                self._tick(within)
             case Leave(reason):
                 self._leave(reason)
 
@@ -181,17 +164,13 @@ class Protocol:
 
     def _sync(self) -> None:
         """Bring what we know of peers in line with who is greeted."""
-        greeted = self._roster.greeted
-        if greeted == self._known:
+        if not (changed := self._agreement.sync()):
             return
-        for head in [h for h, epoch in self._known.items() if greeted.get(h) != epoch]:
-            self._ballot.drop(head)
-            self._out.append(Forget(head))
-        self._known = dict(greeted)
+        self._out += [Forget(head) for head in changed.dropped]
         if self.phase in (Phase.PLANNING, Phase.AGREEING):
             self._out.append(LiveChanged(self.live))
         if self.phase is Phase.AGREEING:
-            self._restart_round()
+            self._agreement.restart_round()
 
     def _check_roster(self) -> None:
         if not self._roster_told and not self._roster.missing(self.live):
@@ -209,192 +188,53 @@ class Protocol:
         if not self._roster.may_hear(head, order, type(message)):
             return
         match message:
-            case Distribution():
-                if self.phase is Phase.PLANNING:
-                    self._out.append(Take(head, message))
-            case Proposal():
-                self._ballot.propose(head, message)
-                if self.head in message.live:
-                    self._begin_agreeing()
-            case Commit():
-                self._ballot.commits[head] = message
-                if message.stage is Stage.RELEASED:
-                    self._follow(message)
-            case PlanRequest():
-                self._answer(head, message)
-            case PlanReply():
-                if message.target == self.head:
-                    self._resolve(message.proposal)
+            case Distribution() | Joint():
+                self._be_told(head, message)
+            case Beat(within):
+                self._roster.promise(head, within)
+            case Proposal() | Commit() | PlanRequest() | PlanReply():
+                self._agreement.receive(head, message)
             case Goodbye():
-                self._hear_goodbye(head, message)
+                self._hear_goodbye(head, order[0], message)
 
-    def _answer(self, head: int, request: PlanRequest) -> None:
-        known = self._ballot.verified.get((request.live, request.digest))
-        if request.target == self.head and known is not None:
-            self._send(PlanReply(head, known))
+    def _be_told(self, head: int, message: Distribution | Joint) -> None:
+        if self.phase is not Phase.PLANNING:
+            return
+        if isinstance(message, Distribution):
+            self._out.append(Take(head, message))
+        elif message.live == self.live:
+            self._out.append(Offer(head, message))
 
-    def _hear_goodbye(self, head: int, goodbye: Goodbye) -> None:
+    def _hear_goodbye(self, head: int, epoch: int, goodbye: Goodbye) -> None:
         # Who takes leave without a release stays parked by its own word, which
         # is a fence. Who released prints on: it is gone but not off.
         self._out.append(Note(f"{self._roster.names[head]} left: {goodbye.reason}"))
-        if not goodbye.digest:
-            self._roster.fence(head)
-        elif self._own is not None and self._own.digest == goodbye.digest:
-            self._follow(self._own)
-
-    # Agreeing ---------------------------------------------------------------
-
-    def _begin_agreeing(self) -> None:
-        if self.phase is Phase.PLANNING:
-            self.phase = Phase.AGREEING
-            self._restart_round()
-
-    def _restart_round(self) -> None:
-        self._own = None
-        self._unfenced_told = ()
-        if self._adopting is None:
-            self._ballot.drop(self.head)
-            self._out.append(Propose(self.live))
-
-    def _proposed(self, event: Proposed) -> None:
-        if self.phase is not Phase.AGREEING or event.live != self.live:
-            return  # answers a live set that is history; another Propose is out
-        own = Proposal(event.live, event.plans, event.makespan_s, event.digest)
-        self._ballot.propose(self.head, own, verified=True)
-        if self._known:
-            self._send(own)
-
-    def _resolve(self, proposal: Proposal) -> None:
-        plans = self._ballot.begin_resolving(proposal)
-        if plans is not None:
-            self._out.append(Resolve(proposal.live, plans, proposal.digest))
-
-    def _resolved(self, event: PlanResolved) -> None:
-        key = (event.live, event.claimed)
-        if not self._ballot.end_resolving(key, event.digest, event.makespan_s):
-            here = event.digest[:12] or "nothing"
-            text = f"plan {event.claimed[:12]} resolves to {here} here; not taken"
-            self._out.append(Note(text))
-
-    def _advance(self) -> None:
-        if self._adopting is not None:
-            self._adopt(self._adopting)
-            return
-        best = self._ballot.best(self.live)
-        if best is None:
-            return
-        if key_of(best) not in self._ballot.verified:
-            self._resolve(best)
-            return
-        if self._own is None or key_of(self._own) != key_of(best):
-            self._term += 1
-            self._state(Stage.COMMITTED, key_of(best))
-        self._climb()
-
-    def _climb(self) -> None:
-        own = self._own
-        if own is None:
-            return
-        if own.stage is Stage.COMMITTED and self._lowest() >= Stage.COMMITTED:
-            own = self._state(Stage.AGREED, key_of(own))
-        if own.stage is not Stage.AGREED:
-            return
-        if not all(self._ballot.has_agreed(h, own, self.head) for h in self._known):
-            return
-        missing = self._roster.missing(own.live)
-        if not missing:
-            self._release(key_of(own))
-        elif missing != self._unfenced_told:
-            self._unfenced_told = missing
-            self._out.append(Unfenced(missing))
-
-    def _lowest(self) -> int:
-        """Return how far the slowest peer is with our plan; 0: not at all."""
-        own = self._own
-        if own is None:
-            return 0
-        stages = (self._ballot.stage(head, key_of(own)) for head in self._known)
-        return min(stages, default=int(Stage.RELEASED))
-
-    def _state(self, stage: Stage, key: Key) -> Commit:
-        self._own = Commit(*key, stage, self._term, self._ballot.heard(key))
-        self._say_own()
-        return self._own
-
-    def _say_own(self) -> None:
-        if self._own is not None and self._known:
-            # What we heard may have changed since we last said it.
-            self._own = replace(self._own, heard=self._ballot.heard(key_of(self._own)))
-            self._send(self._own)
-
-    def _release(self, key: Key) -> None:
-        plan = self._ballot.verified[key]
-        self.phase = Phase.RELEASED
-        self._adopting = None
-        self._state(Stage.RELEASED, key)
-        self._out.append(Release(plan.live, plan.plans, plan.makespan_s, plan.digest))
-
-    # Following a release of others --------------------------------------------
-
-    def _follow(self, commit: Commit) -> None:
-        if self.phase is Phase.RELEASED:
-            if self._own is not None and key_of(self._own) != key_of(commit):
-                self._out.append(Note(f"a peer released another plan, {commit.digest[:12]}"))
-        elif self.head not in commit.live:
-            self._leave("the others released a plan without this head")
+        if goodbye.digest:
+            self._agreement.hear_release(goodbye.digest)
         else:
-            self.phase = Phase.AGREEING
-            self._adopting = commit
-
-    def _adopt(self, commit: Commit) -> None:
-        key = key_of(commit)
-        plan = self._ballot.find(key)
-        if key in self._ballot.verified:
-            self._release(key)
-        elif plan is not None:
-            self._resolve(plan)
-        else:
-            self._ask_for(key)
-
-    def _ask_for(self, key: Key) -> None:
-        if self._may_ask and not self._ballot.is_pending(key):
-            self._may_ask = False
-            for head in self._ballot.holders(key):
-                self._send(PlanRequest(head, *key))
+            self._roster.fence(head, epoch)
 
     # Time, leaving, output ------------------------------------------------------
 
-    def _tick(self) -> None:
-        self._may_ask = True
-        self._out += self._roster.remind()
-        if self.phase is Phase.AGREEING and self._adopting is None:
-            self._repeat()
-        elif self.phase is Phase.RELEASED and not self.settled:
-            self._say_own()
+    def _tell(self, message: Distribution | Joint) -> None:
+        if self.phase is Phase.PLANNING and len(self.live) > 1:
+            self._send(message)
 
-    def _repeat(self) -> None:
-        """Say again what peers who are not with us may have missed."""
-        own, mine = self._own, self._ballot.proposal(self.head)
-        if mine is not None and self._known and self._lowest() < Stage.COMMITTED:
-            self._send(mine)
-        self._say_own()
-        for head in self._known:
-            theirs = self._ballot.commits.get(head)
-            if theirs is None or theirs.live != self.live or self._ballot.find(key_of(theirs)):
-                continue
-            if own is None or key_of(theirs) != key_of(own):
-                self._ask_for(key_of(theirs))
+    def _tick(self, within: int) -> None:
+        self._out += self._roster.tick()
+        if len(self.live) > 1 and not self.settled:
+            self._send(Beat(within))
+        self._agreement.tick()
 
     def _leave(self, reason: str) -> None:
-        released = self._own if self.phase is Phase.RELEASED else None
-        self._send(Goodbye(released.digest if released else "", reason))
+        self._send(Goodbye(self._agreement.released_digest, reason))
         self._out.append(Left(reason))
-        self.phase = Phase.LEFT
+        self._agreement.phase = Phase.LEFT
 
     def _send(self, message: Message) -> None:
-        # A distribution is soon out of date; all else must arrive.
-        self._out.append(Send(message, reliable=not isinstance(message, Distribution)))
+        self._out.append(Send(message, reliable=not is_droppable(message)))
 
     def _take_out(self) -> list[Effect]:
-        out, self._out = self._out, []
+        out = list(self._out)
+        self._out.clear()  # the agreement writes into the same list
         return out

@@ -10,6 +10,7 @@ import queue
 import secrets
 import socket
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -67,7 +68,9 @@ def run_agents(
     whether to agree on the best so far. Raises LaunchError if there is no plan.
     """
     heard: queue.Queue[Said] = queue.Queue()
+    epoch = time.time_ns() // 1_000_000
     shared = [*command, *arguments, *_shared_arguments(len(names), time_limit_s, seed)]
+    shared += ["--epoch", str(epoch)]
     agents: dict[int, AgentProcess] = {}
     try:
         for head in range(len(names)):
@@ -79,6 +82,7 @@ def run_agents(
             tuple(names),
             heard,
             time_limit_s=time_limit_s,
+            epoch=epoch,
             on_progress=on_progress,
             should_stop=should_stop,
         )

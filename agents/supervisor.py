@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import queue
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -78,10 +78,12 @@ class Supervisor:
         heard: queue.Queue[Said],
         *,
         time_limit_s: float,
+        epoch: int,
         on_progress: OnProgress | None = None,
         should_stop: ShouldStop | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._epoch = epoch  # incarnation of all the agents of this launch
         self.fenced: set[int] = set()
         self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
         self._agents, self._names, self._heard = agents, names, heard
@@ -186,8 +188,7 @@ class Supervisor:
             case {"event": "refused", "reason": reason}:
                 raise LaunchError(f"{self._names[head]} refused a peer: {reason}")
             case {"event": "unfenced", "heads": heads}:
-                for other in heads:
-                    self.fence(other, f"{self._names[head]} does not hear it")
+                self._miss(head, heads)
             case {"event": "released"}:
                 self._released[head] = line
                 self._update(head, phase="released")
@@ -213,7 +214,18 @@ class Supervisor:
         self._released.pop(head, None)
         note = self._agents[head].last_words() or self.status[head].note or why
         self._update(head, phase="lost", note=note)
-        self._tell_all({"command": "fence", "head": head})
+        self._tell_all(self._fence_command(head))
+
+    def _miss(self, head: int, missing: Sequence[int]) -> None:
+        """Fence the heads one agent misses; tell it again of those that are fenced already."""
+        for other in missing:
+            if other in self.fenced:
+                self._agents[head].tell(self._fence_command(other))
+            else:
+                self.fence(other, f"{self._names[head]} does not hear it")
+
+    def _fence_command(self, head: int) -> dict[str, Any]:
+        return {"command": "fence", "head": head, "epoch": self._epoch}
 
     def _enforce_limits(self) -> None:
         now, waiting = self._clock(), set(self._unfenced()) - self._ready

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from agents.messages import Distribution, MessageError, Plans, Sequence32
+from agents.messages import Distribution, Joint, MessageError, Plans, Sequence32
 from agents.pack import Pack
 from agents.planner import JointProposal
+from agents.serial import joint_order, serial_plans
+from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts import DecMcts, PlanDistribution
 from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
 
 
 class TeamPlanner:
     """One head's Dec-MCTS search and the shared `resolve`."""
 
     def __init__(self, problem: TeamProblem, head: int, *, seed: int) -> None:
-        self.problem = problem.digest
+        self.problem = team_digest(problem.digest, problem.job, code=code_digest())
         self.names = problem.head_names
         self._team = problem
         self._search = DecMcts(problem, head, seed=seed)
@@ -49,9 +50,15 @@ class TeamPlanner:
         """Drop what is known of a peer."""
         self._search.forget(head)
 
-    def best_makespan_s(self, live: Sequence[int]) -> float:
-        """Return the makespan of the best joint plan known, cheaply; infinite for none."""
-        return float(self._search.best(live).makespan_s)
+    def best_joint(self, live: Sequence[int]) -> Joint:
+        """Return the best joint plan known as it was judged, cheaply."""
+        found = self._search.best(live)
+        return Joint(tuple(live), found.plans, float(found.makespan_s))
+
+    def offer(self, plans: Plans, live: Sequence[int]) -> None:
+        """Judge a peer's joint plan; keep it if it is the best here too."""
+        self._require_known(plans.values())
+        self._search.take_joint(plans, live)
 
     def best(self, live: Sequence[int]) -> JointProposal:
         """Return the best joint plan known for the live heads."""
@@ -60,8 +67,12 @@ class TeamPlanner:
     def resolve(self, plans: Plans, live: Sequence[int]) -> JointProposal:
         """Return what plans resolve to; the same, bit for bit, on every agent."""
         self._require_known(plans.values())
-        found = resolve(self._team, plans, live)
+        found = joint_order(self._team, plans, live)
         return JointProposal(plans, found.makespan_s, found.digest)
+
+    def serial(self, live: Sequence[int]) -> JointProposal:
+        """Return a joint plan that states who prints what in which order."""
+        return self.resolve(serial_plans(self._team, live), live)
 
     def _require_known(self, sequences: Iterable[Sequence32]) -> None:
         """Raise MessageError for symbols far outside what any plan of ours holds."""

@@ -23,7 +23,7 @@ from typing import Self
 
 import zenoh
 
-from agents.codec import MAX_MESSAGE_BYTES
+from agents.codec import KINDS, MAX_MESSAGE_BYTES
 from agents.keys import Keys
 from agents.messages import MessageError
 from agents.transport import Arrival, Packet, Presence
@@ -33,12 +33,19 @@ LOG = logging.getLogger(__name__)
 LEASE_MS = 1000
 """A peer silent for so long is gone; zenoh's default is 10 s."""
 
-RING = 1024
-"""Messages kept for a busy agent. A full default FIFO would block the whole
-session, other subscribers and `close` included; a ring drops the oldest, and
-the protocol says again what matters."""
+RING_A_HEAD = 4
+RINGS = range(16, 65)
+"""Messages of each kind kept for a busy agent: some for each head, in all at most
+64 of 256 KiB. A full default FIFO would block the whole session, other subscribers
+and `close` included; a ring drops the oldest, and the protocol says again what
+matters. A ring for each kind, so that many distributions push out no commit."""
 
-QUEUE = 1024
+TOKENS = 1024
+"""Liveliness tokens kept; they carry nothing, and a lost one would be missed."""
+
+QUEUE_BYTES = 4 * 1024 * 1024
+"""Waiting to be sent; a hung peer holds it up for a lease."""
+
 POLL_S = 0.001
 WATCH_S = 0.02  # short, so that threads hardly compute in it before a stop
 STOPPED_S = 0.5 * LEASE_MS / 1000
@@ -103,6 +110,11 @@ def configuration(endpoints: Endpoints) -> zenoh.Config:
     return config
 
 
+def ring_size(heads: int) -> int:
+    """Return how many messages of each kind are kept in a mesh of so many heads."""
+    return min(max(RING_A_HEAD * heads, RINGS.start), RINGS.stop - 1)
+
+
 def stood_still(passed_s: float, computed_s: float) -> bool:
     """Tell whether a sleep of `WATCH_S` took so long because the process was stopped.
 
@@ -141,7 +153,9 @@ class ZenohTransport:
         self._epoch = epoch
         self._endpoints = endpoints
         self._on_drop = on_drop
+        self._ring = ring_size(1 + len(endpoints.connect))
         self._queue: deque[tuple[str, bytes]] = deque()
+        self._queued_bytes = 0
         self._latest: dict[str, bytes] = {}  # unreliable kinds: only the newest waits
         self._ready = threading.Condition()
         self._closing_until: float | None = None
@@ -161,11 +175,14 @@ class ZenohTransport:
         with ExitStack() as stack:
             # Always `with`: a session left open by an exception hangs the exit.
             self._session = stack.enter_context(zenoh.open(configuration(self._endpoints)))
-            self._messages = self._session.declare_subscriber(
-                self._keys.all_messages, zenoh.handlers.RingChannel(RING)
-            )
+            self._messages = [
+                self._session.declare_subscriber(
+                    self._keys.all_messages(kind), zenoh.handlers.RingChannel(self._ring)
+                )
+                for kind in KINDS.values()
+            ]
             self._alive = self._session.liveliness().declare_subscriber(
-                self._keys.all_alive, zenoh.handlers.RingChannel(RING), history=True
+                self._keys.all_alive, zenoh.handlers.RingChannel(TOKENS), history=True
             )
             token = self._keys.alive(self._head, self._epoch)
             self._token = self._session.liveliness().declare_token(token)
@@ -217,18 +234,19 @@ class ZenohTransport:
             if not reliable:
                 self._latest[kind] = payload
             else:
-                if len(self._queue) >= QUEUE:
-                    self._queue.popleft()
-                    self._on_drop("outgoing queue full")
                 self._queue.append((kind, payload))
+                self._queued_bytes += len(payload)
+                while self._queued_bytes > QUEUE_BYTES:
+                    self._queued_bytes -= len(self._queue.popleft()[1])
+                    self._on_drop("outgoing queue full")
             self._ready.notify()
 
     def receive(self, timeout_s: float) -> list[Arrival]:
         """Return what arrived, waiting at most `timeout_s` for the first."""
         deadline = time.monotonic() + timeout_s
         while True:
-            arrivals = self._begin_again() if self._was_stopped else []
-            arrivals += self._presences() + self._packets()
+            arrivals: list[Arrival] = self._begin_again() if self._was_stopped else []
+            arrivals += [*self._presences(), *self._packets()]
             left = deadline - time.monotonic()
             if arrivals or left <= 0:
                 return arrivals
@@ -248,17 +266,23 @@ class ZenohTransport:
                 found.append(Presence(head, epoch, here))
         return found
 
-    def _packets(self) -> list[Arrival]:
-        found: list[Arrival] = []
-        while (sample := self._messages.try_recv()) is not None:
-            try:
-                head, kind = self._keys.parse_message(str(sample.key_expr))
-            except MessageError:
-                self._on_drop("bad key")
-                continue
-            if head != self._head:
-                found.append(Packet(head, kind, sample.payload.to_bytes()))
+    def _packets(self) -> list[Packet]:
+        found: list[Packet] = []
+        for messages in self._messages:
+            for _ in range(self._ring):  # not while there are any: a flood never ends
+                if (sample := messages.try_recv()) is None:
+                    break
+                if (packet := self._packet(sample)) is not None:
+                    found.append(packet)
         return found
+
+    def _packet(self, sample: zenoh.Sample) -> Packet | None:
+        try:
+            head, kind = self._keys.parse_message(str(sample.key_expr))
+        except MessageError:
+            self._on_drop("bad key")
+            return None
+        return None if head == self._head else Packet(head, kind, sample.payload.to_bytes())
 
     def _send_all(self) -> None:
         while (batch := self._next_batch()) is not None:
@@ -282,6 +306,7 @@ class ZenohTransport:
             batch = [(kind, payload, True) for kind, payload in self._queue]
             batch += [(kind, payload, False) for kind, payload in self._latest.items()]
             self._queue.clear()
+            self._queued_bytes = 0
             self._latest.clear()
             return batch or None
 
@@ -298,6 +323,8 @@ class ZenohTransport:
                     congestion_control=control.BLOCK if reliable else control.DROP,
                     priority=priority.INTERACTIVE_HIGH if reliable else priority.DATA,
                     express=reliable,
+                    # Else our own session keeps it too, in the place of a peer's.
+                    allowed_destination=zenoh.Locality.REMOTE,
                 )
         except zenoh.ZError as error:
             self._on_drop(f"put failed: {error}")

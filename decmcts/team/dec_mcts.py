@@ -100,6 +100,12 @@ class DecMcts:
         if head != self.head:
             self._others[head] = distribution
 
+    def take_joint(self, plans: Mapping[int, NDArray[np.int32]], live: Sequence[int]) -> None:
+        """Judge another head's best joint plan; keep it if it is the best here too."""
+        team = _team(live)
+        nothing = np.empty(0, np.int32)
+        self._value({r: plans.get(r, nothing) for r in team}, team)
+
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""
         self._others.pop(head, None)

@@ -45,30 +45,42 @@ class Team:
         seed: int = 0,
         limit_s: float = 1.0,
         needed: int | None = None,
+        quirks: dict[int, str] | None = None,
+        silence_s: float = 15.0,
     ) -> None:
         self.network = MemoryNetwork(np.random.default_rng(seed), weather)
         self.names = tuple(f"head{h}" for h in range(n))
         self.seed, self.limit_s, self.needed = seed, limit_s, needed
+        self.quirks, self.silence_s = quirks or {}, silence_s
+        self.stuck: set[int] = set()  # heads whose planner does not return
         self.fronts = {h: Recorder() for h in range(n)}
         self.agents: dict[int, Agent] = {}
+        self.epochs: dict[int, int] = {}
         for head in range(n):
             self.add(head)
 
     def add(
         self, head: int, *, epoch: int = 1, jobs: int = 40, fenced: tuple[int, ...] = ()
     ) -> None:
+        self.epochs[head] = epoch
         transport = MemoryTransport(self.network, head, epoch).__enter__()
         self.agents[head] = Agent(
             head,
             epoch,
             planner=ToyPlanner(
-                head, names=self.names, jobs=jobs, seed=self.seed, needed=self.needed
+                head,
+                names=self.names,
+                jobs=jobs,
+                seed=self.seed,
+                needed=self.needed,
+                quirk=self.quirks.get(head, ""),
             ),
             transport=transport,
             front=self.fronts[head],
             time_limit_s=self.limit_s,
             clock=lambda: self.network.now,
             fenced=fenced,
+            silence_s=self.silence_s,
         )
 
     def run(self, seconds: float) -> None:
@@ -77,7 +89,8 @@ class Team:
             self.network.advance(STEP_S)
             for head, agent in self.agents.items():
                 transport = self.network.transports.get(head)
-                if transport is not None and not transport.hung:
+                free = transport is not None and not transport.hung
+                if free and head not in self.stuck:
                     agent.step()
 
     def kill(self, head: int) -> None:
@@ -86,10 +99,11 @@ class Team:
 
     def fence(self, head: int) -> None:
         """Kill a head for sure and tell the others, as the launcher does."""
+        epoch = self.epochs[head]
         if head in self.agents:
             self.kill(head)
         for other in self.agents:
-            self.fronts[other].asked.append(Fenced(head))
+            self.fronts[other].asked.append(Fenced(head, epoch))
 
     def releases(self) -> dict[int, Release]:
         return {h: a.released for h, a in self.agents.items() if a.released is not None}

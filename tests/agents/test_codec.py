@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from agents.codec import (
+    MAX_JOINT_BYTES,
     MAX_MESSAGE_BYTES,
     decode,
     encode,
@@ -20,11 +21,13 @@ from agents.codec import (
     unpack_sequences,
 )
 from agents.messages import (
+    Beat,
     Commit,
     Distribution,
     Envelope,
     Goodbye,
     Hello,
+    Joint,
     Message,
     MessageError,
     PlanReply,
@@ -40,9 +43,11 @@ PLAIN: list[Message] = [
     Hello(DIGEST, 1, "left", True),
     Commit((0, 2), DIGEST, Stage.AGREED, 7, (0, 9)),
     PlanRequest(1, (0, 1), DIGEST),
+    Beat(150),
     Goodbye("", "terminated"),
 ]
-ALL = [*PLAIN, PROPOSAL, DISTRIBUTION, PlanReply(1, PROPOSAL)]
+JOINT = Joint((0, 1), {1: np.int32([4, 1, 2]), 0: np.int32([])}, 12.5)
+ALL = [*PLAIN, JOINT, PROPOSAL, DISTRIBUTION, PlanReply(1, PROPOSAL)]
 sequences = arrays(np.int32, st.integers(0, 60), elements=st.integers(-(2**31), 2**31 - 1))
 
 
@@ -64,6 +69,45 @@ def test_a_proposal_comes_back_bit_for_bit() -> None:
     assert (heard.live, heard.makespan_s, heard.digest) == ((0, 1), 12.5, DIGEST)
     assert {h: s.tolist() for h, s in heard.plans.items()} == {0: [], 1: [4, 1, 2]}
     assert all(s.dtype == np.int32 for s in heard.plans.values())
+
+
+def test_a_joint_plan_comes_back_bit_for_bit() -> None:
+    """Who is told a plan must judge the one that was found."""
+    heard = decode(wire(JOINT)).message
+    assert isinstance(heard, Joint)
+    assert (heard.live, heard.makespan_s) == ((0, 1), 12.5)
+    assert {h: s.tolist() for h, s in heard.plans.items()} == {0: [], 1: [4, 1, 2]}
+
+
+@pytest.mark.parametrize("serial", [True, False])
+def test_a_proposal_says_whether_it_is_serial(serial: bool) -> None:
+    """Serial orders are checked and win against all else."""
+    heard = decode(wire(Proposal((0, 1), {0: np.int32([1])}, 1.0, DIGEST, serial))).message
+    assert isinstance(heard, Proposal) and heard.serial is serial
+
+
+def test_a_joint_plan_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
+    """Each contour a macro-action of its own, in no order at all: nothing is longer."""
+    rng = np.random.default_rng(5)
+    rows = np.array_split(rng.permutation(5000).astype(np.int32), 8)
+    joint = Joint(tuple(range(8)), dict(enumerate(rows)), 1e5)
+    data = wire(joint)
+    assert len(data) <= MAX_JOINT_BYTES
+    heard = decode(data).message
+    assert isinstance(heard, Joint)
+    assert all(np.array_equal(heard.plans[h], row) for h, row in enumerate(rows))
+
+
+def test_a_joint_plan_above_its_limit_is_neither_sent_nor_read() -> None:
+    """It is said often, and many of them must fit where one proposal does."""
+    rng = np.random.default_rng(5)
+    rows = {h: rng.permutation(5000).astype(np.int32) for h in range(8)}
+    with pytest.raises(MessageError, match=r"joint of \d+ bytes, limit 16384"):
+        wire(Joint(tuple(range(8)), rows, 1e5))
+    proposal = bytearray(wire(Proposal(tuple(range(8)), rows, 1e5, DIGEST)))
+    forged = proposal.replace(b"\xa8proposal", b"\xa5joint")
+    with pytest.raises(MessageError, match=r"joint of \d+ bytes, limit 16384"):
+        decode(bytes(forged))
 
 
 def test_a_distribution_comes_back_with_probabilities_that_sum_to_one() -> None:

@@ -26,7 +26,7 @@ def pipes() -> Iterator[tuple[PipeFront, int, int]]:
 @pytest.mark.parametrize(
     ("line", "event"),
     [
-        (b'{"command": "fence", "head": 2}', Fenced(2)),
+        (b'{"command": "fence", "head": 2, "epoch": 7}', Fenced(2, 7)),
         (b'{"command": "stop"}', PlanningEnded()),
         (b'{"command": "exit"}', Leave("done")),
         (b'{"command": "fence", "head": "2"}', None),

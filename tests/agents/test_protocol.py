@@ -35,6 +35,7 @@ from agents.events import (
     Unfenced,
 )
 from agents.messages import (
+    VERSION,
     Commit,
     Distribution,
     Envelope,
@@ -68,7 +69,7 @@ class Peer:
 
     def joins(self) -> list[Effect]:
         effects = self.protocol.handle(PeerAppeared(self.head, self.epoch))
-        return effects + self.says(Hello(PROBLEM, 1, f"h{self.head}", False))
+        return effects + self.says(Hello(PROBLEM, VERSION, f"h{self.head}", False))
 
     def commits(self, digest: str, stage: Stage, *, heard: int = 0, live=BOTH) -> list[Effect]:
         return self.says(Commit(live, digest, stage, 99, (heard, 0)))
@@ -113,7 +114,7 @@ def test_it_imports_no_socket_thread_or_clock() -> None:
     """Sans-I/O is what makes it testable to the last branch."""
     folder = Path(agents.protocol.__file__).parent
     allowed = {"__future__", "agents", "collections", "dataclasses", "enum"}
-    for name in ("protocol", "roster", "ballot"):
+    for name in ("protocol", "roster", "agreement", "ballot"):
         tree = ast.parse((folder / f"{name}.py").read_text())
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom):
@@ -131,12 +132,12 @@ def test_the_clock_starts_when_every_head_is_there(protocol: Protocol) -> None:
 def test_a_hello_before_its_token_is_asked_for_again(protocol: Protocol) -> None:
     """Tokens and messages travel apart: either may come first."""
     peer = Peer(protocol)
-    peer.says(Hello(PROBLEM, 1, "h1", False))
+    peer.says(Hello(PROBLEM, VERSION, "h1", False))
     assert protocol.live == (0,)
     protocol.handle(PeerAppeared(1, 1))
     (asked,) = sent(protocol.handle(Tick()), Hello)
     assert asked.wants_answer
-    peer.says(Hello(PROBLEM, 1, "h1", False))
+    peer.says(Hello(PROBLEM, VERSION, "h1", False))
     assert protocol.live == BOTH
     assert not sent(protocol.handle(Tick()), Hello)
 
@@ -144,8 +145,11 @@ def test_a_hello_before_its_token_is_asked_for_again(protocol: Protocol) -> None
 @pytest.mark.parametrize(
     ("hello", "reason"),
     [
-        (Hello(OTHER, 1, "right", True), "right holds problem cdcdcdcdcdcd, we hold abababababab"),
-        (Hello(PROBLEM, 2, "right", True), "right speaks version 2 of the protocol, we 1"),
+        (
+            Hello(OTHER, VERSION, "right", True),
+            "right holds problem cdcdcdcdcdcd, we hold abababababab",
+        ),
+        (Hello(PROBLEM, 1, "right", True), "right speaks version 1 of the protocol, we 2"),
     ],
 )
 def test_a_stranger_is_refused_by_name_once_and_not_heard(
@@ -275,7 +279,7 @@ def test_a_death_while_agreeing_starts_over_with_the_rest(protocol: Protocol, pe
     effects = protocol.handle(Proposed((0,), PLANS, 9.0, BAD))
     assert some(effects, Unfenced) == [Unfenced((1,))]
     assert not some(effects, Release)
-    effects = protocol.handle(Fenced(1))
+    effects = protocol.handle(Fenced(1, 1))
     assert [r.live for r in some(effects, Release)] == [(0,)]
 
 
@@ -332,7 +336,7 @@ def test_what_may_be_lost_is_said_again_until_answered(protocol: Protocol, peer:
     assert protocol.handle(Tick()) == []
 
 
-@pytest.mark.parametrize("event", [PlanningEnded(), Tick(), Leave("x"), Fenced(1), Fenced(7)])
+@pytest.mark.parametrize("event", [PlanningEnded(), Tick(), Leave("x"), Fenced(1, 1), Fenced(7, 1)])
 def test_nothing_follows_after_leaving(protocol: Protocol, event: Event) -> None:
     """A head that left must not act."""
     protocol.handle(Leave("done"))

@@ -73,6 +73,7 @@ class Scene:
             NAMES,
             self.heard,
             time_limit_s=5.0,
+            epoch=7,
             on_progress=self.seen.append,
             should_stop=should_stop,
             clock=clock,
@@ -109,7 +110,17 @@ def test_an_unreachable_agent_is_killed_before_the_others_hear_that_it_is_off(
     scene.children[0].tell = lambda command: order.append(str(command))  # type: ignore[method-assign]
     scene.released(0, "bb")
     assert scene.run()["digest"] == "bb"
-    assert order == ["killed", "{'command': 'fence', 'head': 1}"]
+    assert order == ["killed", "{'command': 'fence', 'head': 1, 'epoch': 7}"]
+
+
+def test_a_fence_is_said_again_to_who_misses_the_head(scene: Scene) -> None:
+    """An agent that lost the first word would wait until the launch is given up."""
+    scene.says(1, None)
+    scene.says(0, {"event": "unfenced", "heads": [1]})
+    scene.released(0, "bb")
+    scene.run()
+    fence = {"command": "fence", "head": 1, "epoch": 7}
+    assert scene.children[0].told == [fence, fence]
 
 
 def test_what_a_fenced_agent_released_is_void(scene: Scene) -> None:

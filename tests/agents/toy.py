@@ -1,7 +1,9 @@
 """A small real planning problem for the agents' tests: jobs of known length shared by heads.
 
 Each head orders the jobs it wants; `resolve` gives a doubled job to the head that wants it
-earlier and an orphan to the least loaded head. Makespan: the largest load.
+earlier and an orphan to the least loaded head. Makespan: the largest load. A plan that begins
+with the symbol after the last job states a serial order. A host with a `quirk` resolves all
+other plans to something of its own.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from agents.messages import Distribution, MessageError, Plans
+from agents.messages import Distribution, Joint, MessageError, Plans
 from agents.planner import JointProposal
 from decmcts.errors import InputError
 
@@ -47,9 +49,12 @@ class ToyPlanner:
         jobs: int = 40,
         seed: int = 0,
         needed: int | None = None,
+        quirk: str = "",
     ) -> None:
         self.head = head
         self.needed = needed  # a head without which the jobs cannot all be done
+        self.quirk = quirk  # of the host's arithmetic
+        self.offered = 0  # joint plans judged
         self.names = tuple(names)
         self.lengths = np.random.default_rng(jobs).uniform(1.0, 9.0, jobs)
         digest = hashlib.sha256(self.lengths.tobytes() + repr(self.names).encode())
@@ -83,8 +88,19 @@ class ToyPlanner:
     def forget(self, head: int) -> None:
         self._others.pop(head, None)
 
-    def best_makespan_s(self, live: Sequence[int]) -> float:
-        return self.best(live).makespan_s
+    def best_joint(self, live: Sequence[int]) -> Joint:
+        found = self.best(live)
+        return Joint(tuple(live), found.plans, found.makespan_s)
+
+    def offer(self, plans: Plans, live: Sequence[int]) -> None:
+        self.offered += 1
+        found = self.resolve(plans, live)
+        if found.makespan_s < self.best(live).makespan_s:
+            self._best[tuple(live)] = found
+
+    def serial(self, live: Sequence[int]) -> JointProposal:
+        jobs = np.arange(len(self.lengths) + 1, dtype=np.int32)
+        return self.resolve({min(live): np.roll(jobs, 1)}, live)
 
     def best(self, live: Sequence[int]) -> JointProposal:
         key = tuple(live)
@@ -96,12 +112,26 @@ class ToyPlanner:
         self._check(plans.values())
         if self.needed is not None and self.needed not in live:
             raise InputError(f"only {self.names[self.needed]} can do job 0")
+        stated = self._serial_of(plans)
+        if stated is not None:
+            blob = np.int32([*sorted(live), *stated]).tobytes()
+            makespan = float(self.lengths.sum())
+            return JointProposal(plans, makespan, hashlib.sha256(blob).hexdigest()[:32])
         done, makespan = load_balance(self.lengths, plans, live)
         rows = {h: np.array(jobs, np.int32) for h, jobs in done.items()}
-        blob = b"".join(np.int32([h, len(r)]).tobytes() + r.tobytes() for h, r in rows.items())
+        blob = self.quirk.encode() + b"".join(
+            np.int32([h, len(r)]).tobytes() + r.tobytes() for h, r in rows.items()
+        )
         return JointProposal(rows, makespan, hashlib.sha256(blob).hexdigest()[:32])
+
+    def _serial_of(self, plans: Plans) -> list[int] | None:
+        for _, plan in sorted(plans.items()):
+            if len(plan) and plan[0] == len(self.lengths):
+                assert sorted(plan[1:].tolist()) == list(range(len(self.lengths)))
+                return [int(job) for job in plan[1:]]
+        return None
 
     def _check(self, sequences: Iterable[np.ndarray]) -> None:
         for sequence in sequences:
-            if len(sequence) and not 0 <= sequence.min() <= sequence.max() < len(self.lengths):
+            if len(sequence) and not 0 <= sequence.min() <= sequence.max() <= len(self.lengths):
                 raise MessageError("unknown job")

@@ -16,15 +16,17 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from agents.codec import MAX_MESSAGE_BYTES
+from agents.codec import KINDS, MAX_MESSAGE_BYTES
 from agents.keys import Keys
 from agents.spawn import free_ports
 from agents.transport import Arrival, Packet, Presence
 from agents.zenoh_transport import (
     LEASE_MS,
+    QUEUE_BYTES,
     Endpoints,
     ZenohTransport,
     configuration,
+    ring_size,
     stood_still,
 )
 
@@ -169,7 +171,7 @@ def test_strange_keys_are_dropped_and_counted() -> None:
         zenoh.open(configuration(b)) as stranger,
     ):
         time.sleep(0.2)
-        for key in ("decmcts/v1/t/99/msg/commit", "decmcts/v1/t/x/msg/commit"):
+        for key in ("decmcts/v2/t/99/msg/commit", "decmcts/v2/t/x/msg/commit"):
             stranger.put(key, b"x")
         stranger.put(Keys("t").message(1, "commit"), b"fine")
         came = until(first, Packet(1, "commit", b"fine"))
@@ -192,6 +194,51 @@ def test_an_undrained_receiver_blocks_nobody_and_keeps_the_newest() -> None:
         until(first, Packet(1, "commit", b"4999"))
         began = time.monotonic()
     assert time.monotonic() - began < 3.0
+
+
+def test_many_distributions_push_out_no_commit() -> None:
+    """What a busy agent must hear may not be lost in what is soon out of date."""
+    a, b = endpoints()
+    with ZenohTransport("t", 0, 1, a) as first, ZenohTransport("t", 1, 1, b) as second:
+        until(first, Presence(1, 1, True))
+        second.send("commit", b"word", reliable=True)
+        for i in range(1000):
+            second.send("distribution", b"%d" % i, reliable=True)
+        time.sleep(0.5)
+        assert Packet(1, "commit", b"word") in first.receive(0.0)
+
+
+def test_what_we_say_takes_no_place_of_what_we_hear() -> None:
+    """A session hears itself unless it is told not to."""
+    a, b = endpoints()
+    with ZenohTransport("t", 0, 1, a) as first, ZenohTransport("t", 1, 1, b) as second:
+        until(first, Presence(1, 1, True))
+        until(second, Presence(0, 1, True))
+        first.send("commit", b"theirs", reliable=True)
+        time.sleep(0.2)
+        for i in range(500):
+            second.send("commit", b"%d" % i, reliable=True)
+        time.sleep(0.2)
+        assert second.receive(0.0) == [Packet(0, "commit", b"theirs")]
+
+
+@pytest.mark.parametrize("heads", [2, 8, 64])
+def test_what_waits_for_a_busy_agent_is_bounded(heads: int) -> None:
+    """A ring of 1024 messages of 4 MiB was 4 GiB."""
+    assert ring_size(heads) >= min(heads, 64)
+    assert ring_size(heads) * len(KINDS) * MAX_MESSAGE_BYTES <= 144 * 2**20
+    assert QUEUE_BYTES <= 16 * 2**20
+
+
+def test_a_full_outgoing_queue_drops_the_oldest() -> None:
+    """A hung peer must not make us keep all that was ever said."""
+    reasons: list[str] = []
+    transport = ZenohTransport("t", 0, 1, endpoints()[0], on_drop=reasons.append)
+    for i in range(40):  # nothing sends: the session is not open
+        transport.send("proposal", bytes([i]) * MAX_MESSAGE_BYTES, reliable=True)
+    kept = [payload[0] for _, payload in transport._queue]
+    assert kept == list(range(40 - QUEUE_BYTES // MAX_MESSAGE_BYTES, 40))
+    assert len(reasons) == 40 - len(kept)
 
 
 def test_only_the_newest_waiting_distribution_is_sent() -> None:

@@ -1,0 +1,104 @@
+"""The team's planner behind the agents' face: told plans, the serial way out, the digest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.messages import MessageError
+from agents.serial import joint_order, serial_plans
+from agents.team_planner import TeamPlanner
+from decmcts.errors import InputError
+from decmcts.feasibility.build import build_graph
+from decmcts.print.job import ProcessSettings
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.plans import encode_serial
+from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.schedule import schedule
+from tests.team.conftest import make_job, make_machine
+
+LIVE = (0, 1)
+
+
+@pytest.fixture(scope="module")
+def problem() -> TeamProblem:
+    machine, job = make_machine(), make_job(2, towers=8, reach=5.0)
+    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    return build_team_problem(job, machine, graph)
+
+
+@pytest.fixture
+def planner(problem: TeamProblem) -> TeamPlanner:
+    return TeamPlanner(problem, 0, seed=1)
+
+
+def test_the_serial_order_is_the_source_s_and_can_be_executed(
+    problem: TeamProblem, planner: TeamPlanner
+) -> None:
+    """The way out must be a plan that prints, whatever else fails."""
+    found = planner.serial(LIVE)
+    order = joint_order(problem, found.plans, LIVE)
+    assert order.digest == found.digest
+    rows = np.concatenate([np.stack([t.turn, t.order], axis=1) for t in order.toolpaths])
+    rows = rows[np.argsort(rows[:, 0])]
+    assert rows[:, 1].tolist() == list(range(len(problem.macro)))
+    plan = schedule(problem.job, problem.machine, problem.graph, list(order.toolpaths))
+    assert plan.makespan_s > 0.0
+
+
+def test_the_digest_of_a_serial_order_is_of_whole_numbers_only(
+    problem: TeamProblem, planner: TeamPlanner
+) -> None:
+    """Hosts whose arithmetic differs must agree on it: times may not count."""
+    visits = problem.visits._replace(seconds=problem.visits.seconds * 1.0000001)
+    other = TeamPlanner(replace(problem, visits=visits), 1, seed=7)
+    mine, theirs = planner.serial(LIVE), other.serial(LIVE)
+    assert mine.digest == theirs.digest
+    assert mine.makespan_s != theirs.makespan_s
+    assert other.resolve(mine.plans, LIVE).digest == mine.digest
+
+
+def test_another_order_has_another_digest(problem: TeamProblem, planner: TeamPlanner) -> None:
+    """A digest that says nothing of the order would let two heads print different ones."""
+    n = len(problem.macro)
+    order = Toolpath.of(np.arange(n, dtype=np.int32), np.arange(n) % 2 == 1)
+    plans = {0: encode_serial(order, problem.n_macros)}
+    assert planner.resolve(plans, LIVE).digest != planner.serial(LIVE).digest
+
+
+def test_an_order_that_breaks_the_precedence_is_not_accepted(problem: TeamProblem) -> None:
+    """Each host checks the order by its own precedence."""
+    n = len(problem.macro)
+    order = Toolpath.of(np.arange(n, dtype=np.int32)[::-1].copy(), np.zeros(n, np.bool_))
+    with pytest.raises(InputError, match="contradicts the precedence"):
+        joint_order(problem, {0: encode_serial(order, problem.n_macros)}, LIVE)
+
+
+def test_a_better_plan_of_a_peer_is_kept_a_worse_one_is_not(problem: TeamProblem) -> None:
+    """What one head finds, all build on."""
+    finder, other = TeamPlanner(problem, 0, seed=1), TeamPlanner(problem, 1, seed=2)
+    first = other.best_joint(LIVE).makespan_s
+    for _ in range(3):
+        finder.iterate(LIVE)
+    found = finder.best_joint(LIVE)
+    assert found.makespan_s < first
+    other.offer(found.plans, LIVE)
+    assert other.best_joint(LIVE).makespan_s == found.makespan_s
+    other.offer(serial_plans(problem, LIVE), LIVE)
+    assert other.best_joint(LIVE).makespan_s == found.makespan_s
+
+
+def test_a_told_plan_with_unknown_work_is_refused(planner: TeamPlanner) -> None:
+    """It comes from outside."""
+    with pytest.raises(MessageError, match="a symbol outside"):
+        planner.offer({1: np.int32([-7])}, LIVE)
+
+
+def test_another_process_is_another_problem(problem: TeamProblem) -> None:
+    """What plans resolve to depends on it, so such hosts must not plan together."""
+    settings = ProcessSettings(travel_feed=101.0, retract_mm=1.0)
+    other = replace(problem, job=replace(problem.job, settings=settings))
+    digests = {TeamPlanner(p, 0, seed=1).problem for p in (problem, other)}
+    assert len(digests) == 2
