@@ -1,0 +1,294 @@
+"""Bare team problems: cranes on one rail, a schedule of least makespan.
+
+Two threads anneal. Most rounds only hand tasks from crane to crane while all
+cranes sweep along the rail one way (unidirectional schedules are optimal or
+nearly so on all published instances, and few enough to be searched well): the
+first thread's go right, the other's left. Every third round anneals order and
+cranes of the best schedule freely. Rounds grow longer, so that little is lost
+where the time is short.
+
+References
+----------
+Bierwirth & Meisel 2009 (unidirectional schedules); Meisel & Bierwirth 2011 (the
+instances).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.qcsp import Crew, Yard, anneal_crews, copied, decode
+from decmcts._kernels.random import seeded
+from decmcts.formats.qcsp import QcspProblem, QcspSchedule
+from decmcts.search.stopping import Progress
+from decmcts.team.qcsp_bound import least_makespan
+from decmcts.team.qcsp_ways import ways_of
+
+_HOT, _COLD = 0.02, 0.0005  # temperatures, shares of the makespan
+_FIRST_ROUND = 20_000  # proposals of each thread
+_SLICE = 10_000  # proposals between looks at the clock
+_FREE_EVERY = 3  # one round in so many moves tasks in the order too
+_LANES = 2
+
+
+@dataclass(frozen=True, slots=True)
+class QcspResult:
+    """The best schedule found, and what is proven of it."""
+
+    schedule: QcspSchedule
+    bound: float  # no schedule ends earlier
+    proposals: int
+    history: NDArray[np.float64]  # (k, 3) seconds, proposals, makespan at each improvement
+    seed: int
+
+    @property
+    def optimal(self) -> bool:
+        """Whether no schedule can end earlier."""
+        return self.bound >= self.schedule.makespan
+
+
+@dataclass(slots=True)
+class _Lane:
+    """One thread's schedules."""
+
+    yard: Yard
+    sweep: NDArray[np.int32]  # (n,) tasks along the rail
+    rightward: bool
+    crew: Crew
+    best: tuple[NDArray[np.int32], NDArray[np.int32]]  # order and cranes
+    state: NDArray[np.uint64]  # (1,) mutated
+
+    def anneal(self, proposals: int, scale: float, *, free: bool, go_on: Callable[[], bool]) -> int:
+        """Anneal once, from the crew at hand; return how many proposals were made."""
+        costs = np.array([np.inf, np.inf])
+        sweep = self.sweep[:0] if free else self.sweep
+        made = 0
+        while made < proposals and go_on():
+            more = min(_SLICE, proposals - made)
+            heats = tuple(
+                scale * _HOT * (_COLD / _HOT) ** (at / proposals) for at in (made, made + more)
+            )
+            anneal_crews(
+                self.yard, self.crew, self.best, costs, sweep, self.rightward, self.state,
+                (heats[0], heats[1]), more,
+            )  # fmt: skip
+            made += more
+        return made
+
+    def makespan(self) -> float:
+        """Return the makespan of the best schedule of the last round, which the crew becomes."""
+        self.crew.order[:], self.crew.crane[:] = self.best
+        decode(self.yard, self.crew, np.inf)
+        return float(self.crew.end.max())
+
+
+def solve_qcsp(
+    problem: QcspProblem,
+    *,
+    time_limit_s: float,
+    seed: int = 0,
+    max_proposals: int | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    progress: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> QcspResult:
+    """Find a schedule of small makespan, on two threads.
+
+    Equal seeds and equal `max_proposals` give equal results, provided the time limit
+    is not what ends the search. Ends early when the result is proven optimal.
+
+    Parameters
+    ----------
+    max_proposals : int | None
+        Limit on the moves proposed, of both threads together.
+    stop : Callable[[], bool] | None
+        Polled many times a second; True ends the search with the best so far.
+
+    Raises
+    ------
+    ValueError
+        If a limit is negative.
+
+    Examples
+    --------
+    >>> from decmcts.formats.qcsp import problem_of
+    >>> problem = problem_of({"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6],
+    ...                       "r": [0, 0], "l0": [1, 4], "Phi": [[1, 2]]})
+    >>> solve_qcsp(problem, time_limit_s=1.0, max_proposals=1000).schedule.makespan
+    8.0
+    """
+    if not time_limit_s >= 0.0 or (max_proposals is not None and max_proposals < 0):
+        raise ValueError(f"negative limit: {time_limit_s} s, {max_proposals} proposals")
+    search = _Search(problem, clock, time_limit_s, max_proposals, seed, progress, stop)
+    if len(problem):
+        search.run()
+    return search.result()
+
+
+class _Search:
+    """Rounds of annealing and the best schedule of all."""
+
+    def __init__(
+        self,
+        problem: QcspProblem,
+        clock: Callable[[], float],
+        time_limit_s: float,
+        most: int | None,
+        seed: int,
+        progress: Callable[[Progress], None] | None,
+        stop: Callable[[], bool] | None,
+    ) -> None:
+        self.problem, self.seed = problem, seed
+        self._clock, self._began, self._limit_s = clock, clock(), time_limit_s
+        self._most, self._progress, self._stop = most, progress, stop
+        self._bound = least_makespan(problem)
+        self._lanes = list(_lanes_of(problem, seed))
+        self._best = self._lanes[0].crew
+        self._makespan = np.inf if len(problem) else 0.0
+        self._proposals = 0
+        self._history: list[tuple[float, int, float]] = []
+
+    def run(self) -> None:
+        """Anneal until there is no time left, or nothing better."""
+        for lane in self._lanes:  # whatever the limits are, there is a schedule
+            lane.anneal(1, 1.0, free=False, go_on=lambda: True)
+            self._offer(lane)
+        turn, length, speed = 0, _FIRST_ROUND, 0.0
+        with ThreadPoolExecutor(_LANES) as pool:
+            while self._may_go_on() and not self._proven():
+                free = turn % _FREE_EVERY == _FREE_EVERY - 1
+                round_ = self._length(length, speed)
+                began = self._seconds()
+                self._round(pool, round_, free=free)
+                speed = round_ / max(self._seconds() - began, 1e-6)
+                turn += 1
+                length = length if turn % _FREE_EVERY else 2 * length
+
+    def result(self) -> QcspResult:
+        """Return the best schedule with the ways of all cranes."""
+        crane, begin = self._best.crane.copy(), self._best.begin.copy()
+        ways = ways_of(self.problem, crane, begin)
+        schedule = QcspSchedule(crane, begin, ways, float(self._makespan))
+        history = np.array(self._history, np.float64).reshape(-1, 3)
+        bound = min(self._bound, schedule.makespan)
+        return QcspResult(schedule, bound, self._proposals, history, self.seed)
+
+    def _round(self, pool: ThreadPoolExecutor, proposals: int, *, free: bool) -> None:
+        """Let both lanes anneal once, and keep what is better."""
+        scale = float(self._makespan)
+        own = [(lane.crew.order.copy(), lane.crew.crane.copy()) for lane in self._lanes]
+        if free:
+            for lane in self._lanes:
+                lane.crew.order[:], lane.crew.crane[:] = self._best.order, self._best.crane
+        works = [
+            pool.submit(lane.anneal, proposals, scale, free=free, go_on=self._has_time)
+            for lane in self._lanes
+        ]
+        self._proposals += sum(work.result() for work in works)
+        for lane, (order, crane) in zip(self._lanes, own, strict=True):
+            self._offer(lane)
+            if free:  # its own sweep goes on
+                lane.crew.order[:], lane.crew.crane[:] = order, crane
+        if self._progress is not None:
+            self._progress(self._stand())
+
+    def _offer(self, lane: _Lane) -> None:
+        """Take the lane's last result if it is better."""
+        makespan = lane.makespan()
+        if makespan < self._makespan:
+            self._makespan = makespan
+            self._best = copied(lane.crew)
+            self._history.append((self._seconds(), self._proposals, makespan))
+
+    def _length(self, length: int, speed: float) -> int:
+        """Return the proposals of the next round: `length`, or all that are left if few are."""
+        left = (self._limit_s - self._seconds()) * speed if speed > 0.0 else np.inf
+        if self._most is not None:
+            left = min(left, (self._most - self._proposals) // _LANES)
+        return max(1, int(left)) if left < 1.5 * length else length
+
+    def _may_go_on(self) -> bool:
+        spent = self._most is not None and self._proposals + _LANES > self._most
+        return not spent and self._has_time()
+
+    def _has_time(self) -> bool:
+        asked = self._stop is not None and self._stop()
+        return not asked and self._seconds() < self._limit_s
+
+    def _proven(self) -> bool:
+        return self._bound >= self._makespan
+
+    def _seconds(self) -> float:
+        return self._clock() - self._began
+
+    def _stand(self) -> Progress:
+        improved = self._history[-1][0] if self._history else 0.0
+        cost = float(self._makespan)
+        return Progress(self._seconds(), self._proposals, cost, improved, self._bound)
+
+
+def _lanes_of(problem: QcspProblem, seed: int) -> Iterator[_Lane]:
+    """Yield a lane for each direction, the work shared out evenly along the rail."""
+    yard, depth = _yard(problem)
+    n, q = len(problem), problem.cranes
+    for lane in range(_LANES):
+        rightward = lane == 0
+        along = yard.bay if rightward else -yard.bay
+        sweep = np.lexsort((np.arange(n), depth, along)).astype(np.int32)
+        work = problem.duration[sweep]
+        share = (np.cumsum(work) - work / 2) * q / max(float(work.sum()), 1e-300)
+        rank = np.minimum(share.astype(np.int32), q - 1)
+        crew = _crew(n, q, yard.bays)
+        crew.order[:] = sweep
+        crew.crane[sweep] = rank if rightward else q - 1 - rank
+        best = crew.order.copy(), crew.crane.copy()
+        yield _Lane(yard, sweep, rightward, crew, best, seeded(seed * _LANES + lane))
+
+
+def _crew(n: int, q: int, bays: int) -> Crew:
+    """Return arrays for one schedule."""
+    return Crew(
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+        np.zeros(n),
+        np.zeros(n),
+        np.empty((q, bays)),
+        np.empty((q, bays)),
+        np.zeros(q, np.int32),
+        np.zeros(q),
+    )
+
+
+def _yard(problem: QcspProblem) -> tuple[Yard, NDArray[np.int64]]:
+    """Return the problem as kernels take it, and how many tasks come before each."""
+    n = len(problem)
+    before = np.zeros((n, n), np.bool_)
+    before[problem.precedence[:, 0], problem.precedence[:, 1]] = True
+    for k in range(n):
+        before |= before[:, [k]] & before[[k], :]
+    counts = before.astype(np.float32)
+    direct = before & ~(counts @ counts > 0.0)
+    preds, succs = np.nonzero(direct.T), np.nonzero(direct)
+    lowest = int(min(problem.bay.min(initial=problem.start[0]), problem.start.min()))
+    bays = int(max(problem.bay.max(initial=0), problem.start.max())) - lowest + 1
+    yard = Yard(
+        problem.duration,
+        problem.bay - np.int32(lowest),
+        np.append(0, np.cumsum(direct.sum(axis=0))).astype(np.int32),
+        preds[1].astype(np.int32),
+        np.append(0, np.cumsum(direct.sum(axis=1))).astype(np.int32),
+        succs[1].astype(np.int32),
+        before,
+        problem.ready,
+        problem.start - np.int32(lowest),
+        problem.travel,
+        problem.spacing,
+        bays,
+    )
+    return yard, before.sum(axis=0)

@@ -1,0 +1,96 @@
+"""How long cranes on one rail need at least, whatever they do.
+
+At every moment those at work stand at bays `spacing` or more apart: a *row* of at
+most q bays. The least total time of rows under which every bay gets its work is a
+linear programme, a flow from bay to bay along the rail; travel is not counted.
+The longest chain of precedence, from the nearest crane's start on, bounds too.
+Both are rounded down by more than the solver's tolerance; where all times are
+whole numbers, so is the least makespan, and the bound goes up to the next one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.sparse import coo_matrix
+
+from decmcts.formats.qcsp import QcspProblem
+
+SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
+_MOST_ARCS = 200_000  # larger programmes take too long for what they say
+
+
+def least_makespan(problem: QcspProblem) -> float:
+    """Return a time before which no schedule ends."""
+    if not len(problem):
+        return 0.0
+    bound = max(_longest_chain(problem), _rows(problem)) * (1.0 - SAFETY)
+    times = np.concatenate([problem.duration, problem.ready, [problem.travel]])
+    return float(np.ceil(bound)) if (times == times.round()).all() else float(bound)
+
+
+def _longest_chain(problem: QcspProblem) -> float:
+    """Return when the last of a chain of tasks can end, each reached from the last or a start."""
+    ways = np.abs(problem.bay[:, None] - problem.start[None, :]) * problem.travel
+    end = (problem.ready[None, :] + ways).min(axis=1) + problem.duration
+    for _ in range(len(problem)):
+        before = end.copy()
+        i, j = problem.precedence.T
+        np.maximum.at(end, j, end[i] + problem.duration[j])
+        if np.array_equal(before, end):
+            break
+    return float(end.max())
+
+
+def _rows(problem: QcspProblem) -> float:
+    """Return the least time in which rows of bays can do all work."""
+    bays, place = np.unique(problem.bay, return_inverse=True)
+    work = np.bincount(place, problem.duration).astype(np.float64)
+    q, m = min(problem.cranes, len(bays)), len(bays)
+    first, second = np.nonzero(bays[None, :] - bays[:, None] >= problem.spacing)
+    arcs = len(first) * (q - 1) + m * q
+    if arcs > _MOST_ARCS:
+        return float(work.sum()) / q
+    return _flow(work, first, second, q)
+
+
+def _flow(
+    work: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64], q: int
+) -> float:
+    """Return the least flow that visits every bay for as long as its work takes.
+
+    Node (k, b): the k-th of a row works at bay b. Unknowns: what begins at each bay,
+    and what goes from (k, b) on to (k + 1, b') for each pair of bays far enough apart.
+    A node passes on no more than it gets.
+    """
+    m, pairs = len(work), len(first)
+    step, arc = np.repeat(np.arange(q - 1), pairs), np.arange(pairs * (q - 1)) + m
+    came, went = np.tile(second, q - 1), np.tile(first, q - 1)
+    begun = np.arange(m)
+    cover = coo_matrix(
+        (np.ones(m + len(arc)), (np.append(begun, came), np.append(begun, arc))),
+        shape=(m, m + len(arc)),
+    )
+    out = (np.ones(len(arc)), step * m + went, arc)
+    into = step < q - 2
+    passed = coo_matrix(
+        (
+            np.concatenate([out[0], -np.ones(m), -np.ones(int(into.sum()))]),
+            (
+                np.concatenate([out[1], begun, (step[into] + 1) * m + came[into]]),
+                np.concatenate([out[2], begun, arc[into]]),
+            ),
+        ),
+        shape=(m * max(q - 1, 1), m + len(arc)),
+    )
+    cost = np.append(np.ones(m), np.zeros(len(arc)))
+    solved = linprog(
+        cost,
+        A_ub=passed.tocsr(),
+        b_ub=np.zeros(passed.shape[0]),
+        A_eq=cover.tocsr(),
+        b_eq=work,
+        method="highs",
+    )
+    return float(solved.fun) if solved.status == 0 else float(work.sum()) / q

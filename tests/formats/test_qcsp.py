@@ -1,0 +1,99 @@
+"""Bare team problems as files: one form, read strictly; schedules counted from 1."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decmcts.errors import InputError
+from decmcts.formats.qcsp import QcspSchedule, is_qcsp, problem_of, read_qcsp, schedule_text
+
+TINY: dict[str, Any] = {
+    "name": "tiny",
+    "n": 3,
+    "q": 2,
+    "t": 1,
+    "s": 1,
+    "p": [4, 3, 5],
+    "l": [2, 2, 6],
+    "r": [0, 0],
+    "l0": [1, 4],
+    "Phi": [[1, 2]],
+}
+
+
+def test_a_file_says_all_of_it(tmp_path: Path) -> None:
+    """Names are the literature's; s free bays are s + 1 from crane to crane."""
+    (tmp_path / "tiny.qcsp").write_text(json.dumps(TINY))
+    problem = read_qcsp(tmp_path / "tiny.qcsp")
+    assert (problem.name, len(problem), problem.cranes) == ("tiny", 3, 2)
+    assert problem.duration.tolist() == [4.0, 3.0, 5.0]
+    assert problem.bay.tolist() == [2, 2, 6]
+    assert (problem.travel, problem.spacing) == (1.0, 2)
+    assert problem.precedence.tolist() == [[0, 1]]
+
+
+def test_one_of_a_collection_is_named_behind_a_colon(tmp_path: Path) -> None:
+    """Public instances come many in a file."""
+    path = tmp_path / "all.json.gz"
+    path.write_bytes(gzip.compress(json.dumps({"a": TINY}).encode()))
+    assert read_qcsp(f"{path}:a").name == "tiny"
+    assert is_qcsp(Path(f"{path}:a"))
+    assert not is_qcsp(path)
+    with pytest.raises(InputError, match="no instance 'b' among its 1"):
+        read_qcsp(f"{path}:b")
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"p": [4, 3]}, "l: 3 values where p has 2"),
+        ({"p": [4, 0, 5]}, "p: task 2 takes no time"),
+        ({"p": [4, float("nan"), 5]}, "p: number 1"),
+        ({"l": [2, 2, 0]}, r"l\[2\]: expected a bay"),
+        ({"l": [2, 2.5, 6]}, r"l\[1\]: expected a bay"),
+        ({"n": 4}, "n: is 4, p has 3 values"),
+        ({"r": [], "l0": [], "q": 0}, "r: no crane"),
+        ({"t": 0}, "t: travel of 0"),
+        ({"s": -1}, "s: expected an integer"),
+        ({"l0": [4, 4]}, "l0: cranes 1 and 2 begin out of order"),
+        ({"l0": [4, 5], "r": [0, 1]}, "l0: cranes 1 and 2 begin 1 bays apart where 2"),
+        ({"Phi": [[1, 4]]}, r"Phi\[0\]: expected two tasks in 1..3"),
+        ({"Phi": [[1, 2], [2, 1]]}, "Phi: a circle of precedence before task 1"),
+        ({"Phi": [[3, 3]]}, "Phi: a circle of precedence before task 3"),
+        ({"speed": 1}, "speed: unknown key"),
+    ],
+)
+def test_what_is_no_problem_is_refused_by_field(change: dict[str, Any], word: str) -> None:
+    """One clear line instead of a wrong schedule."""
+    with pytest.raises(InputError, match=word):
+        problem_of(TINY | change)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[1]", b"\xff\xfe", b"[" * 100_000])
+def test_what_is_no_json_is_refused(tmp_path: Path, content: bytes) -> None:
+    """Damage is said, with the file."""
+    (tmp_path / "x.qcsp").write_bytes(content)
+    with pytest.raises(InputError, match=r"x\.qcsp"):
+        read_qcsp(tmp_path / "x.qcsp")
+
+
+def test_cranes_may_begin_too_near_if_all_are_ready() -> None:
+    """Published instances with wide safety distances do."""
+    assert problem_of(TINY | {"l0": [4, 5]}).start.tolist() == [4, 5]
+
+
+def test_a_schedule_counts_from_one_and_in_order_of_time() -> None:
+    """Readers of the file know the numbers of the problem's file."""
+    ways = (np.array([[0.0, 1.0], [1.0, 2.0]]), np.array([[0.0, 4.0], [2.0, 6.0]]))
+    schedule = QcspSchedule(np.array([0, 0, 1]), np.array([1.0, 5.0, 2.0]), ways, 8.0)
+    told = json.loads(schedule_text(problem_of(TINY), schedule))
+    assert told["makespan"] == 8.0
+    assert [task["task"] for task in told["cranes"][0]["tasks"]] == [1, 2]
+    assert told["cranes"][1]["tasks"] == [{"task": 3, "bay": 6, "begin": 2.0, "end": 7.0}]
+    assert told["cranes"][1]["way"] == [[0.0, 4.0], [2.0, 6.0]]
