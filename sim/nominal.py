@@ -17,6 +17,7 @@ from sim.paths import describe
 from sim.replay import print_feed
 
 TIME_TOLERANCE_S = 1e-3
+ROUNDING = 1e-3  # share that rounded coordinates may make a way shorter
 
 Floats = NDArray[np.float64]
 
@@ -56,4 +57,4 @@ def _least_seconds(contours: Contours, lane: HeadActions, action: int, point: in
         return 0.0  # a wrong path is reported elsewhere
     length = np.linalg.norm(np.diff(path, axis=0), axis=1)[:point]
     moving = feed[:point] > 0.0
-    return float((length[moving] / feed[:point][moving]).sum())
+    return float((length[moving] / feed[:point][moving]).sum()) * (1.0 - ROUNDING)

@@ -71,7 +71,10 @@ class HeadActions:
 
     def after(self, action: int) -> list[tuple[int, int]]:
         """Return (head index, action index) pairs that `action` waits for, whatever the point."""
-        return [(edge.head, edge.action) for edge in self.after_edges(action)]
+        rows = slice(int(self.after_offsets[action]), int(self.after_offsets[action + 1]))
+        return list(
+            zip(self.after_head[rows].tolist(), self.after_action[rows].tolist(), strict=True)
+        )
 
     def after_edges(self, action: int) -> list[After]:
         """Return what must have happened before `action` begins."""
