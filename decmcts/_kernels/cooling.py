@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from decmcts._kernels.clearance import Beads
 from decmcts._kernels.closure import touches
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.units import Visits, travel_seconds
+from decmcts._kernels.joint import Visits
+from decmcts._kernels.rooms import travel_seconds
 
 NONE = -1
 NEVER = np.inf
@@ -123,16 +124,16 @@ def filler(
     progress: Progress,
 ) -> int:
     """Return the contour to print while c cools, the soonest there, or c if none saves time."""
-    begin = max(now + travel_seconds(at, visits.first[c], travel), progress.cool[c])
+    begin = max(now + travel_seconds(at, visits.ends[c, 0], travel), progress.cool[c])
     best, least = c, begin
     for k in range(progress.n_free[0]):
         d = progress.free[k]
         if d == c or progress.cool[d] >= least:
             continue
-        there = max(now + travel_seconds(at, visits.first[d], travel), progress.cool[d])
+        there = max(now + travel_seconds(at, visits.ends[d, 0], travel), progress.cool[d])
         if there >= least:
             continue
-        back = travel_seconds(visits.last[d], visits.first[c], travel)
+        back = travel_seconds(visits.ends[d, 1], visits.ends[c, 0], travel)
         if max(there + visits.seconds[d] + back, progress.cool[c]) - visits.seconds[d] < begin:
             best, least = d, there
     return best
@@ -169,10 +170,10 @@ def follow(
         while progress.ended[order[head]] != NEVER:
             head += 1
         c = order[head]
-        arrival = now + travel_seconds(at, visits.first[c], travel)
+        arrival = now + travel_seconds(at, visits.ends[c, 0], travel)
         if fill and progress.cool[c] > arrival + SHORT_S:
             c = filler(c, now, at, visits, travel, progress)
-            arrival = now + travel_seconds(at, visits.first[c], travel)
+            arrival = now + travel_seconds(at, visits.ends[c, 0], travel)
         wait = progress.cool[c] - arrival
         if wait <= SHORT_S:
             wait = 0.0
@@ -180,5 +181,5 @@ def follow(
         now = arrival + wait + visits.seconds[c]
         take(c, now, succ_offsets, succs, lags, progress)
         made[k] = c
-        at[:] = visits.last[c]
+        at[:] = visits.ends[c, 1]
     return made, now, waited

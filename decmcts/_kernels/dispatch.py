@@ -1,10 +1,9 @@
 """List scheduling for several heads: who prints what next, on bare arrays.
 
-Whenever a head is idle it looks at all contours that are ready and takes the
-one that wastes least. Waste is measured with the duals of the matching behind
-the makespan bound: a contour of price 1 is scarce and must always be printed
-beside one of price 0; printing u beside v wastes price(u) + price(v) - 1 of
-their common time, printing alone wastes price(u), waiting the other's price.
+The head that is free first takes, of the contours it can begin at once, the one of
+least score; where there is none it waits until another head gives room back. Contours are
+looked at by column (those of one part and one place along the machine): of each
+only the first few that are left.
 """
 
 from __future__ import annotations
@@ -14,300 +13,261 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.conflict import conflicts
+from decmcts._kernels.aside import print_next, return_all
+from decmcts._kernels.carry_out import OK, SHUT_IN, room_enough, units_for
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.units import (
-    NONE,
-    NOT_YET,
-    OK,
-    STUCK,
-    UNIT_PARK,
-    Floor,
-    State,
-    Units,
-    Visits,
-    at_park,
-    begin_print,
-    end_next,
-    is_clear,
-    make_way,
-    new_units,
-    start_state,
-    travel_seconds,
-    try_retreat,
-    unit_box,
-)
+from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked
+from decmcts._kernels.rooms import Fleet, meet, room_of_travel, travel_seconds
+
+WINDOW = 3  # contours of a column that are looked at
+LATER = 1e-9  # seconds; what is nearer is now
+PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 
 
 class Policy(NamedTuple):
     """What guides the choice."""
 
-    price: NDArray[np.float64]  # (n,) dual of the matching
-    place: NDArray[np.float64]  # (heads, n) position in the head's sweep, 0..1
-    key: NDArray[np.float64]  # (heads, n) seconds of waste a choice may cost; inf: not its own
-    reversible: NDArray[np.bool_]  # (n,)
-    knobs: NDArray[np.float64]  # (heads, 6) see KNOB_*
+    key: NDArray[np.float64]  # (heads, n) least first
+    place: NDArray[np.float64]  # (heads, n) where in the head's sweep, 0..1
+    eligible: NDArray[np.bool_]  # (n, heads)
+    weights: NDArray[np.float64]  # (heads, 3) of the key, of waste, of being out of step
+    column_offsets: NDArray[np.int64]  # (columns + 1,)
+    column: NDArray[np.int32]  # (n,) contours, column after column, each in source order
     succ_offsets: NDArray[np.int64]
     succs: NDArray[np.int32]
 
 
 class Pool(NamedTuple):
-    """Contours that are ready; written as the print goes on."""
+    """What is left to do; written as contours are put."""
 
-    ids: NDArray[np.int32]  # (n,)
-    size: NDArray[np.int64]  # (1,)
-    missing: NDArray[np.int32]  # (n,) predecessors not yet ended
-    running: NDArray[np.int64]  # (heads,) contour each head is about; NONE
-    left: NDArray[np.int64]  # (1,) contours not yet begun
-    backwards: NDArray[np.bool_]  # (n,)
-
-
-KNOB_WASTE, KNOB_TRAVEL, KNOB_KEY, KNOB_ALONE, KNOB_WAIT, KNOB_STEP = 0, 1, 2, 3, 4, 5
+    first: NDArray[np.int64]  # (columns,) row of `column` that may still be to do
+    missing: NDArray[np.int32]  # (n,) what it rests on that was not put
+    ready: NDArray[np.float64]  # (n,) end of what it rests on and was put
+    put: NDArray[np.bool_]  # (n,)
+    now: NDArray[np.float64]  # (heads,) each head has decided up to here
+    about: NDArray[np.int64]  # (heads,) contour it printed last; NONE
 
 
 @kernel
-def new_pool(visits: Visits, heads: int) -> Pool:
-    """Everything without predecessors is ready."""
+def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
+    """Nothing put yet."""
     n = len(visits.seconds)
-    pool = Pool(
-        np.empty(n, np.int32),
-        np.zeros(1, np.int64),
-        np.empty(n, np.int32),
-        np.full(heads, NONE),
-        np.full(1, n),
-        np.zeros(n, np.bool_),
-    )
+    missing = np.empty(n, np.int32)
     for c in range(n):
-        pool.missing[c] = visits.pred_offsets[c + 1] - visits.pred_offsets[c]
-        if pool.missing[c] == 0:
-            pool.ids[pool.size[0]] = c
-            pool.size[0] += 1
-    return pool
+        missing[c] = visits.pred_offsets[c + 1] - visits.pred_offsets[c]
+    return Pool(
+        policy.column_offsets[:-1].copy(),
+        missing,
+        np.zeros(n),
+        np.zeros(n, np.bool_),
+        np.zeros(heads),
+        np.full(heads, NONE),
+    )
 
 
 @kernel
-def settle(state: State, policy: Policy, pool: Pool) -> None:
-    """Heads that are idle have ended their contour: what rests on it may be ready now."""
-    for r in range(len(pool.running)):
-        c = pool.running[r]
-        if c == NONE or state.until[r] < NOT_YET:
+def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
+    """Return the head that decides next, and when."""
+    first, start = 0, np.inf
+    for r in range(len(pool.now)):
+        at = max(heads.free[r], pool.now[r])
+        if at < start:
+            first, start = r, at
+    return first, start
+
+
+@kernel
+def hold(u: int, start: float, visits: Visits, units: Units, room: NDArray[np.float64]) -> float:
+    """Write to `room` what unit u holds at `start`; returns when it gives some of it back."""
+    room[:] = units.room[u]
+    if units.begin[u] > start:
+        return float(units.begin[u])
+    c, seconds = units.contour[u], units.end[u] - units.begin[u]
+    if c == NONE:
+        return float(units.end[u])
+    row = 2 * c + units.backwards[u]
+    for k in range(visits.pieces.offsets[row] + 1, visits.pieces.offsets[row + 1]):
+        at = units.begin[u] + visits.pieces.share[k] * seconds
+        if at > start:
+            return at
+        room[:] = visits.pieces.room[k]
+    return float(units.end[u])
+
+
+@kernel
+def held_by_others(
+    r: int,
+    start: float,
+    visits: Visits,
+    units: Units,
+    heads: Heads,
+    pool: Pool,
+    room: NDArray[np.float64],
+    holder: NDArray[np.int64],
+) -> tuple[int, float]:
+    """Write to `room` and `holder` what other heads hold at `start`; how many, and until when.
+
+    That is until any of it is given back, or another head decides.
+    """
+    count, until = 0, np.inf
+    for s in range(len(heads.free)):
+        if s == r:
             continue
-        pool.running[r] = NONE
-        for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
-            s = policy.succs[k]
-            pool.missing[s] -= 1
-            if pool.missing[s] == 0:
-                pool.ids[pool.size[0]] = s
-                pool.size[0] += 1
+        decides = max(heads.free[s], pool.now[s])
+        if decides > start + LATER:
+            until = min(until, decides)
+        u = heads.last[s]
+        while u != NONE and units.end[u] > start + LATER and count < len(holder):
+            until = min(
+                until, max(start + LATER, hold(u, start + LATER, visits, units, room[count]))
+            )
+            holder[count] = s
+            count += 1
+            u = units.before[u]
+    return count, until
+
+
+@kernel
+def out_of_step(
+    r: int, u: int, start: float, place: NDArray[np.float64], free: NDArray[np.float64],
+    about: NDArray[np.int64],
+) -> float:  # fmt: skip
+    """How far u is from where head r's sweep should be beside the others' contours."""
+    off = 0.0
+    for s in range(len(about)):
+        if s != r and about[s] != NONE and free[s] > start:
+            off += abs(place[r, u] - place[s, about[s]])
+    return off
 
 
 @kernel
 def nearer_end(
-    c: int, rest: NDArray[np.float64], visits: Visits, policy: Policy, floor: Floor
+    at: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    reversible: bool,
+    travel: NDArray[np.float64],
 ) -> tuple[float, bool]:
-    """Seconds to the end of the contour that is reached sooner, and whether it is its last."""
-    there = travel_seconds(rest, visits.first[c], floor.travel)
-    if policy.reversible[c]:
-        back = travel_seconds(rest, visits.last[c], floor.travel)
+    """Seconds to the end of a contour that is reached sooner, and whether it is its last."""
+    there = travel_seconds(at, ends[0], travel)
+    if reversible:
+        back = travel_seconds(at, ends[1], travel)
         if back < there:
             return back, True
     return there, False
 
 
 @kernel
-def uncovered(
-    r: int, u: int, alone: float, visits: Visits, floor: Floor, policy: Policy, pool: Pool
-) -> float:
-    """Waste of printing u for `alone` seconds beside what is ready for the other heads."""
-    price = policy.price[u]
-    lost: float = alone * price
-    free = alone
-    for s in range(len(pool.running)):
-        if s == r:
-            continue
-        for k in range(pool.size[0]):
-            v = pool.ids[k]
-            rate = max(0.0, price + policy.price[v] - 1.0)
-            if rate >= price or v == u or policy.key[s, v] == np.inf:
-                continue
-            if not conflicts(visits.boxes[u], visits.boxes[v], floor.gaps[r, s]):
-                covered = min(free, visits.seconds[v])
-                lost -= covered * (price - rate)
-                free -= covered
-                if free <= 0.0:
-                    return lost
-    return lost
-
-
-@kernel
-def waste(
+def is_held(
     r: int,
-    u: int,
-    travel: float,
-    now: float,
-    visits: Visits,
-    floor: Floor,
-    state: State,
-    policy: Policy,
-    pool: Pool,
-) -> float:
-    """Seconds of makespan that head r wastes if it sets off to u now."""
-    seconds = travel + visits.seconds[u]
-    alone = seconds
-    lost = 0.0
-    for s in range(len(pool.running)):
-        v = pool.running[s]
-        if s != r and v != NONE:
-            beside = min(seconds, state.until[s] - now)
-            alone = min(alone, seconds - beside)
-            lost += beside * max(0.0, policy.price[u] + policy.price[v] - 1.0)
-    if alone > 0.0 and policy.price[u] > 0.0:
-        lost += policy.knobs[r, KNOB_ALONE] * uncovered(r, u, alone, visits, floor, policy, pool)
-    return lost
-
-
-@kernel
-def out_of_step(r: int, u: int, policy: Policy, pool: Pool) -> float:
-    """How far u is from where head r's sweep should be beside the others' contours."""
-    off = 0.0
-    for s in range(len(pool.running)):
-        if s != r and pool.running[s] != NONE:
-            off += abs(policy.place[r, u] - policy.place[s, pool.running[s]])
-    return off
+    wanted: NDArray[np.float64],
+    count: int,
+    room: NDArray[np.float64],
+    holder: NDArray[np.int64],
+    relation: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    heads: int,
+) -> bool:
+    """Whether another head holds some of the room head r wants."""
+    for k in range(count):
+        pair = r * heads + holder[k]
+        if meet(wanted, room[k], relation, offsets[pair], offsets[pair + 1]):
+            return True
+    return False
 
 
 @kernel
 def choose(
     r: int,
-    now: float,
+    start: float,
     visits: Visits,
-    floor: Floor,
-    state: State,
-    policy: Policy,
-    pool: Pool,
-) -> tuple[float, int, bool]:
-    """Score and place in the pool of what head r should set off to now, and whether backwards."""
-    best, chosen, turned = np.inf, NONE, False
-    patience = np.inf
-    for s in range(len(pool.running)):
-        if s != r and pool.running[s] != NONE:
-            patience = policy.price[pool.running[s]] * (state.until[s] - now)
-    box = np.empty(4)
-    for k in range(pool.size[0]):
-        u = pool.ids[k]
-        if policy.key[r, u] == np.inf:
-            continue
-        score = policy.knobs[r, KNOB_KEY] * policy.key[r, u]
-        score += policy.knobs[r, KNOB_STEP] * out_of_step(r, u, policy, pool)
-        if score >= best:
-            continue
-        unit_box(state.rest[r], visits.boxes[u], box)
-        if not is_clear(r, box, state, floor):
-            continue
-        travel, back = nearer_end(u, state.rest[r], visits, policy, floor)
-        seconds = travel + visits.seconds[u] + 1e-9
-        score += policy.knobs[r, KNOB_TRAVEL] * travel / seconds
-        if score >= best:
-            continue
-        lost = waste(r, u, travel, now, visits, floor, state, policy, pool)
-        if lost > patience + policy.knobs[r, KNOB_WAIT] * seconds:
-            continue
-        score += policy.knobs[r, KNOB_WASTE] * lost / seconds
-        if score < best:
-            best, chosen, turned = score, k, back
-    return best, chosen, turned
-
-
-@kernel
-def set_off(
-    r: int,
-    place: int,
-    back: bool,
-    now: float,
-    visits: Visits,
-    floor: Floor,
-    state: State,
-    units: Units,
-    pool: Pool,
-) -> None:
-    """Send head r to the contour at `place` of the pool (mutates state, units, pool)."""
-    c = pool.ids[place]
-    pool.size[0] -= 1
-    pool.ids[place] = pool.ids[pool.size[0]]
-    pool.backwards[c] = back
-    pool.running[r] = c
-    pool.left[0] -= 1
-    first = visits.last[c] if back else visits.first[c]
-    last = visits.first[c] if back else visits.last[c]
-    begin_print(r, c, now, first, last, visits, floor, state, units)
-
-
-@kernel
-def dispatch(visits: Visits, floor: Floor, policy: Policy, most: int) -> tuple[Units, Pool, int]:
-    """Print everything; returns the units in the order decided and OK or STUCK."""
-    heads = len(floor.parks)
-    state = start_state(visits, floor, np.zeros(heads))
-    units = new_units(most)
-    pool = new_pool(visits, heads)
-    now = 0.0
-    while True:
-        settle(state, policy, pool)
-        while begin_best(now, visits, floor, state, policy, units, pool):
-            pass
-        for r in range(heads):
-            if pool.left[0] == 0 and state.until[r] == NOT_YET and not at_park(r, floor, state):
-                try_retreat(r, UNIT_PARK, floor.parks[r], now, floor, state, units)
-        if state.until.min() == NOT_YET:
-            if pool.left[0] == 0:
-                return units, pool, OK
-            if units.used[0] + 3 * heads > most:
-                return units, pool, STUCK
-            if not unjam(now, visits, floor, state, policy, units, pool):
-                return units, pool, STUCK
-        now = end_next(state)
-
-
-@kernel
-def unjam(
-    now: float,
-    visits: Visits,
-    floor: Floor,
-    state: State,
+    fleet: Fleet,
     policy: Policy,
     units: Units,
+    heads: Heads,
     pool: Pool,
-) -> bool:
-    """Nothing runs and nothing can begin: send aside who rests in the way of the best choice."""
-    best, head, wanted = np.inf, NONE, np.empty(4)
-    for r in range(len(pool.running)):
-        for k in range(pool.size[0]):
-            u = pool.ids[k]
-            travel = travel_seconds(state.rest[r], visits.first[u], floor.travel)
-            score = travel + policy.key[r, u]
-            if score < best:
-                best, head = score, r
-                unit_box(state.rest[r], visits.boxes[u], wanted)
-    return head != NONE and make_way(head, wanted, now, floor, state, units)
+) -> tuple[int, bool, float]:
+    """Return the contour head r should print next, and whether backwards; NONE: wait until when."""
+    n_heads, at, travel = len(heads.free), heads.at[r], fleet.travel[r]
+    room, holder = np.empty((3 * n_heads + 3, 6)), np.empty(3 * n_heads + 3, np.int64)
+    count, until = held_by_others(r, start, visits, units, heads, pool, room, holder)
+    best, chosen, turned, way = np.inf, NONE, False, np.empty(6)
+    by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
+    for column in range(len(pool.first)):
+        end, seen = policy.column_offsets[column + 1], 0
+        while pool.first[column] < end and pool.put[policy.column[pool.first[column]]]:
+            pool.first[column] += 1
+        for i in range(pool.first[column], end):
+            u = policy.column[i]
+            if pool.put[u]:
+                continue
+            if seen == WINDOW:
+                break
+            seen += 1
+            score = by_key * policy.key[r, u]
+            if pool.missing[u] > 0 or score >= best or not policy.eligible[u, r]:
+                continue
+            if by_step > 0.0:
+                score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
+            there, back = nearer_end(at, visits.ends[u], visits.reversible[u], travel)
+            lost, seconds = max(there, pool.ready[u] - start), visits.seconds[u]
+            score += by_waste * lost / (seconds + lost + LATER)
+            if score >= best or (lost > there + PATIENCE * seconds and until < np.inf):
+                continue
+            side = 1 if back else 0
+            held = visits.pieces.room[visits.pieces.offsets[2 * u + side]]
+            room_of_travel(at, visits.ends[u, side], fleet.ceiling, way)
+            if until < np.inf and (
+                is_held(
+                    r, held, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads
+                )
+                or is_held(
+                    r, way, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads
+                )
+            ):
+                continue
+            best, chosen, turned = score, u, back
+    return chosen, turned, until
 
 
 @kernel
-def begin_best(
-    now: float,
-    visits: Visits,
-    floor: Floor,
-    state: State,
-    policy: Policy,
-    units: Units,
-    pool: Pool,
-) -> bool:
-    """Of the idle heads let the one with the best choice set off; False: none should."""
-    least, head, place, turned = np.inf, NONE, NONE, False
-    for r in range(len(pool.running)):
-        if state.until[r] == NOT_YET:
-            score, k, back = choose(r, now, visits, floor, state, policy, pool)
-            if k != NONE and score < least:
-                least, head, place, turned = score, r, k, back
-    if head == NONE:
-        return False
-    set_off(head, place, turned, now, visits, floor, state, units, pool)
-    return True
+def first_left(lowest: int, pool: Pool) -> int:
+    """Lowest contour not yet put, from `lowest` on: everything it rests on was put."""
+    while pool.put[lowest]:
+        lowest += 1
+    return lowest
+
+
+@kernel
+def take(r: int, c: int, policy: Policy, heads: Heads, pool: Pool) -> None:
+    """Note that head r prints c (mutates pool)."""
+    pool.put[c], pool.about[r] = True, c
+    for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
+        s = policy.succs[k]
+        pool.missing[s] -= 1
+        pool.ready[s] = max(pool.ready[s], heads.ended[c])
+
+
+@kernel
+def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
+    """Print everything; returns the units in the order they were put and OK or SHUT_IN."""
+    heads, n = len(fleet.parks), len(visits.seconds)
+    units, state = units_for(n, heads), all_parked(n, fleet)
+    pool = new_pool(visits, policy, heads)
+    left, lowest = n, 0
+    while left > 0:
+        r, start = next_head(state, pool)
+        c, back, until = choose(r, start, visits, fleet, policy, units, state, pool)
+        if c == NONE and until < np.inf:
+            pool.now[r] = until
+            continue
+        if c == NONE:
+            c = lowest = first_left(lowest, pool)
+            while not policy.eligible[c, r]:
+                r = (r + 1) % heads
+        units = room_enough(units, heads)
+        if not print_next(r, c, back, visits, fleet, units, state):
+            return units, SHUT_IN
+        take(r, c, policy, state, pool)
+        left -= 1
+    units = room_enough(units, heads)
+    return units, OK if return_all(visits, fleet, units, state) else SHUT_IN

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.clearance import PackedHead
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.joint import UNIT_PRINT, UNIT_YIELD
 from decmcts._kernels.travel import HeightField, deposit, travel_height_above
-from decmcts._kernels.units import UNIT_PRINT, UNIT_YIELD
 
 
 class Beads(NamedTuple):

@@ -12,15 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.partial_order import earliest
-from decmcts._kernels.units import UNIT_PARK, UNIT_PRINT
+from decmcts._kernels.joint import UNIT_PARK, UNIT_PRINT
+from decmcts._kernels.waits import AT_END, earliest
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ACTION_END, NO_CONTOUR, ActionKind, HeadActions, JointPlan
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.order import UnitOrder
-from decmcts.team.timing import action_seconds
+from decmcts.team.timing import ActionTimes, action_times
 
 
 def join_actions(
@@ -35,19 +35,36 @@ def join_actions(
         _lane(job, order, rows, travels, toolpath)
         for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
     ]
-    seconds = np.zeros(len(order.head))
-    for rows, lane in zip(_rows(order), lanes, strict=True):
-        seconds[rows] = action_seconds(
+    times = [
+        action_times(
             job, machine.limits, lane.path, lane.offsets, lane.contour, lane.flipped, lane.entry,
             rests=len(lanes) > 1,
-        )  # fmt: skip
-    begin = earliest(order.head, order.own, order.rows, order.after, seconds)
+        )
+        for lane in lanes
+    ]  # fmt: skip
+    seconds = np.zeros(len(order.head))
+    for rows, timed in zip(_rows(order), times, strict=True):
+        seconds[rows] = timed.seconds
+    passing = _passing(order, times)
+    begin = earliest(order.head, order.own, order.rows, order.after, passing, seconds)
     return JointPlan(
         tuple(
             _head_actions(head.name, order, rows, lane, begin, seconds)
             for head, rows, lane in zip(machine.heads, _rows(order), lanes, strict=True)
         )
     )
+
+
+def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float64]:
+    """Return the seconds from the begin of what a unit waits for until that is passed, (m, heads)."""
+    passing = np.zeros(order.after.shape)
+    for s, timed in enumerate(times):
+        waits = np.flatnonzero(order.after[:, s] >= 0)
+        action, point = order.after[waits, s], order.point[waits, s]
+        passing[waits, s] = timed.seconds[action]
+        within = point != AT_END
+        passing[waits[within], s] = timed.until(action[within], point[within])
+    return passing
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +128,7 @@ def _head_actions(
         after_offsets=np.searchsorted(waiting, np.arange(len(rows) + 1)).astype(np.int64),
         after_head=head.astype(np.int32),
         after_action=order.after[rows[waiting], head].astype(np.int32),
-        after_point=np.full(len(head), ACTION_END, np.int32),
+        after_point=order.point[rows[waiting], head],
         after_lag_s=np.zeros(len(head)),
     )
 

@@ -73,8 +73,7 @@ def one_head_toolpaths(
         If none of these heads may print some contour.
     """
     team = range(len(machine.heads)) if live is None else sorted(live)
-    eligible = np.zeros((len(job.contours), len(machine.heads)), np.bool_)
-    eligible[:, team] = build_space(job.contours, machine).eligible[:, team]
+    eligible = build_space(job, machine, team).eligible
     require_printable(job.contours, machine, eligible)
     return split(toolpath, eligible, team)
 

@@ -50,7 +50,7 @@ def makespan_bound(
     seconds : (n,) or None
         Printing time of each contour; None: the machine's time model.
     """
-    space = build_space(job.contours, machine)
+    space = build_space(job, machine)
     time = job_times(job, machine.limits) if seconds is None else seconds
     serial, heads = float(time.sum()), len(machine.heads)
     chain = float(longest_chain(time, graph.pred_offsets, graph.preds))

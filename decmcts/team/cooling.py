@@ -16,17 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.cooling import Lags, follow, printed_over
-from decmcts._kernels.units import travel_seconds
+from decmcts._kernels.joint import Visits
+from decmcts._kernels.rooms import travel_seconds
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_contours
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.motion import job_times
 from decmcts.print.plan import ActionKind, HeadActions
-from decmcts.print.toolpath import Toolpath
+from decmcts.print.toolpath import Toolpath, endpoints
 from decmcts.search.spacing import Spacing
-from decmcts.team.order import floor_of, visits_of
-from decmcts.team.space import build_space
+from decmcts.team.order import visits_of
+from decmcts.team.space import travel_row
 
 LEAST_LAG_S = 0.05  # what the source gives less than this is nothing to keep
 TRAVEL_SHARE = 0.7  # of the source's mean travel: what a search's takes, for `spacing_of`
@@ -80,11 +82,10 @@ def source_times(
     job: PrintJob, machine: Machine, graph: DependencyGraph
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return when the source's order begins and ends each contour by the clock of `cooled`."""
-    space = build_space(job.contours, machine)
-    visits = visits_of(job, machine, graph, space, [])
-    travel = floor_of(job, machine, space).travel
-    stood = np.concatenate([space.parks[:1], visits.last[:-1]])
-    way = [travel_seconds(p, q, travel) for p, q in zip(stood, visits.first, strict=True)]
+    visits, travel = _visits(job, machine, graph, Toolpath.as_sliced(len(job.contours)))
+    first, last = visits.ends[:, 0], visits.ends[:, 1]
+    stood = np.concatenate([_park(machine)[None], last[:-1]])
+    way = [travel_seconds(p, q, travel) for p, q in zip(stood, first, strict=True)]
     end = np.cumsum(np.array(way) + visits.seconds)
     return end - visits.seconds, end
 
@@ -105,6 +106,21 @@ def print_times(actions: HeadActions, n: int) -> tuple[NDArray[np.float64], NDAr
     return begin, end
 
 
+def _visits(
+    job: PrintJob, machine: Machine, graph: DependencyGraph, toolpath: Toolpath
+) -> tuple[Visits, NDArray[np.float64]]:
+    """Return the contours as a toolpath runs them, and what travels take."""
+    seconds, nowhere = job_times(job, machine.limits), np.zeros(len(job.contours), np.bool_)
+    visits = visits_of(job.contours, graph, seconds, nowhere, in_pieces=False)
+    ends = np.empty_like(visits.ends)
+    ends[toolpath.order] = np.stack(endpoints(job.contours, toolpath), axis=1)
+    return visits._replace(ends=ends), np.array(travel_row(job.settings, machine.limits))
+
+
+def _park(machine: Machine) -> NDArray[np.float64]:
+    return np.array(machine.heads[0].park, np.float64)
+
+
 def cooled(
     job: PrintJob,
     machine: Machine,
@@ -117,15 +133,13 @@ def cooled(
     Where the next contour is still warm, later ones that can be printed now are
     printed first; if that saves no time on the whole, the order stays as it is.
     """
-    space = build_space(job.contours, machine)
-    visits = visits_of(job, machine, graph, space, [toolpath])
-    floor = floor_of(job, machine, space)
-    given = (toolpath.order, space.parks[0], visits, graph.succ_offsets, graph.succs, lags)
-    _, seconds, waited = follow(*given, floor.travel, False)
+    visits, travel = _visits(job, machine, graph, toolpath)
+    given = (toolpath.order, _park(machine), visits, graph.succ_offsets, graph.succs, lags)
+    _, seconds, waited = follow(*given, travel, False)
     as_it_is = Timed(toolpath, float(seconds), float(waited), float(waited))
     if waited <= 0.0:
         return as_it_is
-    order, seconds, less = follow(*given, floor.travel, True)
+    order, seconds, less = follow(*given, travel, True)
     place = np.empty(len(order), np.int64)
     place[toolpath.order] = np.arange(len(order))
     at = place[order]

@@ -14,6 +14,7 @@ from scipy import ndimage
 from decmcts.print.contours import Contours
 
 CELL_MM = 1.0  # of the footprint's grid; also the gap that still joins two beads
+COLUMN_MM = 25.0  # contours that begin and end in the same cells are alike
 MACROS = 120  # wanted pieces of one print
 
 
@@ -61,7 +62,7 @@ def cut_macros(
 ) -> NDArray[np.int32]:
     """Return the macro-action of each contour, numbered by progress, (n,).
 
-    `side` (n,) is who should print it: 0, 1, or 2 for whoever is free.
+    `side` (n,) is the head in whose share of the machine it lies.
     """
     if not len(part):
         return np.empty(0, np.int32)
@@ -75,3 +76,19 @@ def cut_macros(
     rank = np.empty(len(when), np.int32)
     rank[np.argsort(when, kind="stable")] = np.arange(len(when), dtype=np.int32)
     return rank[piece]
+
+
+def columns_of(
+    boxes: NDArray[np.float64], part: NDArray[np.int64], axis: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return the contours by column: those of one part and one place, each in source order.
+
+    `boxes` (n, 4) are min x, max x, min y and max y; the place is that along `axis`.
+    Returns the offsets of the columns and the contours, column after column.
+    """
+    cells = (boxes[:, 2 * axis : 2 * axis + 2] // COLUMN_MM).astype(np.int64)
+    _, column = np.unique(np.column_stack([part, cells]), axis=0, return_inverse=True)
+    column = column.reshape(-1)
+    order = np.argsort(column, kind="stable")
+    count = int(column.max(initial=-1)) + 1
+    return np.searchsorted(column[order], np.arange(count + 1)), order.astype(np.int32)

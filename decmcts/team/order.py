@@ -1,7 +1,7 @@
 """The partial order of a joint plan: units, what each must wait for, what comes later.
 
-Front of `decmcts._kernels.schedule` and `.partial_order`: validates sequences and turns a replay
-into arrays over units. Paths and exact times are `decmcts.team.schedule`'s.
+Front of `decmcts._kernels.carry_out` and `.waits`: validates sequences and turns units into
+arrays. Paths and exact times are `decmcts.team.schedule`'s.
 """
 
 from __future__ import annotations
@@ -12,72 +12,65 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.partial_order import after_edges, first_later
-from decmcts._kernels.schedule import Queues, replay
-from decmcts._kernels.units import STUCK, Floor, Visits
+from decmcts._kernels.carry_out import CONTRADICTED, SHUT_IN, Sequences, carry_out
+from decmcts._kernels.joint import Units, Visits
+from decmcts._kernels.pieces import cut_pieces
+from decmcts._kernels.rooms import Fleet
+from decmcts._kernels.waits import find_waits, first_later
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
-from decmcts.print.toolpath import Toolpath, endpoints
+from decmcts.print.motion import job_times
+from decmcts.print.toolpath import Toolpath
 from decmcts.team.space import Space, require_printable
+
+PIECE_MM = 4.0  # a piece of a contour begins where the room still needed has shrunk so far
+MOST_PIECES = 16  # of one contour
 
 
 @dataclass(frozen=True, slots=True)
 class UnitOrder:
-    """Units of all heads in the order they begin, with their waits."""
+    """Units of all heads in the order they were put, with their waits."""
 
     head: NDArray[np.int32]  # (m,)
     kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_YIELD, UNIT_PARK
     contour: NDArray[np.int32]  # (m,) -1 unless printed
     target: NDArray[np.float64]  # (m, 3) where it ends
-    box: NDArray[np.float64]  # (m, 4)
-    begin_s: NDArray[np.float64]  # (m,) estimate
-    end_s: NDArray[np.float64]  # (m,) estimate
     own: NDArray[np.int64]  # (m,) index within the head's units
     rows: NDArray[np.int64]  # (heads, most) row of each head's k-th unit
     counts: NDArray[np.int64]  # (heads,) units of each head
-    after: NDArray[np.int64]  # (m, heads) that head's unit that must have ended; -1: none
+    after: NDArray[np.int64]  # (m, heads) that head's unit to wait for; -1: none
+    point: NDArray[np.int32]  # (m, heads) vertex of it that must be passed; -1: its end
     later: NDArray[np.int64]  # (m, heads) that head's first unit ordered after this one
 
 
-def floor_of(job: PrintJob, machine: Machine, space: Space) -> Floor:
-    """Return the machine as the scheduling kernels take it.
-
-    Travels are retracted by length alone there. These times only rank what may come
-    next: nothing is safe because of them, and the exact ones (`decmcts.team.timing`) look at
-    walls. A look at walls in each of the many replays of a team's search would cost more
-    than it tells.
-    """
-    settings, limits = job.settings, machine.limits
-    feed, acceleration = level_travel(settings, limits)
-    travel = np.array(
-        [
-            feed,
-            acceleration,
-            *upright_travel(settings, limits),
-            retraction_time(settings, limits),
-            settings.retract_min_travel_mm,
-        ]
-    )
-    return Floor(space.gaps, space.parks, travel)
-
-
 def visits_of(
-    job: PrintJob,
-    machine: Machine,
+    contours: Contours,
     graph: DependencyGraph,
-    space: Space,
-    toolpaths: Sequence[Toolpath],
+    seconds: NDArray[np.float64],
+    reversible: NDArray[np.bool_],
+    *,
+    in_pieces: bool,
 ) -> Visits:
-    """Return entry, exit, room and time of every contour in its chosen traversal."""
-    contours = job.contours
-    first, last = contours.start.copy(), contours.end.copy()
-    for toolpath in toolpaths:
-        first[toolpath.order], last[toolpath.order] = endpoints(contours, toolpath)
-    seconds = job_times(job, machine.limits)
-    return Visits(first, last, space.boxes, seconds, graph.pred_offsets, graph.preds)
+    """Return what the kernels need to know of contours.
+
+    Parameters
+    ----------
+    contours : Contours
+        As they are entered.
+    seconds : (n,) printing times
+    reversible : (n,) which may be run from their last point, or are
+    in_pieces : bool
+        Whether a print gives its room back piece by piece.
+    """
+    pieces = cut_pieces(
+        contours.points, contours.offsets, reversible, PIECE_MM, MOST_PIECES if in_pieces else 1
+    )
+    first, last = contours.points[contours.offsets[:-1]], contours.points[contours.offsets[1:] - 1]
+    ends = np.stack([first, last], axis=1)
+    return Visits(ends, seconds, reversible, pieces, graph.pred_offsets, graph.preds)
 
 
 def require_complete(
@@ -106,48 +99,67 @@ def require_complete(
             )
 
 
-def queues_of(toolpaths: Sequence[Toolpath]) -> Queues:
+def sequences_of(toolpaths: Sequence[Toolpath]) -> Sequences:
     """Return the toolpaths as the kernels take them; turns count only if all have them."""
     order = np.concatenate([toolpath.order for toolpath in toolpaths]).astype(np.int32)
+    backwards = np.concatenate([toolpath.reversed for toolpath in toolpaths]).astype(np.bool_)
     offsets = np.cumsum([0, *(len(toolpath) for toolpath in toolpaths)]).astype(np.int64)
     turns = [toolpath.turn for toolpath in toolpaths if toolpath.turn is not None]
     if len(turns) < len(toolpaths):
-        return Queues(order, offsets, np.zeros(len(order), np.int64))
-    return Queues(order, offsets, np.concatenate(turns).astype(np.int64))
+        turns = []
+    return Sequences(order, backwards, offsets, np.concatenate([*turns, np.empty(0, np.int64)]))
 
 
-def order_units(visits: Visits, floor: Floor, toolpaths: Sequence[Toolpath]) -> UnitOrder:
-    """Replay the sequences and return the partial order they make; raises InputError if stuck."""
-    heads, queues = len(toolpaths), queues_of(toolpaths)
-    units, verdict = replay(queues, visits, floor, (len(queues.order) + 2) * heads * 3)
-    if verdict == STUCK:
+def refuse(verdict: int, machine: Machine) -> None:
+    """Raise InputError for a joint order that could not be completed."""
+    if verdict == CONTRADICTED:
         raise InputError(
             "the heads' sequences contradict each other: no head can begin its next contour",
             advice="every contour must come after those it rests on, on whichever head they are",
         )
+    if verdict == SHUT_IN:
+        raise InputError(
+            f"the heads of {machine.name} shut each other in: one is parked where another passes",
+            advice="move the parks so that each head can leave its own while all others are there",
+        )
+
+
+def units_of(visits: Visits, fleet: Fleet, machine: Machine, paths: Sequence[Toolpath]) -> Units:
+    """Put everything in these toolpaths; raises InputError where that cannot be."""
+    units, verdict = carry_out(sequences_of(paths), visits, fleet)
+    refuse(verdict, machine)
     m = int(units.used[0])
-    sooner = np.argsort(units.begin[:m], kind="stable")
-    units = units._replace(**{name: getattr(units, name)[sooner] for name in units._fields[:-1]})
-    own, rows, counts = _index(units.head, heads)
+    return Units(*(getattr(units, name)[:m] for name in Units._fields[:-1]), units.used)
+
+
+def order_units(
+    visits: Visits, fleet: Fleet, machine: Machine, toolpaths: Sequence[Toolpath]
+) -> UnitOrder:
+    """Return the partial order that sequences make; raises InputError where they make none."""
+    units = units_of(visits, fleet, machine, toolpaths)
+    own, rows, counts = _index(units.head, len(toolpaths))
     place = np.empty(len(visits.seconds), np.int64)
     printing = np.flatnonzero(units.contour >= 0)
     place[units.contour[printing]] = printing
-    after = after_edges(units, own, place, visits, floor)
-    later = first_later(units, own, rows, after, counts)
+    after, point = find_waits(own, place, visits, fleet, units)
+    later = first_later(units.head, own, rows, after, point, counts)
     return UnitOrder(
-        units.head,
-        units.kind,
-        units.contour,
-        units.target,
-        units.box,
-        units.begin,
-        units.end,
-        own,
-        rows,
-        counts,
-        after,
-        later,
+        units.head, units.kind, units.contour, units.target, own, rows, counts, after, point, later
     )
+
+
+def order_of_job(
+    job: PrintJob, graph: DependencyGraph, machine: Machine, fleet: Fleet,
+    running: Contours, toolpaths: Sequence[Toolpath],
+) -> UnitOrder:  # fmt: skip
+    """Return the partial order of a print whose contours run as `running` says."""
+    turned = np.zeros(len(job.contours), np.bool_)
+    for toolpath in toolpaths:
+        turned[toolpath.order] = toolpath.reversed
+    seconds = job_times(job, machine.limits)
+    in_pieces = len(machine.heads) > 1
+    visits = visits_of(running, graph, seconds, turned, in_pieces=in_pieces)
+    return order_units(visits, fleet, machine, toolpaths)
 
 
 def _index(

@@ -20,28 +20,27 @@ from numpy.typing import NDArray
 
 from decmcts.print.toolpath import Toolpath
 
-# waste, travel, key, alone, wait, step: see decmcts._kernels.dispatch; then how far the
-# key is the work that must come after (1) rather than the progress of the part (0).
-# The first of a random search over plates of several parts; none is best on all.
+# Weights of the key, of waste and of being out of step (`decmcts._kernels.dispatch`); then how
+# far the key is the chain that must come after (1) rather than the progress of the part (0).
 POLICIES = np.array(
     [
-        [0.55, 0.28, 2.4, 0.85, 1.0, 3.0, 1.0],
-        [1.0, 1.0, 10.0, 1.0, 0.3, 10.0, 0.0],
-        [0.34, 0.28, 6.5, 1.6, 1.5, 3.0, 1.0],
-        [2.8, 2.8, 68.0, 0.5, 1.4, 30.0, 1.0],
-        [1.15, 0.48, 16.0, 0.72, 0.17, 30.0, 1.0],
-        [6.3, 1.5, 33.5, 0.8, 0.4, 30.0, 0.0],
-        [2.7, 1.9, 6.4, 0.74, 0.2, 10.0, 1.0],
-        [0.67, 1.4, 6.7, 1.1, 0.46, 30.0, 1.0],
-        [1.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0],
-        [0.41, 4.45, 7.1, 2.7, 0.36, 30.0, 0.5],
-        [1.0, 1.0, 10.0, 1.0, 0.3, 0.0, 0.0],
-        [3.67, 2.05, 32.6, 0.67, 0.57, 1.0, 1.0],
-        [1.0, 0.3, 10.0, 0.3, 0.3, 10.0, 0.0],
-        [0.4, 0.24, 1.07, 0.46, 2.9, 0.0, 0.0],
+        [20.0, 1.0, 3.0, 1.0],
+        [10.0, 1.0, 10.0, 0.0],
+        [60.0, 2.6, 0.5, 0.5],
+        [80.0, 3.8, 5.0, 1.0],
+        [8.0, 0.45, 1.4, 0.0],
+        [50.0, 0.9, 7.8, 1.0],
+        [18.0, 0.6, 3.7, 1.0],
+        [15.0, 1.0, 0.5, 0.0],
+        [44.0, 3.1, 7.4, 0.5],
+        [60.0, 1.6, 30.0, 1.0],
+        [10.0, 1.0, 0.0, 0.0],
+        [30.0, 0.6, 1.0, 0.5],
+        [3.0, 1.0, 3.0, 1.0],
+        [1.0, 1.0, 0.0, 0.0],
     ]
 )
-BY_URGENCY = 6  # column of POLICIES
+BY_URGENCY = 3  # column of POLICIES
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,17 @@ from decmcts.print.toolpath import Toolpath, entries_by_contour
 from decmcts.print.walls import walls_for
 from decmcts.team.actions import join_actions
 from decmcts.team.alone import hand_over
-from decmcts.team.order import floor_of, order_units, require_complete, visits_of
-from decmcts.team.space import build_space
+from decmcts.team.order import order_of_job, require_complete
+from decmcts.team.space import build_space, fleet_of
 from decmcts.team.travels import unit_travels
 
 
 def schedule(
-    job: PrintJob, machine: Machine, graph: DependencyGraph, toolpaths: Sequence[Toolpath]
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    toolpaths: Sequence[Toolpath],
+    live: Sequence[int] | None = None,
 ) -> JointPlan:
     """Make the exact plan in which each head prints its toolpath in order.
 
@@ -37,6 +41,8 @@ def schedule(
         One per head of the machine, in the machine's order; together every
         contour once. A head may get none. If all but one get none, that one is
         an order for everything: contours its head can not print go to one that can.
+    live : Sequence[int] | None
+        Heads that may move; the others stay parked. None: all.
 
     Returns
     -------
@@ -49,12 +55,13 @@ def schedule(
         A contour is missing, doubled, out of every head's reach or given to a
         head that can not print it, or the sequences contradict the precedence.
     """
-    space = build_space(job.contours, machine)
+    space = build_space(job, machine, live)
     toolpaths = hand_over(toolpaths, space.eligible)
     require_complete(job, machine, space, toolpaths)
-    visits = visits_of(job, machine, graph, space, toolpaths)
-    order = order_units(visits, floor_of(job, machine, space), toolpaths)
     entry = entries_by_contour(toolpaths, len(job.contours))
-    running = replace(job, contours=enter_at(job.contours, entry), acceleration=None)
+    entered = enter_at(job.contours, entry)
+    fleet = fleet_of(job, machine, live)
+    order = order_of_job(job, graph, machine, fleet, entered, toolpaths)
+    running = replace(job, contours=entered, acceleration=None)
     travels = unit_travels(running, machine, order, space, walls_for(job))
     return join_actions(job, machine, order, travels, toolpaths)

@@ -1,21 +1,28 @@
 """The room heads need: who may print what, and how far apart two heads must stay.
 
-Everything is projected to XY (a head is taken to fill its outline at every
-height) and each action to the bounding box of its nozzle's path, so a pair
-found clear here is clear in space; the converse need not hold. Heads on one
-rail are kept in order along it instead (rule J3). No times here.
+Each body of a head, and each slice, is taken as its bounding box and each action
+as the bounding box of its nozzle's path, so a pair found clear here is clear in
+space; the converse need not hold. Heads on one rail are kept in order along it
+(rule J3). No times here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.carry_out import eligible_heads
+from decmcts._kernels.joint import Visits
+from decmcts._kernels.pieces import cut_pieces
+from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Head, Machine
+from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.machine import Head, Machine, MotionLimits
+from decmcts.print.motion import level_travel, retraction_time, upright_travel
 
 _NEVER = np.inf  # this side can not make two heads clear
 
@@ -25,9 +32,9 @@ class Space:
     """Boxes, gaps, eligibility and parking places of one print on one machine."""
 
     boxes: NDArray[np.float64]  # (n, 4) min x, max x, min y, max y of each contour, mm
-    gaps: NDArray[np.float64]  # (heads, heads, 4) see decmcts._kernels.conflict
+    gaps: NDArray[np.float64]  # (heads, heads, 4) as far apart nozzle boxes must be, by outlines
     parks: NDArray[np.float64]  # (heads, 3) mm
-    eligible: NDArray[np.bool_]  # (n, heads) may print it and reaches all of it
+    eligible: NDArray[np.bool_]  # (n, heads) may print it, reaches all of it and can be let in
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
@@ -111,30 +118,108 @@ def _pair_gap(
     return only
 
 
-def build_space(contours: Contours, machine: Machine) -> Space:
+def body_boxes(head: Head) -> NDArray[np.float64]:
+    """Return the box of every body and slice of a head, relative to its tip, (k, 6).
+
+    A slice goes up for ever, as in the definition of what it blocks.
+    """
+    boxes = []
+    for piece in head.slices:
+        for polygon in piece.polygons:
+            (x0, y0), (x1, y1) = polygon.min(axis=0), polygon.max(axis=0)
+            boxes.append([x0, x1, y0, y1, piece.height_mm, np.inf])
+    for body in head.bodies:
+        boxes.append([c for pair in zip(body.minimum, body.maximum, strict=True) for c in pair])
+    return np.array(boxes, np.float64).reshape(-1, 6)
+
+
+def relation_of(machine: Machine, r: int, s: int) -> NDArray[np.float64]:
+    """Return the boxes of nozzle of s minus nozzle of r in which two heads are too near, (k, 6)."""
+    mine, other = body_boxes(machine.heads[r]), body_boxes(machine.heads[s])
+    gap = machine.head_clearance_mm
+    low = mine[:, None, 0::2] - other[None, :, 1::2] - gap
+    high = mine[:, None, 1::2] - other[None, :, 0::2] + gap
+    boxes = np.stack([low, high], axis=3).reshape(-1, 6)
+    names = (machine.heads[r].name, machine.heads[s].name)
+    rail = machine.rail
+    if rail is not None and set(names) <= set(rail.order):
+        steps = rail.order.index(names[1]) - rail.order.index(names[0])
+        half = np.tile([-np.inf, np.inf], 3)
+        half[2 * rail.axis + (1 if steps > 0 else 0)] = steps * rail.separation_mm
+        boxes = np.concatenate([half[None], boxes])
+    return boxes[_not_within_others(boxes)]
+
+
+def _not_within_others(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which boxes lie within no other (of equal ones the first is kept)."""
+    within = (boxes[:, None, 0::2] >= boxes[None, :, 0::2]).all(axis=2)
+    within &= (boxes[:, None, 1::2] <= boxes[None, :, 1::2]).all(axis=2)
+    equal = within & within.T
+    within &= ~equal | np.tri(len(boxes), k=-1, dtype=np.bool_)
+    return np.asarray(~within.any(axis=1))
+
+
+def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Fleet:
+    """Return the machine as the kernels of a joint order take it; heads not `live` never move."""
+    heads = machine.heads
+    pairs = [
+        relation_of(machine, r, s) if r != s else np.empty((0, 6))
+        for r in range(len(heads))
+        for s in range(len(heads))
+    ]
+    parks = np.array([head.park for head in heads], np.float64)
+    low = np.minimum([head.reach_min[:2] for head in heads], parks[:, :2])
+    high = np.maximum([head.reach_max[:2] for head in heads], parks[:, :2])
+    still = [r for r in range(len(heads)) if live is not None and r not in live]
+    low[still] = high[still] = parks[still, :2]
+    top = float(job.contours.top.max(initial=0.0))
+    rises = max(machine.lift_mm, job.settings.hop_mm)
+    halves = sum(int(np.isinf(pair[:, :4]).sum() == 3 and len(pair) == 1) for pair in pairs)
+    return Fleet(
+        relation=np.concatenate(pairs),
+        relation_offsets=np.cumsum([0, *(len(pair) for pair in pairs)]).astype(np.int64),
+        parks=parks,
+        low=np.ascontiguousarray(low),
+        high=np.ascontiguousarray(high),
+        travel=np.tile(travel_row(job.settings, machine.limits), (len(heads), 1)),
+        ceiling=max(top, float(parks[:, 2].max())) + rises,
+        lined=halves == len(heads) * (len(heads) - 1),
+    )
+
+
+def travel_row(settings: ProcessSettings, limits: MotionLimits) -> list[float]:
+    """Return what a travel takes, see `decmcts._kernels.rooms.travel_seconds`.
+
+    By length alone: no walls are known here, and what only orders units need not be exact.
+    """
+    return [
+        *level_travel(settings, limits),
+        *upright_travel(settings, limits),
+        retraction_time(settings, limits),
+        settings.retract_min_travel_mm,
+    ]
+
+
+def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Space:
     """Return the room the heads need for these contours.
 
-    A contour that can not be printed past another head's park is not eligible.
+    A contour is eligible for a head that reaches it, has its tool and can be let in: while
+    the others are parked, or aside, if they are live.
     """
+    contours = job.contours
+    boxes, eligible = contour_boxes(contours), eligibility(contours, machine.heads)
+    if live is not None:
+        eligible[:, [r for r in range(len(machine.heads)) if r not in live]] = False
+    if len(machine.heads) > 1 and len(contours):
+        ends = np.stack([contours.start, contours.end], axis=1)
+        whole = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
+        none = np.zeros(len(contours) + 1, np.int64)
+        visits = Visits(
+            ends, np.zeros(len(contours)), contours.reversible, whole, none, np.empty(0, np.int32)
+        )
+        eligible = eligible_heads(eligible, visits, fleet_of(job, machine, live))
     parks = np.array([head.park for head in machine.heads], np.float64)
-    boxes, gaps = contour_boxes(contours), head_gaps(machine)
-    eligible = eligibility(contours, machine.heads) & _clear_of_parks(boxes, gaps, parks)
-    return Space(boxes, gaps, parks, eligible)
-
-
-def _clear_of_parks(
-    boxes: NDArray[np.float64], gaps: NDArray[np.float64], parks: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Return where head r can work while every other head is parked, (n, heads)."""
-    clear = np.ones((len(boxes), len(parks)), np.bool_)
-    for r in range(len(parks)):
-        for s in range(len(parks)):
-            if s != r:
-                gap, park = gaps[r, s], parks[s]
-                side = (boxes[:, 1] + gap[0] <= park[0]) | (park[0] + gap[1] <= boxes[:, 0])
-                side |= (boxes[:, 3] + gap[2] <= park[1]) | (park[1] + gap[3] <= boxes[:, 2])
-                clear[:, r] &= side
-    return clear
+    return Space(boxes, head_gaps(machine), parks, eligible)
 
 
 def require_printable(contours: Contours, machine: Machine, eligible: NDArray[np.bool_]) -> None:

@@ -6,7 +6,7 @@ Wipe, retraction, lift and priming are counted in. Of the code around the print
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,21 @@ from decmcts.print.motion import Program, limit_rows, travel_acceleration, trave
 from decmcts.print.walls import retracted_paths, walls_for
 
 
-def action_seconds(
+@dataclass(frozen=True, slots=True)
+class ActionTimes:
+    """How long the actions of a head take, and their moves."""
+
+    seconds: NDArray[np.float64]  # (k,)
+    passed: NDArray[np.float64]  # (moves + 1,) seconds from the first action's begin, without waits
+    first: NDArray[np.int64]  # (k,) first move of each action
+
+    def until(self, action: NDArray[np.int64], point: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Return the seconds from the begins of prints until a vertex is passed, (j,)."""
+        first = self.first[action]
+        return np.asarray(self.passed[first + point] - self.passed[first])
+
+
+def action_times(
     job: PrintJob,
     limits: MotionLimits,
     path: NDArray[np.float64],
@@ -29,8 +43,8 @@ def action_seconds(
     entry: NDArray[np.int32],
     *,
     rests: bool,
-) -> NDArray[np.float64]:
-    """Return the seconds of each action of one head, (k,).
+) -> ActionTimes:
+    """Return how long the actions of one head take, k of them.
 
     Parameters
     ----------
@@ -57,7 +71,12 @@ def action_seconds(
     program = Program(
         moves.points[: m + 1], moves.filament[:m], moves.feed[:m], moves.row[:m], rows, rest
     )
-    return np.asarray(np.bincount(action, program.seconds(), len(contour)), np.float64)
+    seconds = program.seconds()
+    return ActionTimes(
+        np.asarray(np.bincount(action, seconds, len(contour)), np.float64),
+        np.concatenate([[0.0], np.cumsum(seconds)]),
+        np.searchsorted(action, np.arange(len(contour))),
+    )
 
 
 def habit_of(settings: ProcessSettings, limits: MotionLimits) -> Habit:
