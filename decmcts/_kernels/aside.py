@@ -47,7 +47,7 @@ def beyond(
 ) -> float:
     """Where along an axis head s, now in `rest`, is clear of head r anywhere in `room`."""
     pair = r * len(fleet.parks) + s
-    goal = rest[2 * axis]
+    goal: float = rest[2 * axis]
     for k in range(fleet.relation_offsets[pair], fleet.relation_offsets[pair + 1]):
         box = fleet.relation[k]
         other, beside = 1 - axis, True

@@ -72,7 +72,7 @@ def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units
     for i in range(n):
         if len(by_turn):
             row: int = by_turn[i]
-            r = np.searchsorted(sequences.offsets, row, side="right") - 1
+            r = int(np.searchsorted(sequences.offsets, row, side="right")) - 1
         else:
             r = soonest(at, sequences, put, visits, fleet, state.at, state.free)
             if r == NONE:

@@ -87,7 +87,7 @@ def hold(u: int, start: float, visits: Visits, units: Units, room: NDArray[np.fl
         return float(units.end[u])
     row = 2 * c + units.backwards[u]
     for k in range(visits.pieces.offsets[row] + 1, visits.pieces.offsets[row + 1]):
-        at = units.begin[u] + visits.pieces.share[k] * seconds
+        at: float = units.begin[u] + visits.pieces.share[k] * seconds
         if at > start:
             return at
         room[:] = visits.pieces.room[k]

@@ -75,7 +75,7 @@ def need_of(
     fleet: Fleet,
     units: Units,
 ) -> tuple[int, int]:
-    """What a unit needs of head s: a unit of it and a point of that, or AT_END; NONE: nothing.
+    """Return what a unit needs of head s: a unit and a point of it, or AT_END; NONE: nothing.
 
     `known` is what its own head waited for before: unit and point.
     """

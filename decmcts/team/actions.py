@@ -56,7 +56,7 @@ def join_actions(
 
 
 def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float64]:
-    """Return the seconds from the begin of what a unit waits for until that is passed, (m, heads)."""
+    """Return the seconds until what a unit waits for is passed, from its begin, (m, heads)."""
     passing = np.zeros(order.after.shape)
     for s, timed in enumerate(times):
         waits = np.flatnonzero(order.after[:, s] >= 0)

@@ -129,7 +129,7 @@ def units_of(visits: Visits, fleet: Fleet, machine: Machine, paths: Sequence[Too
     units, verdict = carry_out(sequences_of(paths), visits, fleet)
     refuse(verdict, machine)
     m = int(units.used[0])
-    return Units(*(getattr(units, name)[:m] for name in Units._fields[:-1]), units.used)
+    return units._replace(**{name: getattr(units, name)[:m] for name in Units._fields[:-1]})
 
 
 def order_units(

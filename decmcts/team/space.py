@@ -123,13 +123,12 @@ def body_boxes(head: Head) -> NDArray[np.float64]:
 
     A slice goes up for ever, as in the definition of what it blocks.
     """
-    boxes = []
+    boxes: list[NDArray[np.float64]] = []
     for piece in head.slices:
         for polygon in piece.polygons:
             (x0, y0), (x1, y1) = polygon.min(axis=0), polygon.max(axis=0)
-            boxes.append([x0, x1, y0, y1, piece.height_mm, np.inf])
-    for body in head.bodies:
-        boxes.append([c for pair in zip(body.minimum, body.maximum, strict=True) for c in pair])
+            boxes.append(np.array([x0, x1, y0, y1, piece.height_mm, np.inf]))
+    boxes += [np.column_stack([body.minimum, body.maximum]).reshape(-1) for body in head.bodies]
     return np.array(boxes, np.float64).reshape(-1, 6)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from decmcts._kernels.bound import longest_chain, work_behind
+from decmcts._kernels.bound import chain_behind, longest_chain
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.team.bound import makespan_bound
 from decmcts.team.pairing import _classes, _pair_boxes, pair_work
@@ -36,7 +36,7 @@ def _slow_matching(boxes: np.ndarray, seconds: np.ndarray, gap: float) -> float:
 def test_rail_matching_is_the_largest(case: Callable[..., Any], seed: int) -> None:
     """The chain of cells solves the pair programme; shrinking boxes can only add a little."""
     chosen = case(seed, towers=8, layers=1)
-    space = build_space(chosen.job.contours, chosen.machine)
+    space = build_space(chosen.job, chosen.machine)
     seconds = np.random.default_rng(seed).uniform(1, 5, len(space.boxes))
     everyone = space.eligible | True
     space = type(space)(space.boxes.round(), space.gaps, space.parks, everyone)
@@ -79,19 +79,10 @@ def test_what_only_one_head_reaches_bounds_too(case_of: Callable[..., Any]) -> N
     assert bound.exclusive_s == pytest.approx(bound.serial_s)
 
 
-def test_longest_chain_and_work_behind() -> None:
-    """A chain bounds whatever the heads do; work behind steers who goes first."""
+def test_longest_chain_and_chain_behind() -> None:
+    """A chain bounds whatever the heads do; the chain behind steers who goes first."""
     graph = DependencyGraph.from_pairs(5, np.array([[0, 1], [1, 3], [0, 2], [2, 3]]))
     seconds = np.array([1.0, 5.0, 2.0, 4.0, 7.0])
     assert longest_chain(seconds, graph.pred_offsets, graph.preds) == 10.0
-    behind = work_behind(seconds, graph.succ_offsets, graph.succs)
-    assert behind.tolist() == [11.0, 4.0, 4.0, 0.0, 0.0]
-
-
-def test_work_behind_counts_each_once_beyond_a_block() -> None:
-    """Blocks of words are an implementation; the sums must not know them."""
-    n = 9000
-    pairs = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
-    graph = DependencyGraph.from_pairs(n, pairs)
-    behind = work_behind(np.ones(n), graph.succ_offsets, graph.succs)
-    assert np.array_equal(behind, np.arange(n)[::-1])
+    behind = chain_behind(seconds, graph.succ_offsets, graph.succs)
+    assert behind.tolist() == [10.0, 9.0, 6.0, 4.0, 7.0]

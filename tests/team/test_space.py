@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.conflict import conflicts
+from decmcts._kernels.rooms import meet
 from decmcts.print.machine import Body, Machine, Rail
-from decmcts.team.space import build_space, head_gaps
+from decmcts.team.space import body_boxes, build_space, relation_of
 
 
 @pytest.fixture
@@ -25,55 +25,83 @@ def loose(case: Callable[..., Any]) -> Machine:
     return replace(machine, heads=heads, rail=None, head_clearance_mm=2.0)
 
 
+def near(machine: Machine, a: np.ndarray, b: np.ndarray, r: int = 0, s: int = 1) -> bool:
+    """Whether head r in room a and head s in room b could meet."""
+    relation = relation_of(machine, r, s)
+    return bool(meet(a, b, relation, 0, len(relation)))
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_clear_boxes_keep_bodies_apart(loose: Machine, seed: int) -> None:
-    """If the boxes are clear, no two positions in them bring the outlines nearer than allowed."""
+def test_clear_rooms_keep_bodies_apart(loose: Machine, seed: int) -> None:
+    """Two rooms are clear just if no body or slice moved through one meets one in the other."""
     rng = np.random.default_rng(seed)
-    gaps = head_gaps(loose)
-    low, high = np.array([[-12, -8], [-8, -9]]), np.array([[8, 8], [8, 15]])
+    boxes = [body_boxes(head) for head in loose.heads]
     for _ in range(200):
-        corners = np.sort(rng.uniform(0, 60, (2, 2, 2)), axis=2)  # head, axis, low/high
-        boxes = corners.reshape(2, 4)
-        apart = [
-            max(
-                corners[1, a, 0] + low[1, a] - corners[0, a, 1] - high[0, a],
-                corners[0, a, 0] + low[0, a] - corners[1, a, 1] - high[1, a],
-            )
-            for a in range(2)
-        ]
-        assert conflicts(boxes[0], boxes[1], gaps[0, 1]) == (max(apart) < 2.0)
-        assert conflicts(boxes[1], boxes[0], gaps[1, 0]) == (max(apart) < 2.0)
+        rooms = np.sort(rng.uniform(0, 60, (2, 3, 2)), axis=2).reshape(2, 6)
+        swept = [box + room for box, room in zip(boxes, rooms, strict=True)]
+        low = np.maximum(swept[0][:, None, 0::2], swept[1][None, :, 0::2])
+        high = np.minimum(swept[0][:, None, 1::2], swept[1][None, :, 1::2])
+        meets = bool((low - high < 2.0).all(axis=2).any())
+        assert near(loose, rooms[0], rooms[1]) == meets
+        assert near(loose, rooms[1], rooms[0], 1, 0) == meets
 
 
 def test_a_rail_keeps_the_order(case: Callable[..., Any]) -> None:
     """On a rail being apart the wrong way round is a conflict too."""
-    gaps = head_gaps(case(0).machine)
-    left, right = np.array([10.0, 20, 0, 5]), np.array([44.0, 50, 0, 5])
-    assert not conflicts(left, right, gaps[0, 1])
-    assert conflicts(left, right, gaps[1, 0])
-    assert conflicts(left + np.array([0.1, 0.1, 0, 0]), right, gaps[0, 1])
+    machine = case(0).machine
+    left, right = np.array([10.0, 20, 0, 5, 1, 1]), np.array([44.0, 50, 0, 5, 1, 1])
+    assert not near(machine, left, right)
+    assert near(machine, right, left)
+    assert near(machine, left + np.array([0.1, 0.1, 0, 0, 0, 0]), right)
 
 
 def test_wide_bodies_need_more_than_the_rail_says(case: Callable[..., Any]) -> None:
     """The larger of separation and bodies counts."""
     machine = case(0).machine
     wide = tuple(replace(h, bodies=(Body("beam", (-30, 0, 5), (30, 1, 9)),)) for h in machine.heads)
-    gaps = head_gaps(replace(machine, heads=wide, rail=Rail(0, ("left", "right"), 24.0)))
-    assert gaps[0, 1, 0] == 61.0
+    machine = replace(machine, heads=wide, rail=Rail(0, ("left", "right"), 24.0))
+    here = np.array([0.0, 0, 0, 0, 1, 1])
+    assert near(machine, here, here + np.array([60.9, 60.9, 0, 0, 0, 0]))
+    assert not near(machine, here, here + np.array([61.0, 61.0, 0, 0, 0, 0]))
 
 
-def test_tools_and_parks_limit_who_may_print(case_of: Callable[..., Any]) -> None:
-    """A head without the tool, or that would have to pass the other's park, may not."""
+def test_one_body_may_pass_below_another(case: Callable[..., Any]) -> None:
+    """Heads are not taken to fill their outline at every height."""
+    machine = case(0).machine
+    low = Body("low", (-20, -20, 5), (20, 20, 8))
+    high = Body("high", (-20, -20, 30), (20, 20, 40))
+    heads = tuple(
+        replace(h, slices=(), bodies=(body,))
+        for h, body in zip(machine.heads, (low, high), strict=True)
+    )
+    machine = replace(machine, heads=heads, rail=None)
+    here = np.array([0.0, 0, 0, 0, 1, 1])
+    assert not near(machine, here, here + np.array([10.0, 10, 0, 0, 0, 0]))
+    assert near(machine, here, here + np.array([10.0, 10, 0, 0, -25, -25]))
+
+
+def test_tools_and_room_limit_who_may_print(case_of: Callable[..., Any]) -> None:
+    """A head without the tool may not, nor one that the others cannot make way for."""
     chosen = case_of([(50, 10, 0.5), (60, 10, 0.5)], [(100, 10, 0.5), (105, 10, 0.5)])
     heads = list(chosen.machine.heads)
     heads[1] = replace(heads[1], tools=(1,), park=(125.0, 30.0, 5.0))
     machine = replace(chosen.machine, heads=tuple(heads))
-    eligible = build_space(chosen.job.contours, machine).eligible
+    eligible = build_space(chosen.job, machine).eligible
     assert eligible.tolist() == [[True, False], [False, False]]
+
+
+def test_a_dead_head_stays_where_it_is(case_of: Callable[..., Any]) -> None:
+    """A head parked in the way steps aside while it lives; dead it bars what is beyond."""
+    chosen = case_of([(30, 10, 0.5), (35, 10, 0.5)], [(90, 10, 0.5), (94, 10, 0.5)])
+    heads = list(chosen.machine.heads)
+    heads[1] = replace(heads[1], park=(110.0, 30.0, 5.0))
+    machine = replace(chosen.machine, heads=tuple(heads))
+    assert build_space(chosen.job, machine).eligible[:, 0].all()
+    assert build_space(chosen.job, machine, [0]).eligible[:, 0].tolist() == [True, False]
 
 
 def test_one_head_has_no_one_in_its_way(case: Callable[..., Any]) -> None:
     """A machine of one head is the plain case of the same code."""
-    machine = case(0).machine
-    alone = replace(machine, heads=machine.heads[:1], rail=None)
-    assert head_gaps(alone).shape == (1, 1, 4)
+    chosen = case(0)
+    alone = replace(chosen.machine, heads=chosen.machine.heads[:1], rail=None)
+    assert build_space(chosen.job, alone).eligible.all()

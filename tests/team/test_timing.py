@@ -16,7 +16,7 @@ from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule import schedule
-from decmcts.team.timing import action_seconds
+from decmcts.team.timing import action_times
 from sim.replay import arrivals_of
 from tests.limits import LIMITS
 
@@ -34,9 +34,9 @@ def seconds(job: PrintJob, travel: list[tuple[float, float, float]], **options) 
     offsets = np.cumsum([0, *map(len, paths)])
     contour, zero = np.array([0, -1, 1], np.int32), np.zeros(3, np.int32)
     rests = options.pop("rests", False)
-    return action_seconds(
+    return action_times(
         job, LIMITS, np.concatenate(paths), offsets, contour, zero > 0, zero, rests=rests
-    ).tolist()
+    ).seconds.tolist()
 
 
 @pytest.fixture

@@ -224,7 +224,7 @@ def test_shipped_plate_runs_in_any_timing():
     machine = load_machine("dual-gantry")
     loaded = load(path, machine, process_order="keep", options=SliceOptions(), announce=str)
     job, document = read_gcode(path)
-    space = build_space(job.contours, machine)
+    space = build_space(job, machine)
     middle = np.median(job.contours.start[:, 0])
     left = (job.contours.start[:, 0] < middle) & space.eligible[:, 0] | ~space.eligible[:, 1]
     rows = np.arange(len(job.contours))
