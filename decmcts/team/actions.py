@@ -37,10 +37,10 @@ def join_actions(
     ]
     times = [
         action_times(
-            job, machine.limits, lane.path, lane.offsets, lane.contour, lane.flipped, lane.entry,
+            job, machine.limits_of(head), lane.path, lane.offsets, lane.contour, lane.flipped, lane.entry,
             rests=len(lanes) > 1,
         )
-        for lane in lanes
+        for head, lane in zip(machine.heads, lanes, strict=True)
     ]  # fmt: skip
     seconds = np.zeros(len(order.head))
     for rows, timed in zip(_rows(order), times, strict=True):

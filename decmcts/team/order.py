@@ -157,7 +157,7 @@ def order_of_job(
     for toolpath in toolpaths:
         turned[toolpath.order] = toolpath.reversed
     seconds = job_times(job, machine.limits)
-    in_pieces = len(machine.heads) > 1
+    in_pieces = len(machine.heads) > 1 and machine.release == "point"
     visits = visits_of(running, graph, seconds, turned, in_pieces=in_pieces)
     return order_units(visits, fleet, machine, toolpaths)
 

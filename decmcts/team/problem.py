@@ -84,7 +84,7 @@ def build_team_problem(job: PrintJob, machine: Machine, graph: DependencyGraph) 
     require_printable(contours, machine, space.eligible)
     seconds = job_times(job, machine.limits)
     turns = contours.reversible & ~contours.closed
-    visits = visits_of(contours, graph, seconds, turns, in_pieces=True)
+    visits = visits_of(contours, graph, seconds, turns, in_pieces=machine.release == "point")
     quantile = _quantile(seconds, space, machine)
     part = part_of(contours)
     progress = part_progress(seconds, part)
@@ -126,8 +126,8 @@ def _axis(machine: Machine) -> tuple[int, bool]:
 
     That is the rail's, else the one along which the parks lie farthest apart.
     """
-    if machine.rail is not None:
-        return machine.rail.axis, True
+    if machine.rails:
+        return machine.rails[0].axis, True
     parks = np.array([head.park[:2] for head in machine.heads], np.float64)
     axis = int(np.argmax(np.ptp(parks, axis=0)))
     return axis, bool(parks[0, axis] <= parks[-1, axis])

@@ -144,8 +144,9 @@ def _one_by_one(
     toolpaths = split(order, eligible, team)
     turned = problem.visits.reversible.copy()
     turned[order.order] |= order.reversed
+    in_pieces = problem.machine.release == "point"
     visits = visits_of(
-        problem.job.contours, problem.graph, problem.visits.seconds, turned, in_pieces=True
+        problem.job.contours, problem.graph, problem.visits.seconds, turned, in_pieces=in_pieces
     )
     return _resolved(units_of(visits, fleet, problem.machine, toolpaths), len(toolpaths))
 

@@ -107,9 +107,9 @@ def _pair_gap(
     below = mine[1] - other[0] + machine.head_clearance_mm
     above = other[1] - mine[0] + machine.head_clearance_mm
     bodies = np.array([below[0], above[0], below[1], above[1]])
-    rail = machine.rail
     names = (machine.heads[r].name, machine.heads[s].name)
-    if rail is None or not set(names) <= set(rail.order):
+    rail = next((rail for rail in machine.rails if set(names) <= set(rail.order)), None)
+    if rail is None:
         return bodies
     steps = rail.order.index(names[1]) - rail.order.index(names[0])
     side = 2 * rail.axis + (0 if steps > 0 else 1)
@@ -140,8 +140,9 @@ def relation_of(machine: Machine, r: int, s: int) -> NDArray[np.float64]:
     high = mine[:, None, 1::2] - other[None, :, 0::2] + gap
     boxes = np.stack([low, high], axis=3).reshape(-1, 6)
     names = (machine.heads[r].name, machine.heads[s].name)
-    rail = machine.rail
-    if rail is not None and set(names) <= set(rail.order):
+    for rail in machine.rails:
+        if not set(names) <= set(rail.order):
+            continue
         steps = rail.order.index(names[1]) - rail.order.index(names[0])
         half = np.tile([-np.inf, np.inf], 3)
         half[2 * rail.axis + (1 if steps > 0 else 0)] = steps * rail.separation_mm
@@ -180,7 +181,7 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
         parks=parks,
         low=np.ascontiguousarray(low),
         high=np.ascontiguousarray(high),
-        travel=np.tile(travel_row(job.settings, machine.limits), (len(heads), 1)),
+        travel=np.array([travel_row(job.settings, machine.limits_of(head)) for head in heads]),
         ceiling=max(top, float(parks[:, 2].max())) + rises,
         lined=halves == len(heads) * (len(heads) - 1),
     )

@@ -53,10 +53,10 @@ def random_machine(seed: int) -> Machine:
         )
         for r in range(n)
     )  # fmt: skip
-    rail = Rail(0, tuple(h.name for h in heads), pitch) if kind == 0 else None
+    rails = (Rail(0, tuple(h.name for h in heads), pitch),) if kind == 0 else ()
     return Machine(
         f"random {seed}", (0.0, 0.0), (float(size[0]), float(size[1])), heads,
-        head_clearance_mm=gap, rail=rail,
+        head_clearance_mm=gap, rails=rails, release="point",
     )  # fmt: skip
 
 
