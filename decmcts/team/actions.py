@@ -37,8 +37,8 @@ def join_actions(
     ]
     times = [
         action_times(
-            job, machine.limits_of(head), lane.path, lane.offsets, lane.contour, lane.flipped, lane.entry,
-            rests=len(lanes) > 1,
+            job, machine.limits_of(head), lane.path, lane.offsets, lane.contour, lane.flipped,
+            lane.entry, rests=len(lanes) > 1,
         )
         for head, lane in zip(machine.heads, lanes, strict=True)
     ]  # fmt: skip
