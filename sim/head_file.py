@@ -16,7 +16,7 @@ from decmcts.formats.gcode.state import Track, track_state
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 _HEADER = re.compile(rb"^; head (\S+), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
-_SYNC = re.compile(rb"SYNC_(SIGNAL|WAIT) N=(\d{1,9})\Z")
+_SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _SELECTS = re.compile(rb"T\d+\Z", re.I)
 _LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205")  # their T is no tool
@@ -29,6 +29,7 @@ class Sync:
     line: int  # from 1
     signal: bool  # else a wait
     number: int
+    moving: bool = False  # a signal between two moves, for which the head does not stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,7 @@ class HeadFile:
     track: Track
     syncs: tuple[Sync, ...]
     rest: tuple[tuple[int, bytes], ...]  # line (from 1) and command of all that is no sync point
-    loose: tuple[int, ...]  # lines of sync points that no M400 stands before
+    loose: tuple[int, ...]  # lines of sync points at rest that no M400 stands before
 
     def row(self, line: int) -> bytes:
         """Return a line (from 1) as it stands."""
@@ -78,7 +79,7 @@ def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
 
 
 def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int]]:
-    """Part the commands of a file into sync points, each with its M400, and the rest."""
+    """Part the commands of a file into sync points, at rest with their M400, and the rest."""
     syncs, rest, loose = list[Sync](), list[tuple[int, bytes]](), list[int]()
     for k in range(len(lines)):
         code = command_of(lines.raw(k))
@@ -88,7 +89,10 @@ def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int
         if match is None:
             rest.append((k + 1, code))
             continue
-        syncs.append(Sync(k + 1, match[1] == b"SIGNAL", int(match[2])))
+        moving = match[1] == b"PASSED"
+        syncs.append(Sync(k + 1, match[1] != b"WAIT", int(match[2]), moving))
+        if moving:
+            continue
         if rest and rest[-1][1] == b"M400" and not command_of_between(lines, rest[-1][0], k):
             rest.pop()
         else:

@@ -1,12 +1,13 @@
 """The joint plan that files of several heads carry out, read from the files alone.
 
 Where no plan.json is at hand the files are judged as what they do: each bead is a print,
-what lies between beads and sync points a travel, and one action waits for another only
-where sync points make it.
+what lies between beads and sync points a travel, and one action waits for another, or for
+a point within it, only where sync points make it. A signal given in motion parts nothing.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -14,15 +15,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import (
     NO_CONTOUR,
     ActionKind,
+    After,
     HeadActions,
     JointPlan,
     PlanDocument,
-    end_edges,
 )
 from sim.faults import Fault
 from sim.head_file import HeadFile
@@ -36,7 +38,9 @@ from sim.inventory import (
     match_segments,
     move_segments,
 )
+from sim.legs import legs_of
 from sim.order import PartialOrder, order_of
+from sim.replay import execute
 from sim.same_print import check_print
 
 Floats = NDArray[np.float64]
@@ -50,9 +54,18 @@ class _Act:
 
     contour: int
     path: list[Floats]
-    first: int  # lines from 1
-    last: int
+    lines: list[int]  # from 1, of the move to each point but the first
     turned: bool = False
+
+    @property
+    def first(self) -> int:
+        """Line of the first move."""
+        return self.lines[0]
+
+    @property
+    def last(self) -> int:
+        """Line of the last move."""
+        return self.lines[-1]
 
 
 def plan_of_files(
@@ -79,7 +92,12 @@ def plan_of_files(
     known = Knowledge([file.syncs for file in files])
     lanes = tuple(_lane(h, file.name, acts, known) for h, file in enumerate(files))
     document = PlanDocument(
-        "", machine, job.contours, np.zeros((0, 2), np.int32), JointPlan(_timed(lanes)), {}
+        "",
+        machine,
+        job.contours,
+        np.zeros((0, 2), np.int32),
+        JointPlan(_timed(lanes, job.contours)),
+        {},
     )
     return document, faults
 
@@ -100,7 +118,7 @@ def _begin(file: HeadFile) -> int:
 
 def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Act]:
     """Return the actions of one file."""
-    motion, syncs = file.motion, [s.line for s in file.syncs]
+    motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
     laid, n = dict[int, int](), 0
     moves = range(_begin(file), len(motion.extrusion))
     apart = [m for m in moves if (motion.points[m] != motion.points[m + 1]).any()]
@@ -113,10 +131,10 @@ def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Ac
         last = acts[-1] if acts else None
         parted = last is None or any(last.last < at < line for at in _near(syncs, line))
         if parted or last is None or last.contour != key:
-            acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], line, line))
+            acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
         else:
             last.path.append(motion.points[m + 1])
-            last.last = line
+            last.lines.append(line)
     for act in acts:
         _snap(act, job)
     for before, act in pairwise(acts):  # files are rounded
@@ -147,18 +165,9 @@ def _snap(act: _Act, job: PrintJob) -> None:
 
 def _lane(h: int, name: str, acts: list[list[_Act]], known: Knowledge) -> HeadActions:
     """Return the actions of one head with what its sync points make them wait for."""
-    mine, done = acts[h], [0] * len(acts)
-    after: list[list[tuple[int, int]]] = []
-    ended = [np.array([act.last for act in other], np.int64) for other in acts]
-    for act in mine:
-        pairs = []
-        for g in range(len(acts)):
-            count = int(np.searchsorted(ended[g], known.done(h, act.first, g)))
-            if g != h and count > done[g]:
-                pairs.append((g, count - 1))
-                done[g] = count
-        after.append(pairs)
-    flat = np.array([pair for pairs in after for pair in pairs], np.int32).reshape(-1, 2)
+    mine = acts[h]
+    after = _waits(h, acts, known)
+    flat = [edge for edges in after for edge in edges]
     kind = [ActionKind.TRAVEL if a.contour == NO_CONTOUR else ActionKind.PRINT for a in mine]
     if kind and kind[-1] == ActionKind.TRAVEL:
         kind[-1] = ActionKind.PARK
@@ -169,23 +178,55 @@ def _lane(h: int, name: str, acts: list[list[_Act]], known: Knowledge) -> HeadAc
         np.array([a.turned for a in mine], np.bool_), np.zeros(n, np.int32),
         np.cumsum([0, *map(len, paths)]).astype(np.int64),
         np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(n), np.zeros(n),
-        np.cumsum([0, *map(len, after)]).astype(np.int64), flat[:, 0].copy(), flat[:, 1].copy(),
-        *end_edges(len(flat)),
+        np.cumsum([0, *map(len, after)]).astype(np.int64),
+        np.array([edge.head for edge in flat], np.int32),
+        np.array([edge.action for edge in flat], np.int32),
+        np.array([edge.point for edge in flat], np.int32), np.zeros(len(flat)),
     )  # fmt: skip
 
 
-def _timed(lanes: tuple[HeadActions, ...]) -> tuple[HeadActions, ...]:
-    """Return the lanes with times that keep their order, each action as long as any."""
-    order = order_of(lanes)
+def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]]:
+    """Return for each action of a head the latest of the others' doings it is sure of, if new."""
+    told = [(0, 0)] * len(acts)  # per head: actions ended, and points of the next one passed
+    ended = [np.array([act.last for act in other], np.int64) for other in acts]
+    after: list[list[After]] = []
+    for act in acts[h]:
+        edges = []
+        for g in range(len(acts)):
+            line = known.done(h, act.first, g)
+            count = int(np.searchsorted(ended[g], line))
+            point = bisect_left(acts[g][count].lines, line) if count < len(acts[g]) else 0
+            if g == h or (count, point) <= told[g]:
+                continue
+            if count > told[g][0]:
+                edges.append(After(g, count - 1))
+            if point:
+                edges.append(After(g, count, point))
+            told[g] = (count, point)
+        after.append(edges)
+    return after
+
+
+def _timed(lanes: tuple[HeadActions, ...], contours: Contours) -> tuple[HeadActions, ...]:
+    """Return the lanes with times that keep their order, all printed as slowly as anything."""
+    legs = legs_of(lanes)
+    order = order_of(legs.lanes)
     if not isinstance(order, PartialOrder):
         return lanes
-    begin = [np.zeros(len(lane)) for lane in lanes]
-    for h, k in order.sequence.tolist():
-        earlier = [begin[g][a] + ACTION_S for g, a in lanes[h].after(k)]
-        if k:
-            earlier.append(begin[h][k - 1] + ACTION_S)
-        begin[h][k] = max(earlier, default=0.0)
-    return tuple(
-        replace(lane, begin_s=times, end_s=times + ACTION_S)
-        for lane, times in zip(lanes, begin, strict=True)
-    )
+    slowest = float(contours.feed[contours.feed > 0.0].min(initial=1.0))
+    seconds = [ACTION_S + _lengths(lane) / slowest for lane in legs.lanes]
+    begin = execute(legs.lanes, order, seconds)
+    timed = []
+    for h, lane in enumerate(lanes):
+        ends = begin[h] + seconds[h]
+        first = np.searchsorted(legs.origin[h], np.arange(len(lane)))
+        last = np.searchsorted(legs.origin[h], np.arange(len(lane)), side="right") - 1
+        timed.append(replace(lane, begin_s=begin[h][first], end_s=ends[last]))
+    return tuple(timed)
+
+
+def _lengths(lane: HeadActions) -> Floats:
+    """Return the length of each action's path."""
+    paths = (lane.action_path(k) for k in range(len(lane)))
+    lengths = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
+    return np.array(lengths, np.float64)

@@ -1,11 +1,13 @@
 """One head's file walked along its actions of a plan, move by move.
 
 Between two actions a head may push or pull filament standing still; behind a bead it may
-wipe back along it. Every other move is the plan's.
+wipe back along it, as far as no other head was let in behind it. Every other move is the
+plan's.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +35,7 @@ class Walk:
 
     first: list[int] = field(default_factory=list)  # (k,) line of each action's first move
     last: list[int] = field(default_factory=list)  # (k,) line of the last move up to its end
+    reached: list[list[int]] = field(default_factory=list)  # (k,) line of the move to each point
     faults: list[str] = field(default_factory=list)
     complete: bool = False
 
@@ -52,10 +55,11 @@ class Walker:
 
     def __init__(
         self, file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument,
-        begin: int, end: int, blocks: set[int],
+        begin: int, end: int, blocks: set[int], let_in: Mapping[int, int],
     ) -> None:  # fmt: skip
+        """`let_in` has the last point of an action that another head waits for."""
         self.file, self.lane, self.job, self.document = file, lane, job, document
-        self.at, self.end, self.blocks = begin, end, blocks
+        self.at, self.end, self.blocks, self.let_in = begin, end, blocks, let_in
         self.walk = Walk()
         self._alike: dict[tuple[int, int], str] = {}
         settings, starts = job.settings, [document.start, document.end]
@@ -69,6 +73,7 @@ class Walker:
         """Return the walk; it ends at the first move that is not the plan's."""
         for k in range(len(self.lane)):
             self.walk.first.append(-1)
+            self.walk.reached.append([])
             said = self._act(k)
             if said:
                 self.walk.faults.append(said)
@@ -92,7 +97,10 @@ class Walker:
         )
 
     def _travel(self, k: int) -> str:
-        for point in _apart(self.lane.action_path(k))[1:]:
+        path = self.lane.action_path(k)
+        apart = _apart(path)
+        lines = [self._line(self.at - 1)]
+        for point in path[apart[1:]]:
             while self.at < self.end and self._stays(self.at):
                 self._still()
             if self.at >= self.end:
@@ -105,6 +113,9 @@ class Walker:
             if min(abs(self.file.motion.feed[self.at] - f) for f in self._feeds) > FEED_MM_S:
                 return f"line {line} travels at {self.file.motion.feed[self.at]:.3f} mm/s"
             self._step(k)
+            lines.append(line)
+        places = np.searchsorted(apart, np.arange(len(path)), side="right") - 1
+        self.walk.reached[k] = [lines[place] for place in places.tolist()]
         return ""
 
     def _print(self, k: int) -> str:
@@ -112,11 +123,13 @@ class Walker:
         if isinstance(laid, str):
             return laid
         contour, motion = int(self.lane.contour[k]), self.file.motion
-        moves = _apart(laid.points[:2])
-        while self.at < self.end and self._stays(self.at) and len(moves) > 1:
+        moves = len(_apart(laid.points[:2])) > 1
+        while self.at < self.end and self._stays(self.at) and moves:
             self._still()
         if said := self._begins(contour):
             return said
+        reached = self.walk.reached[k]
+        reached.append(self._line(self.at - 1))
         for s in range(len(laid.extrusion)):
             if self.at >= self.end:
                 return f"the file ends within contour {contour}"
@@ -135,6 +148,7 @@ class Walker:
             if said := self._other_state(laid.state[s]):
                 return f"line {line}: {said}"
             self._step(k)
+            reached.append(line)
         return ""
 
     def _laid(self, k: int) -> Laid | str:
@@ -163,7 +177,7 @@ class Walker:
 
     def _wipe(self, k: int) -> str:
         """Go past moves that pull filament back along the bead just printed."""
-        motion, path = self.file.motion, self.lane.action_path(k)
+        motion, path = self.file.motion, self.lane.action_path(k)[self.let_in.get(k, 0) :]
         while self.at < self.end:
             if self._stays(self.at):
                 if self._line(self.at) in self.blocks or not self._wipes_next():
@@ -235,12 +249,12 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
     }
 
 
-def _apart(path: Floats) -> Floats:
-    """Return a path without points that a file of three decimals takes for the one before."""
-    kept = [path[0]]
-    for point in path[1:]:
-        if np.abs(np.round(point, 3) - np.round(kept[-1], 3)).max() > 1e-6:
-            kept.append(point)
+def _apart(path: Floats) -> NDArray[np.int64]:
+    """Return the points that a file of three decimals does not take for the one before."""
+    kept = [0]
+    for k, point in enumerate(path[1:], 1):
+        if np.abs(np.round(point, 3) - np.round(path[kept[-1]], 3)).max() > 1e-6:
+            kept.append(k)
     return np.array(kept)
 
 

@@ -3,16 +3,13 @@
 Each file is read back. Its moves are its head's actions, one after the other; its sync
 points, taken with the others', must order all that the plan orders, and never stop for
 good; what else it commands is the source's, as far as one controller of several is to be
-told of it. A single file proves nothing. Where a head waits for a point within another's
-action, files that wait for its end keep that too; what waits for less is not judged, and
-neither are lags, since files keep no time among each other.
+told of it. A single file proves nothing. What the sync points order is judged in
+`sim.head_order`.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,25 +17,16 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.commands import accepted, known_settings
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.head_file import HeadFile, own_commands, read_head_file
+from sim.head_order import Parts, check_order, check_sync, last_points
 from sim.head_sync import Knowledge
 from sim.head_walk import OWED_MM, SAME_MM, Walk, Walker, differing
 
 Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """The parts of one head's file, by line from 1."""
-
-    first: int  # first command
-    parked: int  # the head has reached its park position
-    end_code: int  # the first line of the end code; below all lines where it has none
-    begin: int  # first move of the body
-    end: int  # past its last move
 
 
 def verify_heads(
@@ -48,6 +36,7 @@ def verify_heads(
     document: GcodeDocument,
     *,
     parks: Sequence[Point],
+    release: Release = "action",
 ) -> Verdict:
     """Check the files of all heads of a plan, in the plan's order of heads.
 
@@ -57,24 +46,27 @@ def verify_heads(
         The source the plan was made from.
     parks : sequence of points
         Where each head stands before its first action.
+    release : "point" or "action"
+        Whether the machine's controllers can signal in motion.
     """
     try:
         files = [read_head_file(path) for path in paths]
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
-    faults = _check_names(files, plan) or _check_lags(plan)
+    faults = _check_names(files, plan)
     if faults:
         return Verdict(tuple(faults))
     parts, walks = [], []
-    for file, lane, park in zip(files, plan.heads, parks, strict=True):
-        part, walk, found = _judge_one(file, lane, job, document, park)
+    let_in = last_points(plan)
+    for h, (file, lane, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
+        part, walk, found = _judge_one(file, lane, job, document, park, let_in[h])
         faults += found
         parts.append(part)
         walks.append(walk)
     known = Knowledge([file.syncs for file in files])
-    faults += _check_sync(files, known)
+    faults += check_sync(files, known, release)
     if not known.stuck and all(walk.complete for walk in walks):
-        faults += _check_order(files, plan, known, parts, walks)
+        faults += check_order(files, plan, known, parts, walks)
     return Verdict(tuple(faults), {"files": float(len(files))})
 
 
@@ -93,22 +85,10 @@ def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
     return listed(FaultKind.COMMAND, lines)
 
 
-def _check_lags(plan: JointPlan) -> list[Fault]:
-    """Refuse a plan whose lags nobody could find in its files."""
-    lines = [
-        f"head {lane.head} action {k} is to begin {edge.lag_s:g} s after what head "
-        f"{plan.heads[edge.head].head} does; files of several heads keep no lags"
-        for lane in plan.heads
-        for k in np.flatnonzero(np.diff(lane.after_offsets)).tolist()
-        for edge in lane.after_edges(k)
-        if edge.lag_s != 0.0
-    ]
-    return listed(FaultKind.PRECEDENCE, lines)
-
-
 def _judge_one(
-    file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument, park: Point
-) -> tuple[Parts, Walk, list[Fault]]:
+    file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
+    let_in: Mapping[int, int],
+) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
     """Check one file against its head's actions; what the files order comes later."""
     tools = np.unique(job.contours.tool[lane.contour[lane.kind == ActionKind.PRINT]]).tolist()
     tool = int(tools[0]) if tools else None
@@ -127,7 +107,7 @@ def _judge_one(
     words += _check_end(file, document, end_code)
     blocks = _take_blocks(file, document, tool, low, high, words)
     taken = {line for found in blocks for line in found}
-    walk = Walker(file, lane, job, document, part.begin, part.end, taken).run()
+    walk = Walker(file, lane, job, document, part.begin, part.end, taken, let_in).run()
     words += walk.faults
     words += _check_blocks(file, lane, job, document, blocks, walk)
     known = known_settings(document)
@@ -228,90 +208,6 @@ def _check_blocks(
         if max(above, default=0) > lines[0] or min(below, default=lines[-1]) < lines[-1]:
             words.append(f"line {lines[0]}: what the source has at its line {block.line} is moved")
     return words
-
-
-def _check_sync(files: Sequence[HeadFile], known: Knowledge) -> list[Fault]:
-    """Check that every number is given once and waited for, and that no file stops for good."""
-    lines = [f"{Path(files[h].path).name} line {line} waits for ever" for h, line in known.stuck]
-    return listed(FaultKind.DEADLOCK, lines) + listed(FaultKind.PRECEDENCE, known.faults)
-
-
-def _check_order(
-    files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[Parts],
-    walks: list[Walk],
-) -> list[Fault]:  # fmt: skip
-    """Check that the files order what the plan orders, set-up before it and end code behind."""
-    lines = []
-    heads = range(len(files))
-    for h in heads:
-        name = plan.heads[h].head
-        first = next((line for line in walks[h].first if line > 0), parts[h].end_code)
-        for g in heads:
-            if g == h:
-                continue
-            other = plan.heads[g].head
-            if g < h and known.done(h, parts[h].first, g) <= parts[g].parked:
-                lines.append(f"head {name} sets up before head {other} is parked")
-            if known.done(h, first, g) <= parts[g].parked:
-                lines.append(f"head {name} begins before head {other} is parked")
-            ended = max(walks[g].last, default=parts[g].parked)
-            if known.done(h, parts[h].end_code, g) <= ended:
-                lines.append(f"head {name} ends before head {other} has printed all it has to")
-            if g == h - 1 and known.done(h, parts[h].end_code, g) < _last_end(files[g], parts[g]):
-                lines.append(f"the end codes of heads {other} and {name} may run at once")
-        lines += _unkept(plan, known, walks, h)
-        lines += _unplanned(files, plan, parts, walks, h)
-    return listed(FaultKind.PRECEDENCE, lines)
-
-
-def _last_end(file: HeadFile, part: Parts) -> int:
-    """Return the last line of a head's end code; 0 where it has none."""
-    return file.rest[-1][0] if file.rest and part.end_code <= len(file.lines) else 0
-
-
-def _unkept(plan: JointPlan, known: Knowledge, walks: list[Walk], h: int) -> list[str]:
-    """Return the edges into one head that its waits do not keep, each held to its action's end."""
-    lane, lines = plan.heads[h], []
-    beyond = walks[h].last[-1] if walks[h].last else 0
-    for k in range(len(lane)):
-        first = next((line for line in walks[h].first[k:] if line > 0), beyond + 1)
-        for g, a in lane.after(k):
-            if g != h and known.done(h, first, g) <= walks[g].last[a]:
-                lines.append(
-                    f"head {lane.head} action {k} does not wait for action {a} of head "
-                    f"{plan.heads[g].head}"
-                )
-    return lines
-
-
-def _unplanned(
-    files: Sequence[HeadFile], plan: JointPlan, parts: list[Parts], walks: list[Walk], h: int
-) -> list[str]:
-    """Return the waits of one head's body that stand for no edge of the plan."""
-    given = {s.number: (g, s.line) for g, file in enumerate(files) for s in file.syncs if s.signal}
-    low, high = _windows(walks[h], parts[h])
-    lines = []
-    for sync in files[h].syncs:
-        if sync.signal or not parts[h].parked < sync.line < max(walks[h].last, default=0):
-            continue
-        g, line = given[sync.number]
-        other_low, other_high = _windows(walks[g], parts[g])
-        actions = range(bisect_right(high, sync.line), bisect_left(low, sync.line))
-        ended = range(bisect_right(other_high, line) - 1, bisect_left(other_low, line) - 1)
-        meant = {pair for k in actions for pair in plan.heads[h].after(k)}
-        set_up = line < next((f for f in walks[g].first if f > 0), parts[g].end_code)
-        if not set_up and not any((g, a) in meant for a in ended):
-            lines.append(f"head {plan.heads[h].head} line {sync.line} waits where no plan does")
-    return lines
-
-
-def _windows(walk: Walk, part: Parts) -> tuple[list[int], list[int]]:
-    """Return between which lines a sync point before each action, and behind the last, stands."""
-    low = [part.parked, *walk.last]
-    high = [part.end_code] * (len(walk.first) + 1)
-    for k in range(len(walk.first) - 1, -1, -1):
-        high[k] = walk.first[k] if walk.first[k] > 0 else high[k + 1]
-    return low, high
 
 
 def _text(code: bytes) -> str:

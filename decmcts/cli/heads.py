@@ -48,7 +48,8 @@ def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verd
     faults = misnamed(files, named, plan.machine)
     parks = {head.name: head.park for head in plan.machine.heads}
     at = [parks[lane.head] for lane in plan.plan.heads]
-    verdict = verify_heads(files, plan.plan, job, document, parks=at)
+    release = plan.machine.release
+    verdict = verify_heads(files, plan.plan, job, document, parks=at, release=release)
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
 
@@ -72,7 +73,7 @@ def judge_heads_alone(
         return Verdict((*faults, *altered))
     verdict = verify_plan(plan, source=job, trials=trials, seed=seed)
     parks = [chosen.heads[names[file.name]].park for file in files]
-    more = verify_heads(paths, plan.plan, job, document, parks=parks)
+    more = verify_heads(paths, plan.plan, job, document, parks=parks, release=chosen.release)
     return Verdict((*faults, *altered, *verdict.faults, *more.faults), verdict.counts)
 
 

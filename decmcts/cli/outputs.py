@@ -330,8 +330,11 @@ def write_heads(planned: Planned, stem: Path) -> list[Path]:
                 draft,
                 header_lines=header_lines(planned),
                 park=at[index],
+                release=loaded.machine.release,
             )
-        verdict = verify_heads(drafts, plan, loaded.job, loaded.document, parks=at)
+        verdict = verify_heads(
+            drafts, plan, loaded.job, loaded.document, parks=at, release=loaded.machine.release
+        )
         require_sound(verdict, stem)
         for name, draft in zip(names, drafts, strict=True):
             put(draft.read_bytes(), stem.with_name(name))

@@ -7,6 +7,7 @@ Only the lines that change something are written. Orders are decided in
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,17 +177,24 @@ class Emitter:
 
     # -- travel -----------------------------------------------------------------
 
-    def travel(self, path: NDArray[np.float64]) -> None:
-        """Follow a planned path from where the head stands."""
+    def travel(self, path: NDArray[np.float64], passed: Mapping[int, str] | None = None) -> None:
+        """Follow a planned path from where the head stands.
+
+        `passed` has what is to be said where the head has come to points of the path.
+        """
         points = [tuple(p) for p in path.tolist()]
         length = math.dist(self.at, points[0]) + sum(map(math.dist, points, points[1:]))
         if length < 1e-9:
+            for text in (passed or {}).values():
+                self.say(text)
             return
         if retracts(self.walls, self.settings, [self.at, *points]):
             self.retract()
-        for to in points:
+        for k, to in enumerate(points):
             if to != self.at:
                 self.move(to, self._travel_feed(to))
+            if passed and k in passed:
+                self.say(passed[k])
 
     def dwell(self, seconds: float) -> None:
         """Stand still."""

@@ -15,14 +15,25 @@ Where the plan orders actions of different heads the files hold
     SYNC_WAIT N=7        ; do not go on before number 7 was given
 
 Numbers are the same in all files of a plan. M400 lets the moves before it end
-first. The two commands are macros the machine's host provides; other words for
-them are an argument. A controller that ignores them must not run these files.
+first. Where an action waits for a point within another head's, that head says in
+motion, between two moves and without M400,
+
+    SYNC_PASSED N=8      ; number 8 is reached when the move before this line has ended
+
+and the waiting head dwells behind its waits for as long as its lags ask. It does so
+whenever the signal came: files keep no time among each other. SYNC_PASSED must
+neither stop the head nor run before the move above it has ended, so files have it
+only where the machine's controllers can `release` points (docs/gcode.md).
+
+The commands are macros the machine's host provides; other words for them are an
+argument. A controller that ignores them must not run these files.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -36,12 +47,14 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
 from decmcts.formats.gcode.writer import print_contour, with_header
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine
+from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.walls import retracts, walls_for
 
 SIGNAL = "SYNC_SIGNAL N={number}"
+PASSED = "SYNC_PASSED N={number}"
 WAIT = "SYNC_WAIT N={number}"
+LONGEST_DWELL_S = 600.0  # of one G4
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 _HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
@@ -61,8 +74,10 @@ def write_head_gcode(
     *,
     header_lines: Sequence[str] = (),
     signal: str = SIGNAL,
+    passed: str = PASSED,
     wait: str = WAIT,
     park: tuple[float, float, float] | None = None,
+    release: Release = "action",
 ) -> None:
     """Write the file of one head of a plan.
 
@@ -71,18 +86,21 @@ def write_head_gcode(
     park : tuple of float | None
         Where the head stands while it has no action; needed where it has none
         at all, since homing leaves it where no plan looked.
-    signal, wait : str
+    signal, passed, wait : str
         The commands of a synchronisation point, ``{number}`` where its number goes.
+    release : "point" or "action"
+        What the machine's controllers can signal.
 
     Raises
     ------
     InputError
-        When the head would have to change tools, when the source moves the head
+        When the head would have to change tools, when it would have to signal what its
+        controller cannot, when the source moves the head
         by commands of its own during the print, or when `out` cannot be written.
     """
     text = head_gcode_bytes(
-        document, job, plan, head_index, header_lines=header_lines, signal=signal, wait=wait,
-        park=park,
+        document, job, plan, head_index, header_lines=header_lines, signal=signal,
+        passed=passed, wait=wait, park=park, release=release,
     )  # fmt: skip
     save_text(text, out)
 
@@ -95,8 +113,10 @@ def head_gcode_bytes(
     *,
     header_lines: Sequence[str] = (),
     signal: str = SIGNAL,
+    passed: str = PASSED,
     wait: str = WAIT,
     park: tuple[float, float, float] | None = None,
+    release: Release = "action",
 ) -> bytes:
     """Return what `write_head_gcode` writes."""
     head = plan.heads[head_index]
@@ -105,7 +125,11 @@ def head_gcode_bytes(
     home = tuple(head.action_path(0)[0].tolist()) if len(head) else park
     if home is None:
         raise InputError(f"head {head.head} has nothing to do and no park position is given")
-    file = _HeadFile(document, job, head_index, tool, number_sync_points(plan), signal, wait)
+    points = number_sync_points(plan)
+    if release == "action":
+        _refuse_points(points, plan)
+    words = _Words(signal, passed, wait)
+    file = _HeadFile(document, job, head_index, tool, points, words)
     header = [
         *header_lines,
         f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together",
@@ -115,6 +139,15 @@ def head_gcode_bytes(
         file.act(head, k)
     file.end()
     return file.emitter.text()
+
+
+def _refuse_points(points: SyncPoints, plan: JointPlan) -> None:
+    for h, action in points.passed:
+        raise InputError(
+            f"head {plan.heads[h].head} would have to signal within action {action}, "
+            "in motion, and the machine's controllers only do so at rest",
+            advice='plan for its release "action", or set release = "point" in the machine file',
+        )
 
 
 def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -> None:
@@ -165,6 +198,15 @@ def _refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class _Words:
+    """The commands of synchronisation points, with ``{number}``."""
+
+    signal: str
+    passed: str
+    wait: str
+
+
 class _HeadFile:
     """The file of one head while it is written."""
 
@@ -175,12 +217,11 @@ class _HeadFile:
         index: int,
         tool: int | None,
         points: SyncPoints,
-        signal: str,
-        wait: str,
+        words: _Words,
     ) -> None:
         self.emitter = Emitter(document, job.settings, walls_for(job))
         self.document, self.job, self.index, self.tool = document, job, index, tool
-        self.points, self.signal, self.wait = points, signal, wait
+        self.points, self.words = points, words
         self.blocks = list(document.blocks)
 
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
@@ -190,7 +231,7 @@ class _HeadFile:
         first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
         emitter.verbatim(first)
         if self.index > 0:
-            self._say(self.wait, self.index)
+            self._say(self.words.wait, self.index)
         emitter.verbatim(rest)
         self._resume(document.start)
         x, y, z = park
@@ -198,9 +239,9 @@ class _HeadFile:
         emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
         emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
         if n_heads > 1:
-            self._say(self.signal, self.index + 1)
+            self._say(self.words.signal, self.index + 1)
             if self.index + 1 < n_heads:
-                self._say(self.wait, n_heads)
+                self._say(self.words.wait, n_heads)
 
     def _resume(self, cursor: Cursor) -> None:
         """Set modes and E as the source has them, after lines of it were left out."""
@@ -215,20 +256,32 @@ class _HeadFile:
         """Write one action with what it waits for and what it signals."""
         emitter = self.emitter
         for number in self.points.waits.get((self.index, k), ()):
-            self._say(self.wait, number)
+            self._say(self.words.wait, number)
+        self._dwell(self.points.lags.get((self.index, k), 0.0))
+        passed = {
+            point: self.words.passed.format(number=number)
+            for point, number in self.points.passed.get((self.index, k), {}).items()
+        }
         kind = head.kind[k]
         if kind in (ActionKind.TRAVEL, ActionKind.PARK):
-            emitter.travel(head.action_path(k))
+            emitter.travel(head.action_path(k), passed)
         elif kind == ActionKind.PRINT:
             contour = int(head.contour[k])
             self._cross(int(self.job.contours.epoch[contour]))
             print_contour(
                 emitter, self.job, contour, [], turned=bool(head.reversed[k]),
-                entry=int(head.entry[k]),
+                entry=int(head.entry[k]), passed=passed,
             )  # fmt: skip
             self._retract_for(head, k + 1)
         if (number := self.points.signals.get((self.index, k), 0)) > 0:
-            self._say(self.signal, number)
+            self._say(self.words.signal, number)
+
+    def _dwell(self, seconds: float) -> None:
+        """Stand still for a lag, in as many parts as controllers take."""
+        while seconds > 0.0:
+            part = min(seconds, LONGEST_DWELL_S)
+            self.emitter.dwell(part)
+            seconds -= part
 
     def _retract_for(self, head: HeadActions, k: int) -> None:
         """Retract for action k before others may count on this head's way being clear."""
@@ -241,11 +294,11 @@ class _HeadFile:
         """Write what the source does at its end, without its moves, when all heads are done."""
         emitter, end, points = self.emitter, self.document.end, self.points
         if len(points.done) > 1:
-            self._say(self.signal, points.done[self.index])
+            self._say(self.words.signal, points.done[self.index])
             for number in points.done[: self.index] + points.done[self.index + 1 :]:
-                self._say(self.wait, number)
+                self._say(self.words.wait, number)
             if self.index > 0:
-                self._say(self.wait, points.ended[self.index - 1])
+                self._say(self.words.wait, points.ended[self.index - 1])
         self._cross(2**31)
         emitter.owe(end.owed, firmware=end.firmware_retracted)
         emitter.set_state(end.state)
@@ -254,7 +307,7 @@ class _HeadFile:
             self._own(self.document.postamble, keep_homing=False, relative_e=end.relative_e)
         )
         if self.index + 1 < len(points.ended):
-            self._say(self.signal, points.ended[self.index])
+            self._say(self.words.signal, points.ended[self.index])
 
     def _cross(self, epoch: int) -> None:
         """Write the blocks of all epochs up to `epoch`, without their moves."""

@@ -1,11 +1,11 @@
 """Numbers for the places where one head waits for another, the same in every file.
 
 The heads of a plan start one after the other (numbers 1 to H: head i is homed
-and parked), then every action that another head waits for has a number, in the
-order of nominal ends. Last come H numbers for heads that have printed all they
-have to, and H for heads whose end code has run: it turns off the bed and the
-motors, so it must wait for the others, and it may move, so one head goes after
-the other.
+and parked), then every end of an action and every point within one that another
+head waits for has a number, in the order of nominal ends. Last come H numbers for
+heads that have printed all they have to, and H for heads whose end code has run:
+it turns off the bed and the motors, so it must wait for the others, and it may
+move, so one head goes after the other.
 """
 
 from __future__ import annotations
@@ -13,34 +13,65 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from decmcts.print.plan import JointPlan
+from decmcts.print.plan import ACTION_END, After, JointPlan
+
+Action = tuple[int, int]  # head and action
 
 
 @dataclass(frozen=True, slots=True)
 class SyncPoints:
-    """Which action signals which number, and which numbers each action waits for."""
+    """Which action signals which numbers, and which numbers each action waits for."""
 
-    signals: Mapping[tuple[int, int], int]  # (head, action) -> number, given after it ends
-    waits: Mapping[tuple[int, int], tuple[int, ...]]  # (head, action) -> numbers, ascending
+    signals: Mapping[Action, int]  # number, given after it ends
+    passed: Mapping[Action, Mapping[int, int]]  # vertex of its path -> number, given in motion
+    waits: Mapping[Action, tuple[int, ...]]  # numbers, ascending
+    lags: Mapping[Action, float]  # seconds to dwell after these; 0 is left out
     done: tuple[int, ...]  # (heads,) given when a head has nothing left to print and is parked
     ended: tuple[int, ...]  # (heads,) given when a head's end code has run
 
 
 def number_sync_points(plan: JointPlan) -> SyncPoints:
     """Return the synchronisation points of a joint plan."""
-    waited: dict[tuple[int, int], list[tuple[int, int]]] = {}
-    for h, head in enumerate(plan.heads):
-        for k in range(len(head)):
-            if others := [pair for pair in head.after(k) if pair[0] != h]:
-                waited[h, k] = others
-    given = {pair for pairs in waited.values() for pair in pairs}
-    ordered = sorted(given, key=lambda p: (float(plan.heads[p[0]].end_s[p[1]]), p))
+    waited = {
+        (h, k): edges
+        for h, head in enumerate(plan.heads)
+        for k in range(len(head))
+        if (edges := [edge for edge in head.after_edges(k) if edge.head != h])
+    }
+    given = {_place(plan, edge) for edges in waited.values() for edge in edges}
     first = len(plan.heads) + 1
-    signals = {pair: first + n for n, pair in enumerate(ordered)}
-    last = first + len(ordered)
+    numbers = {at: first + n for n, at in enumerate(sorted(given, key=lambda at: _due(plan, at)))}
+    last = first + len(numbers)
+    passed: dict[Action, dict[int, int]] = {}
+    for (head, action, point), number in numbers.items():
+        if point != ACTION_END:
+            passed.setdefault((head, action), {})[point] = number
     return SyncPoints(
-        signals,
-        {at: tuple(sorted({signals[p] for p in pairs})) for at, pairs in waited.items()},
+        {(h, a): number for (h, a, point), number in numbers.items() if point == ACTION_END},
+        passed,
+        {
+            at: tuple(sorted({numbers[_place(plan, edge)] for edge in edges}))
+            for at, edges in waited.items()
+        },
+        {
+            at: lag
+            for at, edges in waited.items()
+            if (lag := max(edge.lag_s for edge in edges)) > 0.0
+        },
         tuple(range(last, last + len(plan.heads))),
         tuple(range(last + len(plan.heads), last + 2 * len(plan.heads))),
     )
+
+
+def _place(plan: JointPlan, edge: After) -> tuple[int, int, int]:
+    """Return head, action and point of what is waited for; its last point is its end."""
+    offsets = plan.heads[edge.head].path_offsets
+    last = int(offsets[edge.action + 1] - offsets[edge.action]) - 1
+    return edge.head, edge.action, ACTION_END if edge.point == last else edge.point
+
+
+def _due(plan: JointPlan, place: tuple[int, int, int]) -> tuple[float, int, int, bool, int]:
+    """Return what sorts the numbers: nominal end of the action, and within it the points."""
+    head, action, point = place
+    end_s = float(plan.heads[head].end_s[action])
+    return end_s, head, action, point == ACTION_END, point

@@ -7,7 +7,7 @@ them lines are written by an `Emitter` that keeps the machine state in step.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -171,11 +171,15 @@ def print_contour(
     *,
     turned: bool,
     entry: int,
+    passed: Mapping[int, str] | None = None,
 ) -> None:
     """Travel to a contour and print it in the chosen traversal.
 
-    Filament, feed and machine state go with each segment.
+    Filament, feed and machine state go with each segment. `passed` has what is to be said,
+    without a stop, where the head has come to points of the traversal; it does not wipe
+    back over the last of them, for other heads may be there by then.
     """
+    said = passed or {}
     way = traversal(job.contours, contour, entry)
     step = -1 if turned else 1
     points = way.points[::step]
@@ -190,14 +194,17 @@ def print_contour(
     emitter.parted = False
     filament, feed = way.extrusion[1:][::step].tolist(), way.feed[1:][::step].tolist()
     held = -1
-    for to, e, f, s in zip(points[1:].tolist(), filament, feed, state, strict=True):
+    segments = zip(points[1:].tolist(), filament, feed, state, strict=True)
+    for k, (to, e, f, s) in enumerate(segments, 1):
         if s != held:
             emitter.set_state(s)
             held = s
         emitter.move(tuple(to), f, e)
+        if k in said:
+            emitter.say(said[k])
     if emitter.owed > 0.0:
         emitter.owed = max(0.0, emitter.owed - float(sum(filament)))
-    emitter.tail = points[::-1]
+    emitter.tail = points[max(said, default=0) :][::-1]
     emitter.top = max(emitter.top, float(points[:, 2].max()))
 
 
