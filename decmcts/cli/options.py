@@ -64,7 +64,7 @@ Input = Annotated[
     Path,
     typer.Argument(
         help="G-code (.gcode, .gcode.gz, .bgcode), mesh (.stl, .3mf, .obj); "
-        "`plan`: SOP (.sop, .sop.gz)"
+        "`plan`: SOP (.sop, .sop.gz); `launch`: QCSP (.qcsp)"
     ),
 ]
 _MACHINE = "Preset, FILE.toml, slicer profile (.json, .ini) or geometries.json:NAME; default: "

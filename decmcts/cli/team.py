@@ -17,6 +17,7 @@ from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.supervisor import AgentStatus, LaunchError
 from decmcts.cli import options as opt
+from decmcts.cli import qcsp
 from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside
 from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
@@ -37,6 +38,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import refuse_for_heads
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
+from decmcts.formats.qcsp import is_qcsp
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import lone_machine, one_head_toolpaths
@@ -50,7 +52,7 @@ StemOption = Annotated[
         "--output",
         rich_help_panel=opt.BASICS,
         metavar="STEM",
-        help="Stem of the G-code files, one a head",
+        help="Stem of the G-code files, one a head; of a .qcsp, the schedule's file",
     ),
 ]
 HeadsOption = Annotated[
@@ -63,6 +65,7 @@ HeadsOption = Annotated[
 
 @app.command()
 def launch(
+    context: typer.Context,
     source: opt.Input,
     output: StemOption = None,
     machine: HeadsOption = "dual-gantry",
@@ -76,7 +79,11 @@ def launch(
     picture: opt.PictureOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
-    """Plan for several heads: one process each, agreeing over zenoh on one joint plan."""
+    """Plan for several heads: one process each, agreeing on one joint plan; or solve a QCSP."""
+    if is_qcsp(source):
+        qcsp.refuse_for_qcsp(context)
+        qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        return
     heads = head_files(output, load_machine(machine)) if output is not None else []
     refuse_unwritable([*heads, plan_file, report, picture], source)
     refuse_other_suffixes(plan_file, report, picture)

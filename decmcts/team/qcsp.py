@@ -30,7 +30,7 @@ from decmcts.search.stopping import Progress
 from decmcts.team.qcsp_bound import least_makespan
 from decmcts.team.qcsp_ways import ways_of
 
-_HOT, _COLD = 0.02, 0.0005  # temperatures, shares of the makespan
+_HOT, _COLD = 0.008, 0.0005  # temperatures, shares of the makespan
 _FIRST_ROUND = 20_000  # proposals of each thread
 _SLICE = 10_000  # proposals between looks at the clock
 _FREE_EVERY = 3  # one round in so many moves tasks in the order too
