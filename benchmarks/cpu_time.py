@@ -19,6 +19,7 @@ from pathlib import Path
 from decmcts.cli import main
 from decmcts.search.planners import plan_order
 from decmcts.search.sop import solve_sop
+from decmcts.team.qcsp import solve_qcsp
 
 
 class WorkClock:
@@ -63,7 +64,7 @@ def _cpu_seconds(thread: int | None) -> float | None:
 
 def use_work_clock() -> None:
     """Time the next search of this process by its work."""
-    for search in (plan_order, solve_sop):
+    for search in (plan_order, solve_sop, solve_qcsp):
         assert search.__kwdefaults__ is not None
         search.__kwdefaults__["clock"] = WorkClock()
 
