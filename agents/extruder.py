@@ -18,8 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from agents.agent import Agent
+from agents.agent import TICK_S, Agent
 from agents.events import Leave, PlanningEnded, Release
+from agents.messages import MAX_SILENCE_TICKS, SILENCE_TICKS
 from agents.pipes import PipeFront, TerminalFront, line_of
 from agents.planner import Planner
 from agents.processes import PREFIX
@@ -40,6 +41,7 @@ class Options:
     epoch: int = 0
     fenced: tuple[int, ...] = ()
     time_limit_s: float = 30.0
+    silence_s: float = SILENCE_TICKS * TICK_S  # for longer only a stuck planner says nothing
     seed: int = 0
     controlled: bool = False  # commands and events go over stdin and stdout
     output: Path | None = None
@@ -65,6 +67,7 @@ def run(planner: Planner, options: Options) -> Release | None:
             time_limit_s=options.time_limit_s,
             clock=time.monotonic,
             fenced=fenced,
+            silence_s=options.silence_s,
             traffic=traffic,
         )
         front.ready(planner.problem)
@@ -131,6 +134,12 @@ def arguments() -> argparse.ArgumentParser:
     parser.add_argument("--epoch", type=int, default=0, help="incarnation; default: now")
     parser.add_argument("--fenced", type=numbers, default=(), help="heads that are off")
     parser.add_argument("--time-limit", type=float, default=30.0, help="seconds of planning")
+    parser.add_argument(
+        "--silence",
+        type=float,
+        default=SILENCE_TICKS * TICK_S,
+        help="seconds till it counts as stuck",
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--controlled", action="store_true", help="obey a launcher on stdin")
     parser.add_argument("--output", type=Path, help="write the released plan here, as JSON")
@@ -139,7 +148,10 @@ def arguments() -> argparse.ArgumentParser:
 
 
 def options_of(given: argparse.Namespace) -> Options:
-    """Return the options a command line asks for."""
+    """Return the options a command line asks for; raises `InputError`."""
+    longest_s = MAX_SILENCE_TICKS * TICK_S
+    if not 1.0 <= given.silence <= longest_s:
+        raise InputError(f"--silence {given.silence:g}, allowed 1..{longest_s:g} seconds")
     return Options(
         head=given.head,
         session=given.session,
@@ -147,6 +159,7 @@ def options_of(given: argparse.Namespace) -> Options:
         epoch=given.epoch or time.time_ns() // 1_000_000,
         fenced=given.fenced,
         time_limit_s=given.time_limit,
+        silence_s=given.silence,
         seed=given.seed,
         controlled=given.controlled,
         output=given.output,
@@ -187,9 +200,10 @@ def main(argv: Sequence[str] | None = None, *, make_planner: MakePlanner = _team
     given = None
     try:
         given = arguments().parse_args(argv)
+        options = options_of(given)
         planner = make_planner(given)
         _require_problem(planner.problem, given.expect)
-        run(planner, options_of(given))
+        run(planner, options)
     except InputError as error:
         print(f"{PREFIX}{error}", file=sys.stderr)
         return 2

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from agents.agent import Agent, Progress
 from agents.events import Event, Fenced, Left, Note, Refused, Release, Unfenced
 from agents.memory import MemoryNetwork, MemoryTransport, Weather
+from agents.planner import Planner
 from agents.transport import Traffic
 from tests.agents.toy import ToyPlanner
 
@@ -47,11 +50,13 @@ class Team:
         needed: int | None = None,
         quirks: dict[int, str] | None = None,
         silence_s: float = 15.0,
+        planner_of: Callable[[int], Planner] | None = None,
     ) -> None:
         self.network = MemoryNetwork(np.random.default_rng(seed), weather)
         self.names = tuple(f"head{h}" for h in range(n))
         self.seed, self.limit_s, self.needed = seed, limit_s, needed
         self.quirks, self.silence_s = quirks or {}, silence_s
+        self.planner_of = planner_of  # None: the small one of the tests
         self.stuck: set[int] = set()  # heads whose planner does not return
         self.fronts = {h: Recorder() for h in range(n)}
         self.agents: dict[int, Agent] = {}
@@ -64,17 +69,21 @@ class Team:
     ) -> None:
         self.epochs[head] = epoch
         transport = MemoryTransport(self.network, head, epoch).__enter__()
-        self.agents[head] = Agent(
-            head,
-            epoch,
-            planner=ToyPlanner(
+        if self.planner_of is not None:
+            planner = self.planner_of(head)
+        else:
+            planner = ToyPlanner(
                 head,
                 names=self.names,
                 jobs=jobs,
                 seed=self.seed,
                 needed=self.needed,
                 quirk=self.quirks.get(head, ""),
-            ),
+            )
+        self.agents[head] = Agent(
+            head,
+            epoch,
+            planner=planner,
             transport=transport,
             front=self.fronts[head],
             time_limit_s=self.limit_s,

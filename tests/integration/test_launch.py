@@ -46,9 +46,11 @@ class Saboteur:
             self.done_at = watched.elapsed_s
 
 
-def run(names: str, monkeypatch: pytest.MonkeyPatch, **options: object) -> Agreement:
+def run(
+    names: str, monkeypatch: pytest.MonkeyPatch, *arguments: str, **options: object
+) -> Agreement:
     monkeypatch.setenv("TOY_HEADS", names)
-    return run_agents(names.split(","), [], seed=1, command=TOY, **options)  # type: ignore[arg-type]
+    return run_agents(names.split(","), arguments, seed=1, command=TOY, **options)  # type: ignore[arg-type]
 
 
 def assert_complete(agreement: Agreement) -> None:
@@ -95,6 +97,18 @@ def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.Monk
     assert_complete(agreement)
     with pytest.raises(ProcessLookupError):
         os.kill(saboteur.pids[0], 0)
+
+
+def test_a_stuck_planner_is_fenced_though_its_network_lives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Zenoh's threads keep its lease; before, the launch waited two minutes and gave it up."""
+    monkeypatch.setenv("TOY_STUCK_HEAD", "1")
+    began = time.monotonic()
+    agreement = run("left,middle,right", monkeypatch, "--silence", "1.5", time_limit_s=4.0)
+    assert agreement.live == (0, 2)
+    assert_complete(agreement)
+    assert time.monotonic() - began < 60.0
 
 
 def test_an_agent_told_to_end_says_goodbye_and_the_rest_go_on(
