@@ -36,11 +36,12 @@ def joint_order(problem: TeamProblem, plans: Plans, live: Sequence[int]) -> Reso
     InputError
         If no live head may print some contour, or a stated order breaks the precedence.
     """
-    found = resolve(problem, plans, live)
     order = _stated(problem, plans, live)
+    if order is not None:
+        _require_precedence(problem, order)
+    found = resolve(problem, plans, live)
     if order is None:
         return found
-    _require_precedence(problem, order)
     toolpaths = tuple(one_head_toolpaths(problem.job, problem.machine, order, live=live))
     return Resolved(toolpaths, found.makespan_s, _digest(toolpaths))
 
