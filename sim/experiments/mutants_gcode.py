@@ -18,6 +18,7 @@ TRAVEL = re.compile(r"^G1 X\S+ Y\S+( F\S+)?$")
 RETRACT = re.compile(r"^G1 E-")
 PRIME = re.compile(r"^G1 E\d")
 SIGNAL = re.compile(r"^SYNC_SIGNAL")
+PASSED = re.compile(r"^SYNC_PASSED")
 WAIT = re.compile(r"^SYNC_WAIT")
 
 
@@ -303,6 +304,12 @@ HEAD_MUTANTS: tuple[Mutant[Files], ...] = (
     Mutant("a wait too late", in_one(moved_later(WAIT))),
     Mutant("signals exchanged", in_one(numbers_exchanged(SIGNAL))),
     Mutant("waits exchanged", in_one(numbers_exchanged(WAIT))),
+    Mutant("a signal in motion dropped", in_one(remove(PASSED))),
+    Mutant("a signal in motion twice", in_one(change(PASSED, r"(.*N=\d+)", r"\1\n\1"))),
+    Mutant("a signal in motion too soon", in_one(moved_earlier(PASSED))),
+    Mutant("a signal in motion too late", in_one(moved_later(PASSED))),
+    Mutant("a signal in motion at rest", in_one(change(PASSED, r"(.*N=\d+)", r"M400\n\1"))),
+    Mutant("a signal at rest in motion", in_one(change(SIGNAL, "SIGNAL", "PASSED"))),
     Mutant("no M400 before a signal", in_one(remove(r"^M400"))),
     *(
         Mutant(one.name, in_one(one.spoil), one.harmless)

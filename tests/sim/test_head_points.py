@@ -16,6 +16,8 @@ from decmcts.formats.gcode import write_head_gcode
 from decmcts.formats.gcode.dialect import WAIT_MARK
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ACTION_END, After, JointPlan
+from sim.experiments.mutants import Mutant, NotHereError
+from sim.experiments.mutants_gcode import HEAD_MUTANTS
 from sim.faults import FaultKind
 from sim.head_file import read_head_file
 from sim.head_plan import plan_of_files
@@ -269,3 +271,18 @@ def test_points_of_travels_are_signalled_too(tmp_path: Path) -> None:
     assert made.judged().faults == ()
     spoil(made, 0, lambda t: moved(t, signal(t), t.rindex("G1 X", 0, signal(t).start())))
     assert any("point 1 of action 0" in fault.text for fault in made.judged().faults)
+
+
+@pytest.mark.parametrize("mutant", HEAD_MUTANTS, ids=lambda mutant: mutant.name)
+def test_mutants_of_files_with_points_are_seen(made: Made, mutant: Mutant[list[list[str]]]) -> None:
+    """The mutation bench for files of several heads, on files that signal in motion."""
+    good = [text.splitlines() for text in texts(made)]
+    for seed in range(3):
+        files = [list(lines) for lines in good]
+        try:
+            mutant.spoil(files, np.random.default_rng(seed))
+        except NotHereError:
+            pytest.skip("these files have no such place")
+        for path, lines in zip(made.paths, files, strict=True):
+            path.write_text("\n".join(lines) + "\n")
+        assert not made.judged().ok or mutant.harmless
