@@ -1,9 +1,9 @@
 """List scheduling for several heads: who prints what next, on bare arrays.
 
 The head that is free first takes, of the contours it can begin at once, the one of
-least score; where there is none it waits until another head gives room back. Contours are
-looked at by column (those of one part and one place along the machine): of each
-only the first few that are left.
+least score; where there is none it waits until another head gives room back. Contours
+are looked at by column (those of one part and one place along the machine): of each
+only the first that is left.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from decmcts._kernels.jit import kernel
 from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked
 from decmcts._kernels.rooms import Fleet, meet, room_of_travel, travel_seconds
 
-WINDOW = 3  # contours of a column that are looked at
 LATER = 1e-9  # seconds; what is nearer is now
 PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 
@@ -176,6 +175,15 @@ def is_held(
 
 
 @kernel
+def first_of(column: int, policy: Policy, pool: Pool) -> int:
+    """First contour of a column not yet put; NONE: all were (mutates pool)."""
+    end = policy.column_offsets[column + 1]
+    while pool.first[column] < end and pool.put[policy.column[pool.first[column]]]:
+        pool.first[column] += 1
+    return policy.column[pool.first[column]] if pool.first[column] < end else NONE
+
+
+@kernel
 def choose(
     r: int,
     start: float,
@@ -193,39 +201,28 @@ def choose(
     best, chosen, turned, way = np.inf, NONE, False, np.empty(6)
     by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
     for column in range(len(pool.first)):
-        end, seen = policy.column_offsets[column + 1], 0
-        while pool.first[column] < end and pool.put[policy.column[pool.first[column]]]:
-            pool.first[column] += 1
-        for i in range(pool.first[column], end):
-            u = policy.column[i]
-            if pool.put[u]:
-                continue
-            if seen == WINDOW:
-                break
-            seen += 1
-            score = by_key * policy.key[r, u]
-            if pool.missing[u] > 0 or score >= best or not policy.eligible[u, r]:
-                continue
-            if by_step > 0.0:
-                score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
-            there, back = nearer_end(at, visits.ends[u], visits.reversible[u], travel)
-            lost, seconds = max(there, pool.ready[u] - start), visits.seconds[u]
-            score += by_waste * lost / (seconds + lost + LATER)
-            if score >= best or (lost > there + PATIENCE * seconds and until < np.inf):
-                continue
-            side = 1 if back else 0
-            held = visits.pieces.room[visits.pieces.offsets[2 * u + side]]
-            room_of_travel(at, visits.ends[u, side], fleet.ceiling, way)
-            if until < np.inf and (
-                is_held(
-                    r, held, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads
-                )
-                or is_held(
-                    r, way, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads
-                )
-            ):
-                continue
-            best, chosen, turned = score, u, back
+        u = first_of(column, policy, pool)
+        if u == NONE or pool.missing[u] > 0 or not policy.eligible[u, r]:
+            continue
+        score = by_key * policy.key[r, u]
+        if score >= best:
+            continue
+        if by_step > 0.0:
+            score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
+        there, back = nearer_end(at, visits.ends[u], visits.reversible[u], travel)
+        lost, seconds = max(there, pool.ready[u] - start), visits.seconds[u]
+        score += by_waste * lost / (seconds + lost + LATER)
+        if score >= best or (lost > there + PATIENCE * seconds and until < np.inf):
+            continue
+        side = 1 if back else 0
+        held = visits.pieces.room[visits.pieces.offsets[2 * u + side]]
+        room_of_travel(at, visits.ends[u, side], fleet.ceiling, way)
+        if until < np.inf and (
+            is_held(r, held, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads)
+            or is_held(r, way, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads)
+        ):
+            continue
+        best, chosen, turned = score, u, back
     return chosen, turned, until
 
 

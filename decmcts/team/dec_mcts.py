@@ -36,24 +36,29 @@ REMEMBERED = 50_000  # values of joint plans kept
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """Values of the literature and its code, but for the number of samples."""
+    """Values of the literature and its code, but for what depends on the number of updates.
+
+    The literature does thousands of updates; a print of thousands of contours allows a
+    hundred a minute, so steps are longer here and cooling is faster.
+    """
 
     gamma: float = 0.9  # discount of old rewards
     exploration: float = 0.7071067811865476  # C_p
-    alpha: float = 0.01  # step of the distribution
+    alpha: float = 0.2  # step of the distribution
     beta: float = 1.0  # temperature at first
-    cooling: float = 0.99  # of the temperature, each round
+    cooling: float = 0.95  # of the temperature, each update
+    coldest: float = 0.02  # temperature at last
     plans: int = 10  # |X̂|
     updates: int = 10  # τ, distribution updates of a round
     samples: int = 20  # tree samples of an update
-    renew: int = 5  # rounds between choices of X̂
+    renew: int = 3  # samples of each plan of X̂ before another X̂ is chosen
 
     @staticmethod
     def for_contours(n: int) -> Parameters:
         """Return parameters that keep a round to about a second for a print of n contours."""
         samples = int(np.clip(60_000 // max(n, 1), 4, 200))
         updates = min(10, max(2, samples // 10))
-        return Parameters(updates=updates, samples=max(2, samples // updates), renew=2)
+        return Parameters(updates=updates, samples=max(2, samples // updates))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,18 +145,17 @@ class DecMcts:
                 self._sample(team)
                 self._improve(team)
             self._update(team)
-        if self._rounds % self.parameters.renew == 1 or self.parameters.renew == 1:
+        if self._rounds == 1 or self._count.min() >= self.parameters.renew:
             self._choose_plans()
-        self._beta *= self.parameters.cooling
 
     def _sample(self, team: tuple[int, ...]) -> None:
         """Grow the tree by one plan judged beside plans the others may follow."""
         others = self._draw(team)
         node = self._tree.descend()
         plan = self._child_plan(node)
-        child = self._tree.expand(node, plan)
         while self._rng.random() < 0.3:
             plan = exchange(self.problem, plan, self._rng)
+        child = self._tree.expand(node, plan)
         reward = self._scaled(self._utility(plan, others, team))
         self._tree.backup(child, reward)
 
@@ -241,6 +245,7 @@ class DecMcts:
         if self._count.min() > 0:
             parameters = self.parameters
             self._own = self._own.updated(self._mean, beta=self._beta, alpha=parameters.alpha)
+            self._beta = max(self._beta * parameters.cooling, parameters.coldest)
 
     def _plan_alone(self, team: tuple[int, ...]) -> None:
         """Search one order for everything; the effort doubles with the rounds."""

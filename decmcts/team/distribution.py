@@ -31,6 +31,13 @@ class PlanDistribution:
         """Return the distribution that prefers none."""
         return PlanDistribution(sequences, np.full(len(sequences), 1.0 / len(sequences)))
 
+    @property
+    def entropy(self) -> float:
+        """How undecided the head is: 0 for one plan, 1 for all alike."""
+        q = self.probabilities[self.probabilities > 0.0]
+        most = np.log(len(self.probabilities))
+        return float(-(q * np.log(q)).sum() / most) if most > 0.0 else 0.0
+
     def sample(self, rng: np.random.Generator) -> NDArray[np.int32]:
         """Draw a plan."""
         weights = self.probabilities / self.probabilities.sum()

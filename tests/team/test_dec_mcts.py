@@ -121,3 +121,14 @@ def test_rounds_shrink_with_the_print() -> None:
     """A round of a big print must end in about a second, or peers wait for nothing."""
     small, large = Parameters.for_contours(100), Parameters.for_contours(40_000)
     assert small.samples * small.updates > 10 * large.samples * large.updates >= 20
+
+
+def test_the_distribution_sharpens(problem: TeamProblem) -> None:
+    """What a head tells is worth listening to: it comes to prefer some of its plans."""
+    parameters = Parameters(updates=10, samples=2, renew=1000)
+    agents = [DecMcts(problem, r, seed=1, parameters=parameters) for r in range(2)]
+    agents[0].iterate([0, 1])
+    undecided = agents[0].distribution.entropy
+    for _ in range(30):
+        agents[0].iterate([0, 1])
+    assert undecided == pytest.approx(1.0) and agents[0].distribution.entropy < 0.9
