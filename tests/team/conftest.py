@@ -35,7 +35,7 @@ def make_machine() -> Machine:
             Head("left", slices, park=(-20.0, 30.0, 5.0), **reach),
             Head("right", slices, park=(140.0, 30.0, 5.0), **right),
         ),
-        rail=Rail(0, ("left", "right"), SEPARATION),
+        rails=(Rail(0, ("left", "right"), SEPARATION),),
     )
 
 

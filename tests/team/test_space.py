@@ -22,7 +22,7 @@ def loose(case: Callable[..., Any]) -> Machine:
         replace(machine.heads[0], bodies=(Body("duct", (-12, -3, 5), (5, 4, 20)),)),
         replace(machine.heads[1], bodies=(Body("fan", (-6, -9, 5), (7, 15, 20)),)),
     )
-    return replace(machine, heads=heads, rail=None, head_clearance_mm=2.0)
+    return replace(machine, heads=heads, rails=(), head_clearance_mm=2.0)
 
 
 def near(machine: Machine, a: np.ndarray, b: np.ndarray, r: int = 0, s: int = 1) -> bool:
@@ -59,7 +59,7 @@ def test_wide_bodies_need_more_than_the_rail_says(case: Callable[..., Any]) -> N
     """The larger of separation and bodies counts."""
     machine = case(0).machine
     wide = tuple(replace(h, bodies=(Body("beam", (-30, 0, 5), (30, 1, 9)),)) for h in machine.heads)
-    machine = replace(machine, heads=wide, rail=Rail(0, ("left", "right"), 24.0))
+    machine = replace(machine, heads=wide, rails=(Rail(0, ("left", "right"), 24.0),))
     here = np.array([0.0, 0, 0, 0, 1, 1])
     assert near(machine, here, here + np.array([60.9, 60.9, 0, 0, 0, 0]))
     assert not near(machine, here, here + np.array([61.0, 61.0, 0, 0, 0, 0]))
@@ -74,7 +74,7 @@ def test_one_body_may_pass_below_another(case: Callable[..., Any]) -> None:
         replace(h, slices=(), bodies=(body,))
         for h, body in zip(machine.heads, (low, high), strict=True)
     )
-    machine = replace(machine, heads=heads, rail=None)
+    machine = replace(machine, heads=heads, rails=())
     here = np.array([0.0, 0, 0, 0, 1, 1])
     assert not near(machine, here, here + np.array([10.0, 10, 0, 0, 0, 0]))
     assert near(machine, here, here + np.array([10.0, 10, 0, 0, -25, -25]))
@@ -103,5 +103,5 @@ def test_a_dead_head_stays_where_it_is(case_of: Callable[..., Any]) -> None:
 def test_one_head_has_no_one_in_its_way(case: Callable[..., Any]) -> None:
     """A machine of one head is the plain case of the same code."""
     chosen = case(0)
-    alone = replace(chosen.machine, heads=chosen.machine.heads[:1], rail=None)
+    alone = replace(chosen.machine, heads=chosen.machine.heads[:1], rails=())
     assert build_space(chosen.job, alone).eligible.all()
