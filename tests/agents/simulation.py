@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Recorder:
     def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
         self.told.append(effect)
 
-    def of(self, kind: type) -> list:
+    def of(self, kind: type) -> list[Any]:
         return [effect for effect in self.told if isinstance(effect, kind)]
 
 

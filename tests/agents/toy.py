@@ -114,13 +114,13 @@ class ToyPlanner:
             raise InputError(f"only {self.names[self.needed]} can do job 0")
         stated = self._serial_of(plans)
         if stated is not None:
-            blob = np.int32([*sorted(live), *stated]).tobytes()
+            blob = np.array([*sorted(live), *stated], np.int32).tobytes()
             makespan = float(self.lengths.sum())
             return JointProposal(plans, makespan, hashlib.sha256(blob).hexdigest()[:32])
         done, makespan = load_balance(self.lengths, plans, live)
         rows = {h: np.array(jobs, np.int32) for h, jobs in done.items()}
         blob = self.quirk.encode() + b"".join(
-            np.int32([h, len(r)]).tobytes() + r.tobytes() for h, r in rows.items()
+            np.array([h, len(r)], np.int32).tobytes() + r.tobytes() for h, r in rows.items()
         )
         return JointProposal(rows, makespan, hashlib.sha256(blob).hexdigest()[:32])
 
