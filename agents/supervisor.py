@@ -22,6 +22,10 @@ AGREE_LIMIT_S = 120.0
 """From the end of planning to the release: a last resort, far above the lease,
 because an agent in a long round on a busy machine is silent too."""
 
+FOLLOW_LIMIT_S = 5.0
+"""From the first release to the last: by then every live head has agreed, so one
+that says nothing any more is dead or stopped."""
+
 _POLL_S = 0.1
 
 
@@ -88,6 +92,7 @@ class Supervisor:
         self.status = [AgentStatus(head, name) for head, name in enumerate(names)]
         self._agents, self._names, self._heard = agents, names, heard
         self._released: dict[int, dict[str, Any]] = {}
+        self._released_since: float | None = None  # by the first agent
         self._ready: set[int] = set()
         self._limit_s, self._on_progress = time_limit_s, on_progress
         self._should_stop, self._stopping = should_stop, False
@@ -191,6 +196,7 @@ class Supervisor:
                 self._miss(head, heads)
             case {"event": "released"}:
                 self._released[head] = line
+                self._released_since = self._released_since or self._clock()
                 self._update(head, phase="released")
 
     def _progress(self, head: int, line: dict[str, Any]) -> None:
@@ -233,5 +239,10 @@ class Supervisor:
             for head in waiting:
                 self.fence(head, f"not ready after {START_LIMIT_S:g} s")
         elif not waiting and now - self._since > self._limit_s + AGREE_LIMIT_S:
-            for head in set(self._unfenced()) - self._released.keys():
-                self.fence(head, f"no agreement {AGREE_LIMIT_S:g} s after planning")
+            self._fence_silent(f"no agreement {AGREE_LIMIT_S:g} s after planning")
+        elif self._released and now - (self._released_since or now) > FOLLOW_LIMIT_S:
+            self._fence_silent(f"silent {FOLLOW_LIMIT_S:g} s after a release")
+
+    def _fence_silent(self, why: str) -> None:
+        for head in sorted(set(self._unfenced()) - self._released.keys()):
+            self.fence(head, why)
