@@ -1,9 +1,8 @@
-"""How fast two heads can be at best: a lower bound on the makespan.
+"""How fast a team can be at best: a lower bound on the makespan.
 
-At every moment two printing heads work on contours that do not conflict. With
-W the time of all printing and M the most time such pairs can share, two heads
-need at least W - M (`decmcts.team.pairing`). Travel is not counted. More than
-two heads: W divided by their number instead.
+The most of four: all printing shared evenly; what heads on one rail can print at once
+(`decmcts.team.rail_bound`); the longest chain of the dependency graph; what only one
+head can print. Travel is not counted.
 """
 
 from __future__ import annotations
@@ -14,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.bound import longest_chain
+from decmcts._kernels.pieces import cut_pieces
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times
-from decmcts.team.pairing import pair_work
+from decmcts.print.motion import job_times, segment_times
+from decmcts.team.order import MOST_PIECES, PIECE_MM
+from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.space import build_space
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
@@ -26,14 +27,13 @@ SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Lower bounds on the makespan in seconds, and what they allow at most."""
+    """Lower bounds on the makespan, in seconds."""
 
     serial_s: float  # W: all printing by one head, without travel
-    overlap_s: float  # M: most time that two heads can print at once
+    shared_s: float  # all printing, shared as well as the heads' room allows
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
     bound_s: float  # no plan of these heads prints faster
-    speedup: float  # serial_s / bound_s: at most so many times faster
 
 
 def makespan_bound(
@@ -58,8 +58,46 @@ def makespan_bound(
     exclusive = max(
         (float(time[alone & space.eligible[:, r]].sum()) for r in range(heads)), default=0.0
     )
-    overlap = serial * (1.0 - 1.0 / heads)
-    if heads == 2:
-        overlap = min(overlap, pair_work(time, space).shared_s)
-    bound = max(serial - overlap, chain, exclusive) * (1.0 - SAFETY)
-    return Bound(serial, overlap, chain, exclusive, bound, serial / bound if bound > 0.0 else 1.0)
+    shared = max(serial / heads, _on_rail(job, machine, time))
+    bound = max(shared, chain, exclusive) * (1.0 - SAFETY)
+    return Bound(serial, shared, chain, exclusive, bound)
+
+
+def _on_rail(job: PrintJob, machine: Machine, time: NDArray[np.float64]) -> float:
+    """Return the bound of heads that are all in order along one rail; 0 where they are not."""
+    names = {head.name for head in machine.heads}
+    rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
+    if rail is None or len(names) < 2:
+        return 0.0
+    held = _held(job, machine, time, rail.axis)
+    return rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
+
+
+def _held(job: PrintJob, machine: Machine, time: NDArray[np.float64], axis: int) -> Held:
+    """Return what room along an axis each piece of each contour holds, and for how long."""
+    contours = job.contours
+    turns = contours.reversible & ~contours.closed
+    most = MOST_PIECES if machine.release == "point" else 1
+    turns &= most > 1  # whole contours hold the same either way
+    pieces = cut_pieces(contours.points, contours.offsets, turns, PIECE_MM, most)
+    way = np.repeat(np.arange(2 * len(contours)), np.diff(pieces.offsets))
+    contour, back = way // 2, way % 2 == 1
+    first, last = contours.offsets[contour], contours.offsets[contour + 1] - 1
+    spent = np.cumsum(_segment_seconds(job, machine, time))
+    vertex = np.where(back, last - pieces.point, first + pieces.point)
+    begin = np.where(back, spent[last] - spent[vertex], spent[vertex] - spent[first])
+    ends_way = np.diff(way, append=-1) != 0
+    end = np.where(ends_way, spent[last] - spent[first], np.roll(begin, -1))
+    low, high = pieces.room[:, 2 * axis], pieces.room[:, 2 * axis + 1]
+    return Held(low, high, end - begin, way)
+
+
+def _segment_seconds(
+    job: PrintJob, machine: Machine, time: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the seconds of the segment ending at each point, scaled to those of contours."""
+    contours = job.contours
+    seconds = segment_times(contours, machine.limits, job.acceleration)
+    modelled = np.add.reduceat(seconds, contours.offsets[:-1])
+    factor = time / np.maximum(modelled, 1e-300)
+    return np.asarray(seconds * np.repeat(factor, np.diff(contours.offsets)))

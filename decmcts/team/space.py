@@ -24,30 +24,18 @@ from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
 from decmcts.print.motion import level_travel, retraction_time, upright_travel
 
-_NEVER = np.inf  # this side can not make two heads clear
-
 
 @dataclass(frozen=True, slots=True)
 class Space:
-    """Boxes, gaps, eligibility and parking places of one print on one machine."""
+    """Boxes, eligibility and parking places of one print on one machine."""
 
     boxes: NDArray[np.float64]  # (n, 4) min x, max x, min y, max y of each contour, mm
-    gaps: NDArray[np.float64]  # (heads, heads, 4) as far apart nozzle boxes must be, by outlines
     parks: NDArray[np.float64]  # (heads, 3) mm
     eligible: NDArray[np.bool_]  # (n, heads) may print it, reaches all of it and can be let in
 
     def __post_init__(self) -> None:
         for name in self.__slots__:
             getattr(self, name).setflags(write=False)
-
-
-def head_outline(head: Head) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lowest and highest (x, y) any part of the head has, relative to its tip."""
-    corners = [np.zeros((1, 2))]
-    corners += [polygon for piece in head.slices for polygon in piece.polygons]
-    corners += [np.array([body.minimum[:2], body.maximum[:2]]) for body in head.bodies]
-    points = np.concatenate(corners)
-    return points.min(axis=0), points.max(axis=0)
 
 
 def contour_boxes(contours: Contours) -> NDArray[np.float64]:
@@ -82,40 +70,6 @@ def _tops(contours: Contours) -> NDArray[np.float64]:
 
 def _bottoms(contours: Contours) -> NDArray[np.float64]:
     return contours.bottom if len(contours) else np.empty(0)
-
-
-def head_gaps(machine: Machine) -> NDArray[np.float64]:
-    """Return how far apart the nozzle boxes of two heads must be, (heads, heads, 4)."""
-    heads = machine.heads
-    gaps = np.full((len(heads), len(heads), 4), _NEVER)
-    outlines = [head_outline(head) for head in heads]
-    for r in range(len(heads)):
-        for s in range(len(heads)):
-            if r != s:
-                gaps[r, s] = _pair_gap(machine, r, s, outlines[r], outlines[s])
-    return gaps
-
-
-def _pair_gap(
-    machine: Machine,
-    r: int,
-    s: int,
-    mine: tuple[NDArray[np.float64], NDArray[np.float64]],
-    other: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> NDArray[np.float64]:
-    """Sides of `gaps[r, s]`: r below s, s below r along x, then along y."""
-    below = mine[1] - other[0] + machine.head_clearance_mm
-    above = other[1] - mine[0] + machine.head_clearance_mm
-    bodies = np.array([below[0], above[0], below[1], above[1]])
-    names = (machine.heads[r].name, machine.heads[s].name)
-    rail = next((rail for rail in machine.rails if set(names) <= set(rail.order)), None)
-    if rail is None:
-        return bodies
-    steps = rail.order.index(names[1]) - rail.order.index(names[0])
-    side = 2 * rail.axis + (0 if steps > 0 else 1)
-    only = np.full(4, _NEVER)
-    only[side] = max(bodies[side], rail.separation_mm * abs(steps))
-    return only
 
 
 def body_boxes(head: Head) -> NDArray[np.float64]:
@@ -219,7 +173,7 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
         )
         eligible = eligible_heads(eligible, visits, fleet_of(job, machine, live))
     parks = np.array([head.park for head in machine.heads], np.float64)
-    return Space(boxes, head_gaps(machine), parks, eligible)
+    return Space(boxes, parks, eligible)
 
 
 def require_printable(contours: Contours, machine: Machine, eligible: NDArray[np.bool_]) -> None:
