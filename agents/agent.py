@@ -81,6 +81,7 @@ class Progress:
     elapsed_s: float
     agreeing_s: float | None  # since planning ended
     stuck: bool  # the live heads cannot print everything
+    entropy: float  # of what it last told: 0 decided, 1 all its plans alike
 
 
 class FrontEnd(Interface):
@@ -145,6 +146,7 @@ class Agent:
         self._shared = self._ticked = self._shown = self._began - 1.0
         self._live: tuple[int, ...] = (head,)
         self._stuck = False
+        self._entropy = 1.0
         self._round_s = self._longest_s = 0.0  # the latest round, the longest step
         self._silence_s = silence_s
         self._offers = Offers()
@@ -207,7 +209,9 @@ class Agent:
     def _share(self, now: float) -> None:
         if now - self._shared >= SHARE_S:
             self._shared = now
-            self._feed(DistributionReady(self._planner.distribution()))
+            told = self._planner.distribution()
+            self._entropy = told.entropy
+            self._feed(DistributionReady(told))
         joint = self._planner.best_joint(self._live)
         if self._offers.is_worth_telling(joint, now):
             self._feed(JointReady(joint))
@@ -247,6 +251,7 @@ class Agent:
             now - self._began,
             None if self._agreeing_since is None else now - self._agreeing_since,
             self._stuck,
+            self._entropy,
         )
         self._front.progress(progress, self.traffic)
 

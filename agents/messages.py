@@ -97,6 +97,13 @@ class Distribution:
         _require(bool(np.isfinite(q).all() and (q >= 0).all()), "a probability is not in [0, 1]")
         _require(abs(float(q.sum()) - 1.0) < 1e-3, f"probabilities sum to {float(q.sum())}")
 
+    @property
+    def entropy(self) -> float:
+        """How undecided the sender is: 0 for one plan, 1 where all are alike."""
+        q = self.probabilities[self.probabilities > 0.0]
+        most = np.log(len(self.probabilities))
+        return float(-(q * np.log(q)).sum() / most) if most > 0.0 else 0.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:

@@ -63,6 +63,7 @@ class AgentStatus:
     received_bytes: Mapping[str, int] = field(default_factory=dict)
     dropped: Mapping[str, int] = field(default_factory=dict)  # by reason
     history: tuple[tuple[float, float], ...] = ()  # (elapsed s, best makespan s), improvements
+    entropy: float = 1.0  # of the plans it last told: 0 decided, 1 all alike
     note: str = ""
     stuck: bool = False  # the heads it hears cannot print everything
     agreeing_s: float | None = None  # from the end of planning, to the release in the end
@@ -203,8 +204,16 @@ class Supervisor:
         best, history = line["best_makespan_s"], self.status[head].history
         if not history or best != history[-1][1]:
             history = (*history, (line["elapsed_s"], best))
-        named = ("phase", "rounds", "best_makespan_s", "elapsed_s", "agreeing_s", "stuck")
-        told = {name: line[name] for name in named} | line["traffic"]
+        named = (
+            "phase",
+            "rounds",
+            "best_makespan_s",
+            "elapsed_s",
+            "agreeing_s",
+            "stuck",
+            "entropy",
+        )
+        told = {name: line[name] for name in (*named, "entropy")} | line["traffic"]
         self._update(head, live=tuple(line["live"]), history=history, **told)
 
     def _update(self, head: int, **changes: Any) -> None:

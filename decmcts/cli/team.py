@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 import typer
 from rich.live import Live
-from rich.table import Table
 
 from agents import extruder
 from agents.launch import LaunchResult
@@ -33,6 +32,7 @@ from decmcts.cli.outputs import (
 )
 from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
 from decmcts.cli.quality import Quality
+from decmcts.cli.record import agents_table, recording
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.gcode import refuse_for_heads
@@ -42,7 +42,7 @@ from decmcts.formats.qcsp import is_qcsp
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import lone_machine, one_head_toolpaths
-from decmcts.team.bound import makespan_bound
+from decmcts.team.bound import Bound, makespan_bound
 from decmcts.team.schedule import schedule
 
 StemOption = Annotated[
@@ -62,6 +62,16 @@ HeadsOption = Annotated[
     ),
 ]
 
+RecordOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--record",
+        rich_help_panel=opt.OUTPUT,
+        metavar="FILE",
+        help="Keep what the heads do as they plan, for `decmcts replay`",
+    ),
+]
+
 
 @app.command()
 def launch(
@@ -77,6 +87,7 @@ def launch(
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
+    record: RecordOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Plan for several heads: one process each, agreeing on one joint plan; or solve a QCSP."""
@@ -85,7 +96,7 @@ def launch(
         qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     heads = head_files(output, load_machine(machine)) if output is not None else []
-    refuse_unwritable([*heads, plan_file, report, picture], source)
+    refuse_unwritable([*heads, plan_file, report, picture, record], source)
     refuse_other_suffixes(plan_file, report, picture)
     planned = run_team(
         source,
@@ -95,6 +106,7 @@ def launch(
         time_limit_s=time_limit,
         seed=seed,
         writes=output is not None,
+        record=record,
     )
     with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
         announce("writing files")
@@ -113,6 +125,7 @@ def run_team(
     time_limit_s: float,
     seed: int,
     writes: bool = True,
+    record: Path | None = None,
 ) -> Planned:
     """Load, let the agents plan and agree, schedule, verify.
 
@@ -141,12 +154,14 @@ def run_team(
             time_limit_s=min(10.0, time_limit_s / 3),
             seed=seed,
         ).toolpath
+        announce("a bound on the makespan")
+        bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     started = time.perf_counter()
-    result = _agreed(loaded, time_limit_s, seed)
+    result = _agreed(loaded, bound, time_limit_s, seed, record)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     with steps() as (announce, _):
         announce("safe travels, times and order across heads")
-        after = _best_of(loaded, result, order, seed=seed, time_limit_s=time_limit_s)
+        after = _best_of(loaded, result, order, bound, seed=seed, time_limit_s=time_limit_s)
         history = [] if result is None else _history(result)
         return check(loaded, before, after, history, seconds, announce)
 
@@ -161,10 +176,12 @@ def _uncooled(loaded: Loaded) -> Loaded:
     return dataclasses.replace(loaded, min_layer_time_s=0.0)
 
 
-def _agreed(loaded: Loaded, time_limit_s: float, seed: int) -> LaunchResult | None:
+def _agreed(
+    loaded: Loaded, bound: Bound, time_limit_s: float, seed: int, record: Path | None
+) -> LaunchResult | None:
     """Return what the agents agreed on, or None: one head alone is always left."""
     try:
-        result = _planned_by_agents(loaded, time_limit_s, seed)
+        result = _planned_by_agents(loaded, bound, time_limit_s, seed, record)
     except LaunchError as error:
         err.print(f"{error}; one head prints alone", markup=False)
         return None
@@ -177,15 +194,19 @@ def _slicing() -> SliceOptions:
     return SliceOptions(center=(150.0, 150.0))
 
 
-def _planned_by_agents(loaded: Loaded, time_limit_s: float, seed: int) -> LaunchResult:
+def _planned_by_agents(
+    loaded: Loaded, bound: Bound, time_limit_s: float, seed: int, record: Path | None
+) -> LaunchResult:
     """Run the agents with a live table of what each is doing."""
     with (
         interrupt_stops() as stopped,
+        recording(record, bound.bound_s) as keep,
         Live(console=err, transient=True, refresh_per_second=4) as live,
     ):
 
         def show(agents: tuple[AgentStatus, ...]) -> None:
-            live.update(agents_table(agents))
+            live.update(agents_table(agents, bound.bound_s))
+            keep(agents)
 
         return launch_agents(
             loaded.job,
@@ -198,25 +219,6 @@ def _planned_by_agents(loaded: Loaded, time_limit_s: float, seed: int) -> Launch
         )
 
 
-def agents_table(agents: tuple[AgentStatus, ...]) -> Table:
-    """Return the live table of the agents."""
-    table = Table(title="agents", title_justify="left")
-    for name in ("head", "phase", "seconds", "rounds", "best makespan s", "sent", "received"):
-        table.add_column(name, justify="left" if name in ("head", "phase") else "right")
-    for a in agents:
-        sent, received = sum(a.sent_bytes.values()), sum(a.received_bytes.values())
-        table.add_row(
-            a.name,
-            a.phase,
-            f"{a.elapsed_s:.1f}",
-            str(a.rounds),
-            f"{a.best_makespan_s:,.1f}",
-            f"{sum(a.sent.values())} ({sent / 1024:.1f} KiB)",
-            f"{sum(a.received.values())} ({received / 1024:.1f} KiB)",
-        )
-    return table
-
-
 def plan_alone(loaded: Loaded, order: Toolpath, live: Sequence[int], seed: int) -> PlanDocument:
     """Schedule one order for one of the live heads, the others parked where possible."""
     paths = one_head_toolpaths(loaded.job, loaded.machine, order, live=live)
@@ -226,14 +228,19 @@ def plan_alone(loaded: Loaded, order: Toolpath, live: Sequence[int], seed: int) 
 
 
 def _best_of(
-    loaded: Loaded, result: LaunchResult | None, order: Toolpath, *, seed: int, time_limit_s: float
+    loaded: Loaded,
+    result: LaunchResult | None,
+    order: Toolpath,
+    bound: Bound,
+    *,
+    seed: int,
+    time_limit_s: float,
 ) -> PlanDocument:
     """Schedule what was agreed, or one head alone where that is faster."""
     agreement = None if result is None else result.agreement
     heads = range(len(loaded.machine.heads)) if agreement is None else agreement.live
     alone = plan_alone(loaded, order, heads, seed)
     lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order])
-    bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     extra: dict[str, Any] = {
         "planner": "dec-mcts",
         "freedom": "reversible",

@@ -263,3 +263,11 @@ def test_an_own_message_over_the_limit_is_not_made() -> None:
     noise = np.random.default_rng(0).integers(0, 2**31 - 1, 3_000_000, dtype=np.int32)
     with pytest.raises(MessageError, match="limit"):
         wire(Proposal((0,), {0: noise}, 1.0, DIGEST))
+
+
+def test_entropy_says_how_undecided_a_head_is() -> None:
+    """What the live table shows: 1 for plans all alike, 0 for one that is sure."""
+    two = DISTRIBUTION.sequences
+    assert Distribution(two, np.float64([0.5, 0.5])).entropy == pytest.approx(1.0)
+    assert Distribution(two, np.float64([1.0, 0.0])).entropy == 0.0
+    assert Distribution(two[:1], np.float64([1.0])).entropy == 0.0

@@ -26,6 +26,7 @@ PROGRESS = {
     "elapsed_s": 1.0,
     "agreeing_s": None,
     "stuck": False,
+    "entropy": 1.0,
     "traffic": {},
 }
 

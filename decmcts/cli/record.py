@@ -1,0 +1,110 @@
+"""What the agents of a launch do over time: the live table, its recording, `decmcts replay`.
+
+A recording is a text file of JSON lines: what it is and the bound, then the state of all
+agents whenever it was shown.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.live import Live
+from rich.table import Table
+
+from agents.supervisor import AgentStatus
+from decmcts.cli.app import app
+from decmcts.cli.console import err, out
+from decmcts.errors import InputError
+
+FORMAT = "decmcts-record/1"
+Keep = Callable[[tuple[AgentStatus, ...]], None]
+
+
+def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
+    """Return the table of what each head does, with its best makespan over the bound."""
+    table = Table(title=f"agents; no plan beats {bound_s:,.0f} s", title_justify="left")
+    names = ("head", "phase", "seconds", "rounds", "best makespan s", "over the bound",
+             "entropy", "sent", "received")  # fmt: skip
+    for name in names:
+        table.add_column(name, justify="left" if name in ("head", "phase") else "right")
+    for a in agents:
+        sent, received = sum(a.sent_bytes.values()), sum(a.received_bytes.values())
+        table.add_row(
+            a.name,
+            a.phase,
+            f"{a.elapsed_s:.1f}",
+            str(a.rounds),
+            f"{a.best_makespan_s:,.1f}",
+            f"{a.best_makespan_s / max(bound_s, 1e-9):.3f}",
+            f"{a.entropy:.2f}",
+            f"{sum(a.sent.values())} ({sent / 1024:.1f} KiB)",
+            f"{sum(a.received.values())} ({received / 1024:.1f} KiB)",
+        )
+    return table
+
+
+@contextmanager
+def recording(path: Path | None, bound_s: float) -> Iterator[Keep]:
+    """Keep every state that is shown in a file; nothing without one."""
+    if path is None:
+        yield lambda agents: None
+        return
+    started = time.monotonic()
+    with path.open("w", encoding="utf-8") as file:
+        file.write(json.dumps({"format": FORMAT, "bound_s": bound_s}) + "\n")
+
+        def keep(agents: tuple[AgentStatus, ...]) -> None:
+            states = [{**asdict(agent), "history": ()} for agent in agents]
+            state = {"at_s": round(time.monotonic() - started, 3), "agents": states}
+            file.write(json.dumps(state) + "\n")
+
+        yield keep
+
+
+def read_record(path: Path) -> tuple[float, list[tuple[float, tuple[AgentStatus, ...]]]]:
+    """Return the bound and the states of a recording; InputError where it is none."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        head = json.loads(lines[0])
+        if head["format"] != FORMAT:
+            raise InputError(f"format {head['format']!r}, expected {FORMAT}", path=path, line=1)
+        states = [_state(json.loads(line)) for line in lines[1:]]
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", path=path) from error
+    except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
+        raise InputError(
+            "is no recording of a launch",
+            path=path,
+            advice="`decmcts launch --record FILE` makes one",
+        ) from error
+    return float(head["bound_s"]), states
+
+
+def _state(line: dict[str, Any]) -> tuple[float, tuple[AgentStatus, ...]]:
+    known = {field.name for field in fields(AgentStatus)}
+    agents = [AgentStatus(**{k: v for k, v in a.items() if k in known}) for a in line["agents"]]
+    return float(line["at_s"]), tuple(agents)
+
+
+@app.command()
+def replay(
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="What `launch --record` wrote")],
+    speed: Annotated[float, typer.Option(help="So many times as fast", min=0.1)] = 5.0,
+) -> None:
+    """Show again what the heads of a launch did as they planned."""
+    bound_s, states = read_record(source)
+    if not states:
+        raise InputError("holds no state: the launch ended before its agents began", path=source)
+    begun = time.monotonic()
+    with Live(console=err, transient=True, refresh_per_second=8) as live:
+        for at_s, agents in states:
+            time.sleep(max(0.0, at_s / speed - (time.monotonic() - begun)))
+            live.update(agents_table(agents, bound_s))
+    out.print(agents_table(states[-1][1], bound_s))

@@ -1,0 +1,44 @@
+"""What a launch's agents did can be shown again; what is no recording is one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from agents.supervisor import AgentStatus
+from decmcts.cli.app import app
+from decmcts.cli.record import read_record, recording
+from decmcts.errors import InputError
+
+LEFT = AgentStatus(0, "left", "planning", (0, 1), 3, 120.0, 1.5, {"Distribution": 2}, entropy=0.4)
+
+
+def test_a_recording_comes_back(tmp_path: Path) -> None:
+    """Every state that was shown, with the bound."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path, 100.0) as keep:
+        keep((LEFT,))
+        keep((LEFT, LEFT))
+    bound_s, states = read_record(path)
+    assert bound_s == 100.0 and [len(agents) for _, agents in states] == [1, 2]
+    assert (states[0][1][0].name, states[0][1][0].entropy) == ("left", 0.4)
+
+
+def test_replay_shows_the_last_state(tmp_path: Path) -> None:
+    """What is left on the terminal is how it ended."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path, 100.0) as keep:
+        keep((LEFT,))
+    shown = CliRunner().invoke(app, ["replay", str(path), "--speed", "100"])
+    assert shown.exit_code == 0 and "left" in shown.output and "1.200" in shown.output
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", "nonsense", '{"format": "other/1"}', "[" * 9000])
+def test_what_is_no_recording_is_refused(tmp_path: Path, text: str) -> None:
+    """In one line, whatever it is."""
+    path = tmp_path / "other.txt"
+    path.write_text(text)
+    with pytest.raises(InputError):
+        read_record(path)
