@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import random
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -221,7 +222,7 @@ def test_head_without_work_parks(read):
 def test_shipped_plate_runs_in_any_timing():
     """A real plate on two heads: both files follow the plan's paths and nothing else."""
     path = example_path("plate.gcode.gz")
-    machine = load_machine("dual-gantry")
+    machine = replace(load_machine("dual-gantry"), release="action")  # signals at rest
     loaded = load(path, machine, process_order="keep", options=SliceOptions(), announce=str)
     job, document = read_gcode(path)
     space = build_space(job, machine)
