@@ -39,7 +39,7 @@ def test_from_file_to_table(tmp_path, capsys):
     table = (tmp_path / "out" / "two_heads.csv").read_text(encoding="utf-8")
     (row,) = csv.DictReader(table.splitlines())
     assert float(row["faster"]) > 1.3
-    assert float(row["reached"]) <= 1.0
+    assert float(row["over_bound"]) >= 1.0
     assert row["contacts"] == row["faults"] == "0"
     assert (tmp_path / "out" / "towers.png").exists()
     assert "towers" in capsys.readouterr().out
