@@ -15,20 +15,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.jit import kernel
+from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.joint import (
     UNIT_PARK,
     UNIT_YIELD,
     Heads,
     Units,
     Visits,
+    end_of,
     put_print,
     put_travel,
 )
 from decmcts._kernels.rooms import (
     TOUCH,
     Fleet,
+    Room,
     join_rooms,
+    keep_room,
+    room_at,
     room_of_point,
     room_of_travel,
     too_near,
@@ -37,8 +41,8 @@ from decmcts._kernels.rooms import (
 
 @kernel
 def beyond(
-    room: NDArray[np.float64],
-    rest: NDArray[np.float64],
+    room: Room,
+    rest: Room,
     r: int,
     s: int,
     axis: int,
@@ -64,7 +68,7 @@ def beyond(
 
 @kernel
 def push(
-    room: NDArray[np.float64],
+    room: Room,
     r: int,
     s: int,
     axis: int,
@@ -78,19 +82,19 @@ def push(
     """Write to `goals` and `goes` where s must go, and all it pushes on; False: too far."""
     heads = len(at)
     goals[:], goes[:] = at, False
-    goals[s, axis] = beyond(room, rest[s], r, s, axis, sign, fleet)
+    goals[s, axis] = beyond(room, room_at(rest, s), r, s, axis, sign, fleet)
     goes[s] = True
-    path = np.empty(6)
     for _ in range(heads):
         for u in range(heads):
             if not goes[u]:
                 continue
-            room_of_travel(at[u], goals[u], fleet.ceiling, path)
+            path = room_of_travel(at[u], goals[u], fleet.ceiling)
             for t in range(heads):
                 if t in (u, r):
                     continue
-                far = beyond(path, rest[t], u, t, axis, sign, fleet)
-                if too_near(path, rest[t], u, t, fleet) and (far - goals[t, axis]) * sign > TOUCH:
+                resting = room_at(rest, t)
+                far = beyond(path, resting, u, t, axis, sign, fleet)
+                if too_near(path, resting, u, t, fleet) and (far - goals[t, axis]) * sign > TOUCH:
                     goals[t, axis], goes[t] = far, True
     for t in range(heads):
         x = goals[t, axis]
@@ -116,7 +120,7 @@ def next_to_go(
 
 @kernel
 def try_push(
-    room: NDArray[np.float64],
+    room: Room,
     r: int,
     axis: int,
     sign: int,
@@ -131,19 +135,19 @@ def try_push(
 
     `steps` (heads, 4) gets who goes where: head, x, y, z.
     """
-    path, moved = np.empty(6), 0
+    moved = 0
     while True:
         t = next_to_go(axis, sign, at, goes)
         if t < 0:
             return moved
         goes[t] = False
-        room_of_travel(at[t], goals[t], fleet.ceiling, path)
+        path = room_of_travel(at[t], goals[t], fleet.ceiling)
         for u in range(len(at)):
-            if u != t and too_near(path, rest[u], t, u, fleet):
+            if u != t and too_near(path, room_at(rest, u), t, u, fleet):
                 return -1
         at[t] = goals[t]
-        room_of_point(at[t], fleet.ceiling, rest[t])
-        if too_near(room, rest[t], r, t, fleet):
+        keep_room(room_of_point(at[t], fleet.ceiling), rest, t)
+        if too_near(room, room_at(rest, t), r, t, fleet):
             return -1
         steps[moved, 0] = t
         steps[moved, 1:] = at[t]
@@ -152,7 +156,7 @@ def try_push(
 
 @kernel
 def make_way(
-    room: NDArray[np.float64],
+    room: Room,
     r: int,
     at: NDArray[np.float64],
     rest: NDArray[np.float64],
@@ -169,7 +173,7 @@ def make_way(
     best_at, best_rest = np.empty((heads, 3)), np.empty((heads, 6))
     tried, best_steps = np.empty((heads, 4)), np.empty((heads, 4))
     for s in range(heads):
-        if s == r or not too_near(room, rest[s], r, s, fleet):
+        if s == r or not too_near(room, room_at(rest, s), r, s, fleet):
             continue
         least, best = np.inf, -1
         for axis in range(2):
@@ -195,14 +199,13 @@ def make_way(
 @kernel
 def next_home(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) -> int:
     """Return a head whose way to its park is clear; -1: none, or all are there."""
-    path = np.empty(6)
     for t in range(len(at)):
         if np.all(at[t] == fleet.parks[t]):
             continue
-        room_of_travel(at[t], fleet.parks[t], fleet.ceiling, path)
+        path = room_of_travel(at[t], fleet.parks[t], fleet.ceiling)
         clear = True
         for u in range(len(at)):
-            if u != t and too_near(path, rest[u], t, u, fleet):
+            if u != t and too_near(path, room_at(rest, u), t, u, fleet):
                 clear = False
                 break
         if clear:
@@ -221,7 +224,7 @@ def is_safe(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) ->
         if t < 0:
             return bool(np.all(there == fleet.parks))
         there[t] = fleet.parks[t]
-        room_of_point(there[t], -np.inf, resting[t])
+        keep_room(room_of_point(there[t], -np.inf), resting, t)
 
 
 @kernel
@@ -234,38 +237,41 @@ def return_all(visits: Visits, fleet: Fleet, units: Units, heads: Heads) -> bool
         put_travel(t, UNIT_PARK, fleet.parks[t], visits, fleet, units, heads)
 
 
-@kernel
+@inlined
 def room_for(
-    r: int,
-    c: int,
-    backwards: bool,
-    at: NDArray[np.float64],
-    visits: Visits,
-    fleet: Fleet,
-    out: NDArray[np.float64],
-) -> None:
-    """Write to `out` the room head r at `at` needs to go to a contour and to print it."""
+    r: int, c: int, backwards: bool, at: NDArray[np.float64], visits: Visits, fleet: Fleet
+) -> Room:
+    """Room head r needs to go from where it stands, `at` (heads, 3), to a contour and print it."""
     side = 1 if backwards else 0
-    room_of_travel(at, visits.ends[c, side], fleet.ceiling, out)
-    join_rooms(out, visits.pieces.room[visits.pieces.offsets[2 * c + side]], out)
+    way = room_of_travel((at[r, 0], at[r, 1], at[r, 2]), end_of(c, side, visits), fleet.ceiling)
+    return join_rooms(way, room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side]))
 
 
 @kernel
 def way_from_parks(r: int, c: int, visits: Visits, fleet: Fleet) -> bool:
     """Whether head r can print contour c while the others are parked or step aside, safely."""
     heads = len(fleet.parks)
-    at, rest, room = fleet.parks.copy(), np.empty((heads, 6)), np.empty(6)
+    at, rest = fleet.parks.copy(), np.empty((heads, 6))
     for t in range(heads):
-        room_of_point(at[t], -np.inf, rest[t])
-    room_for(r, c, False, fleet.parks[r], visits, fleet, room)
+        keep_room(room_of_point(at[t], -np.inf), rest, t)
+    room = room_for(r, c, False, at, visits, fleet)
     if make_way(room, r, at, rest, fleet, np.empty((heads * heads, 4))) < 0:
         return False
     for end in range(2):
         at[r] = visits.ends[c, end]
-        room_of_point(at[r], -np.inf, rest[r])
+        keep_room(room_of_point(at[r], -np.inf), rest, r)
         if not is_safe(at, rest, fleet):
             return False
     return True
+
+
+@inlined
+def is_in_way(r: int, room: Room, rest: NDArray[np.float64], fleet: Fleet) -> bool:
+    """Whether some other head rests where head r needs `room`."""
+    for s in range(len(rest)):
+        if s != r and too_near(room, room_at(rest, s), r, s, fleet):
+            return True
+    return False
 
 
 @kernel
@@ -273,8 +279,7 @@ def clear_way(
     r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
     """Let heads step aside so that r can print c (mutates units, heads); False: no safe way."""
-    room = np.empty(6)
-    room_for(r, c, backwards, heads.at[r], visits, fleet, room)
+    room = room_for(r, c, backwards, heads.at, visits, fleet)
     at, rest = heads.at.copy(), heads.rest.copy()
     steps = np.empty((len(at) * len(at), 4))
     count = make_way(room, r, at, rest, fleet, steps)
@@ -282,7 +287,7 @@ def clear_way(
         return False
     if not fleet.lined:
         at[r] = visits.ends[c, 0 if backwards else 1]
-        room_of_point(at[r], -np.inf, rest[r])
+        keep_room(room_of_point(at[r], -np.inf), rest, r)
         if not is_safe(at, rest, fleet):
             return False
     for k in range(count):
@@ -290,7 +295,7 @@ def clear_way(
     return True
 
 
-@kernel
+@inlined
 def print_next(
     r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
@@ -298,10 +303,22 @@ def print_next(
 
     False: not even with all others parked. All that c rests on must have been put.
     """
-    if not clear_way(r, c, backwards, visits, fleet, units, heads):
-        if not return_all(visits, fleet, units, heads):
-            return False
-        if not clear_way(r, c, backwards, visits, fleet, units, heads):
-            return False
-    put_print(r, c, backwards, visits, fleet, units, heads)
-    return True
+    room = room_for(r, c, backwards, heads.at, visits, fleet)
+    possible = (fleet.lined and not is_in_way(r, room, heads.rest, fleet)) or make_room(
+        r, c, backwards, visits, fleet, units, heads
+    )
+    if possible:
+        put_print(r, c, backwards, visits, fleet, units, heads)
+    return possible
+
+
+@kernel
+def make_room(
+    r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+) -> bool:
+    """Let others step aside, or all return first, so that r can print c (mutates units, heads)."""
+    if clear_way(r, c, backwards, visits, fleet, units, heads):
+        return True
+    if not return_all(visits, fleet, units, heads):
+        return False
+    return clear_way(r, c, backwards, visits, fleet, units, heads)

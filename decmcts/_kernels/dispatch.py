@@ -15,9 +15,18 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.aside import print_next, return_all
 from decmcts._kernels.carry_out import OK, SHUT_IN, room_enough, units_for
-from decmcts._kernels.jit import kernel
-from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked
-from decmcts._kernels.rooms import Fleet, meet, room_of_travel, travel_seconds
+from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked, end_of
+from decmcts._kernels.rooms import (
+    Fleet,
+    Point,
+    Room,
+    keep_room,
+    room_at,
+    room_of_travel,
+    too_near,
+    travel_seconds,
+)
 
 LATER = 1e-9  # seconds; what is nearer is now
 PATIENCE = 0.003  # share of its printing time that a contour may be waited for
@@ -64,7 +73,7 @@ def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
     )
 
 
-@kernel
+@inlined
 def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
     """Return the head that decides next, and when."""
     first, start = 0, np.inf
@@ -75,25 +84,25 @@ def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
     return first, start
 
 
-@kernel
-def hold(u: int, start: float, visits: Visits, units: Units, room: NDArray[np.float64]) -> float:
-    """Write to `room` what unit u holds at `start`; returns when it gives some of it back."""
-    room[:] = units.room[u]
-    if units.begin[u] > start:
-        return float(units.begin[u])
-    c, seconds = units.contour[u], units.end[u] - units.begin[u]
+@inlined
+def hold(u: int, start: float, visits: Visits, units: Units) -> tuple[Room, float]:
+    """Return what room unit u holds at `start`, and when it gives some of it back."""
+    room, begin, end = room_at(units.room, u), units.begin[u], units.end[u]
+    if begin > start:
+        return room, begin
+    c, seconds = units.contour[u], end - begin
     if c == NONE:
-        return float(units.end[u])
+        return room, end
     row = 2 * c + units.backwards[u]
     for k in range(visits.pieces.offsets[row] + 1, visits.pieces.offsets[row + 1]):
-        at: float = units.begin[u] + visits.pieces.share[k] * seconds
+        at = begin + visits.pieces.share[k] * seconds
         if at > start:
-            return at
-        room[:] = visits.pieces.room[k]
-    return float(units.end[u])
+            return room, at
+        room = room_at(visits.pieces.room, k)
+    return room, end
 
 
-@kernel
+@inlined
 def held_by_others(
     r: int,
     start: float,
@@ -117,16 +126,16 @@ def held_by_others(
             until = min(until, decides)
         u = heads.last[s]
         while u != NONE and units.end[u] > start + LATER and count < len(holder):
-            until = min(
-                until, max(start + LATER, hold(u, start + LATER, visits, units, room[count]))
-            )
+            held, at = hold(u, start + LATER, visits, units)
+            until = min(until, max(start + LATER, at))
+            keep_room(held, room, count)
             holder[count] = s
             count += 1
             u = units.before[u]
     return count, until
 
 
-@kernel
+@inlined
 def out_of_step(
     r: int, u: int, start: float, place: NDArray[np.float64], free: NDArray[np.float64],
     about: NDArray[np.int64],
@@ -139,42 +148,36 @@ def out_of_step(
     return off
 
 
-@kernel
+@inlined
 def nearer_end(
-    at: NDArray[np.float64],
-    ends: NDArray[np.float64],
-    reversible: bool,
-    travel: NDArray[np.float64],
+    at: Point, u: int, visits: Visits, travel: NDArray[np.float64]
 ) -> tuple[float, bool]:
     """Seconds to the end of a contour that is reached sooner, and whether it is its last."""
-    there = travel_seconds(at, ends[0], travel)
-    if reversible:
-        back = travel_seconds(at, ends[1], travel)
+    there = travel_seconds(at, end_of(u, 0, visits), travel)
+    if visits.reversible[u]:
+        back = travel_seconds(at, end_of(u, 1, visits), travel)
         if back < there:
             return back, True
     return there, False
 
 
-@kernel
+@inlined
 def is_held(
     r: int,
-    wanted: NDArray[np.float64],
+    wanted: Room,
     count: int,
     room: NDArray[np.float64],
     holder: NDArray[np.int64],
-    relation: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    heads: int,
+    fleet: Fleet,
 ) -> bool:
     """Whether another head holds some of the room head r wants."""
     for k in range(count):
-        pair = r * heads + holder[k]
-        if meet(wanted, room[k], relation, offsets[pair], offsets[pair + 1]):
+        if too_near(wanted, room_at(room, k), r, holder[k], fleet):
             return True
     return False
 
 
-@kernel
+@inlined
 def first_of(column: int, policy: Policy, pool: Pool) -> int:
     """First contour of a column not yet put; NONE: all were (mutates pool)."""
     end = policy.column_offsets[column + 1]
@@ -183,7 +186,7 @@ def first_of(column: int, policy: Policy, pool: Pool) -> int:
     return policy.column[pool.first[column]] if pool.first[column] < end else NONE
 
 
-@kernel
+@inlined
 def choose(
     r: int,
     start: float,
@@ -195,10 +198,11 @@ def choose(
     pool: Pool,
 ) -> tuple[int, bool, float]:
     """Return the contour head r should print next, and whether backwards; NONE: wait until when."""
-    n_heads, at, travel = len(heads.free), heads.at[r], fleet.travel[r]
+    n_heads, travel = len(heads.free), fleet.travel[r]
+    at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
     room, holder = np.empty((3 * n_heads + 3, 6)), np.empty(3 * n_heads + 3, np.int64)
     count, until = held_by_others(r, start, visits, units, heads, pool, room, holder)
-    best, chosen, turned, way = np.inf, NONE, False, np.empty(6)
+    best, chosen, turned = np.inf, NONE, False
     by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
     for column in range(len(pool.first)):
         u = first_of(column, policy, pool)
@@ -209,17 +213,17 @@ def choose(
             continue
         if by_step > 0.0:
             score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
-        there, back = nearer_end(at, visits.ends[u], visits.reversible[u], travel)
+        there, back = nearer_end(at, u, visits, travel)
         lost, seconds = max(there, pool.ready[u] - start), visits.seconds[u]
         score += by_waste * lost / (seconds + lost + LATER)
         if score >= best or (lost > there + PATIENCE * seconds and until < np.inf):
             continue
         side = 1 if back else 0
-        held = visits.pieces.room[visits.pieces.offsets[2 * u + side]]
-        room_of_travel(at, visits.ends[u, side], fleet.ceiling, way)
+        held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
+        way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
         if until < np.inf and (
-            is_held(r, held, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads)
-            or is_held(r, way, count, room, holder, fleet.relation, fleet.relation_offsets, n_heads)
+            is_held(r, held, count, room, holder, fleet)
+            or is_held(r, way, count, room, holder, fleet)
         ):
             continue
         best, chosen, turned = score, u, back
@@ -234,7 +238,7 @@ def first_left(lowest: int, pool: Pool) -> int:
     return lowest
 
 
-@kernel
+@inlined
 def take(r: int, c: int, policy: Policy, heads: Heads, pool: Pool) -> None:
     """Note that head r prints c (mutates pool)."""
     pool.put[c], pool.about[r] = True, c

@@ -18,10 +18,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.jit import kernel
+from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.pieces import Pieces
 from decmcts._kernels.rooms import (
     Fleet,
+    Point,
+    Room,
+    keep_room,
+    room_at,
     room_of_point,
     room_of_travel,
     too_near,
@@ -91,29 +95,27 @@ def all_parked(n: int, fleet: Fleet) -> Heads:
     heads = len(fleet.parks)
     rest = np.empty((heads, 6))
     for r in range(heads):
-        room_of_point(fleet.parks[r], -np.inf, rest[r])
+        keep_room(room_of_point(fleet.parks[r], -np.inf), rest, r)
     return Heads(np.full(heads, NONE), np.zeros(heads), fleet.parks.copy(), rest, np.zeros(n))
 
 
-@kernel
-def passed(
-    u: int, room: NDArray[np.float64], r: int, visits: Visits, fleet: Fleet, units: Units
-) -> int:
+@inlined
+def passed(u: int, room: Room, r: int, visits: Visits, fleet: Fleet, units: Units) -> int:
     """First piece of unit u that is clear of `room` of head r; NONE: only its end is."""
     c = units.contour[u]
     if c != NONE:
         row = 2 * c + units.backwards[u]
         for k in range(visits.pieces.offsets[row] + 1, visits.pieces.offsets[row + 1]):
-            if not too_near(room, visits.pieces.room[k], r, units.head[u], fleet):
+            if not too_near(room, room_at(visits.pieces.room, k), r, units.head[u], fleet):
                 piece: int = k
                 return piece
     return NONE
 
 
-@kernel
+@inlined
 def clear_from(
     r: int,
-    room: NDArray[np.float64],
+    room: Room,
     begin: float,
     visits: Visits,
     fleet: Fleet,
@@ -127,7 +129,7 @@ def clear_from(
     for s in range(len(heads.free)):
         u = heads.last[s] if s != r else NONE
         while u != NONE and units.end[u] > begin:
-            if too_near(room, units.room[u], r, s, fleet):
+            if too_near(room, room_at(units.room, u), r, s, fleet):
                 k = passed(u, room, r, visits, fleet, units)
                 clear = units.end[u]
                 if k != NONE:
@@ -139,7 +141,7 @@ def clear_from(
     return begin
 
 
-@kernel
+@inlined
 def put(
     r: int,
     kind: int,
@@ -147,8 +149,8 @@ def put(
     backwards: bool,
     begin: float,
     end: float,
-    room: NDArray[np.float64],
-    target: NDArray[np.float64],
+    room: Room,
+    target: Point,
     top: float,
     units: Units,
     heads: Heads,
@@ -158,37 +160,38 @@ def put(
     units.used[0] += 1
     units.head[row], units.kind[row], units.contour[row] = r, kind, contour
     units.backwards[row] = backwards
-    units.room[row], units.target[row] = room, target
+    keep_room(room, units.room, row)
     units.begin[row], units.end[row] = begin, end
     units.before[row] = heads.last[r]
     heads.last[r], heads.free[r] = row, end
-    heads.at[r] = target
-    room_of_point(target, top, heads.rest[r])
+    for axis in range(3):
+        units.target[row, axis] = heads.at[r, axis] = target[axis]
+    keep_room(room_of_point(target, top), heads.rest, r)
 
 
-@kernel
+@inlined
 def put_travel(
     r: int,
     kind: int,
-    target: NDArray[np.float64],
+    target: Point,
     visits: Visits,
     fleet: Fleet,
     units: Units,
     heads: Heads,
 ) -> None:
     """Append a travel of head r (mutates units and heads); none where it stands there already."""
-    if heads.at[r, 0] == target[0] and heads.at[r, 1] == target[1] and heads.at[r, 2] == target[2]:
+    at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
+    if at[0] == target[0] and at[1] == target[1] and at[2] == target[2]:
         return
-    room = np.empty(6)
-    room_of_travel(heads.at[r], target, fleet.ceiling, room)
+    room = room_of_travel(at, target, fleet.ceiling)
     begin = clear_from(r, room, heads.free[r], visits, fleet, units, heads)
-    end = begin + travel_seconds(heads.at[r], target, fleet.travel[r])
+    end = begin + travel_seconds(at, target, fleet.travel[r])
     # one that steps aside may stay as high as it crossed
     top = fleet.ceiling if kind == UNIT_YIELD else -np.inf
     put(r, kind, NONE, False, begin, end, room, target, top, units, heads)
 
 
-@kernel
+@inlined
 def rests_on(c: int, visits: Visits, heads: Heads) -> float:
     """When everything a contour rests on has been printed; all of it must have been put."""
     ready = 0.0
@@ -197,17 +200,23 @@ def rests_on(c: int, visits: Visits, heads: Heads) -> float:
     return ready
 
 
-@kernel
+@inlined
+def end_of(c: int, side: int, visits: Visits) -> tuple[float, float, float]:
+    """Where contour c begins (side 0) or ends (1) as sliced."""
+    return visits.ends[c, side, 0], visits.ends[c, side, 1], visits.ends[c, side, 2]
+
+
+@inlined
 def put_print(
     r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> None:
     """Append travel and print of a contour (mutates units and heads); the way must be clear."""
     side = 1 if backwards else 0
-    put_travel(r, UNIT_TRAVEL, visits.ends[c, side], visits, fleet, units, heads)
-    room = visits.pieces.room[visits.pieces.offsets[2 * c + side]]
+    put_travel(r, UNIT_TRAVEL, end_of(c, side, visits), visits, fleet, units, heads)
+    room = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])
     begin = max(heads.free[r], rests_on(c, visits, heads))
     begin = clear_from(r, room, begin, visits, fleet, units, heads)
     end = begin + visits.seconds[c]
-    exit_ = visits.ends[c, 1 - side]
+    exit_ = end_of(c, 1 - side, visits)
     put(r, UNIT_PRINT, c, backwards, begin, end, room, exit_, -np.inf, units, heads)
     heads.ended[c] = end

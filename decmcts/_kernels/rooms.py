@@ -14,8 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.jit import kernel
+from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.motion import trapezoid_time
+
+Room = tuple[float, float, float, float, float, float]
+Point = tuple[float, float, float] | NDArray[np.float64]  # x, y, z
 
 TOUCH = 1e-9  # mm; rooms exactly as far apart as they must be are clear
 
@@ -33,14 +36,21 @@ class Fleet(NamedTuple):
     lined: bool  # all heads on one rail: whatever the order, each can return to its park
 
 
-@kernel
-def meet(
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
-    relation: NDArray[np.float64],
-    first: int,
-    end: int,
-) -> bool:
+@inlined
+def room_at(rooms: NDArray[np.float64], k: int) -> Room:
+    """Return row k of `rooms` (m, 6)."""
+    return rooms[k, 0], rooms[k, 1], rooms[k, 2], rooms[k, 3], rooms[k, 4], rooms[k, 5]
+
+
+@inlined
+def keep_room(room: Room, rooms: NDArray[np.float64], k: int) -> None:
+    """Write a room to row k of `rooms` (m, 6)."""
+    for side in range(6):
+        rooms[k, side] = room[side]
+
+
+@inlined
+def meet(a: Room, b: Room, relation: NDArray[np.float64], first: int, end: int) -> bool:
     """Whether two heads in rooms `a` and `b` could meet, by rows first..end - 1 of `relation`."""
     for k in range(first, end):
         if (
@@ -55,8 +65,8 @@ def meet(
     return False
 
 
-@kernel
-def too_near(a: NDArray[np.float64], b: NDArray[np.float64], r: int, s: int, fleet: Fleet) -> bool:
+@inlined
+def too_near(a: Room, b: Room, r: int, s: int, fleet: Fleet) -> bool:
     """Whether head r somewhere in room `a` and head s somewhere in room `b` could meet."""
     pair = r * len(fleet.parks) + s
     first, end = fleet.relation_offsets[pair], fleet.relation_offsets[pair + 1]
@@ -64,37 +74,40 @@ def too_near(a: NDArray[np.float64], b: NDArray[np.float64], r: int, s: int, fle
     return near
 
 
-@kernel
-def room_of_point(point: NDArray[np.float64], top: float, out: NDArray[np.float64]) -> None:
-    """Write to `out` the room of a head that rests at a point, at most at height `top`."""
-    for axis in range(3):
-        out[2 * axis] = out[2 * axis + 1] = point[axis]
-    out[5] = max(out[5], top)
+@inlined
+def room_of_point(point: Point, top: float) -> Room:
+    """Room of a head that rests at a point, at most at height `top`."""
+    return point[0], point[0], point[1], point[1], point[2], max(point[2], top)
+
+
+@inlined
+def room_of_travel(p: Point, q: Point, ceiling: float) -> Room:
+    """Room of a travel from p to q."""
+    return (
+        min(p[0], q[0]),
+        max(p[0], q[0]),
+        min(p[1], q[1]),
+        max(p[1], q[1]),
+        min(p[2], q[2]),
+        max(p[2], q[2], ceiling),
+    )
+
+
+@inlined
+def join_rooms(a: Room, b: Room) -> Room:
+    """Smallest room that holds two."""
+    return (
+        min(a[0], b[0]),
+        max(a[1], b[1]),
+        min(a[2], b[2]),
+        max(a[3], b[3]),
+        min(a[4], b[4]),
+        max(a[5], b[5]),
+    )
 
 
 @kernel
-def room_of_travel(
-    p: NDArray[np.float64], q: NDArray[np.float64], ceiling: float, out: NDArray[np.float64]
-) -> None:
-    """Write to `out` the room of a travel from p to q."""
-    for axis in range(3):
-        out[2 * axis] = min(p[axis], q[axis])
-        out[2 * axis + 1] = max(p[axis], q[axis])
-    out[5] = max(out[5], ceiling)
-
-
-@kernel
-def join_rooms(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-    """Write to `out` the smallest room that holds two."""
-    for axis in range(3):
-        out[2 * axis] = min(a[2 * axis], b[2 * axis])
-        out[2 * axis + 1] = max(a[2 * axis + 1], b[2 * axis + 1])
-
-
-@kernel
-def travel_seconds(
-    p: NDArray[np.float64], q: NDArray[np.float64], travel: NDArray[np.float64]
-) -> float:
+def travel_seconds(p: Point, q: Point, travel: NDArray[np.float64]) -> float:
     """Estimate of a travel from p to q: level move, height difference, retraction.
 
     `travel` is feed, acceleration, z feed, z acceleration, seconds of a retraction, and

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.joint import NONE, Units, Visits, passed
-from decmcts._kernels.rooms import Fleet, join_rooms, too_near
+from decmcts._kernels.rooms import Fleet, join_rooms, keep_room, room_at, too_near
 
 CHUNK = 64  # units whose rooms are also kept joined, so that most can be passed over at once
 AT_END = -1
@@ -36,12 +36,12 @@ def latest_in_the_way(
     r, k = units.head[row], count - 1
     while k >= lowest:
         chunk = k // CHUNK
-        if not too_near(units.room[row], joined[chunk], r, s, fleet):
+        if not too_near(room_at(units.room, row), room_at(joined, chunk), r, s, fleet):
             k = chunk * CHUNK - 1
             continue
         first = max(lowest, chunk * CHUNK)
         while k >= first:
-            if too_near(units.room[row], units.room[rows[k]], r, s, fleet):
+            if too_near(room_at(units.room, row), room_at(units.room, rows[k]), r, s, fleet):
                 return k
             k -= 1
     return lowest - 1
@@ -83,7 +83,7 @@ def need_of(
     lowest = known[0] if known[1] != AT_END else known[0] + 1
     k = latest_in_the_way(row, s, max(lowest, 0), count, rows, joined, fleet, units)
     if k >= max(lowest, 0):
-        piece = passed(rows[k], units.room[row], units.head[row], visits, fleet, units)
+        piece = passed(rows[k], room_at(units.room, row), units.head[row], visits, fleet, units)
         unit, point = k, AT_END if piece == NONE else visits.pieces.point[piece]
     pred = latest_pred(row, s, own, place, visits, units)
     if pred >= unit and pred != NONE:
@@ -121,10 +121,10 @@ def find_waits(
                 after[row, s], point[row, s] = unit, at
                 known[r, s, 0], known[r, s, 1] = unit, at
         chunk = counts[r] // CHUNK
-        if counts[r] % CHUNK == 0:
-            joined[r, chunk] = units.room[row]
-        else:
-            join_rooms(joined[r, chunk], units.room[row], joined[r, chunk])
+        room = room_at(units.room, row)
+        if counts[r] % CHUNK > 0:
+            room = join_rooms(room_at(joined[r], chunk), room)
+        keep_room(room, joined[r], chunk)
         rows[r, counts[r]] = row
         counts[r] += 1
     return after, point

@@ -23,13 +23,16 @@ F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config  # untyped
 
 
-def compiler(sources: Path) -> Callable[[F], F]:
-    """Return a decorator that compiles on first use, cached for these sources."""
+def compiler(sources: Path, *, inlined: bool = False) -> Callable[[F], F]:
+    """Return a decorator that compiles on first use, cached for these sources.
+
+    With `inlined`, what calls the function gets its code in place of a call.
+    """
     store = Store(Path(cache_folder(sources)))
 
     def compiled(function: F) -> F:
         if _config.DISABLE_JIT:
             return function
-        return cast(F, Kernel(function, store))
+        return cast(F, Kernel(function, store, inlined=inlined))
 
     return compiled

@@ -69,8 +69,12 @@ def giving_way() -> Iterator[None]:
 class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
     """A compiled function whose machine code is kept in a store."""
 
-    def __init__(self, function: Callable[..., Any], store: Store) -> None:
+    def __init__(
+        self, function: Callable[..., Any], store: Store, *, inlined: bool = False
+    ) -> None:
         options = {"nopython": True, "nogil": True, "no_cfunc_wrapper": True}
+        if inlined:
+            options["forceinline"] = True
         super().__init__(py_func=function, targetoptions=options)
         self._store = store
 
