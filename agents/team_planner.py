@@ -10,6 +10,7 @@ from agents.planner import JointProposal
 from agents.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts import DecMcts, PlanDistribution
+from decmcts.team.plans import POLICIES
 from decmcts.team.problem import TeamProblem, build_team_problem
 
 
@@ -76,7 +77,8 @@ class TeamPlanner:
 
     def _require_known(self, sequences: Iterable[Sequence32]) -> None:
         """Raise MessageError for symbols far outside what any plan of ours holds."""
-        end = self._team.n_macros + 2 * len(self._team.job.contours) + 64
+        n, heads = len(self._team.job.contours), len(self.names)
+        end = max(self._team.n_macros + len(POLICIES) + 2, 2 * n * heads)
         for sequence in sequences:
             if len(sequence) and not 0 <= int(sequence.min()) <= int(sequence.max()) < end:
                 raise MessageError(f"a symbol outside 0..{end - 1}")

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +26,15 @@ from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.distribution import PlanDistribution
 from decmcts.team.exchange import exchange, exchange_jointly
-from decmcts.team.plans import POLICIES, encode, encode_serial
+from decmcts.team.plans import (
+    POLICIES,
+    StatedOrder,
+    decode,
+    encode,
+    encode_serial,
+    encode_stated,
+)
+from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
 from decmcts.team.tree import ROOT, Tree
@@ -32,6 +42,10 @@ from decmcts.team.tree import ROOT, Tree
 __all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
 
 REMEMBERED = 50_000  # values of joint plans kept
+AT_ONCE = 200_000  # contours put when policies are tried, about a second's work
+ROOT_POLICIES = 8  # with which the tree begins
+BETTER = 0.997  # share of its start's makespan that a better start must have
+NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the others
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +66,12 @@ class Parameters:
     updates: int = 10  # τ, distribution updates of a round
     samples: int = 20  # tree samples of an update
     renew: int = 3  # samples of each plan of X̂ before another X̂ is chosen
+    windows: int = 60  # of the best joint order polished in a round
 
     @staticmethod
     def for_contours(n: int) -> Parameters:
         """Return parameters that keep a round to about a second for a print of n contours."""
-        samples = int(np.clip(60_000 // max(n, 1), 4, 200))
+        samples = int(np.clip(30_000 // max(n, 1), 4, 200))
         updates = min(10, max(2, samples // 10))
         return Parameters(updates=updates, samples=max(2, samples // updates))
 
@@ -67,6 +82,14 @@ class Proposal:
 
     plans: Mapping[int, NDArray[np.int32]]
     makespan_s: float
+
+
+class _Line(NamedTuple):
+    """A joint order being polished."""
+
+    team: tuple[int, ...]
+    polish: Polish
+    began_s: float  # makespan of the plans it began with
 
 
 class DecMcts:
@@ -85,7 +108,11 @@ class DecMcts:
         self._best: dict[tuple[int, ...], Proposal] = {}
         self._known: dict[tuple[tuple[int, ...], bytes], float] = {}
         self._beta = self.parameters.beta
-        self._rounds = self._tried = 0
+        self._rounds = 0
+        self._last_s = np.inf  # makespan of the joint plan valued last
+        self._policies: dict[tuple[int, ...], dict[int, float]] = {}  # makespans of those tried
+        self._start: dict[tuple[int, ...], Proposal] = {}  # best joint plan of macro-actions
+        self._line: _Line | None = None
         self._range = (np.inf, -np.inf)
         default = encode(problem.sides_of(head), 0, problem.n_macros)
         self._tree = self._new_tree(default)
@@ -108,8 +135,12 @@ class DecMcts:
     def take_joint(self, plans: Mapping[int, NDArray[np.int32]], live: Sequence[int]) -> None:
         """Judge another head's best joint plan; keep it if it is the best here too."""
         team = _team(live)
-        nothing = np.empty(0, np.int32)
-        self._value({r: plans.get(r, nothing) for r in team}, team)
+        told = {r: plans.get(r, NOTHING) for r in team}
+        self._value(told, team)
+        stated = self._stated(told)
+        if stated is not None and self._line is not None and self._line.team == team:
+            self._line.polish.take(stated)
+            self._keep_polished(self._line)
 
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""
@@ -140,19 +171,36 @@ class DecMcts:
         if team == (self.head,):
             self._plan_alone(team)
             return
+        self.best(team)  # raises where these heads can not print everything
+        if not self._try_policies(team):
+            return
         for _ in range(self.parameters.updates):
             for _ in range(self.parameters.samples):
                 self._sample(team)
                 self._improve(team)
             self._update(team)
+        self._refine(team)
         if self._rounds == 1 or self._count.min() >= self.parameters.renew:
             self._choose_plans()
+
+    def _try_policies(self, team: tuple[int, ...]) -> bool:
+        """Try some policies for all heads at once; True when this head's share is done."""
+        mine = range(team.index(self.head), len(POLICIES), len(team))
+        values = self._policies.setdefault(team, {})
+        most = max(8, AT_ONCE // max(1, len(self.problem.macro)))
+        for k in [k for k in mine if k not in values][:most]:
+            self._value({r: self._by_policy(r, k) for r in team}, team)
+            values[k] = self._last_s
+        return len(values) == len(mine)
+
+    def _by_policy(self, head: int, policy: int) -> NDArray[np.int32]:
+        return encode(self.problem.sides_of(head), policy, self.problem.n_macros)
 
     def _sample(self, team: tuple[int, ...]) -> None:
         """Grow the tree by one plan judged beside plans the others may follow."""
         others = self._draw(team)
         node = self._tree.descend()
-        plan = self._child_plan(node)
+        plan = self._child_plan(node, team)
         while self._rng.random() < 0.3:
             plan = exchange(self.problem, plan, self._rng)
         child = self._tree.expand(node, plan)
@@ -160,30 +208,47 @@ class DecMcts:
         self._tree.backup(child, reward)
 
     def _improve(self, team: tuple[int, ...]) -> None:
-        """Try one exchange on the best joint plan known; a better one joins the tree."""
-        best = self.best(team)
-        plans = self._next_joint(team, best)
+        """Try one exchange on the best plans of macro-actions; a better one joins the tree."""
+        best = self._start[team]
+        plans = exchange_jointly(self.problem, best.plans, self._rng)
         value = self._value(plans, team)
-        if self._best[team].makespan_s < best.makespan_s:
+        if self._start[team].makespan_s < best.makespan_s:
             child = self._tree.expand(ROOT, plans[self.head])
             rest = {r: plan for r, plan in plans.items() if r != self.head}
             baseline = self._value(rest, tuple(rest))
             self._tree.backup(child, self._scaled(value - baseline))
 
-    def _next_joint(self, team: tuple[int, ...], best: Proposal) -> dict[int, NDArray[np.int32]]:
-        """Return the joint plan to try next: each policy for all heads once, then exchanges."""
-        self._tried += 1
-        if self._tried < len(POLICIES):
-            problem = self.problem
-            return {r: encode(problem.sides_of(r), self._tried, problem.n_macros) for r in team}
-        return exchange_jointly(self.problem, best.plans, self._rng)
-
-    def _child_plan(self, node: int) -> NDArray[np.int32]:
-        """Return the plan of the next child: every policy at the root, then exchanges."""
-        children = len(self._tree) - 1
-        if node == ROOT and children < len(POLICIES) - 1:
-            return encode(self.problem.sides_of(self.head), children + 1, self.problem.n_macros)
+    def _child_plan(self, node: int, team: tuple[int, ...]) -> NDArray[np.int32]:
+        """Return the plan of the next child: the best policies at the root, then exchanges."""
+        children, values = len(self._tree) - 1, self._policies[team]
+        if node == ROOT and children < min(ROOT_POLICIES, len(values)):
+            return self._by_policy(self.head, sorted(values, key=values.__getitem__)[children])
         return exchange(self.problem, self._tree.plans[node], self._rng)
+
+    def _refine(self, team: tuple[int, ...]) -> None:
+        """Polish the best joint order; begin anew from a better start."""
+        start, line = self._start[team], self._line
+        if line is None or line.team != team or start.makespan_s < BETTER * line.began_s:
+            stated = StatedOrder.of(resolve(self.problem, start.plans, team).toolpaths)
+            seed = self._seed * len(self.problem.machine.heads) + self.head
+            line = _Line(team, Polish(self.problem, stated, seed=seed), start.makespan_s)
+            self._line = line
+        line.polish.improve(self.parameters.windows)
+        self._keep_polished(line)
+
+    def _keep_polished(self, line: _Line) -> None:
+        """Judge what was polished, as a plan of this head that states what all do."""
+        best = self._best.get(line.team)
+        if best is None or line.polish.best_s < best.makespan_s:
+            heads, n_macros = len(self.problem.machine.heads), self.problem.n_macros
+            plan = encode_stated(line.polish.best, heads, n_macros)
+            self._value({r: plan if r == self.head else NOTHING for r in line.team}, line.team)
+
+    def _stated(self, plans: Mapping[int, NDArray[np.int32]]) -> StatedOrder | None:
+        """Return the order that some plan states."""
+        n_macros, n = self.problem.n_macros, len(self.problem.macro)
+        found = (decode(plan, n_macros, n).stated for plan in plans.values())
+        return next((stated for stated in found if stated is not None), None)
 
     def _draw(self, team: tuple[int, ...]) -> dict[int, NDArray[np.int32]]:
         """Draw x⁻ʳ from the latest known distributions."""
@@ -202,7 +267,7 @@ class DecMcts:
 
     def _value(self, plans: dict[int, NDArray[np.int32]], team: tuple[int, ...]) -> float:
         """Return g, 1 for an instant print and 0 for one that takes twice the serial time."""
-        key = (team, b"|".join(plans[r].tobytes() for r in team))
+        key = (team, blake2b(b"|".join(plans[r].tobytes() for r in team)).digest())
         if key not in self._known:
             if len(self._known) >= REMEMBERED:
                 self._known.clear()
@@ -212,6 +277,7 @@ class DecMcts:
                 makespan = np.inf  # these heads alone can not print everything
             self._known[key] = makespan
             self._keep(plans, team, makespan)
+        self._last_s = self._known[key]
         serial = 2.0 * float(self.problem.visits.seconds.sum())
         return max(0.0, 1.0 - self._known[key] / serial) if serial > 0.0 else 0.0
 
@@ -219,8 +285,14 @@ class DecMcts:
         self, plans: dict[int, NDArray[np.int32]], team: tuple[int, ...], makespan: float
     ) -> None:
         best = self._best.get(team)
-        if np.isfinite(makespan) and (best is None or makespan <= best.makespan_s):
+        if not np.isfinite(makespan):
+            return
+        if best is None or makespan <= best.makespan_s:
             self._best[team] = Proposal(dict(plans), makespan)
+        start = self._start.get(team)
+        better = start is None or makespan <= start.makespan_s
+        if better and self._stated(plans) is None:
+            self._start[team] = Proposal(dict(plans), makespan)
 
     def _scaled(self, utility: float) -> float:
         """Return the utility as a reward in [0, 1], relative to all seen so far."""

@@ -39,8 +39,11 @@ def plan_team(
     while True:
         for agent in team:
             agent.iterate(list(heads))
+            told = agent.best(list(heads))
             for other in team:
                 other.take(agent.head, agent.distribution)
+                if told.makespan_s < other.best(list(heads)).makespan_s:
+                    other.take_joint(told.plans, list(heads))
         rounds += 1
         best = min((agent.best(list(heads)) for agent in team), key=lambda found: found.makespan_s)
         if progress is not None:

@@ -6,13 +6,16 @@ A plan is a flat int32 sequence, so that it travels in a message as it is:
 - before them at most one policy symbol (`n_macros + k`): how the head chooses
   between contours that are ready (row k of `POLICIES`);
 - or a serial plan: the symbol `n_macros + len(POLICIES)`, then 2·contour +
-  backwards for every contour: everything in this order, one head at a time.
+  backwards for every contour: everything in this order, one head at a time;
+- or a stated order: the symbol `n_macros + len(POLICIES) + 1`, the number of heads, then
+  (2·contour + backwards)·heads + head for every contour: all heads do exactly this.
 
 Symbols that mean nothing are skipped: a plan may come from a peer.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +23,13 @@ from numpy.typing import NDArray
 
 from decmcts.print.toolpath import Toolpath
 
-# Weights of the key, of waste and of being out of step (`decmcts._kernels.dispatch`); then how
-# far the key is the chain that must come after (1) rather than the progress of the part (0).
-POLICIES = np.array(
+# Columns of POLICIES: weights of the key, of waste and of being out of step
+# (`decmcts._kernels.dispatch`); how far the key is the chain that must come after (1) rather
+# than the progress of the part (0); how much sooner the bottleneck comes; how much later
+# what another head owns. The last three are in progress of a part.
+STEP, URGENCY, BOTTLENECK, OTHERS = 2, 3, 4, 5
+
+_TUNED = np.array(
     [
         [20.0, 1.0, 3.0, 1.0],
         [10.0, 1.0, 10.0, 0.0],
@@ -40,7 +47,53 @@ POLICIES = np.array(
         [1.0, 1.0, 0.0, 0.0],
     ]
 )
-BY_URGENCY = 3  # column of POLICIES
+_SPREAD = 114  # policies spread evenly over all that make sense
+
+
+def _spread() -> NDArray[np.float64]:
+    """Return policies of an additive recurrence, which fills the space evenly."""
+    root = 1.0
+    for _ in range(40):  # of x^7 = x + 1, which is the best step for six numbers
+        root = (1.0 + root) ** (1.0 / 7.0)
+    share = np.modf(0.5 + np.arange(1, _SPREAD + 1)[:, None] / root ** np.arange(1, 7))[0]
+    weights = 10.0 ** (share[:, :3] * [2.5, 2.5, 2.0] - [0.5, 1.0, 1.0])
+    weights[::2, STEP] = 0.0
+    urgency = np.floor(share[:, 3] * 3) / 2
+    bonus = np.array([0.0, 0.05, 0.2, 1.0, 3.0])[(share[:, 4] * 5).astype(np.int64)]
+    return np.column_stack([weights, urgency, bonus, 10.0 ** (2.5 * share[:, 5] - 2.5)])
+
+
+POLICIES = np.concatenate([np.column_stack([_TUNED, np.tile([0.0, 0.03], (14, 1))]), _spread()])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StatedOrder:
+    """Who prints what, in one order of all; conflicts are decided in this order."""
+
+    order: NDArray[np.int32]  # (n,) contours
+    backwards: NDArray[np.bool_]  # (n,) aligned with order
+    head: NDArray[np.int64]  # (n,) aligned with order
+
+    @staticmethod
+    def of(toolpaths: Sequence[Toolpath]) -> StatedOrder:
+        """Return the joint order of toolpaths that all have turns."""
+        count = [len(toolpath) for toolpath in toolpaths]
+        turn = np.concatenate([np.asarray(toolpath.turn, np.int64) for toolpath in toolpaths])
+        row = np.argsort(turn)
+        return StatedOrder(
+            np.concatenate([toolpath.order for toolpath in toolpaths])[row],
+            np.concatenate([toolpath.reversed for toolpath in toolpaths])[row],
+            np.repeat(np.arange(len(count)), count)[row],
+        )
+
+    def toolpaths(self, heads: int) -> list[Toolpath]:
+        """Return the toolpath of each head, with turns."""
+        made = []
+        for r in range(heads):
+            turn = np.flatnonzero(self.head == r)
+            entry = np.zeros(len(turn), np.int32)
+            made.append(Toolpath(self.order[turn], self.backwards[turn], entry, turn))
+        return made
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +103,7 @@ class Intent:
     macros: NDArray[np.int32]  # (k,) in the order wanted, each once
     policy: int  # row of POLICIES
     serial: Toolpath | None  # everything in this order instead
+    stated: StatedOrder | None = None  # who prints what in which order instead
 
 
 def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
@@ -59,11 +113,24 @@ def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
         order, backwards = plan[1:] // 2, plan[1:] % 2 == 1
         if np.array_equal(np.sort(order), np.arange(n_contours)):
             return Intent(np.empty(0, np.int32), 0, Toolpath.of(order, backwards))
+    stated = _decode_stated(plan, serial + 1, n_contours)
+    if stated is not None:
+        return Intent(np.empty(0, np.int32), 0, None, stated)
     named = plan[(plan >= n_macros) & (plan < serial)]
     known = plan[(plan >= 0) & (plan < n_macros)]
     _, first = np.unique(known, return_index=True)
     policy = int(named[0]) - n_macros if len(named) else 0
     return Intent(known[np.sort(first)].astype(np.int32), policy, None)
+
+
+def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | None:
+    """Return the stated order of a plan that begins with `mark`; None: it is none."""
+    if len(plan) != n + 2 or plan[0] != mark or plan[1] < 1 or not n:
+        return None
+    visit, head = plan[2:] // plan[1], plan[2:] % plan[1]
+    if not np.array_equal(np.sort(visit // 2), np.arange(n)):
+        return None
+    return StatedOrder((visit // 2).astype(np.int32), visit % 2 == 1, head.astype(np.int64))
 
 
 def encode(macros: NDArray[np.int32], policy: int, n_macros: int) -> NDArray[np.int32]:
@@ -75,3 +142,9 @@ def encode_serial(toolpath: Toolpath, n_macros: int) -> NDArray[np.int32]:
     """Return the plan that prints everything in this order, one head at a time."""
     symbols = 2 * toolpath.order + toolpath.reversed
     return np.concatenate([[n_macros + len(POLICIES)], symbols]).astype(np.int32)
+
+
+def encode_stated(stated: StatedOrder, heads: int, n_macros: int) -> NDArray[np.int32]:
+    """Return the plan that states who prints what in which order."""
+    symbols = (2 * stated.order.astype(np.int64) + stated.backwards) * heads + stated.head
+    return np.concatenate([[n_macros + len(POLICIES) + 1, heads], symbols]).astype(np.int32)

@@ -20,6 +20,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.motion import job_times
+from decmcts.team.bottleneck import bottleneck
 from decmcts.team.macros import columns_of, cut_macros, part_of, part_progress
 from decmcts.team.order import visits_of
 from decmcts.team.space import Space, build_space, fleet_of, require_printable
@@ -38,6 +39,7 @@ class TeamProblem:
     quantile: NDArray[np.float64]  # (n,) share of all work nearer to the first head's side, 0..1
     progress: NDArray[np.float64]  # (n,) share of its part's work before it
     urgency: NDArray[np.float64]  # (n,) 0: the longest chain comes after it, 1: nothing does
+    bottleneck: NDArray[np.bool_]  # (n,) see decmcts.team.bottleneck
     part: NDArray[np.int64]  # (n,) connected footprint
     column_offsets: NDArray[np.int64]  # (columns + 1,) see decmcts._kernels.dispatch
     column: NDArray[np.int32]  # (n,)
@@ -101,6 +103,7 @@ def build_team_problem(job: PrintJob, machine: Machine, graph: DependencyGraph) 
         quantile=quantile,
         progress=progress,
         urgency=_urgency(seconds, graph),
+        bottleneck=bottleneck(space.boxes, seconds, machine),
         part=part,
         column_offsets=column_offsets,
         column=column,

@@ -15,18 +15,26 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.carry_out import OK, carry_out
 from decmcts._kernels.dispatch import Policy, dispatch
 from decmcts._kernels.joint import Units
 from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import split
-from decmcts.team.order import refuse, units_of, visits_of
-from decmcts.team.plans import BY_URGENCY, POLICIES, Intent, decode
+from decmcts.team.order import refuse, sequences_of, units_of, visits_of
+from decmcts.team.plans import (
+    BOTTLENECK,
+    OTHERS,
+    POLICIES,
+    STEP,
+    URGENCY,
+    Intent,
+    StatedOrder,
+    decode,
+)
 from decmcts.team.problem import TeamProblem
 from decmcts.team.space import build_space, fleet_of, require_printable
-
-OTHERS = 0.03  # progress by which a head puts its own work before that of others
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +81,9 @@ def resolve(
     serial = next((i.serial for i in intents.values() if i.serial is not None), None)
     if serial is not None:
         return _one_by_one(problem, serial, fleet, eligible, team)
+    stated = next((i.stated for i in intents.values() if i.stated is not None), None)
+    if stated is not None and (found := _as_stated(problem, stated, fleet, eligible)):
+        return found
     return _dispatched(problem, intents, fleet, eligible)
 
 
@@ -88,7 +99,7 @@ def _dispatched(
         _keys(problem, intents, eligible),
         problem.places(),
         eligible,
-        POLICIES[[_policy_of(intents, r) for r in heads], :BY_URGENCY],
+        POLICIES[[_policy_of(intents, r) for r in heads], : STEP + 1],
         problem.column_offsets,
         problem.column,
         problem.graph.succ_offsets,
@@ -109,7 +120,7 @@ def _keys(
     """Return when each head wants to print each contour, in progress of its part, (heads, n).
 
     A macro-action moved forwards in a plan comes earlier by as much as those
-    it overtook. What another head owns comes a little later.
+    it overtook. What another head owns comes later, the bottleneck sooner.
     """
     heads, m = len(problem.machine.heads), problem.n_macros
     count = np.maximum(np.bincount(problem.macro, minlength=m), 1)
@@ -124,10 +135,11 @@ def _keys(
     moved = shift.max(axis=0) + shift.min(axis=0)
     keys = np.empty((heads, len(problem.macro)))
     for r in range(heads):
+        policy = POLICIES[_policy_of(intents, r)]
         later = shift[r] if r in intents else moved
-        later = np.where((owner != r) & owned, moved + OTHERS, later)
-        base = POLICIES[_policy_of(intents, r), BY_URGENCY]
-        keys[r] = problem.progress + base * (problem.urgency - problem.progress)
+        later = np.where((owner != r) & owned, moved + policy[OTHERS], later)
+        keys[r] = problem.progress + policy[URGENCY] * (problem.urgency - problem.progress)
+        keys[r] -= policy[BOTTLENECK] * problem.bottleneck
         keys[r] += later[problem.macro]
         keys[r, ~eligible[:, r]] = np.inf
     return keys
@@ -149,6 +161,20 @@ def _one_by_one(
         problem.job.contours, problem.graph, problem.visits.seconds, turned, in_pieces=in_pieces
     )
     return _resolved(units_of(visits, fleet, problem.machine, toolpaths), len(toolpaths))
+
+
+def _as_stated(
+    problem: TeamProblem, stated: StatedOrder, fleet: Fleet, eligible: NDArray[np.bool_]
+) -> Resolved | None:
+    """Let the heads do exactly this; None if these heads can not."""
+    heads = len(problem.machine.heads)
+    if stated.head.max(initial=0) >= heads or not eligible[stated.order, stated.head].all():
+        return None
+    if (stated.backwards & ~problem.visits.reversible[stated.order]).any():
+        return None
+    sequences = sequences_of(stated.toolpaths(heads))
+    units, verdict = carry_out(sequences, problem.visits, fleet)
+    return _resolved(units, heads) if verdict == OK else None
 
 
 def _resolved(units: Units, heads: int) -> Resolved:

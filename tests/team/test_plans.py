@@ -10,7 +10,14 @@ import pytest
 
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.exchange import exchange, exchange_jointly
-from decmcts.team.plans import POLICIES, decode, encode, encode_serial
+from decmcts.team.plans import (
+    POLICIES,
+    StatedOrder,
+    decode,
+    encode,
+    encode_serial,
+    encode_stated,
+)
 from decmcts.team.problem import build_team_problem
 
 
@@ -30,6 +37,27 @@ def test_a_serial_plan_comes_back() -> None:
     assert intent.serial is not None
     assert intent.serial.order.tolist() == [2, 0, 1]
     assert intent.serial.reversed.tolist() == [True, False, True]
+
+
+def test_a_stated_order_comes_back() -> None:
+    """Who prints what, in which order and direction, survives."""
+    order, backwards = np.array([2, 0, 1], np.int32), np.array([True, False, True])
+    plan = encode_stated(StatedOrder(order, backwards, np.array([2, 0, 1])), 3, 9)
+    stated = decode(plan, 9, 3).stated
+    assert stated is not None
+    assert stated.order.tolist() == [2, 0, 1]
+    assert stated.backwards.tolist() == [True, False, True]
+    assert stated.head.tolist() == [2, 0, 1]
+    assert decode(plan, 9, 4).stated is None
+    plan[-1] = plan[-2]
+    assert decode(plan, 9, 3).stated is None
+
+
+def test_policies_differ_and_cover_the_range() -> None:
+    """Alike ones would be tried in vain."""
+    assert len(np.unique(POLICIES, axis=0)) == len(POLICIES)
+    assert (POLICIES[:, 0] > 0).all()
+    assert np.log10(np.ptp(POLICIES[:, 0])) > 2
 
 
 @pytest.mark.parametrize(

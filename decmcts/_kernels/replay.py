@@ -1,0 +1,126 @@
+"""One order of everything that several heads do, carried out again from any turn on.
+
+What is known before each turn is marked, so that a change in the middle costs what it
+touches rather than the whole print (`decmcts._kernels.carry_out` begins at the first).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.aside import print_next
+from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.joint import NONE, Heads, Units, Visits
+from decmcts._kernels.rooms import Fleet
+
+
+class JointOrder(NamedTuple):
+    """Who prints what, in one order of all; changed in place."""
+
+    order: NDArray[np.int64]  # (n,) contours
+    turn: NDArray[np.int64]  # (n,) place of each contour in it
+    head: NDArray[np.int64]  # (n,) of each contour
+    backwards: NDArray[np.bool_]  # (n,)
+    before: NDArray[np.int64]  # (n,) what its head prints before each contour; NONE
+    behind: NDArray[np.int64]  # (n,) and after it
+
+
+class Marks(NamedTuple):
+    """What `Heads` and `Units` held before each turn."""
+
+    used: NDArray[np.int64]  # (n + 1,)
+    last: NDArray[np.int64]  # (n + 1, heads)
+    free: NDArray[np.float64]  # (n + 1, heads)
+    at: NDArray[np.float64]  # (n + 1, heads, 3)
+    rest: NDArray[np.float64]  # (n + 1, heads, 6)
+    known: NDArray[np.int64]  # (1,) turns up to which all this is true
+
+
+@inlined
+def mark(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+    """Note what holds before a turn (mutates marks)."""
+    marks.used[turn] = units.used[0]
+    for r in range(len(heads.free)):
+        marks.last[turn, r], marks.free[turn, r] = heads.last[r], heads.free[r]
+        for axis in range(3):
+            marks.at[turn, r, axis] = heads.at[r, axis]
+        for side in range(6):
+            marks.rest[turn, r, side] = heads.rest[r, side]
+
+
+@inlined
+def recall(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+    """Go back to what held before a turn (mutates units, heads)."""
+    units.used[0] = marks.used[turn]
+    for r in range(len(heads.free)):
+        heads.last[r], heads.free[r] = marks.last[turn, r], marks.free[turn, r]
+        for axis in range(3):
+            heads.at[r, axis] = marks.at[turn, r, axis]
+        for side in range(6):
+            heads.rest[r, side] = marks.rest[turn, r, side]
+
+
+@inlined
+def has_room(units: Units, heads: Heads) -> bool:
+    """Whether all that one more contour can need finds room among the units."""
+    count = len(heads.free)
+    return bool(units.used[0] + count * (count + 2) + 2 <= len(units.head))
+
+
+@kernel
+def replay(
+    end: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    marks: Marks,
+) -> bool:  # fmt: skip
+    """Mark all turns up to `end` (mutates units, heads, marks); False: the order has no room."""
+    if marks.known[0] >= end:
+        return True
+    recall(marks.known[0], units, heads, marks)
+    for turn in range(marks.known[0], end):
+        c = joint.order[turn]
+        back = joint.backwards[c]
+        if not has_room(units, heads) or not print_next(
+            joint.head[c], c, back, visits, fleet, units, heads
+        ):
+            return False
+        mark(turn + 1, units, heads, marks)
+        marks.known[0] = turn + 1
+    return True
+
+
+@kernel
+def finish(
+    begin: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    marks: Marks,
+) -> float:  # fmt: skip
+    """Return when all is printed (mutates units, heads, marks: known up to `begin`); inf: no room.
+
+    As `replay` to the end, but nothing is marked on the way.
+    """
+    recall(begin, units, heads, marks)
+    marks.known[0] = begin
+    for turn in range(begin, len(joint.order)):
+        c = joint.order[turn]
+        back = joint.backwards[c]
+        if not has_room(units, heads) or not print_next(
+            joint.head[c], c, back, visits, fleet, units, heads
+        ):
+            return np.inf
+    latest: float = heads.free.max()
+    return latest
+
+
+@kernel
+def link(joint: JointOrder, heads: int) -> None:
+    """Find each contour's turn, and what its head prints before and after it (mutates joint)."""
+    last = np.full(heads, NONE)
+    for turn in range(len(joint.order)):
+        c = joint.order[turn]
+        r = joint.head[c]
+        joint.turn[c], joint.before[c], joint.behind[c] = turn, last[r], NONE
+        if last[r] != NONE:
+            joint.behind[last[r]] = c
+        last[r] = c

@@ -1,0 +1,142 @@
+"""Refines one joint order by local search, and joins what two heads made of the same one.
+
+Front of `decmcts._kernels.polish`. A head polishes the best joint order it knows and tells
+the team; of what it is told it takes the stretches that are better than its own (partition
+crossover, Whitley, Hains & Howe 2009), so that heads improve different places at once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
+from decmcts._kernels.polish import LONGEST, MARGIN, RUN, Moves, polish
+from decmcts._kernels.random import seeded
+from decmcts._kernels.replay import JointOrder, Marks, finish, link, replay
+from decmcts.team.plans import StatedOrder
+from decmcts.team.problem import TeamProblem
+
+NEAR = 10  # contours near each end of one
+LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
+MOST_STRETCHES = 16  # tried one by one when two orders are joined
+
+
+class Polish:
+    """The search on one joint order of all heads; equal seeds and calls give equal orders.
+
+    `best` and `best_s` are the best order it has seen and its makespan, without the way
+    back to the parks.
+    """
+
+    def __init__(self, problem: TeamProblem, stated: StatedOrder, *, seed: int) -> None:
+        n, heads = len(problem.macro), len(problem.machine.heads)
+        self._problem, self._state = problem, seeded(seed)
+        self._moves = _moves(problem)
+        self._joint = _joint_of(stated, heads)
+        self._heads = all_parked(n, problem.fleet)
+        self._units = new_units(8 * n + 64 * heads * (heads + 2))
+        self._marks = _marks(n, self._heads)
+        self.began_s = self.makespan_s = self._finish(0)
+        self.best, self.best_s = stated, self.makespan_s
+
+    def improve(self, windows: int) -> None:
+        """Polish some random windows; the best order never gets worse."""
+        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
+            return
+        self.makespan_s = polish(
+            self.makespan_s, windows, self._joint, self._moves, self._problem.visits,
+            self._problem.fleet, self._units, self._heads, self._marks, self._state,
+        )  # fmt: skip
+        self._keep()
+
+    def take(self, other: StatedOrder) -> None:
+        """Take from another joint order the stretches in which it is better."""
+        mine = self._stated()
+        for begin, end in _differences(mine, other):
+            self._put(other, begin, end)
+            found = self._finish(begin)
+            if found < self.makespan_s:
+                self.makespan_s = found
+            else:
+                self._put(mine, begin, end)
+        self._keep()
+
+    def _stated(self) -> StatedOrder:
+        order = self._joint.order
+        return StatedOrder(
+            order.astype(np.int32), self._joint.backwards[order], self._joint.head[order]
+        )
+
+    def _keep(self) -> None:
+        if self.makespan_s < self.best_s:
+            self.best, self.best_s = self._stated(), self.makespan_s
+
+    def _put(self, source: StatedOrder, begin: int, end: int) -> None:
+        """Use a stretch of another order, of the same contours."""
+        joint, order = self._joint, source.order[begin:end]
+        joint.order[begin:end] = order
+        joint.head[order] = source.head[begin:end]
+        joint.backwards[order] = source.backwards[begin:end]
+        link(joint, len(self._heads.free))
+        self._marks.known[0] = min(self._marks.known[0], begin)
+
+    def _finish(self, begin: int) -> float:
+        args = (self._joint, self._problem.visits, self._problem.fleet, self._units)
+        if not replay(begin, *args, self._heads, self._marks):
+            return np.inf
+        return float(finish(begin, *args, self._heads, self._marks))
+
+
+def _joint_of(stated: StatedOrder, heads: int) -> JointOrder:
+    n = len(stated.order)
+    head, backwards = np.empty(n, np.int64), np.empty(n, np.bool_)
+    head[stated.order], backwards[stated.order] = stated.head, stated.backwards
+    made = JointOrder(
+        stated.order.astype(np.int64), np.empty(n, np.int64), head, backwards,
+        np.empty(n, np.int64), np.empty(n, np.int64),
+    )  # fmt: skip
+    link(made, heads)
+    return made
+
+
+def _marks(n: int, heads: Heads) -> Marks:
+    """Return marks that know only the beginning."""
+    count = len(heads.free)
+    marks = Marks(
+        np.zeros(n + 1, np.int64), np.full((n + 1, count), NONE), np.zeros((n + 1, count)),
+        np.empty((n + 1, count, 3)), np.empty((n + 1, count, 6)), np.zeros(1, np.int64),
+    )  # fmt: skip
+    marks.at[0], marks.rest[0] = heads.at, heads.rest
+    return marks
+
+
+def _moves(problem: TeamProblem) -> Moves:
+    n = len(problem.macro)
+    ends = problem.visits.ends.reshape(-1, 3) * [1.0, 1.0, LEVEL_MM]
+    near = np.zeros((0, 1), np.int64)
+    if n:
+        near = cKDTree(ends).query(ends, min(NEAR + 2, 2 * n))[1] // 2
+        own = near == np.arange(2 * n)[:, None] // 2
+        near = np.take_along_axis(near, np.argsort(own, axis=1, kind="stable"), axis=1)[:, :NEAR]
+    return Moves(
+        np.ascontiguousarray(near, np.int32), problem.space.eligible,
+        problem.graph.succ_offsets, problem.graph.succs,
+        np.empty(RUN, np.int64), np.empty(LONGEST + MARGIN, np.int64),
+    )  # fmt: skip
+
+
+def _differences(mine: StatedOrder, other: StatedOrder) -> list[tuple[int, int]]:
+    """Return stretches of the same contours in which two orders differ, a few at most."""
+    n = len(mine.order)
+    turn = np.empty(n, np.int64)
+    turn[other.order] = np.arange(n)
+    cut = np.maximum.accumulate(turn[mine.order]) == np.arange(n)  # all before is the same set
+    ends = np.flatnonzero(cut) + 1
+    begins = np.concatenate([[0], ends[:-1]]).astype(np.int64)
+    differs = (mine.order != other.order) | (mine.head != other.head)
+    differs |= mine.backwards != other.backwards
+    unlike = np.add.reduceat(differs, begins) > 0 if n else np.empty(0, np.bool_)
+    rows = np.flatnonzero(unlike)
+    groups = np.array_split(rows, min(MOST_STRETCHES, max(1, len(rows))))
+    return [(int(begins[g[0]]), int(ends[g[-1]])) for g in groups if len(g)]

@@ -1,0 +1,100 @@
+"""Local search on a joint order: true to the engine, never worse, and joined with others'."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decmcts.team.plans import StatedOrder, encode, encode_stated
+from decmcts.team.polish import Polish
+from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.resolve import Resolved, resolve
+
+
+def _problem(case: Callable[..., Any], seed: int, heads: int = 2) -> TeamProblem:
+    chosen = case(seed, towers=8, reach=5.0)
+    assert len(chosen.machine.heads) == heads
+    return build_team_problem(chosen.job, chosen.machine, chosen.graph)
+
+
+def _start(problem: TeamProblem) -> Resolved:
+    plans = {r: encode(problem.sides_of(r), 0, problem.n_macros) for r in range(2)}
+    return resolve(problem, plans, [0, 1])
+
+
+def _stated(problem: TeamProblem, stated: StatedOrder, by: int = 0) -> Resolved:
+    heads = max(2, int(stated.head.max()) + 1)
+    return resolve(problem, {by: encode_stated(stated, heads, problem.n_macros)}, [0, 1])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_polished_orders_are_valid_and_no_worse(case: Callable[..., Any], seed: int) -> None:
+    """What it says of its best order is what the engine makes of it."""
+    problem = _problem(case, seed)
+    start = _start(problem)
+    polish = Polish(problem, StatedOrder.of(start.toolpaths), seed=seed)
+    polish.improve(20)
+    found = _stated(problem, polish.best)
+    assert found.makespan_s <= start.makespan_s + 1e-9
+    assert np.array_equal(np.sort(polish.best.order), np.arange(len(problem.macro)))
+    turn = np.empty(len(problem.macro), np.int64)
+    turn[polish.best.order] = np.arange(len(turn))
+    before, after = problem.graph.pairs().T
+    assert (turn[before] < turn[after]).all()
+    assert problem.space.eligible[polish.best.order, polish.best.head].all()
+    printed = np.concatenate([path.order[np.argsort(path.turn)] for path in found.toolpaths])
+    expected = np.concatenate([polish.best.order[polish.best.head == r] for r in range(2)])
+    assert np.array_equal(printed, expected)
+
+
+@pytest.mark.slow
+def test_equal_seeds_give_equal_orders(case: Callable[..., Any]) -> None:
+    """Without this no run could ever be replayed."""
+    problem = _problem(case, 1)
+    stated = StatedOrder.of(_start(problem).toolpaths)
+    ends = []
+    for seed in (3, 3, 4):
+        polish = Polish(problem, stated, seed=seed)
+        polish.improve(10)
+        ends.append(polish.best.order.tolist() + polish.best.head.tolist())
+    assert ends[0] == ends[1] != ends[2]
+
+
+@pytest.mark.slow
+def test_takes_what_is_better_of_anothers_order(case: Callable[..., Any]) -> None:
+    """Two heads that polish the same order end with the best of both."""
+    problem = _problem(case, 2)
+    stated = StatedOrder.of(_start(problem).toolpaths)
+    one, two = (Polish(problem, stated, seed=seed) for seed in (5, 6))
+    one.improve(8)
+    two.improve(8)
+    alone = one.best_s
+    one.take(two.best)
+    assert one.best_s <= alone
+    fresh = Polish(problem, stated, seed=7)
+    fresh.take(two.best)
+    assert fresh.best_s == pytest.approx(min(two.best_s, fresh.began_s))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["precedence", "head", "direction"])
+def test_a_stated_order_that_cannot_be_is_ignored(case: Callable[..., Any], kind: str) -> None:
+    """A peer's broken plan must neither crash nor bind anyone."""
+    problem = _problem(case, 2)
+    stated = StatedOrder.of(_start(problem).toolpaths)
+    order, backwards, head = stated.order.copy(), stated.backwards.copy(), stated.head.copy()
+    if kind == "precedence":
+        order, backwards, head = order[::-1], backwards[::-1], head[::-1]
+    elif kind == "head":
+        head += 2
+    else:
+        fixed = ~problem.visits.reversible[order]
+        if not fixed.any():
+            pytest.skip("every contour of this print may be reversed")
+        backwards[fixed] = True
+    nothing = resolve(problem, {}, [0, 1])
+    assert _stated(problem, StatedOrder(order, backwards, head)).digest == nothing.digest
