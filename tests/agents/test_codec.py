@@ -35,6 +35,7 @@ from agents.messages import (
     Proposal,
     Stage,
 )
+from decmcts.team.plans import StatedOrder, encode_stated
 
 DIGEST = "0123456789abcdef" * 2
 PROPOSAL = Proposal((0, 1), {1: np.int32([4, 1, 2]), 0: np.int32([])}, 12.5, DIGEST)
@@ -92,21 +93,35 @@ def test_a_joint_plan_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
     rows = np.array_split(rng.permutation(5000).astype(np.int32), 8)
     joint = Joint(tuple(range(8)), dict(enumerate(rows)), 1e5)
     data = wire(joint)
-    assert len(data) <= MAX_JOINT_BYTES
+    assert len(data) <= 16 * 1024
     heard = decode(data).message
     assert isinstance(heard, Joint)
     assert all(np.array_equal(heard.plans[h], row) for h, row in enumerate(rows))
 
 
+def test_a_stated_order_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
+    """In no order at all, each contour by any head: nothing is longer."""
+    rng = np.random.default_rng(5)
+    backwards, head = rng.random(5000) < 0.5, rng.integers(0, 8, 5000)
+    plan = encode_stated(StatedOrder(rng.permutation(5000).astype(np.int32), backwards, head), 8, 9)
+    nothing = np.empty(0, np.int32)
+    plans = {h: plan if h == 3 else nothing for h in range(8)}
+    data = wire(Joint(tuple(range(8)), plans, 1e5))
+    assert len(data) <= 16 * 1024
+    heard = decode(data).message
+    assert isinstance(heard, Joint)
+    assert np.array_equal(heard.plans[3], plan)
+
+
 def test_a_joint_plan_above_its_limit_is_neither_sent_nor_read() -> None:
     """It is said often, and many of them must fit where one proposal does."""
     rng = np.random.default_rng(5)
-    rows = {h: rng.permutation(5000).astype(np.int32) for h in range(8)}
-    with pytest.raises(MessageError, match=r"joint of \d+ bytes, limit 16384"):
+    rows = {h: rng.permutation(12_000).astype(np.int32) for h in range(8)}
+    with pytest.raises(MessageError, match=rf"joint of \d+ bytes, limit {MAX_JOINT_BYTES}"):
         wire(Joint(tuple(range(8)), rows, 1e5))
     proposal = bytearray(wire(Proposal(tuple(range(8)), rows, 1e5, DIGEST)))
     forged = proposal.replace(b"\xa8proposal", b"\xa5joint")
-    with pytest.raises(MessageError, match=r"joint of \d+ bytes, limit 16384"):
+    with pytest.raises(MessageError, match=rf"joint of \d+ bytes, limit {MAX_JOINT_BYTES}"):
         decode(bytes(forged))
 
 
