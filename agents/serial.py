@@ -19,7 +19,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import one_head_toolpaths
 from decmcts.team.plans import decode, encode_serial
 from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import Resolved, resolve
+from decmcts.team.resolve import Resolved, as_allowed, resolve
 
 
 def serial_plans(problem: TeamProblem, live: Sequence[int]) -> Plans:
@@ -36,9 +36,10 @@ def joint_order(problem: TeamProblem, plans: Plans, live: Sequence[int]) -> Reso
     InputError
         If no live head may print some contour, or a stated order breaks the precedence.
     """
-    order = _stated(problem, plans, live)
-    if order is not None:
-        _require_precedence(problem, order)
+    stated = _stated(problem, plans, live)
+    order = None if stated is None else as_allowed(problem, stated)
+    if order is None and stated is not None:
+        raise InputError("the serial order contradicts the precedence")
     found = resolve(problem, plans, live)
     if order is None:
         return found
@@ -51,14 +52,6 @@ def _stated(problem: TeamProblem, plans: Plans, live: Sequence[int]) -> Toolpath
     n = len(problem.job.contours)
     decoded = (decode(plans[r], problem.n_macros, n).serial for r in sorted(live) if r in plans)
     return next((order for order in decoded if order is not None), None)
-
-
-def _require_precedence(problem: TeamProblem, order: Toolpath) -> None:
-    turn = np.empty(len(order), np.int64)
-    turn[order.order] = np.arange(len(order))
-    before, after = problem.graph.pairs().T
-    if (turn[before] >= turn[after]).any():
-        raise InputError("the serial order contradicts the precedence")
 
 
 def _digest(toolpaths: Sequence[Toolpath]) -> str:

@@ -22,7 +22,7 @@ from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import split
-from decmcts.team.order import refuse, sequences_of, units_of, visits_of
+from decmcts.team.order import refuse, sequences_of, units_of
 from decmcts.team.plans import (
     BOTTLENECK,
     OTHERS,
@@ -79,8 +79,8 @@ def resolve(
         r: decode(np.asarray(plans[r], np.int32), problem.n_macros, n) for r in team if r in plans
     }
     serial = next((i.serial for i in intents.values() if i.serial is not None), None)
-    if serial is not None:
-        return _one_by_one(problem, serial, fleet, eligible, team)
+    if serial is not None and (order := as_allowed(problem, serial)):
+        return _one_by_one(problem, order, fleet, eligible, team)
     stated = next((i.stated for i in intents.values() if i.stated is not None), None)
     if stated is not None and (found := _as_stated(problem, stated, fleet, eligible)):
         return found
@@ -145,6 +145,16 @@ def _keys(
     return keys
 
 
+def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:
+    """Return a serial order with only what may run backwards; None if it breaks the precedence."""
+    turn = np.empty(len(order), np.int64)
+    turn[order.order] = np.arange(len(order))
+    before, after = problem.graph.pairs().T
+    if (turn[before] >= turn[after]).any():
+        return None
+    return Toolpath.of(order.order, order.reversed & problem.visits.reversible[order.order])
+
+
 def _one_by_one(
     problem: TeamProblem,
     order: Toolpath,
@@ -154,13 +164,7 @@ def _one_by_one(
 ) -> Resolved:
     """Print everything in one order, one head at a time where that matters."""
     toolpaths = split(order, eligible, team)
-    turned = problem.visits.reversible.copy()
-    turned[order.order] |= order.reversed
-    in_pieces = problem.machine.release == "point"
-    visits = visits_of(
-        problem.job.contours, problem.graph, problem.visits.seconds, turned, in_pieces=in_pieces
-    )
-    return _resolved(units_of(visits, fleet, problem.machine, toolpaths), len(toolpaths))
+    return _resolved(units_of(problem.visits, fleet, problem.machine, toolpaths), len(toolpaths))
 
 
 def _as_stated(

@@ -94,15 +94,33 @@ def test_meaningless_symbols_are_skipped(problem: TeamProblem) -> None:
 def test_serial_plan_is_kept_to_the_letter(problem: TeamProblem) -> None:
     """The fall-back: one head's order printed as it is, by one head where it can."""
     n = len(problem.macro)
-    toolpath = Toolpath.of(np.arange(n, dtype=np.int32), np.arange(n) % 2 == 0)
+    toolpath = Toolpath.of(np.arange(n, dtype=np.int32), np.arange(n) % 2 == 1)
     resolved = resolve(problem, {0: encode_serial(toolpath, problem.n_macros)}, [0, 1])
     order = np.empty(n, np.int64)
     for part in resolved.toolpaths:
         assert part.turn is not None
         order[part.turn] = part.order
-        assert np.array_equal(part.reversed, part.order % 2 == 0)
+        assert np.array_equal(part.reversed, part.order % 2 == 1)
     eligible = problem.space.eligible.all(axis=1)
     assert np.array_equal(order[eligible[order]], np.flatnonzero(eligible))
+    _check(problem, resolved)
+
+
+def test_a_serial_plan_turns_nothing_that_may_not_be_turned(problem: TeamProblem) -> None:
+    """A peer states it: the judge would refuse the plan once all heads had agreed on it."""
+    n = len(problem.macro)
+    toolpath = Toolpath.of(np.arange(n, dtype=np.int32), np.ones(n, np.bool_))
+    resolved = resolve(problem, {0: encode_serial(toolpath, problem.n_macros)}, [0, 1])
+    for part in resolved.toolpaths:
+        assert np.array_equal(part.reversed, problem.visits.reversible[part.order])
+
+
+def test_a_serial_plan_that_breaks_the_precedence_is_no_plan(problem: TeamProblem) -> None:
+    """A head told such a plan by a peer would find no joint order at all and stop."""
+    n = len(problem.macro)
+    toolpath = Toolpath.of(np.arange(n, dtype=np.int32)[::-1].copy(), np.zeros(n, np.bool_))
+    resolved = resolve(problem, {0: encode_serial(toolpath, problem.n_macros)}, [0, 1])
+    assert resolved.digest == resolve(problem, {0: np.empty(0, np.int32)}, [0, 1]).digest
     _check(problem, resolved)
 
 
