@@ -2,156 +2,149 @@
 
     python -m sim.experiments.random_teams [--machines 100] [--plans 100] [--seed 0]
 
-Machines of two to eight heads, on a rail, in a row or around the bed, with bodies, reaches and
-parks drawn at random; small towers over their beds; plans that are sensible, shuffled or
-nonsense. Prints how many resolved, how many the judge refused and why.
+Prints how many plans resolved to a joint order the judge accepts, and of the others why.
+`benchmarks/random_teams.py` does the same for the presets too, resumably, with a table.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
-from decmcts.print.contours import Contours
-from decmcts.print.job import PrintJob, ProcessSettings
-from decmcts.print.machine import Body, Head, Machine, Rail, Slice
-from decmcts.print.plan import OrderRules, PlanDocument
-from decmcts.team.plans import POLICIES, encode
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind, JointPlan, OrderRules, PlanDocument
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.plans import POLICIES, encode, encode_serial
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
+from sim.experiments.random_machines import random_machine, random_print
 from sim.faults import Verdict
 from sim.verify import verify_plan
 
-BED_MM = 90.0  # a head's share of the bed along the heads' axis
 RULES = OrderRules(quality=False, freedom="reversible")
+KINDS = ("sensible", "shuffled", "all for each", "nonsense", "none", "one order", "bad order",
+         "stated")  # fmt: skip
+
+Plans = dict[int, NDArray[np.int32]]
 
 
-def random_machine(seed: int) -> Machine:
-    """Return a machine whose heads stand in a row (on a rail or not) or around a bed."""
-    rng = np.random.default_rng([seed, 1])
-    n = int(rng.integers(2, 9))
-    kind = int(rng.integers(3))  # 0: on a rail, 1: in a row without one, 2: around the bed
-    half = rng.uniform(4.0, 9.0, (n, 2))
-    carriages = [Body("carriage", (-x, -y, 6.0), (x, y, 30.0)) for x, y in half.tolist()]
-    gap = float(rng.uniform(0.5, 3.0))
-    pitch = 2.0 * float(half.max()) + gap + float(rng.uniform(0.0, 8.0))
-    size = np.array([BED_MM * n if kind < 2 else 140.0, 80.0])
-    heads = tuple(
-        Head(
-            f"head {r}",
-            _slices(half[r], rng),
-            bodies=(carriages[r],),
-            park=_park(r, n, kind, size, pitch, rng),
-            reach_min=(0.0, 0.0, 0.0),
-            reach_max=(float(size[0]), float(size[1]), 60.0),
-        )
-        for r in range(n)
-    )  # fmt: skip
-    rails = (Rail(0, tuple(h.name for h in heads), pitch),) if kind == 0 else ()
-    return Machine(
-        f"random {seed}", (0.0, 0.0), (float(size[0]), float(size[1])), heads,
-        head_clearance_mm=gap, rails=rails, release="point",
-    )  # fmt: skip
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of the plans of all heads."""
+
+    plan: JointPlan | None  # None: they did not resolve
+    fault: str  # what is wrong, nothing if all is well
+
+    @property
+    def shared_s(self) -> float:
+        """Nominal seconds in which two heads or more print."""
+        return 0.0 if self.plan is None else shared_seconds(self.plan)
 
 
-def _slices(half: NDArray[np.float64], rng: np.random.Generator) -> tuple[Slice, ...]:
-    tip, (x, y) = float(rng.uniform(1.0, 2.5)), half
-    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    return Slice(0.0, (corners * tip,)), Slice(float(rng.uniform(1, 4)), (corners * [x, y],))
+def random_plans(problem: TeamProblem, rng: np.random.Generator, kind: str) -> Plans:
+    """Return plans of all heads, of one of `KINDS`; "mixed": of any, head by head."""
+    heads = range(len(problem.machine.heads))
+    kinds = [kind if kind != "mixed" else str(rng.choice(KINDS)) for _ in heads]
+    return {r: _plan(problem, r, rng, kind) for r, kind in zip(heads, kinds, strict=True)}
 
 
-def _park(
-    r: int, n: int, kind: int, size: NDArray[np.float64], pitch: float, rng: np.random.Generator
-) -> tuple[float, float, float]:
-    """Return where a head parks: beside the bed in a row's order, or anywhere around it."""
-    z = float(rng.uniform(2.0, 12.0))
-    if kind < 2:
-        left = n // 2
-        x = -pitch * (left - r) if r < left else float(size[0]) + pitch * (r - left + 1)
-        return x, float(rng.uniform(0.0, size[1])), z
-    side, place = r % 4, (r // 4 + 0.5) / 2.0
-    off = pitch + 2.0
-    places = [
-        (-off, place * size[1]), (size[0] + off, place * size[1]),
-        (place * size[0], -off), (place * size[0], size[1] + off),
-    ]  # fmt: skip
-    return float(places[side][0]), float(places[side][1]), z
+def _plan(problem: TeamProblem, r: int, rng: np.random.Generator, kind: str) -> NDArray[np.int32]:
+    """Return a plan of head r."""
+    m, n = problem.n_macros, len(problem.macro)
+    if kind == "nonsense":
+        return rng.integers(-5, 3 * m + 3 * n, int(rng.integers(2 * n))).astype(np.int32)
+    if kind == "none":
+        return np.empty(0, np.int32)
+    if kind == "stated":
+        return _stated(problem, rng)
+    if kind in ("one order", "bad order"):
+        order = random_order(problem, rng) if kind == "one order" else rng.permutation(n)
+        turned = rng.random(n) < 0.5
+        return encode_serial(Toolpath.of(order.astype(np.int32), turned), m)
+    macros = problem.sides_of(r) if kind != "all for each" else np.arange(m, dtype=np.int32)
+    if kind != "sensible":
+        macros = rng.permutation(macros).astype(np.int32)
+    return encode(macros, int(rng.integers(len(POLICIES))), m)
 
 
-def random_print(machine: Machine, seed: int, towers: int = 8, layers: int = 3) -> PrintJob:
-    """Return towers over the bed of a machine: a loop and a stroke on each layer, some wide."""
-    rng = np.random.default_rng([seed, 2])
-    low, high = np.array(machine.bed_min) + 12.0, np.array(machine.bed_max) - 12.0
-    centres, sizes = rng.uniform(low, high, (towers, 2)), rng.uniform(1.5, 11.0, (towers, 2))
-    lines, layer = [], []
-    for level in range(layers):
-        for centre, size in zip(centres, sizes, strict=True):
-            corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * size + centre
-            strokes = np.array([[-0.6, -0.6], [0.0, 0.5], [0.6, -0.6], [0.7, 0.7]]) * size + centre
-            for shape in (corners, strokes):
-                lines.append(np.column_stack([shape, np.full(len(shape), 0.4 * (level + 1))]))
-                layer.append(level)
-    return PrintJob(f"towers {seed}", _contours(lines, layer), ProcessSettings(travel_feed=120.0))
+def _stated(problem: TeamProblem, rng: np.random.Generator) -> NDArray[np.int32]:
+    """Return a plan that says of every contour who prints it and how, in any order."""
+    heads, n = len(problem.machine.heads), len(problem.macro)
+    order = random_order(problem, rng) if rng.random() < 0.7 else rng.permutation(n)
+    head = rng.integers(heads, size=n)
+    if rng.random() < 0.7:
+        head = (problem.space.eligible[order] * rng.random((n, heads))).argmax(axis=1)
+    turned = (rng.random(n) < 0.5) & problem.visits.reversible[order]
+    symbols = (2 * order + turned) * heads + head
+    mark = problem.n_macros + len(POLICIES) + 1
+    return np.concatenate([[mark, heads], symbols]).astype(np.int32)
 
 
-def _contours(lines: list[NDArray[np.float64]], layer: list[int]) -> Contours:
-    n, offsets = len(lines), np.cumsum([0, *(len(line) for line in lines)]).astype(np.int64)
-    feed = np.full(int(offsets[-1]), 40.0)
-    feed[offsets[:-1]] = 0.0
-    return Contours(
-        points=np.concatenate(lines),
-        offsets=offsets,
-        extrusion=np.where(feed > 0, 0.1, 0.0),
-        feed=feed,
-        width=np.full(n, 0.5),
-        height=np.full(n, 0.4),
-        role=np.ones(n, np.int8),
-        closed=np.array([bool((line[0] == line[-1]).all()) for line in lines]),
-        layer=np.array(layer, np.int32),
-        tool=np.zeros(n, np.int16),
-        reversible=np.ones(n, np.bool_),
-        epoch=np.zeros(n, np.int32),
-        line=np.zeros(n, np.int32),
-    )
+def random_order(problem: TeamProblem, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return all contours in a random order that keeps the precedence."""
+    graph, n = problem.graph, len(problem.macro)
+    missing = np.diff(graph.pred_offsets).copy()
+    ready, order = np.flatnonzero(missing == 0).tolist(), []
+    while ready:
+        contour = ready.pop(int(rng.integers(len(ready))))
+        order.append(contour)
+        for after in graph.succs[graph.succ_offsets[contour] : graph.succ_offsets[contour + 1]]:
+            missing[after] -= 1
+            if not missing[after]:
+                ready.append(int(after))
+    assert len(order) == n
+    return np.array(order, np.int64)
 
 
-def random_plans(problem: TeamProblem, rng: np.random.Generator) -> dict[int, NDArray[np.int32]]:
-    """Return plans of all heads: sensible, shuffled, everything for each, or nonsense."""
-    kind, plans = int(rng.integers(4)), {}
-    for r in range(len(problem.machine.heads)):
-        macros = problem.sides_of(r)
-        if kind == 1:
-            macros = rng.permutation(macros).astype(np.int32)
-        elif kind == 2:
-            macros = rng.permutation(problem.n_macros).astype(np.int32)
-        plan = encode(macros, int(rng.integers(len(POLICIES))), problem.n_macros)
-        if kind == 3:
-            plan = rng.integers(-5, 3 * problem.n_macros, 40).astype(np.int32)
-        plans[r] = plan
-    return plans
+def outcome(problem: TeamProblem, plans: Plans, trials: int = 1) -> Outcome:
+    """Return what plans resolve to, and what the judge finds wrong with it."""
+    try:
+        found = resolve(problem, plans, range(len(problem.machine.heads)))
+        plan = schedule(problem.job, problem.machine, problem.graph, found.toolpaths)
+    except InputError as error:
+        return Outcome(None, error.what)
+    verdict = judged(problem, plan, trials)
+    return Outcome(plan, "" if verdict.ok else str(verdict.faults[0]))
 
 
-def judged(problem: TeamProblem, plans: dict[int, NDArray[np.int32]], trials: int = 1) -> Verdict:
-    """Return what the judge makes of the joint plan that plans resolve to."""
-    heads = list(range(len(problem.machine.heads)))
-    found = resolve(problem, plans, heads)
-    job, machine, graph = problem.job, problem.machine, problem.graph
-    plan = schedule(job, machine, graph, found.toolpaths)
+def judged(problem: TeamProblem, plan: JointPlan, trials: int = 1) -> Verdict:
+    """Return what the judge makes of a joint plan."""
+    pairs = problem.graph.pairs()
     document = PlanDocument(
-        problem.digest, machine, job.contours, graph.pairs(), plan, {}, rules=RULES
+        problem.digest, problem.machine, problem.job.contours, pairs, plan, {}, rules=RULES
     )
-    return verify_plan(document, source=job, trials=trials)
+    return verify_plan(document, source=problem.job, trials=trials)
+
+
+def shared_seconds(plan: JointPlan) -> float:
+    """Return for how many nominal seconds two heads or more print."""
+    steps = []
+    for lane in plan.heads:
+        prints = lane.kind == ActionKind.PRINT
+        steps += [(float(t), 1) for t in lane.begin_s[prints]]
+        steps += [(float(t), -1) for t in lane.end_s[prints]]
+    steps.sort()
+    printing, shared, last = 0, 0.0, 0.0
+    for at, step in steps:
+        shared += (at - last) * (printing > 1)
+        printing, last = printing + step, at
+    return shared
 
 
 def problem_of(seed: int) -> TeamProblem:
     """Return the problem of a random print on a random machine; InputError where it has none."""
-    machine = random_machine(seed)
+    return problem_on(random_machine(seed), seed)
+
+
+def problem_on(machine: Machine, seed: int) -> TeamProblem:
+    """Return the problem of a random print on this machine; InputError where it has none."""
     job = random_print(machine, seed)
     graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
     return build_team_problem(job, machine, graph)
@@ -172,11 +165,12 @@ def main() -> None:
             counts[f"no problem: {error.what[:60]}"] += 1
             continue
         rng = np.random.default_rng([seed, 3])
-        for _ in range(options.plans):
-            verdict = judged(problem, random_plans(problem, rng))
-            counts["accepted" if verdict.ok else f"refused: {verdict.faults[0].kind}"] += 1
-            if not verdict.ok:
-                print(problem.machine.name, len(problem.machine.heads), str(verdict.faults[0]))
+        for k in range(options.plans):
+            kind = (*KINDS, "mixed")[k % (len(KINDS) + 1)]
+            found = outcome(problem, random_plans(problem, rng, kind))
+            counts[f"at fault: {kind}" if found.fault else "accepted"] += 1
+            if found.fault:
+                print(problem.machine.name, kind, k, found.fault, flush=True)
     for what, count in counts.most_common():
         print(f"{count:6d}  {what}")
 

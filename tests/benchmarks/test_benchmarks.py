@@ -68,6 +68,19 @@ def test_runs_once_and_resumes(script, tmp_path):
     assert (tmp_path / f"{script}.csv").read_text() == written
 
 
+@pytest.mark.slow
+def test_random_teams_are_judged_and_counted(tmp_path):
+    """Every preset and one machine made at random, a plan each; done once, not run again."""
+    options = ["--machines", "1", "--plans", "1", "--presets", "1"]
+    run("random_teams", options, tmp_path)
+    written = (tmp_path / "random_teams.csv").read_text()
+    page = (tmp_path / "random_teams.md").read_text()
+    assert f"**{len(written.splitlines()) - 1} plans on" in page
+    assert "0 not accepted, 0 serial" in page
+    run("random_teams", options, tmp_path)
+    assert (tmp_path / "random_teams.csv").read_text() == written
+
+
 def test_rows_of_a_newer_benchmark_may_have_more_columns(tmp_path):
     """A figure under another column's name would be worse than none."""
     path = tmp_path / "rows.csv"
