@@ -5,6 +5,7 @@ Their long runs are made by hand; here each makes its smallest run twice.
 
 from __future__ import annotations
 
+import csv
 import os
 import subprocess
 import sys
@@ -79,6 +80,20 @@ def test_random_teams_are_judged_and_counted(tmp_path):
     assert "0 not accepted, 0 serial" in page
     run("random_teams", options, tmp_path)
     assert (tmp_path / "random_teams.csv").read_text() == written
+
+
+@pytest.mark.slow
+def test_late_heads_meet_by_the_clock_alone(tmp_path):
+    """The smallest run of the delay experiment: one machine, no plate."""
+    options = ["--models", "", "--random", "2", "--runs", "3"]
+    run("late_heads", options, tmp_path)
+    written = (tmp_path / "late_heads.csv").read_text()
+    rows = list(csv.DictReader(written.splitlines()))
+    assert len(rows) == 10
+    assert all(row["ours_contacts"] == row["ours_too_near"] == "0" for row in rows)
+    assert any(int(row["clock_contacts"]) for row in rows)
+    run("late_heads", options, tmp_path)
+    assert (tmp_path / "late_heads.csv").read_text() == written
 
 
 def test_rows_of_a_newer_benchmark_may_have_more_columns(tmp_path):
