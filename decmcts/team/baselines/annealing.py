@@ -1,0 +1,169 @@
+"""Simulated annealing of the joint order, in one process.
+
+The joint order says of every contour which head prints it, from which end and at which
+turn among all. It begins as the best of all policies. A move takes a run of one head's
+contours and gives it to another head, or another turn that precedence allows, or both;
+every order is evaluated in full by the engine.
+
+References
+----------
+Kirkpatrick, Gelatt & Vecchi 1983, "Optimization by simulated annealing", Science
+220(4598), 671-680.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.joint import Units
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.baselines.incumbent import Budget, Found, Incumbent, stated_of
+from decmcts.team.baselines.lists import dispatched, nth_weights
+from decmcts.team.order import units_of
+from decmcts.team.plans import POLICIES, StatedOrder
+from decmcts.team.problem import TeamProblem
+
+HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
+LONGEST = 0.1  # run of contours, share of a head's
+
+Ids = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A joint order."""
+
+    contour: Ids  # (n,) in the order of their turns
+    head: Ids  # (n,) by contour
+    backwards: NDArray[np.bool_]  # (n,) by contour
+
+    def toolpaths(self, heads: int) -> list[Toolpath]:
+        """Return one toolpath a head."""
+        order = self.contour.astype(np.int32)
+        return StatedOrder(order, self.backwards[order], self.head[order]).toolpaths(heads)
+
+
+def order_of(units: Units) -> Order:
+    """Return the joint order in which units were put."""
+    stated = stated_of(units)
+    n = len(stated.order)
+    head, backwards = np.empty(n, np.int64), np.empty(n, np.bool_)
+    head[stated.order], backwards[stated.order] = stated.head, stated.backwards
+    return Order(stated.order.astype(np.int64), head, backwards)
+
+
+def window(run: Ids, place: Ids, graph: DependencyGraph) -> tuple[int, int]:
+    """Return between which turns, both exclusive, all of a run may be printed."""
+    low, high = -1, len(place)
+    inside = np.zeros(len(place), np.bool_)
+    inside[run] = True
+    for c in run:
+        before = graph.preds[graph.pred_offsets[c] : graph.pred_offsets[c + 1]]
+        after = graph.succs[graph.succ_offsets[c] : graph.succ_offsets[c + 1]]
+        low = max(low, int(place[before[~inside[before]]].max(initial=-1)))
+        high = min(high, int(place[after[~inside[after]]].min(initial=len(place))))
+    return low, high
+
+
+class Moves:
+    """Random changes of a joint order."""
+
+    def __init__(self, problem: TeamProblem, rng: np.random.Generator) -> None:
+        self._problem, self._rng = problem, rng
+
+    def changed(self, now: Order) -> Order:
+        """Return an order that differs by one run's head, turn or both."""
+        rng = self._rng
+        run = self._run(now)
+        kind = rng.random()
+        head = now.head if kind < 0.4 else self._given(run, now.head)
+        contour = now.contour if kind > 0.7 else self._turned(run, now.contour)
+        return Order(contour, head, self._entered(run, now, contour, head))
+
+    def _run(self, now: Order) -> Ids:
+        """Return some contours that one head prints one after the other."""
+        rng = self._rng
+        r = now.head[now.contour[int(rng.integers(len(now.contour)))]]
+        mine = now.contour[now.head[now.contour] == r]
+        longest = max(1.0, LONGEST * len(mine))
+        length = min(len(mine), int(math.exp(rng.uniform(0.0, math.log(longest + 1e-9)))) or 1)
+        first = int(rng.integers(len(mine) - length + 1))
+        run = mine[first : first + length]
+        if rng.random() < 0.5:  # only those of one part
+            run = run[self._problem.part[run] == self._problem.part[run[0]]]
+        return np.asarray(run)
+
+    def _given(self, run: Ids, head: Ids) -> Ids:
+        """Give a run to another head, as far as that one may print it."""
+        eligible = self._problem.space.eligible
+        others = [r for r in range(eligible.shape[1]) if r != head[run[0]]]
+        if not others:
+            return head
+        r = others[int(self._rng.integers(len(others)))]
+        given = head.copy()
+        given[run[eligible[run, r]]] = r
+        return given
+
+    def _turned(self, run: Ids, contour: Ids) -> Ids:
+        """Move a run to a turn near its own, within what precedence allows."""
+        place = np.empty(len(contour), np.int64)
+        place[contour] = np.arange(len(contour))
+        low, high = window(run, place, self._problem.graph)
+        if high <= low:
+            return contour
+        moved = np.ones(len(contour), np.bool_)
+        moved[place[run]] = False
+        away = self._rng.normal(0.0, max(2.0, (high - low) / 4))
+        goal = int(np.clip(place[run[0]] + away, low + 1, high))
+        at = int(moved[:goal].sum())
+        return np.asarray(np.insert(contour[moved], at, run))
+
+    def _entered(self, run: Ids, now: Order, contour: Ids, head: Ids) -> NDArray[np.bool_]:
+        """Enter every contour of a run at the end nearer to where its head comes from."""
+        visits = self._problem.visits
+        backwards = now.backwards.copy()
+        mine = contour[head[contour] == head[run[0]]]
+        at = {int(c): k for k, c in enumerate(mine)}
+        for c in run:
+            k = at.get(int(c), 0)
+            if k and visits.reversible[c]:
+                before = mine[k - 1]
+                here = visits.ends[before, 0 if backwards[before] else 1]
+                ways = np.linalg.norm(visits.ends[c] - here, axis=1)
+                backwards[c] = bool(ways[1] < ways[0])
+        return backwards
+
+
+def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
+    """Anneal until the time is over; returns the best order that was met."""
+    rng, heads = np.random.default_rng(seed), len(problem.machine.heads)
+    best, moves = Incumbent(budget, heads), Moves(problem, rng)
+    now, value = _first(problem, best, rng)
+    while not best.ended:
+        tried = moves.changed(now)
+        paths = tried.toolpaths(heads)
+        units = units_of(problem.visits, problem.fleet, problem.machine, paths)
+        makespan = best.offer(units)
+        temperature = HOT * (COLD / HOT) ** best.share * best.makespan_s
+        if rng.random() < math.exp(min(0.0, (value - makespan) / temperature)):
+            now, value = tried, makespan
+    return best.found
+
+
+def _first(problem: TeamProblem, best: Incumbent, rng: np.random.Generator) -> tuple[Order, float]:
+    """Return the best order of all policies and its makespan."""
+    order, value = None, np.inf
+    for k in range(len(POLICIES)):
+        units = dispatched(problem, nth_weights(k, len(problem.machine.heads), rng))
+        if order is None or units.end[: int(units.used[0])].max() < value:
+            order = order_of(units)
+        value = min(value, best.offer(units))
+        if best.ended:
+            break
+    assert order is not None
+    return order, value

@@ -1,0 +1,77 @@
+"""List scheduling without plans of heads: policies drawn at random, and who may print what."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.dispatch import Policy, dispatch
+from decmcts._kernels.joint import Units
+from decmcts.team.order import refuse
+from decmcts.team.plans import BOTTLENECK, OTHERS, POLICIES, STEP, URGENCY
+from decmcts.team.problem import TeamProblem
+
+Floats = NDArray[np.float64]
+SPREAD = 0.5  # of the logarithm of a random policy's weights, standard deviation
+
+
+def keys_of(problem: TeamProblem, weights: Floats) -> Floats:
+    """Return when each head wants to print each contour, in progress of its part, (heads, n).
+
+    `weights` (heads, 6) are rows like those of `POLICIES`.
+    """
+    side = problem.side_of()
+    keys = np.empty((len(weights), len(side)))
+    for r, row in enumerate(weights):
+        keys[r] = problem.progress + row[URGENCY] * (problem.urgency - problem.progress)
+        keys[r] += row[OTHERS] * (side != r) - row[BOTTLENECK] * problem.bottleneck
+    return keys
+
+
+def policy_of(
+    problem: TeamProblem, weights: Floats, keys: Floats, eligible: NDArray[np.bool_]
+) -> Policy:
+    """Return the policy of all heads as the kernels take it.
+
+    Parameters
+    ----------
+    weights : (heads, 6) rows like those of `POLICIES`
+    keys : (heads, n)
+    eligible : (n, heads)
+    """
+    return Policy(
+        keys,
+        problem.places(),
+        eligible,
+        np.ascontiguousarray(weights[:, : STEP + 1]),
+        problem.column_offsets,
+        problem.column,
+        problem.graph.succ_offsets,
+        problem.graph.succs,
+    )
+
+
+def dispatched(
+    problem: TeamProblem,
+    weights: Floats,
+    *,
+    keys: Floats | None = None,
+    eligible: NDArray[np.bool_] | None = None,
+) -> Units:
+    """Let the heads choose by these weights; keys and who may print what are the problem's."""
+    keys = keys_of(problem, weights) if keys is None else keys
+    eligible = problem.space.eligible if eligible is None else eligible
+    policy = policy_of(problem, weights, keys, eligible)
+    units, verdict = dispatch(problem.visits, problem.fleet, policy)
+    refuse(verdict, problem.machine)
+    return units
+
+
+def nth_weights(k: int, heads: int, rng: np.random.Generator) -> Floats:
+    """Return row k of `POLICIES` for all heads; after the last, one of them with random changes."""
+    if k < len(POLICIES):
+        return np.repeat(POLICIES[k][None], heads, axis=0)
+    row = POLICIES[int(rng.integers(len(POLICIES)))].copy()
+    row[: STEP + 1] *= np.exp(rng.normal(0.0, SPREAD, STEP + 1))
+    row[URGENCY] = rng.uniform()
+    return np.repeat(row[None], heads, axis=0)

@@ -1,0 +1,108 @@
+"""The planners others would use: whatever they find is an order the engine and the judge accept."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decmcts.team.baselines import annealing
+from decmcts.team.baselines.incumbent import Budget, Incumbent
+from decmcts.team.baselines.lists import dispatched, nth_weights
+from decmcts.team.baselines.planners import BASELINES, in_one_process
+from decmcts.team.baselines.static_split import owners
+from decmcts.team.order import units_of
+from decmcts.team.plans import StatedOrder, encode_stated
+from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.resolve import resolve
+from decmcts.team.schedule import schedule
+from sim.experiments.random_teams import judged, problem_of
+
+PLANNERS = {**BASELINES, "in-one-process": in_one_process}
+FEW = 30  # joint orders
+
+
+def few(orders: int = FEW) -> Budget:
+    """A budget that counts joint orders alone."""
+    return Budget(1e9, orders)
+
+
+@pytest.fixture(scope="module")
+def problem(case) -> TeamProblem:
+    """Two heads on a rail, 48 contours."""
+    small = case(0)
+    return build_team_problem(small.job, small.machine, small.graph)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLANNERS)
+def test_the_judge_accepts_what_is_found(name, problem):
+    """A baseline that cheats would be no yardstick."""
+    found = PLANNERS[name](problem, few(2 if name == "in-one-process" else FEW), seed=1)
+    plan = schedule(problem.job, problem.machine, problem.graph, found.toolpaths)
+    assert judged(problem, plan, 3).ok
+    assert sum(len(path) for path in found.toolpaths) == len(problem.macro)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BASELINES)
+@pytest.mark.parametrize("seed", [1, 4])
+def test_the_judge_accepts_it_on_random_machines(name, seed):
+    """Three heads and more, reaches and tools of their own, no rail: no baseline is for two."""
+    problem = problem_of(seed)
+    found = BASELINES[name](problem, few(6), seed=0)
+    plan = schedule(problem.job, problem.machine, problem.graph, found.toolpaths)
+    assert judged(problem, plan).ok
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", BASELINES)
+def test_equal_seeds_give_equal_orders(name, problem):
+    """Else no table could be made again."""
+    one, two = (BASELINES[name](problem, few(12), seed=3) for _ in range(2))
+    assert one.makespan_s == two.makespan_s
+    for a, b in zip(one.toolpaths, two.toolpaths, strict=True):
+        assert np.array_equal(a.order, b.order)
+        assert np.array_equal(a.reversed, b.reversed)
+
+
+@pytest.mark.parametrize("name", BASELINES)
+def test_makespans_are_the_engine_s(name, problem):
+    """All are compared by the function the agents share."""
+    found = BASELINES[name](problem, few(4), seed=0)
+    units = units_of(problem.visits, problem.fleet, problem.machine, found.toolpaths)
+    assert float(units.end.max()) == pytest.approx(found.makespan_s, rel=1e-12)
+    stated = StatedOrder.of(found.toolpaths)
+    plan = encode_stated(stated, len(found.toolpaths), problem.n_macros)
+    assert resolve(problem, {0: plan}, range(2)).makespan_s == pytest.approx(found.makespan_s)
+
+
+def test_every_contour_has_one_owner_that_may_print_it(problem):
+    """A static split that leaves something out would finish early."""
+    for borders in ([0.5], [0.0], [1.0]):
+        owned = owners(problem, np.array(borders))
+        assert (owned.sum(axis=1) == 1).all()
+        assert not (owned & ~problem.space.eligible).any()
+
+
+def test_annealing_moves_keep_the_precedence(problem):
+    """The engine refuses an order in which something is printed before what it rests on."""
+    rng = np.random.default_rng(2)
+    units = dispatched(problem, nth_weights(0, 2, rng))
+    order, moves = annealing.order_of(units), annealing.Moves(problem, rng)
+    before, after = problem.graph.pairs().T
+    for _ in range(300):
+        order = moves.changed(order)
+        place = np.argsort(order.contour)
+        assert np.array_equal(np.sort(order.contour), np.arange(len(place)))
+        assert (place[before] < place[after]).all()
+        assert problem.space.eligible[np.arange(len(place)), order.head].all()
+
+
+def test_incumbent_keeps_the_best_and_when():
+    """Time to a target is read off the history."""
+    seconds = iter(range(100))
+    best = Incumbent(Budget(50.0, clock=lambda: float(next(seconds))), 2)
+    for makespan in (9.0, 11.0, 7.0):
+        best.offer_toolpaths((), makespan)
+    assert [value for _, value in best.found.history] == [9.0, 7.0]
+    assert best.orders == 3
