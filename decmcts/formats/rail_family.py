@@ -18,7 +18,7 @@ _BED_A_HEAD_MM, _SHORTEST_BED_MM = 150.0, 300.0
 _SLACK_MM = 5.0  # of reach: a head at its end of the bed does not touch the limit of the rail
 
 
-def rail_machine(pair: Machine, heads: int) -> Machine:
+def rail_machine(pair: Machine, heads: int, length_mm: float | None = None) -> Machine:
     """Return a machine of `heads` heads shaped like those of `pair`, two heads on a rail.
 
     Parameters
@@ -27,9 +27,11 @@ def rail_machine(pair: Machine, heads: int) -> Machine:
         Its first head parks left of its bed, its second as far right of it.
     heads : int
         How many.
+    length_mm : float | None
+        Of the bed; None: as the presets'.
     """
     (rail,) = pair.rails
-    length = max(_SHORTEST_BED_MM, _BED_A_HEAD_MM * heads)
+    length = length_mm or max(_SHORTEST_BED_MM, _BED_A_HEAD_MM * heads)
     placed = [_head(pair, k, heads, length) for k in range(heads)]
     return replace(
         pair,

@@ -70,6 +70,21 @@ def test_runs_once_and_resumes(script, tmp_path):
 
 
 @pytest.mark.slow
+def test_teams_are_compared_once(tmp_path):
+    """Ours and a baseline on the example; done once, not run again."""
+    options = ["--models", "plate", "--heads", "2", "--time-limit", "0.5"]
+    options += ["--methods", "processes,greedy-dispatch"]
+    run("teams", options, tmp_path)
+    written = (tmp_path / "teams.csv").read_text()
+    rows = list(csv.DictReader(written.splitlines()))
+    assert [row["method"] for row in rows] == ["processes", "greedy-dispatch"]
+    assert all(row["faults"] == "0" and row["error"] == "" for row in rows)
+    assert "| greedy-dispatch | 1 |" in (tmp_path / "teams.md").read_text()
+    run("teams", options, tmp_path)
+    assert (tmp_path / "teams.csv").read_text() == written
+
+
+@pytest.mark.slow
 def test_random_teams_are_judged_and_counted(tmp_path):
     """Every preset and one machine made at random, a plan each; done once, not run again."""
     options = ["--machines", "1", "--plans", "1", "--presets", "1"]

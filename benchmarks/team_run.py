@@ -1,0 +1,184 @@
+"""One planner of a team on one print: what the tables of teams are made of.
+
+    python benchmarks/team_run.py '{"plate": "mix_2", "heads": 2, "method": "auction", …}'
+
+Prints one JSON object. Called by `teams.py`, `team_growth.py` and `team_ablation.py`, a
+process a run, so that memory and processor time are its own. `cpu_s` is processor
+time of the search; kernels are compiled, or loaded, before. Real agents (method
+`processes`) get seconds on the clock, so many that all cores together give as much.
+Every plan is judged for every timing its order allows.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from common import own_process
+from team_prints import team_problem
+
+from agents.launch import launch
+from decmcts.print.plan import JointPlan
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.baselines.incumbent import Budget
+from decmcts.team.baselines.planners import BASELINES, in_one_process
+from decmcts.team.bound import makespan_bound
+from decmcts.team.dec_mcts import DecMcts, Parameters, Proposal
+from decmcts.team.problem import TeamProblem
+from decmcts.team.resolve import resolve
+from decmcts.team.schedule import schedule
+from sim.experiments.random_teams import judged
+
+PROCESSES, TOGETHER = "processes", "one-process"
+METHODS = (PROCESSES, TOGETHER, *BASELINES)
+Paths = tuple[Toolpath, ...]
+Figures = dict[str, Any]
+
+
+class NoTree(DecMcts):
+    """Dec-MCTS whose plans come from policies and joint exchanges alone."""
+
+    def _sample(self, team: tuple[int, ...]) -> None:
+        """Leave the tree as it is."""
+
+
+VARIANTS = ("all", "no tree", "no messages", "no local search", "no piecewise release", "q frozen")
+
+
+def run(key: dict[str, Any]) -> Figures:
+    """Plan, schedule and judge; `key` has plate, heads, method, seed and cpu_s."""
+    whole = key["method"] == "no piecewise release"
+    problem = team_problem(key["plate"], key["heads"], whole=whole)
+    paths, figures = planner_of(key["method"])(problem, key["cpu_s"], key["seed"])
+    plan = schedule(problem.job, problem.machine, problem.graph, paths)
+    return {"contours": len(problem.macro), **figures, **judgement(problem, plan)}
+
+
+def judgement(problem: TeamProblem, plan: JointPlan) -> Figures:
+    """Return makespan, bound and what the judge finds."""
+    bound = makespan_bound(problem.job, problem.machine, problem.graph).bound_s
+    verdict = judged(problem, plan)
+    return {
+        "makespan_s": round(plan.makespan_s, 2),
+        "bound_s": round(bound, 2),
+        "over_bound": round(plan.makespan_s / bound, 4),
+        "faults": len(verdict.faults),
+    }
+
+
+def planner_of(method: str) -> Callable[[TeamProblem, float, int], tuple[Paths, Figures]]:
+    """Return what plans by this method, in so many seconds of processor time."""
+    if method == PROCESSES:
+        return by_processes
+    if method in VARIANTS:
+        return lambda problem, cpu_s, seed: by_variant(problem, cpu_s, seed, method)
+    planner = in_one_process if method == TOGETHER else BASELINES[method]
+
+    def plan(problem: TeamProblem, cpu_s: float, seed: int) -> tuple[Paths, Figures]:
+        planner(problem, Budget(0.0, 1), seed=seed)  # compiles or loads its kernels
+        began = time.process_time()
+        found = planner(problem, Budget(cpu_s), seed=seed)
+        spent = time.process_time() - began
+        history = [(round(s, 3), round(makespan, 2)) for s, makespan in found.history]
+        figures = {"spent_s": round(spent, 2), "orders": found.orders, "history": history}
+        return found.toolpaths, figures
+
+    return plan
+
+
+def by_processes(problem: TeamProblem, cpu_s: float, seed: int) -> tuple[Paths, Figures]:
+    """Plan by one agent a head, each a process; a head alone plans in its own."""
+    heads = len(problem.machine.heads)
+    wall_s = cpu_s / min(heads, os.cpu_count() or 1)
+    before = children_s()
+    result = launch(problem.job, problem.machine, problem.graph, time_limit_s=wall_s, seed=seed)
+    agents = result.agreement.agents
+    best, history = float("inf"), []
+    for seconds, makespan in sorted(h for agent in agents for h in agent.history):
+        if makespan < best:
+            best = makespan
+            history.append((round(seconds, 2), round(makespan, 2)))
+    kept = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    return result.toolpaths, {
+        "spent_s": round(children_s() - before, 2),  # reading the print and loading included
+        "limit_s": round(wall_s, 2),
+        "rounds": sum(agent.rounds for agent in agents),
+        "messages": sum(sum(agent.sent.values()) for agent in agents),
+        "bytes": sum(sum(agent.sent_bytes.values()) for agent in agents),
+        "agent_mib": round(kept),
+        "history": history,
+    }
+
+
+def children_s() -> float:
+    """Return the processor time of all processes that were started and have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def by_variant(
+    problem: TeamProblem, cpu_s: float, seed: int, variant: str
+) -> tuple[Paths, Figures]:
+    """Plan by all heads in turn in this process, with one part of the search left out."""
+    heads = list(range(len(problem.machine.heads)))
+    parameters = Parameters.for_contours(len(problem.macro))
+    if variant == "no local search":
+        parameters = replace(parameters, windows=0)
+    if variant == "q frozen":
+        parameters = replace(parameters, alpha=0.0)
+    made = NoTree if variant == "no tree" else DecMcts
+    team = [made(problem, r, seed=seed, parameters=parameters) for r in heads]
+    for agent in team:
+        agent.best(heads)  # compiles or loads the engine
+    began, rounds = time.process_time(), 0
+    history: list[tuple[float, float]] = []
+    entropy: list[tuple[float, float]] = []
+    while time.process_time() - began < cpu_s or not rounds:
+        best = one_round(team, heads, messages=variant != "no messages")
+        rounds += 1
+        at = round(time.process_time() - began, 2)
+        if not history or best.makespan_s < history[-1][1]:
+            history.append((at, best.makespan_s))
+        mean = sum(agent.distribution.entropy for agent in team) / len(team)
+        entropy.append((at, round(mean, 4)))
+    spent = time.process_time() - began
+    return resolve(problem, best.plans, heads).toolpaths, {
+        "spent_s": round(spent, 2),
+        "rounds": rounds,
+        "history": [(at, round(value, 2)) for at, value in history],
+        "entropy": entropy,
+    }
+
+
+def one_round(team: list[DecMcts], heads: list[int], *, messages: bool) -> Proposal:
+    """Let every head plan once and tell the others, as `plan_team` does; return the best."""
+    for agent in team:
+        agent.iterate(heads)
+        told = agent.best(heads)
+        for other in team if messages else []:
+            other.take(agent.head, agent.distribution)
+            if told.makespan_s < other.best(heads).makespan_s:
+                other.take_joint(told.plans, heads)
+    return min((agent.best(heads) for agent in team), key=lambda found: found.makespan_s)
+
+
+def in_own_process(key: Figures, timeout_s: float = 7200.0) -> Figures:
+    """Make one run in a process of its own; returns its row with the largest process' memory."""
+    command = [sys.executable, str(Path(__file__).resolve()), json.dumps(key)]
+    done = own_process(command, timeout_s=timeout_s)
+    row = {"error": "", **key, **done, "peak_mib": round(done["peak_mib"])}
+    del row["wall_s"], row["exit"]
+    return row
+
+
+if __name__ == "__main__":
+    print(json.dumps(run(json.loads(sys.argv[1]))))
