@@ -15,6 +15,7 @@ from agents.pack import Pack, write_pack
 from agents.serial import joint_order
 from agents.spawn import Agreement, OnStart, run_agents
 from agents.supervisor import LaunchError, OnProgress, ShouldStop
+from decmcts._kernels.lags import Lags
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.drafts import draft_folder
@@ -40,6 +41,7 @@ def launch(
     *,
     time_limit_s: float,
     seed: int,
+    lags: Lags | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
     should_stop: ShouldStop | None = None,
@@ -47,7 +49,7 @@ def launch(
     """Plan a print by one process per head of the machine.
 
     The print goes to the agents in a temporary folder; callbacks and limits are
-    those of `run_agents`.
+    those of `run_agents`. `lags` say how long what is printed over must cool.
 
     Raises
     ------
@@ -56,10 +58,10 @@ def launch(
     InputError
         If no head can print some contour.
     """
-    problem = build_team_problem(job, machine, graph)
+    problem = build_team_problem(job, machine, graph, lags)
     expected = team_digest(problem.digest, job, code=code_digest())
     with draft_folder() as folder:
-        write_pack(Pack(job, machine, graph), folder)
+        write_pack(Pack(job, machine, graph, lags=lags), folder)
         agreement = run_agents(
             problem.head_names,
             ["--pack", str(folder), "--expect", expected],

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from decmcts._kernels.lags import Lags
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
@@ -35,6 +36,7 @@ class Pack:
     machine: Machine
     graph: DependencyGraph
     options: Mapping[str, Any] = field(default_factory=dict)  # JSON values for the planner
+    lags: Lags | None = None  # how long what is printed over must cool
 
 
 def write_pack(pack: Pack, folder: Path) -> None:
@@ -44,6 +46,8 @@ def write_pack(pack: Pack, folder: Path) -> None:
         for room, owner in (("contours", pack.job.contours), ("graph", pack.graph))
         for f in fields(owner)
     }
+    if pack.lags is not None:
+        arrays |= {f"lags.{name}": array for name, array in pack.lags._asdict().items()}
     if pack.job.acceleration is not None:
         arrays[_ACCELERATION] = pack.job.acceleration
     np.savez(folder / _ARRAYS, allow_pickle=False, **arrays)
@@ -83,7 +87,8 @@ def read_pack(folder: Path) -> Pack:
             refills=tuple(rest["refills"]),
         )
         graph = DependencyGraph(**_room(arrays, "graph"))
-        return Pack(job, machine_from_dict(rest["machine"]), graph, rest["options"])
+        lags = Lags(**_room(arrays, "lags")) if "lags.below" in arrays else None
+        return Pack(job, machine_from_dict(rest["machine"]), graph, rest["options"], lags)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"no problem pack: {error}", path=folder) from error
 

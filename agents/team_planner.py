@@ -26,7 +26,7 @@ class TeamPlanner:
     @staticmethod
     def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:
         """Build the problem of a pack and a planner for one head of it."""
-        problem = build_team_problem(pack.job, pack.machine, pack.graph)
+        problem = build_team_problem(pack.job, pack.machine, pack.graph, pack.lags)
         planner = TeamPlanner(problem, head, seed=seed)
         # Compiles the kernels of a round, if no cache has them, before the clock runs.
         planner.best(range(len(planner.names)))

@@ -82,10 +82,10 @@ def check_cooling(
 def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
     """Check that a plan states no less time than its source's slicer keeps.
 
-    That rule counts as `decmcts plan` takes it: with quality, on a machine of one head.
+    That rule counts as `decmcts plan` and `launch` take it: with quality.
     """
     due, stated = source.settings.min_layer_time_s, document.min_layer_time_s
-    if stated >= due or not held.quality or len(document.machine.heads) > 1:
+    if stated >= due or not held.quality:
         return []
     text = (
         f"the plan states {f'{stated:g} s' if stated else 'no time'} before a spot is printed "

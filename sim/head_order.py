@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from decmcts.print.machine import Release
-from decmcts.print.plan import ACTION_END, After, HeadActions, JointPlan
+from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.faults import Fault, FaultKind, listed
 from sim.head_file import HeadFile
 from sim.head_sync import Knowledge
@@ -78,6 +78,7 @@ def check_order(
             if g == h - 1 and known.done(h, parts[h].end_code, g) < _last_end(files[g], parts[g]):
                 lines.append(f"the end codes of heads {other} and {name} may run at once")
         lines += _unkept(files, plan, known, walks, h)
+        lines += _unrested(files[h], plan, known, walks, h)
         lines += _stops(files[h], plan.heads[h], walks[h])
         lines += _unplanned(files, plan, parts, walks, h)
     return listed(FaultKind.PRECEDENCE, lines)
@@ -126,6 +127,28 @@ def _dwelt(file: HeadFile, known: Knowledge, h: int, g: int, reached: int, first
     waits = [sync.line for sync in file.syncs if not sync.signal]
     heard = next((at for at in waits if known.done(h, at + 1, g) > reached), first)
     return sum(seconds for line, seconds in _dwells(file) if heard < line < first)
+
+
+def _unrested(
+    file: HeadFile, plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
+) -> list[str]:
+    """Return the rests of one head that its file does not dwell for, behind what they wait for."""
+    lane, walk, lines = plan.heads[h], walks[h], []
+    for k in np.flatnonzero(lane.kind == ActionKind.WAIT).tolist():
+        first = next((line for line in walk.first[k:] if line > 0), walk.last[k] + 1)
+        edges = [edge for edge in lane.after_edges(k) if edge.head != h]
+        due = float(lane.end_s[k] - lane.begin_s[k])
+        due += max((edge.lag_s for edge in edges), default=0.0)
+        dwelt = [
+            _dwelt(file, known, h, edge.head, _reached(walks[edge.head], edge), first)
+            for edge in edges
+        ]
+        dwelt.append(sum(s for line, s in _dwells(file) if walk.last[k] < line < first))
+        if min(dwelt) < due - LAG_TOLERANCE_S:
+            lines.append(
+                f"head {lane.head} dwells {min(dwelt):.1f} s for action {k}, planned {due:.1f} s"
+            )
+    return lines
 
 
 def _dwells(file: HeadFile) -> list[tuple[int, float]]:

@@ -98,6 +98,6 @@ def auction(visits: Visits, fleet: Fleet, policy: Policy, on_offer: int) -> tupl
         units = room_enough(units, heads)
         if not print_next(r, c, back, visits, fleet, units, state):
             return units, SHUT_IN
-        take(r, c, policy, state, pool)
+        take(r, c, visits, policy, state, pool)
     units = room_enough(units, heads)
     return units, OK if return_all(visits, fleet, units, state) else SHUT_IN

@@ -16,20 +16,13 @@ from decmcts._kernels.clearance import Beads
 from decmcts._kernels.closure import touches
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.joint import Visits
+from decmcts._kernels.lags import Lags
 from decmcts._kernels.rooms import travel_seconds
 
 NONE = -1
 NEVER = np.inf
 SHORT_S = 1e-3  # a wait below this is none
 TIE_MM = 1e-4  # heights and distances nearer than this are equal
-
-
-class Lags(NamedTuple):
-    """The contours below each contour and how long they need."""
-
-    offsets: NDArray[np.int64]  # (n + 1,)
-    below: NDArray[np.int32]  # (m,) those below b at below[offsets[b]:offsets[b + 1]]
-    seconds: NDArray[np.float64]  # (m,) b begins no sooner than this after the end of each
 
 
 class Progress(NamedTuple):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.aside import print_next, return_all
 from decmcts._kernels.carry_out import OK, SHUT_IN, room_enough, units_for
 from decmcts._kernels.jit import inlined, kernel
-from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked, end_of
+from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked, end_of, rests_on
 from decmcts._kernels.rooms import (
     Fleet,
     Point,
@@ -50,7 +50,7 @@ class Pool(NamedTuple):
 
     first: NDArray[np.int64]  # (columns,) row of `column` that may still be to do
     missing: NDArray[np.int32]  # (n,) what it rests on that was not put
-    ready: NDArray[np.float64]  # (n,) end of what it rests on and was put
+    ready: NDArray[np.float64]  # (n,) when it may begin, once nothing is missing
     put: NDArray[np.bool_]  # (n,)
     now: NDArray[np.float64]  # (heads,) each head has decided up to here
     about: NDArray[np.int64]  # (heads,) contour it printed last; NONE
@@ -202,7 +202,7 @@ def choose(
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
     room, holder = np.empty((3 * n_heads + 3, 6)), np.empty(3 * n_heads + 3, np.int64)
     count, until = held_by_others(r, start, visits, units, heads, pool, room, holder)
-    best, chosen, turned = np.inf, NONE, False
+    best, chosen, turned, cooled = np.inf, NONE, False, np.inf
     by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
     for column in range(len(pool.first)):
         u = first_of(column, policy, pool)
@@ -216,7 +216,10 @@ def choose(
         there, back = nearer_end(at, u, visits, travel)
         lost, seconds = max(there, pool.ready[u] - start), visits.seconds[u]
         score += by_waste * lost / (seconds + lost + LATER)
-        if score >= best or (lost > there + PATIENCE * seconds and until < np.inf):
+        if score >= best:
+            continue
+        if lost > there + PATIENCE * seconds and until < np.inf:
+            cooled = min(cooled, start + max(LATER, lost - there))
             continue
         side = 1 if back else 0
         held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
@@ -227,6 +230,8 @@ def choose(
         ):
             continue
         best, chosen, turned = score, u, back
+    if len(visits.lags.below):
+        until = min(until, cooled)
     return chosen, turned, until
 
 
@@ -239,13 +244,14 @@ def first_left(lowest: int, pool: Pool) -> int:
 
 
 @inlined
-def take(r: int, c: int, policy: Policy, heads: Heads, pool: Pool) -> None:
+def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Pool) -> None:
     """Note that head r prints c (mutates pool)."""
     pool.put[c], pool.about[r] = True, c
     for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
         s = policy.succs[k]
         pool.missing[s] -= 1
-        pool.ready[s] = max(pool.ready[s], heads.ended[c])
+        if pool.missing[s] == 0:
+            pool.ready[s] = rests_on(s, visits, heads)
 
 
 @kernel
@@ -268,7 +274,7 @@ def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
         units = room_enough(units, heads)
         if not print_next(r, c, back, visits, fleet, units, state):
             return units, SHUT_IN
-        take(r, c, policy, state, pool)
+        take(r, c, visits, policy, state, pool)
         left -= 1
     units = room_enough(units, heads)
     return units, OK if return_all(visits, fleet, units, state) else SHUT_IN

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.lags import Lags
 from decmcts._kernels.pieces import Pieces
 from decmcts._kernels.rooms import (
     Fleet,
@@ -45,6 +46,7 @@ class Visits(NamedTuple):
     pieces: Pieces
     pred_offsets: NDArray[np.int64]  # (n + 1,)
     preds: NDArray[np.int32]
+    lags: Lags  # every pair is in the closure of the precedence
 
 
 class Units(NamedTuple):
@@ -193,10 +195,12 @@ def put_travel(
 
 @inlined
 def rests_on(c: int, visits: Visits, heads: Heads) -> float:
-    """When everything a contour rests on has been printed; all of it must have been put."""
-    ready = 0.0
+    """When all a contour rests on is printed and has cooled; all of it must have been put."""
+    ready, lags = 0.0, visits.lags
     for k in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
         ready = max(ready, heads.ended[visits.preds[k]])
+    for k in range(lags.offsets[c], lags.offsets[c + 1]):
+        ready = max(ready, heads.ended[lags.below[k]] + lags.seconds[k])
     return ready
 
 

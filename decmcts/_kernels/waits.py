@@ -7,11 +7,14 @@ ones are implied by that head's own sequence.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.joint import NONE, Units, Visits, passed
+from decmcts._kernels.joint import NONE, UNIT_PRINT, Units, Visits, passed
+from decmcts._kernels.lags import Lags
 from decmcts._kernels.rooms import Fleet, join_rooms, keep_room, room_at, too_near
 
 CHUNK = 64  # units whose rooms are also kept joined, so that most can be passed over at once
@@ -186,3 +189,144 @@ def earliest(
                 waited = rows[s, after[row, s]]
                 begin[row] = max(begin[row], begin[waited] + passing[row, s])
     return begin
+
+
+class Rows(NamedTuple):
+    """Units in the order they were put, with their waits (`decmcts.team.order.UnitOrder`)."""
+
+    head: NDArray[np.int32]  # (m,)
+    kind: NDArray[np.int8]  # (m,)
+    contour: NDArray[np.int32]  # (m,)
+    own: NDArray[np.int64]  # (m,) index within the head's units
+    rows: NDArray[np.int64]  # (heads, most)
+    after: NDArray[np.int64]  # (m, heads)
+    point: NDArray[np.int32]  # (m, heads)
+
+
+class Rests(NamedTuple):
+    """Where heads rest so that what is below can cool; written."""
+
+    seconds: NDArray[np.float64]  # (m,) rest before each unit
+    begin: NDArray[np.float64]  # (m,) when that rest begins
+    row: NDArray[np.int64]  # (k,) unit that waits for a cooling one before it
+    other: NDArray[np.int64]  # (k,) head and
+    unit: NDArray[np.int64]  # (k,) index within that head of the one that cools
+    first: NDArray[np.bool_]  # (k,) before the unit's rest begins, not before the unit does
+    used: NDArray[np.int64]  # (1,) of these
+
+
+@kernel
+def hottest_below(
+    c: int, s: int, place: NDArray[np.int64], units: Rows, lags: Lags
+) -> tuple[int, float]:
+    """Index within head s of the last unit that prints what lies below c, and its lag; or NONE."""
+    last, lag = NONE, 0.0
+    for e in range(lags.offsets[c], lags.offsets[c + 1]):
+        row = place[lags.below[e]]
+        if units.head[row] == s:
+            last, lag = max(last, units.own[row]), max(lag, lags.seconds[e])
+    return last, lag
+
+
+@kernel
+def known_since(row: int, s: int, last: int, sure: NDArray[np.int64], units: Rows) -> int:
+    """First unit of a row's head, before it, at whose begin unit `last` of s has surely ended."""
+    own = units.rows[units.head[row]]
+    low, high = 0, units.own[row]
+    while low < high:
+        middle = (low + high) // 2
+        if sure[own[middle], s] > last:
+            high = middle
+        else:
+            low = middle + 1
+    return low
+
+
+@kernel
+def rest_for(
+    row: int, s: int, last: int, lag: float, worked: float, least: float,
+    begin: NDArray[np.float64], done: NDArray[np.float64], ended: float,
+    sure: NDArray[np.int64], units: Rows, rests: Rests,
+) -> float:  # fmt: skip
+    """How long a unit rests before it begins, `lag` after unit `last` of head s has ended.
+
+    Only the work of its own head counts for sure: `worked` before this unit, `done` (m,)
+    before the others. Where the other's end is not known early enough the head waits for it
+    (mutates sure, rests) where that costs nothing in time.
+    """
+    own, at = units.rows[units.head[row]], units.own[row]
+    known = known_since(row, s, last, sure, units)
+    if known < at and lag - (worked - done[own[known]]) <= least:
+        return 0.0
+    j, passed_s = at, 0.0
+    while j > 0 and passed_s < lag and begin[own[j - 1]] >= ended:
+        j -= 1
+        passed_s = worked - done[own[j]]
+    if j == at and lag <= least:
+        return 0.0
+    k = rests.used[0]
+    rests.row[k], rests.other[k], rests.unit[k] = own[j], s, last
+    rests.first[k] = j == at
+    rests.used[0] += 1
+    for i in range(j, at + 1):
+        sure[own[i], s] = max(sure[own[i], s], last + 1)
+    if j == at:
+        rests.begin[row] = max(rests.begin[row], ended)
+    return lag - passed_s
+
+
+@kernel
+def let_cool(
+    units: Rows,
+    passing: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+    place: NDArray[np.int64],
+    lags: Lags,
+    least: float,
+    step: float,
+) -> tuple[NDArray[np.float64], Rests]:
+    """When each unit begins at the earliest, as `earliest`, and where heads rest for cooling.
+
+    Rests are multiples of `step`, longer than `least`. `place` (n,) is the unit that prints
+    each contour.
+    """
+    m, heads = units.after.shape
+    most = len(lags.below) + 1
+    rests = Rests(
+        np.zeros(m), np.zeros(m), np.empty(most, np.int64), np.empty(most, np.int64),
+        np.empty(most, np.int64), np.empty(most, np.bool_), np.zeros(1, np.int64),
+    )  # fmt: skip
+    begin, done = np.zeros(m), np.zeros(m)  # done: work of the own head before each unit
+    sure = np.zeros((m, heads), np.int64)  # units of each head that have ended by its begin
+    for row in range(m):
+        r, c, need = units.head[row], units.contour[row], 0.0
+        worked, free = 0.0, 0.0
+        if units.own[row] > 0:
+            before = units.rows[r, units.own[row] - 1]
+            free, worked = begin[before] + seconds[before], done[before] + seconds[before]
+            sure[row] = sure[before]
+        rests.begin[row] = free
+        if units.kind[row] == UNIT_PRINT:
+            for s in range(heads):
+                last, lag = hottest_below(c, s, place, units, lags)
+                if last == NONE:
+                    continue
+                other = units.rows[s, last]
+                if s == r:
+                    need = max(need, lag - (worked - done[other] - seconds[other]))
+                    continue
+                ended = begin[other] + seconds[other]
+                need = max(need, rest_for(
+                    row, s, last, lag, worked, least, begin, done, ended, sure, units, rests,
+                ))  # fmt: skip
+        if need > least:
+            rests.seconds[row] = np.ceil(need / step) * step
+        begin[row] = rests.begin[row] + rests.seconds[row]
+        done[row] = worked + rests.seconds[row]
+        for s in range(heads):
+            if units.after[row, s] != NONE:
+                waited = units.rows[s, units.after[row, s]]
+                begin[row] = max(begin[row], begin[waited] + passing[row, s])
+                whole = units.point[row, s] == AT_END
+                sure[row, s] = max(sure[row, s], units.after[row, s] + (1 if whole else 0))
+    return begin, rests

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from decmcts._kernels.cooling import Lags
+from decmcts._kernels.lags import Lags
 from decmcts.cli.ahead import FIRST
 from decmcts.cli.begin import begin_with, can_begin
 from decmcts.cli.beside import Stop

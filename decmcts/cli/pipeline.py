@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from decmcts import __version__
-from decmcts._kernels.cooling import Lags
+from decmcts._kernels.lags import Lags
 from decmcts.cli.ahead import bound_part, is_compiled, unit_for
 from decmcts.cli.begin import compile_search
 from decmcts.cli.beside import Stop, searched_beside

@@ -15,6 +15,7 @@ from agents import extruder
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.supervisor import AgentStatus, LaunchError
+from decmcts._kernels.lags import Lags
 from decmcts.cli import options as opt
 from decmcts.cli import qcsp
 from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside
@@ -31,7 +32,7 @@ from decmcts.cli.outputs import (
     write_heads,
 )
 from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
-from decmcts.cli.quality import Quality
+from decmcts.cli.quality import Quality, cooling_line
 from decmcts.cli.record import agents_table, recording
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
@@ -43,6 +44,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import lone_machine, one_head_toolpaths
 from decmcts.team.bound import Bound, makespan_bound
+from decmcts.team.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule import schedule
 
 StemOption = Annotated[
@@ -81,6 +83,7 @@ def launch(
     machine: HeadsOption = "dual-gantry",
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
     quality: opt.QualityOption = None,
+    min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
@@ -102,7 +105,7 @@ def launch(
         source,
         machine,
         process_order=process_order.value,
-        quality=Quality(quality, max_layers_ahead=max_layers_ahead),
+        quality=Quality(quality, min_layer_time, max_layers_ahead),
         time_limit_s=time_limit,
         seed=seed,
         writes=output is not None,
@@ -140,12 +143,12 @@ def run_team(
             options=_slicing(),
             announce=announce,
         )
-        loaded = _uncooled(loaded)
         announce("the source's own order, one head")
         before = source_plan(loaded)
         if writes:
             refuse_for_heads(loaded.document, loaded.job, loaded.machine)
         refuse_unsound(loaded, before, writes=False)
+        lags = lags_of(loaded, before)
         announce("what one head alone reaches")
         order = search(
             loaded,
@@ -154,34 +157,31 @@ def run_team(
             time_limit_s=min(10.0, time_limit_s / 3),
             seed=seed,
         ).toolpath
+        order = cooled(loaded.job, loaded.machine, loaded.graph, lags, order).toolpath
         announce("a bound on the makespan")
         bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     started = time.perf_counter()
-    result = _agreed(loaded, bound, time_limit_s, seed, record)
+    result = _agreed(loaded, lags, bound, time_limit_s, seed, record)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     with steps() as (announce, _):
         announce("safe travels, times and order across heads")
-        after = _best_of(loaded, result, order, bound, seed=seed, time_limit_s=time_limit_s)
+        after = _best_of(loaded, lags, result, order, bound, seed=seed, time_limit_s=time_limit_s)
         history = [] if result is None else _history(result)
         return check(loaded, before, after, history, seconds, announce)
 
 
-def _uncooled(loaded: Loaded) -> Loaded:
-    """Drop the rule for cooling, and say so: heads that run apart keep no time."""
-    if loaded.min_layer_time_s:
-        err.print(
-            f"the slicer's layer time of {loaded.min_layer_time_s:g} s is not kept across heads",
-            soft_wrap=True,
-        )
-    return dataclasses.replace(loaded, min_layer_time_s=0.0)
+def lags_of(loaded: Loaded, before: PlanDocument) -> Lags:
+    """Return how long what is printed over must cool, by the source's own times."""
+    times = print_times(before.plan.heads[0], len(loaded.job.contours))
+    return find_lags(loaded.job.contours, [times], loaded.min_layer_time_s)[0]
 
 
 def _agreed(
-    loaded: Loaded, bound: Bound, time_limit_s: float, seed: int, record: Path | None
+    loaded: Loaded, lags: Lags, bound: Bound, time_limit_s: float, seed: int, record: Path | None
 ) -> LaunchResult | None:
     """Return what the agents agreed on, or None: one head alone is always left."""
     try:
-        result = _planned_by_agents(loaded, bound, time_limit_s, seed, record)
+        result = _planned_by_agents(loaded, lags, bound, time_limit_s, seed, record)
     except LaunchError as error:
         err.print(f"{error}; one head prints alone", markup=False)
         return None
@@ -195,7 +195,7 @@ def _slicing() -> SliceOptions:
 
 
 def _planned_by_agents(
-    loaded: Loaded, bound: Bound, time_limit_s: float, seed: int, record: Path | None
+    loaded: Loaded, lags: Lags, bound: Bound, time_limit_s: float, seed: int, record: Path | None
 ) -> LaunchResult:
     """Run the agents with a live table of what each is doing."""
     with (
@@ -214,21 +214,25 @@ def _planned_by_agents(
             loaded.graph,
             time_limit_s=time_limit_s,
             seed=seed,
+            lags=lags,
             on_progress=show,
             should_stop=stopped,
         )
 
 
-def plan_alone(loaded: Loaded, order: Toolpath, live: Sequence[int], seed: int) -> PlanDocument:
+def plan_alone(
+    loaded: Loaded, lags: Lags, order: Toolpath, live: Sequence[int], seed: int
+) -> PlanDocument:
     """Schedule one order for one of the live heads, the others parked where possible."""
     paths = one_head_toolpaths(loaded.job, loaded.machine, order, live=live)
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, paths)
+    plan = schedule(loaded.job, loaded.machine, loaded.graph, paths, lags=lags)
     said = {"planner": "local, one head", "freedom": "reversible", "seed": seed}
     return document_of(loaded, plan, said)
 
 
 def _best_of(
     loaded: Loaded,
+    lags: Lags,
     result: LaunchResult | None,
     order: Toolpath,
     bound: Bound,
@@ -239,8 +243,8 @@ def _best_of(
     """Schedule what was agreed, or one head alone where that is faster."""
     agreement = None if result is None else result.agreement
     heads = range(len(loaded.machine.heads)) if agreement is None else agreement.live
-    alone = plan_alone(loaded, order, heads, seed)
-    lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order])
+    alone = plan_alone(loaded, lags, order, heads, seed)
+    lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order], lags=lags)
     extra: dict[str, Any] = {
         "planner": "dec-mcts",
         "freedom": "reversible",
@@ -253,7 +257,7 @@ def _best_of(
         "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
     }
     if result is not None:
-        plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths))
+        plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths), lags=lags)
         joint = document_of(loaded, plan, extra)
         if joint.metrics["makespan_s"] <= alone.metrics["makespan_s"]:
             return joint
@@ -301,6 +305,8 @@ def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
         f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "
         f"{over:.2f} times the proven bound ({after['bound']['bound_s']:,.0f} s)"
     )
+    if line := cooling_line(planned.after):
+        out.print(line, soft_wrap=True)
     if is_longer(before["makespan_s"], after["makespan_s"]):
         out.print(
             f"longer than one head in the source's own order ({before['makespan_s']:,.0f} s): "

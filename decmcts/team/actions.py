@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.joint import UNIT_PARK, UNIT_PRINT
+from decmcts._kernels.lags import Lags
 from decmcts._kernels.waits import AT_END, earliest
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -20,6 +21,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.order import UnitOrder
+from decmcts.team.rests import find_rests, with_rests
 from decmcts.team.timing import ActionTimes, action_times
 
 
@@ -29,8 +31,12 @@ def join_actions(
     order: UnitOrder,
     travels: Sequence[NDArray[np.float64]],
     toolpaths: Sequence[Toolpath],
+    lags: Lags,
 ) -> JointPlan:
-    """Return the joint plan of these units; `travels` are the paths of those that do not print."""
+    """Return the joint plan of these units; `travels` are the paths of those that do not print.
+
+    Where something must cool the head rests where it is to print, until it may.
+    """
     lanes = [
         _lane(job, order, rows, travels, toolpath)
         for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
@@ -46,13 +52,18 @@ def join_actions(
     for rows, timed in zip(_rows(order), times, strict=True):
         seconds[rows] = timed.seconds
     passing = _passing(order, times)
-    begin = earliest(order.head, order.own, order.rows, order.after, passing, seconds)
-    return JointPlan(
+    if len(lags.below):
+        begin, rests = find_rests(order, passing, seconds, lags)
+    else:
+        begin = earliest(order.head, order.own, order.rows, order.after, passing, seconds)
+        rests = None
+    plan = JointPlan(
         tuple(
             _head_actions(head.name, order, rows, lane, begin, seconds)
             for head, rows, lane in zip(machine.heads, _rows(order), lanes, strict=True)
         )
     )
+    return plan if rests is None else with_rests(plan, order, rests)
 
 
 def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float64]:

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.cooling import Lags, follow, printed_over
+from decmcts._kernels.cooling import follow, printed_over
 from decmcts._kernels.joint import Visits
+from decmcts._kernels.lags import Lags, no_lags
 from decmcts._kernels.rooms import travel_seconds
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_contours
@@ -59,8 +60,7 @@ def find_lags(
     """
     n = len(contours)
     if n == 0 or min_layer_time_s <= 0.0:
-        none = np.empty(0)
-        return [Lags(np.zeros(n + 1, np.int64), none.astype(np.int32), none) for _ in times]
+        return [no_lags(n) for _ in times]
     top = contours.top
     by_top = np.argsort(top, kind="stable").astype(np.int32)
     beads = pack_contours(contours, 0.0)

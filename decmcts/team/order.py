@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.carry_out import CONTRADICTED, SHUT_IN, Sequences, carry_out
 from decmcts._kernels.joint import Units, Visits
+from decmcts._kernels.lags import Lags, no_lags
 from decmcts._kernels.pieces import cut_pieces
 from decmcts._kernels.rooms import Fleet
 from decmcts._kernels.waits import find_waits, first_later
@@ -53,6 +54,7 @@ def visits_of(
     reversible: NDArray[np.bool_],
     *,
     in_pieces: bool,
+    lags: Lags | None = None,
 ) -> Visits:
     """Return what the kernels need to know of contours.
 
@@ -64,13 +66,16 @@ def visits_of(
     reversible : (n,) which may be run from their last point, or are
     in_pieces : bool
         Whether a print gives its room back piece by piece.
+    lags : Lags | None
+        How long what is below must cool; None: nothing has to.
     """
     pieces = cut_pieces(
         contours.points, contours.offsets, reversible, PIECE_MM, MOST_PIECES if in_pieces else 1
     )
     first, last = contours.points[contours.offsets[:-1]], contours.points[contours.offsets[1:] - 1]
     ends = np.stack([first, last], axis=1)
-    return Visits(ends, seconds, reversible, pieces, graph.pred_offsets, graph.preds)
+    cooling = no_lags(len(contours)) if lags is None else lags
+    return Visits(ends, seconds, reversible, pieces, graph.pred_offsets, graph.preds, cooling)
 
 
 def require_complete(
@@ -150,7 +155,7 @@ def order_units(
 
 def order_of_job(
     job: PrintJob, graph: DependencyGraph, machine: Machine, fleet: Fleet,
-    running: Contours, toolpaths: Sequence[Toolpath],
+    running: Contours, toolpaths: Sequence[Toolpath], lags: Lags,
 ) -> UnitOrder:  # fmt: skip
     """Return the partial order of a print whose contours run as `running` says."""
     turned = np.zeros(len(job.contours), np.bool_)
@@ -158,7 +163,7 @@ def order_of_job(
         turned[toolpath.order] = toolpath.reversed
     seconds = job_times(job, machine.limits)
     in_pieces = len(machine.heads) > 1 and machine.release == "point"
-    visits = visits_of(running, graph, seconds, turned, in_pieces=in_pieces)
+    visits = visits_of(running, graph, seconds, turned, in_pieces=in_pieces, lags=lags)
     return order_units(visits, fleet, machine, toolpaths)
 
 

@@ -7,15 +7,17 @@ before it talks.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from hashlib import blake2b
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.bound import chain_behind
 from decmcts._kernels.joint import Visits
+from decmcts._kernels.lags import Lags
 from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
-from decmcts.feasibility.digest import problem_digest
+from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -71,8 +73,12 @@ class TeamProblem:
         return np.clip(self.quantile[None] * heads - np.arange(heads)[:, None], 0.0, 1.0)
 
 
-def build_team_problem(job: PrintJob, machine: Machine, graph: DependencyGraph) -> TeamProblem:
+def build_team_problem(
+    job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags | None = None
+) -> TeamProblem:
     """Return the problem of printing `job` with all heads of `machine`.
+
+    `lags` say how long what is printed over must cool; None: nothing has to.
 
     Raises
     ------
@@ -86,7 +92,9 @@ def build_team_problem(job: PrintJob, machine: Machine, graph: DependencyGraph) 
     require_printable(contours, machine, space.eligible)
     seconds = job_times(job, machine.limits)
     turns = contours.reversible & ~contours.closed
-    visits = visits_of(contours, graph, seconds, turns, in_pieces=machine.release == "point")
+    visits = visits_of(
+        contours, graph, seconds, turns, in_pieces=machine.release == "point", lags=lags
+    )
     quantile = _quantile(seconds, space, machine)
     part = part_of(contours)
     progress = part_progress(seconds, part)
@@ -110,8 +118,19 @@ def build_team_problem(job: PrintJob, machine: Machine, graph: DependencyGraph) 
         macro=macro,
         macro_part=_first_of(macro, part),
         n_macros=int(macro.max(initial=-1)) + 1,
-        digest=problem_digest(contours, graph, machine),
+        digest=_with_lags(problem_digest(contours, graph, machine), lags),
     )
+
+
+def _with_lags(digest: str, lags: Lags | None) -> str:
+    """Return a problem's digest with what must cool in it; as it is where nothing has to."""
+    if lags is None or not len(lags.below):
+        return digest
+    state = blake2b(bytes.fromhex(digest), digest_size=DIGEST_BYTES, person=b"decmcts-lags-1")
+    state.update(lags.offsets.astype("<i8").tobytes())
+    state.update(lags.below.astype("<i8").tobytes())
+    state.update(np.round(lags.seconds / ROUND_TO).astype("<i8").tobytes())
+    return state.hexdigest()
 
 
 def _first_of(macro: NDArray[np.int32], part: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from decmcts._kernels.lags import Lags, no_lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import enter_at
@@ -30,6 +31,7 @@ def schedule(
     graph: DependencyGraph,
     toolpaths: Sequence[Toolpath],
     live: Sequence[int] | None = None,
+    lags: Lags | None = None,
 ) -> JointPlan:
     """Make the exact plan in which each head prints its toolpath in order.
 
@@ -43,6 +45,9 @@ def schedule(
         an order for everything: contours its head can not print go to one that can.
     live : Sequence[int] | None
         Heads that may move; the others stay parked. None: all.
+    lags : Lags | None
+        How long what is printed over must cool: heads rest where nothing else takes that
+        long, to a quarter of a second. None: nothing has to.
 
     Returns
     -------
@@ -61,7 +66,8 @@ def schedule(
     entry = entries_by_contour(toolpaths, len(job.contours))
     entered = enter_at(job.contours, entry)
     fleet = fleet_of(job, machine, live)
-    order = order_of_job(job, graph, machine, fleet, entered, toolpaths)
+    cooling = no_lags(len(job.contours)) if lags is None else lags
+    order = order_of_job(job, graph, machine, fleet, entered, toolpaths, cooling)
     running = replace(job, contours=entered, acceleration=None)
     travels = unit_travels(running, machine, order, space, walls_for(job))
-    return join_actions(job, machine, order, travels, toolpaths)
+    return join_actions(job, machine, order, travels, toolpaths, cooling)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.carry_out import eligible_heads
 from decmcts._kernels.joint import Visits
+from decmcts._kernels.lags import no_lags
 from decmcts._kernels.pieces import cut_pieces
 from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
@@ -169,8 +170,9 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
         whole = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
         none = np.zeros(len(contours) + 1, np.int64)
         visits = Visits(
-            ends, np.zeros(len(contours)), contours.reversible, whole, none, np.empty(0, np.int32)
-        )
+            ends, np.zeros(len(contours)), contours.reversible, whole, none,
+            np.empty(0, np.int32), no_lags(len(contours)),
+        )  # fmt: skip
         eligible = eligible_heads(eligible, visits, fleet_of(job, machine, live))
     parks = np.array([head.park for head in machine.heads], np.float64)
     return Space(boxes, parks, eligible)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.cooling import Lags
+from decmcts._kernels.lags import Lags
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.motion import path_time, travel_feed

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts._kernels.anneal import anneal
-from decmcts._kernels.cooling import Lags
 from decmcts._kernels.descent import descend
+from decmcts._kernels.lags import Lags
 from decmcts._kernels.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sift import try_sift

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from decmcts._kernels.cooling import Lags
+from decmcts._kernels.lags import Lags
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours

@@ -21,7 +21,8 @@ motion, between two moves and without M400,
     SYNC_PASSED N=8      ; number 8 is reached when the move before this line has ended
 
 and the waiting head dwells behind its waits for as long as its lags ask. It does so
-whenever the signal came: files keep no time among each other. SYNC_PASSED must
+whenever the signal came: files keep no time among each other. It dwells too, retracted,
+where the plan rests for cooling. SYNC_PASSED must
 neither stop the head nor run before the move above it has ended, so files have it
 only where the machine's controllers can `release` points (docs/gcode.md).
 
@@ -273,6 +274,8 @@ class _HeadFile:
                 entry=int(head.entry[k]), passed=passed,
             )  # fmt: skip
             self._retract_for(head, k + 1)
+        elif kind == ActionKind.WAIT:
+            self._dwell(float(head.end_s[k] - head.begin_s[k]))
         if (number := self.points.signals.get((self.index, k), 0)) > 0:
             self._say(self.words.signal, number)
 
@@ -284,7 +287,13 @@ class _HeadFile:
             seconds -= part
 
     def _retract_for(self, head: HeadActions, k: int) -> None:
-        """Retract for action k before others may count on this head's way being clear."""
+        """Retract for action k before others may count on this head's way being clear.
+
+        One that is going to rest retracts here too, for it must not wipe back later.
+        """
+        ahead = head.kind[k : k + 2].tolist()
+        if ahead[:1] == [ActionKind.WAIT] or ahead == [ActionKind.TRAVEL, ActionKind.WAIT]:
+            self.emitter.retract()
         if k < len(head) and head.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
             way = [tuple(point) for point in head.action_path(k).tolist()]
             if retracts(self.emitter.walls, self.emitter.settings, way):
