@@ -85,6 +85,20 @@ def test_teams_are_compared_once(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_part_left_out_is_compared_with_the_whole_search(tmp_path):
+    """On the example, half a second each; done once, not run again."""
+    options = ["--models", "plate", "--time-limit", "0.5", "--methods", "all"]
+    run("team_ablation", [*options[:-1], "all"], tmp_path)
+    run("team_ablation", [*options[:-1], "no_local_search"], tmp_path)
+    written = (tmp_path / "team_ablation.csv").read_text()
+    rows = list(csv.DictReader(written.splitlines()))
+    assert [row["method"] for row in rows] == ["all", "no local search"]
+    assert all(row["faults"] == "0" and row["error"] == "" for row in rows)
+    page = (tmp_path / "team_ablation.md").read_text()
+    assert "| all | 1 |" in page and "## Entropy" in page
+
+
+@pytest.mark.slow
 def test_random_teams_are_judged_and_counted(tmp_path):
     """Every preset and one machine made at random, a plan each; done once, not run again."""
     options = ["--machines", "1", "--plans", "1", "--presets", "1"]

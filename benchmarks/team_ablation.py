@@ -1,0 +1,154 @@
+"""What each part of the search for several heads brings: one left out at a time.
+
+    python benchmarks/team_ablation.py [--time-limit 30] [--seeds 0,1,2] [--models mix_1,…]
+
+All heads plan in turn in one process, so that every variant gets the same processor time
+(`--time-limit`). *no tree*: plans come from policies and exchanges on the best joint plan.
+*no messages*: no head learns what another plans; the best of theirs counts. *no local
+search*: joint orders are not polished. *no piecewise release*: a head holds the room of a
+contour to its end. *q frozen*: the distributions over plans stay uniform. Of the corpus'
+eight plates (`dual-gantry`) the odd ones were tuned on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import statistics
+from collections.abc import Iterator
+from typing import Any
+
+from common import (
+    Rows,
+    arguments,
+    grouped,
+    markdown,
+    names,
+    run_missing,
+    setting,
+    spread,
+)
+from team_prints import PLATES
+from team_run import VARIANTS, in_own_process
+
+KEY = ("plate", "heads", "method", "seed", "cpu_s")
+HEADS = 2
+ALL = VARIANTS[0]
+TUNED = PLATES[::2]
+STEPS = 8  # of the time, for which the entropy is told
+Rounds = list[tuple[float, float]]
+
+
+def keys_of(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Yield the runs, print after print."""
+    for plate in options.models:
+        for seed in options.seeds:
+            for method in (word.replace("_", " ") for word in options.methods):
+                yield dict(zip(KEY, (plate, HEADS, method, seed, options.time_limit), strict=True))
+
+
+def run(key: dict[str, Any]) -> dict[str, Any]:
+    """Make one run; of how it went the entropy at some times is kept."""
+    row = in_own_process(key)
+    row.pop("history", None)
+    row["entropy"] = json.dumps(sampled(row.get("entropy") or [], key["cpu_s"]))
+    return row
+
+
+def sampled(entropy: Rounds, end_s: float) -> list[float]:
+    """Return the entropy at even steps of the time: the last told by then, nan before any."""
+    told = []
+    for k in range(1, STEPS + 1):
+        by_then = [value for at, value in entropy if at <= end_s * k / STEPS]
+        told.append(by_then[-1] if by_then else math.nan)
+    return told
+
+
+def against_all(rows: list[dict[str, str]]) -> dict[str, list[float]]:
+    """Return variant -> makespans over those of the whole search, of the same print and seed."""
+    whole = {(r["plate"], r["seed"]): float(r["makespan_s"]) for r in rows if r["method"] == ALL}
+    return {
+        method: [
+            float(r["makespan_s"]) / whole[r["plate"], r["seed"]]
+            for r in mine
+            if (r["plate"], r["seed"]) in whole
+        ]
+        for (method,), mine in grouped(rows, "method").items()
+    }
+
+
+def of_variants(rows: list[dict[str, str]]) -> str:
+    """Return a line for each variant: against the bound and against the whole search."""
+    tuned = against_all([r for r in rows if r["plate"] in TUNED])
+    fresh = against_all([r for r in rows if r["plate"] not in TUNED])
+    lines = []
+    for (method,), mine in grouped(rows, "method").items():
+        both = tuned.get(method, []) + fresh.get(method, [])
+        lines.append(
+            [
+                method,
+                str(len(mine)),
+                spread([float(r["over_bound"]) for r in mine], 3),
+                spread(tuned.get(method, []), 3),
+                spread(fresh.get(method, []), 3),
+                f"{min(both):.3f} to {max(both):.3f}" if both else "",
+                f"{statistics.median(int(r['rounds']) for r in mine):.0f}",
+                str(sum(int(r["faults"]) for r in mine)),
+            ]
+        )
+    head = ["variant", "runs", "makespan ÷ bound", "÷ all, tuned on", "÷ all, not tuned on",
+            "least and most", "rounds", "faults"]  # fmt: skip
+    return markdown(lines, head)
+
+
+def of_entropy(rows: list[dict[str, str]]) -> str:
+    """Return the median entropy of q over time, a line a variant."""
+    lines = []
+    for (method,), mine in grouped(rows, "method").items():
+        told = [json.loads(r["entropy"]) for r in mine]
+        columns = [[v for v in step if not math.isnan(v)] for step in zip(*told, strict=True)]
+        medians = [f"{statistics.median(column):.2f}" if column else "" for column in columns]
+        lines.append([method, *medians])
+    steps = [f"{k}/{STEPS}" for k in range(1, STEPS + 1)]
+    return markdown(lines, ["variant", *steps])
+
+
+def report(rows: Rows, options: argparse.Namespace) -> str:
+    """Return the page."""
+    mine = [r for r in rows.rows if float(r["cpu_s"]) == options.time_limit and not r["error"]]
+    there = ",".join(sorted({r["seed"] for r in mine}))
+    said = setting(
+        note=options.note,
+        processor_time=f"{options.time_limit:g} s a search",
+        seeds=there.replace(",", " "),
+        machine="dual-gantry",
+        quality="none",
+    )
+    text = f"# What each part of the search for several heads brings\n\n{said}\n\n"
+    text += f"Repeat: `python benchmarks/team_ablation.py --time-limit {options.time_limit:g} "
+    text += f"--seeds {there}`. All heads plan in turn in one process. Medians, quartiles in "
+    text += "brackets, over plates and seeds. *÷ all*: makespan over that of the whole search "
+    text += "with the same seed; above 1 the part brings something. *Least and most* of these. "
+    text += "*Faults*: of all plans, by the judge.\n\n"
+    text += of_variants(mine)
+    text += "\n## Entropy of q over time\n\nOf a head's distribution over its plans, in nats, the "
+    text += "mean of the heads and the median of the runs, at eighths of the time; empty: "
+    text += "policies are still being tried.\n\n" + of_entropy(mine)
+    return text + rows.failures()
+
+
+def main() -> None:
+    parser = arguments(__doc__, time_limit=30.0, models=" ".join(PLATES).replace(" ", ","))
+    parser.add_argument("--methods", type=names, default=[v.replace(" ", "_") for v in VARIANTS],
+                        help="NAME,NAME,… with _ for blanks")  # fmt: skip
+    options = parser.parse_args()
+    rows = Rows(options.results / "team_ablation.csv", KEY)
+    if not options.table_only:
+        run_missing(rows, keys_of(options), run)
+    rows.read()
+    (options.results / "team_ablation.md").write_text(report(rows, options))
+
+
+if __name__ == "__main__":
+    main()
