@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import runpy
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from agents.pack import Pack, write_pack
+from agents.pack import TEAM, Pack, write_pack
 from agents.serial import joint_order
 from agents.spawn import Agreement, OnStart, run_agents
 from agents.supervisor import LaunchError, OnProgress, ShouldStop
@@ -22,6 +24,7 @@ from decmcts.formats.drafts import draft_folder
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.parameters import Parameters, changed
 from decmcts.team.problem import TeamProblem, build_team_problem
 
 
@@ -42,6 +45,7 @@ def launch(
     time_limit_s: float,
     seed: int,
     lags: Lags | None = None,
+    parameters: Mapping[str, Any] | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
     should_stop: ShouldStop | None = None,
@@ -49,19 +53,22 @@ def launch(
     """Plan a print by one process per head of the machine.
 
     The print goes to the agents in a temporary folder; callbacks and limits are
-    those of `run_agents`. `lags` say how long what is printed over must cool.
+    those of `run_agents`. `lags` say how long what is printed over must cool,
+    `parameters` set some of `decmcts.team.parameters`.
 
     Raises
     ------
     LaunchError
         If the agents come to no plan, or to one that resolves differently here.
     InputError
-        If no head can print some contour.
+        If no head can print some contour, or a parameter is not allowed.
     """
+    changed(Parameters(), parameters or {})
     problem = build_team_problem(job, machine, graph, lags)
+    options = {} if parameters is None else {TEAM: dict(parameters)}
     expected = team_digest(problem.digest, job, code=code_digest())
     with draft_folder() as folder:
-        write_pack(Pack(job, machine, graph, lags=lags), folder)
+        write_pack(Pack(job, machine, graph, options, lags), folder)
         agreement = run_agents(
             problem.head_names,
             ["--pack", str(folder), "--expect", expected],

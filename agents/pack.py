@@ -26,6 +26,7 @@ from decmcts.print.machine import Machine
 _ARRAYS = "problem.npz"
 _REST = "problem.json"
 _ACCELERATION = "acceleration"
+TEAM = "team"  # option: parameters of the team's search that were set
 
 
 @dataclass(frozen=True, slots=True)

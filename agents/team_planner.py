@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from agents.messages import Distribution, Joint, MessageError, Plans, Sequence32
-from agents.pack import Pack
+from agents.pack import TEAM, Pack
 from agents.planner import JointProposal
 from agents.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts import DecMcts, PlanDistribution
+from decmcts.team.parameters import Parameters, changed
 from decmcts.team.plans import POLICIES
 from decmcts.team.problem import TeamProblem, build_team_problem
 
@@ -17,17 +18,21 @@ from decmcts.team.problem import TeamProblem, build_team_problem
 class TeamPlanner:
     """One head's Dec-MCTS search and the shared `resolve`."""
 
-    def __init__(self, problem: TeamProblem, head: int, *, seed: int) -> None:
+    def __init__(
+        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None
+    ) -> None:
         self.problem = team_digest(problem.digest, problem.job, code=code_digest())
         self.names = problem.head_names
         self._team = problem
-        self._search = DecMcts(problem, head, seed=seed)
+        self._search = DecMcts(problem, head, seed=seed, parameters=parameters)
 
     @staticmethod
     def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:
         """Build the problem of a pack and a planner for one head of it."""
         problem = build_team_problem(pack.job, pack.machine, pack.graph, pack.lags)
-        planner = TeamPlanner(problem, head, seed=seed)
+        usual = Parameters.for_contours(len(problem.macro))
+        parameters = changed(usual, pack.options.get(TEAM, {}))
+        planner = TeamPlanner(problem, head, seed=seed, parameters=parameters)
         # Compiles the kernels of a round, if no cache has them, before the clock runs.
         planner.best(range(len(planner.names)))
         return planner

@@ -39,10 +39,10 @@ SAME_TIME_SHARE = 1e-3  # and for long ones; between them this share. Feeds and 
 # written anew with the source's decimals, which moves the estimate by a fraction of a second
 
 
-def refuse_unwritable(paths: Sequence[Path | None], source: Path) -> None:
+def refuse_unwritable(paths: Sequence[Path | None], source: Path, *read: Path) -> None:
     """Fail before the long work: each output needs an existing folder we may write to.
 
-    No output may be the input, or another output.
+    No output may be the input, what else is `read`, or another output.
     """
     if source == STDOUT:
         raise InputError("standard input is not read", advice="give the name of a file")
@@ -50,15 +50,21 @@ def refuse_unwritable(paths: Sequence[Path | None], source: Path) -> None:
     for path in (p for p in paths if p is not None and p != STDOUT):
         place = Path(os.path.realpath(path))
         _refuse_place(path)
-        if path.exists() and source.exists() and path.samefile(source):
+        if _same(path, source):
             raise InputError(
                 "the output is the input",
                 path=path,
                 advice="name another file, or use `decmcts post` to edit in place",
             )
+        if any(_same(path, other) for other in read):
+            raise InputError("the output is read too", path=path, advice="name another file")
         if place in taken:
             raise InputError("two outputs have this name", path=path, advice="name another file")
         taken.add(place)
+
+
+def _same(path: Path, other: Path) -> bool:
+    return path.exists() and other.exists() and path.samefile(other)
 
 
 def _refuse_place(path: Path) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,11 +41,13 @@ from decmcts.formats.gcode import refuse_for_heads
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.qcsp import is_qcsp
+from decmcts.formats.reading import read_toml
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import lone_machine, one_head_toolpaths
 from decmcts.team.bound import Bound, makespan_bound
 from decmcts.team.cooling import cooled, find_lags, print_times
+from decmcts.team.parameters import Parameters, changed
 from decmcts.team.schedule import schedule
 
 StemOption = Annotated[
@@ -73,6 +76,25 @@ RecordOption = Annotated[
         help="Keep what the heads do as they plan, for `decmcts replay`",
     ),
 ]
+TeamOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--team",
+        rich_help_panel=opt.SEARCH,
+        metavar="FILE",
+        help="Parameters of the heads' search, a TOML file (docs/team.md)",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class TeamSearch:
+    """What was asked of the heads' search."""
+
+    time_limit_s: float
+    seed: int
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # those that are set
+    record: Path | None = None
 
 
 @app.command()
@@ -87,6 +109,7 @@ def launch(
     max_layers_ahead: opt.LeadOption = None,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
+    team: TeamOption = None,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
@@ -99,17 +122,17 @@ def launch(
         qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     heads = head_files(output, load_machine(machine)) if output is not None else []
-    refuse_unwritable([*heads, plan_file, report, picture, record], source)
+    outputs = [*heads, plan_file, report, picture, record]
+    refuse_unwritable(outputs, source, *([] if team is None else [team]))
     refuse_other_suffixes(plan_file, report, picture)
+    parameters = {} if team is None else read_parameters(team)
     planned = run_team(
         source,
         machine,
         process_order=process_order.value,
         quality=Quality(quality, min_layer_time, max_layers_ahead),
-        time_limit_s=time_limit,
-        seed=seed,
+        asked=TeamSearch(time_limit, seed, parameters, record),
         writes=output is not None,
-        record=record,
     )
     with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
         announce("writing files")
@@ -119,16 +142,21 @@ def launch(
         show_team(planned, paths, as_json=as_json)
 
 
+def read_parameters(path: Path) -> Mapping[str, Any]:
+    """Return the parameters that a file sets; raises InputError for what is not allowed."""
+    values = read_toml(path, "file of parameters", page="docs/team.md")
+    changed(Parameters(), values, path=path)
+    return values
+
+
 def run_team(
     source: Path,
     machine: str,
     *,
     process_order: str,
     quality: Quality,
-    time_limit_s: float,
-    seed: int,
+    asked: TeamSearch,
     writes: bool = True,
-    record: Path | None = None,
 ) -> Planned:
     """Load, let the agents plan and agree, schedule, verify.
 
@@ -154,18 +182,18 @@ def run_team(
             loaded,
             planner="local",
             freedom="reversible",
-            time_limit_s=min(10.0, time_limit_s / 3),
-            seed=seed,
+            time_limit_s=min(10.0, asked.time_limit_s / 3),
+            seed=asked.seed,
         ).toolpath
         order = cooled(loaded.job, loaded.machine, loaded.graph, lags, order).toolpath
         announce("a bound on the makespan")
         bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     started = time.perf_counter()
-    result = _agreed(loaded, lags, bound, time_limit_s, seed, record)
+    result = _agreed(loaded, lags, bound, asked)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     with steps() as (announce, _):
         announce("safe travels, times and order across heads")
-        after = _best_of(loaded, lags, result, order, bound, seed=seed, time_limit_s=time_limit_s)
+        after = _best_of(loaded, lags, result, order, bound, asked)
         history = [] if result is None else _history(result)
         return check(loaded, before, after, history, seconds, announce)
 
@@ -176,12 +204,10 @@ def lags_of(loaded: Loaded, before: PlanDocument) -> Lags:
     return find_lags(loaded.job.contours, [times], loaded.min_layer_time_s)[0]
 
 
-def _agreed(
-    loaded: Loaded, lags: Lags, bound: Bound, time_limit_s: float, seed: int, record: Path | None
-) -> LaunchResult | None:
+def _agreed(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSearch) -> LaunchResult | None:
     """Return what the agents agreed on, or None: one head alone is always left."""
     try:
-        result = _planned_by_agents(loaded, lags, bound, time_limit_s, seed, record)
+        result = _planned_by_agents(loaded, lags, bound, asked)
     except LaunchError as error:
         err.print(f"{error}; one head prints alone", markup=False)
         return None
@@ -194,13 +220,11 @@ def _slicing() -> SliceOptions:
     return SliceOptions(center=(150.0, 150.0))
 
 
-def _planned_by_agents(
-    loaded: Loaded, lags: Lags, bound: Bound, time_limit_s: float, seed: int, record: Path | None
-) -> LaunchResult:
+def _planned_by_agents(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSearch) -> LaunchResult:
     """Run the agents with a live table of what each is doing."""
     with (
         interrupt_stops() as stopped,
-        recording(record, bound.bound_s) as keep,
+        recording(asked.record, bound.bound_s) as keep,
         Live(console=err, transient=True, refresh_per_second=4) as live,
     ):
 
@@ -212,9 +236,10 @@ def _planned_by_agents(
             loaded.job,
             loaded.machine,
             loaded.graph,
-            time_limit_s=time_limit_s,
-            seed=seed,
+            time_limit_s=asked.time_limit_s,
+            seed=asked.seed,
             lags=lags,
+            parameters=asked.parameters,
             on_progress=show,
             should_stop=stopped,
         )
@@ -236,20 +261,19 @@ def _best_of(
     result: LaunchResult | None,
     order: Toolpath,
     bound: Bound,
-    *,
-    seed: int,
-    time_limit_s: float,
+    asked: TeamSearch,
 ) -> PlanDocument:
     """Schedule what was agreed, or one head alone where that is faster."""
     agreement = None if result is None else result.agreement
     heads = range(len(loaded.machine.heads)) if agreement is None else agreement.live
-    alone = plan_alone(loaded, lags, order, heads, seed)
+    alone = plan_alone(loaded, lags, order, heads, asked.seed)
     lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order], lags=lags)
     extra: dict[str, Any] = {
         "planner": "dec-mcts",
         "freedom": "reversible",
-        "seed": seed,
-        "time_limit_s": time_limit_s,
+        "seed": asked.seed,
+        "time_limit_s": asked.time_limit_s,
+        "parameters": dict(asked.parameters),
         "agreed_digest": "" if agreement is None else agreement.digest,
         "live_heads": list(heads),
         "one_head_s": lone.makespan_s,
@@ -350,8 +374,7 @@ def demo(
             "dual-gantry",
             process_order="keep",
             quality=Quality(),
-            time_limit_s=time_limit,
-            seed=seed,
+            asked=TeamSearch(time_limit, seed),
         )
     paths = write_heads(planned, folder / "plate")
     paths += write_extras(

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -17,7 +16,7 @@ from decmcts.formats.machine_dict import machine_from_dict
 from decmcts.formats.machine_fit import check_fits
 from decmcts.formats.prusa_geometries import machine_from_geometries
 from decmcts.formats.rail_family import SIZES, rail_machine
-from decmcts.formats.reading import one_line, read_bytes, read_json
+from decmcts.formats.reading import parse_toml, read_bytes, read_json
 from decmcts.formats.slicer_profile import machine_from_ini, machine_from_json
 from decmcts.print.machine import Machine
 
@@ -30,7 +29,6 @@ __all__ = [
 ]
 
 _GEOMETRIES = re.compile(r"^(?P<file>.+\.json):(?P<name>[^:/\\]+)$", re.IGNORECASE)
-_AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
 _INI = re.compile(r"^(?P<file>.+\.ini)(:(?P<name>[^/\\]+))?$", re.IGNORECASE)
 _RAILS = {f"rail-{heads}": heads for heads in SIZES}  # presets that have no file
 _MODELS = (  # PrusaSlicer's printer_model, the longer names first
@@ -133,17 +131,7 @@ def _known(name: str) -> str:
 
 
 def _from_toml(content: bytes, path: Path) -> Machine:
-    with one_line(path, "machine file"):
-        try:
-            values = tomllib.loads(content.decode("utf-8"))
-        except tomllib.TOMLDecodeError as error:
-            found = _AT_LINE.search(str(error))
-            raise InputError(
-                _AT_LINE.sub("", str(error)),
-                path=path,
-                line=int(found[1]) if found else None,
-                advice="see docs/machine-format.md",
-            ) from error
+    values = parse_toml(content, path, "machine file", page="docs/machine-format.md")
     return machine_from_dict(values, path=path)
 
 

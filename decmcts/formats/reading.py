@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from decmcts.errors import InputError
+
+_AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
 
 
 def read_bytes(path: Path) -> bytes:
@@ -34,6 +38,32 @@ def read_json(path: Path, kind: str) -> Mapping[str, Any]:
     if not isinstance(values, dict):
         raise InputError(f"is no {kind}: expected an object", path=path)
     return values
+
+
+def read_toml(path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
+    """Return what a TOML file says that should be a `kind`, which `page` describes.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read or is no TOML, with the line.
+    """
+    return parse_toml(read_bytes(path), path, kind, page=page)
+
+
+def parse_toml(content: bytes, path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
+    """Return what a TOML file that holds `content` says; raises InputError as `read_toml`."""
+    with one_line(path, kind):
+        try:
+            return tomllib.loads(content.decode("utf-8"))
+        except tomllib.TOMLDecodeError as error:
+            found = _AT_LINE.search(str(error))
+            raise InputError(
+                _AT_LINE.sub("", str(error)),
+                path=path,
+                line=int(found[1]) if found else None,
+                advice=f"see {page}",
+            ) from error
 
 
 @contextmanager

@@ -26,14 +26,8 @@ from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.distribution import PlanDistribution
 from decmcts.team.exchange import exchange, exchange_jointly
-from decmcts.team.plans import (
-    POLICIES,
-    StatedOrder,
-    decode,
-    encode,
-    encode_serial,
-    encode_stated,
-)
+from decmcts.team.parameters import Parameters
+from decmcts.team.plans import StatedOrder, decode, encode, encode_serial, encode_stated
 from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
@@ -46,34 +40,6 @@ AT_ONCE = 200_000  # contours put when policies are tried, about a second's work
 ROOT_POLICIES = 8  # with which the tree begins
 BETTER = 0.997  # share of its start's makespan that a better start must have
 NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the others
-
-
-@dataclass(frozen=True, slots=True)
-class Parameters:
-    """Values of the literature and its code, but for what depends on the number of updates.
-
-    The literature does thousands of updates; a print of thousands of contours allows a
-    hundred a minute, so steps are longer here and cooling is faster.
-    """
-
-    gamma: float = 0.9  # discount of old rewards
-    exploration: float = 0.7071067811865476  # C_p
-    alpha: float = 0.2  # step of the distribution
-    beta: float = 1.0  # temperature at first
-    cooling: float = 0.95  # of the temperature, each update
-    coldest: float = 0.02  # temperature at last
-    plans: int = 10  # |X̂|
-    updates: int = 10  # τ, distribution updates of a round
-    samples: int = 20  # tree samples of an update
-    renew: int = 3  # samples of each plan of X̂ before another X̂ is chosen
-    windows: int = 60  # of the best joint order polished in a round
-
-    @staticmethod
-    def for_contours(n: int) -> Parameters:
-        """Return parameters that keep a round to about a second for a print of n contours."""
-        samples = int(np.clip(30_000 // max(n, 1), 4, 200))
-        updates = min(10, max(2, samples // 10))
-        return Parameters(updates=updates, samples=max(2, samples // updates))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,13 +145,15 @@ class DecMcts:
                 self._sample(team)
                 self._improve(team)
             self._update(team)
-        self._refine(team)
+        if self.parameters.windows:
+            self._refine(team)
         if self._rounds == 1 or self._count.min() >= self.parameters.renew:
             self._choose_plans()
 
     def _try_policies(self, team: tuple[int, ...]) -> bool:
         """Try some policies for all heads at once; True when this head's share is done."""
-        mine = range(team.index(self.head), len(POLICIES), len(team))
+        count = self.parameters.policies
+        mine = range(team.index(self.head) % count, count, len(team))
         values = self._policies.setdefault(team, {})
         most = max(8, AT_ONCE // max(1, len(self.problem.macro)))
         for k in [k for k in mine if k not in values][:most]:
@@ -202,7 +170,7 @@ class DecMcts:
         node = self._tree.descend()
         plan = self._child_plan(node, team)
         while self._rng.random() < 0.3:
-            plan = exchange(self.problem, plan, self._rng)
+            plan = self._exchange(plan)
         child = self._tree.expand(node, plan)
         reward = self._scaled(self._utility(plan, others, team))
         self._tree.backup(child, reward)
@@ -210,7 +178,9 @@ class DecMcts:
     def _improve(self, team: tuple[int, ...]) -> None:
         """Try one exchange on the best plans of macro-actions; a better one joins the tree."""
         best = self._start[team]
-        plans = exchange_jointly(self.problem, best.plans, self._rng)
+        plans = exchange_jointly(
+            self.problem, best.plans, self._rng, policies=self.parameters.policies
+        )
         value = self._value(plans, team)
         if self._start[team].makespan_s < best.makespan_s:
             child = self._tree.expand(ROOT, plans[self.head])
@@ -223,7 +193,10 @@ class DecMcts:
         children, values = len(self._tree) - 1, self._policies[team]
         if node == ROOT and children < min(ROOT_POLICIES, len(values)):
             return self._by_policy(self.head, sorted(values, key=values.__getitem__)[children])
-        return exchange(self.problem, self._tree.plans[node], self._rng)
+        return self._exchange(self._tree.plans[node])
+
+    def _exchange(self, plan: NDArray[np.int32]) -> NDArray[np.int32]:
+        return exchange(self.problem, plan, self._rng, policies=self.parameters.policies)
 
     def _refine(self, team: tuple[int, ...]) -> None:
         """Polish the best joint order; begin anew from a better start."""

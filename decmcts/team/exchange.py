@@ -12,14 +12,21 @@ from decmcts.team.problem import TeamProblem
 
 
 def exchange(
-    problem: TeamProblem, plan: NDArray[np.int32], rng: np.random.Generator
+    problem: TeamProblem,
+    plan: NDArray[np.int32],
+    rng: np.random.Generator,
+    *,
+    policies: int = len(POLICIES),
 ) -> NDArray[np.int32]:
-    """Return a plan that differs by one random move; a serial plan becomes an ordinary one."""
+    """Return a plan that differs by one random move; a serial plan becomes an ordinary one.
+
+    A new policy is one of the first `policies`.
+    """
     intent = decode(plan, problem.n_macros, len(problem.macro))
     macros, policy = intent.macros, intent.policy
     move = rng.random()
     if move < 0.1 or problem.n_macros == 0:
-        policy = int(rng.integers(len(POLICIES)))
+        policy = int(rng.integers(policies))
     elif move < 0.6 and len(macros) > 1:
         macros = _shift_part(problem, macros, rng)
     elif move < 0.75 and len(macros) > 1:
@@ -70,15 +77,19 @@ def _delay(
 
 
 def exchange_jointly(
-    problem: TeamProblem, plans: Mapping[int, NDArray[np.int32]], rng: np.random.Generator
+    problem: TeamProblem,
+    plans: Mapping[int, NDArray[np.int32]],
+    rng: np.random.Generator,
+    *,
+    policies: int = len(POLICIES),
 ) -> dict[int, NDArray[np.int32]]:
     """Return the plans of all heads after one move of one head, or one they make together."""
     move = rng.random()
     if move < 0.4 or problem.n_macros == 0:
         head = sorted(plans)[int(rng.integers(len(plans)))]
-        return {**plans, head: exchange(problem, plans[head], rng)}
+        return {**plans, head: exchange(problem, plans[head], rng, policies=policies)}
     intents = {r: decode(p, problem.n_macros, len(problem.macro)) for r, p in plans.items()}
-    policy = int(rng.integers(len(POLICIES))) if move < 0.5 else None
+    policy = int(rng.integers(policies)) if move < 0.5 else None
     parts = np.unique(problem.macro_part)
     chosen = rng.choice(parts, size=1 + int(rng.random() < 0.3))
     shares = rng.normal(0.0, 0.5, len(chosen)) if policy is None else np.zeros(len(chosen))

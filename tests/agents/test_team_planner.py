@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from agents.messages import MessageError
+from agents.pack import TEAM, Pack
 from agents.serial import joint_order, serial_plans
 from agents.team_planner import TeamPlanner
 from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
 from decmcts.print.job import ProcessSettings
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.parameters import Parameters
 from decmcts.team.plans import encode_serial
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.schedule import schedule
@@ -102,3 +104,14 @@ def test_another_process_is_another_problem(problem: TeamProblem) -> None:
     other = replace(problem, job=replace(problem.job, settings=settings))
     digests = {TeamPlanner(p, 0, seed=1).problem for p in (problem, other)}
     assert len(digests) == 2
+
+
+@pytest.mark.slow
+def test_a_pack_s_parameters_are_the_search_s(problem: TeamProblem) -> None:
+    """What a launch sets must reach each head; the rest stays as the print asks for."""
+    pack = Pack(problem.job, problem.machine, problem.graph, {TEAM: {"updates": 0, "alpha": 0.5}})
+    usual = Parameters.for_contours(len(problem.macro))
+    found = TeamPlanner.of_pack(pack, 0, seed=1)._search.parameters
+    assert found == replace(usual, updates=0, alpha=0.5)
+    with pytest.raises(InputError, match="alpha"):
+        TeamPlanner.of_pack(replace(pack, options={TEAM: {"alpha": 2}}), 0, seed=1)

@@ -47,6 +47,7 @@ def test_json_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[
         ({"Phi": [[1, 1]]}, [], "circle"),
         ({}, ["--machine", "dual-gantry"], "--machine means nothing for a .qcsp file"),
         ({}, ["--report", "r.html"], "--report"),
+        ({}, ["--team", "t.toml"], "--team means nothing for a .qcsp file"),
         ({}, ["--no-quality"], "--no-quality"),
         ({}, ["-o", "-", "--json"], "both want standard output"),
     ],

@@ -10,6 +10,7 @@ import pytest
 from agents.supervisor import LaunchError
 from decmcts.cli import team
 from decmcts.cli.app import run
+from decmcts.cli.record import read_record
 from decmcts.formats.plan_json import read_plan
 from examples import example_path
 from sim.verify import verify_plan
@@ -32,3 +33,57 @@ def test_agents_that_come_to_no_plan_leave_one_head(
     document = read_plan(plan)
     assert sorted(len(head) > 0 for head in document.plan.heads) == [False, True]
     assert not verify_plan(document).faults
+
+
+@pytest.mark.slow
+def test_a_file_of_parameters_changes_what_agents_do(tmp_path: Path) -> None:
+    """Without a tree a head has one plan to tell, so it is never undecided."""
+    chosen, record, plan = tmp_path / "team.toml", tmp_path / "r.jsonl", tmp_path / "plan.json"
+    chosen.write_text("updates = 0 # no tree\nwindows = 0\npolicies = 1\n")
+    line = ["launch", str(example_path("four_nuts.gcode.gz")), "--team", str(chosen)]
+    line += ["--time-limit", "1", "--record", str(record), "--plan", str(plan)]
+    assert run(line) == 0
+    told = [agent for _, agents in read_record(record)[1] for agent in agents if agent.rounds]
+    assert told and {agent.entropy for agent in told} == {0.0}
+    stated = read_plan(plan).metrics["parameters"]
+    assert stated == {"updates": 0, "windows": 0, "policies": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("gama = 0.9", "team.toml: gama: unknown key; known here: gamma, exploration"),
+        ("alpha = 1.5", "team.toml: alpha: expected a number in 0..1, found 1.5"),
+        ("windows = 2.5", "team.toml: windows: expected a whole number in 0..1000, found 2.5"),
+        ("beta = 'hot'", "team.toml: beta: expected a number in 0.001..100, found 'hot'"),
+        ("gamma = 0.9\nbeta = = 1", "team.toml:2: Invalid value; see docs/team.md"),
+        ("gamma = \xff", "team.toml:1: "),
+        (None, "team.toml: cannot be read"),
+    ],
+)
+def test_a_file_of_parameters_that_cannot_be_used_is_one_line(
+    text: str | None, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 before anything is read or written."""
+    chosen, source = tmp_path / "team.toml", tmp_path / "plate.gcode"
+    source.write_text("")
+    if text is not None:
+        chosen.write_text(text, encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    line = ["launch", str(source), "-o", str(tmp_path / "out"), "--team", str(chosen)]
+    assert run([*line, "--record", str(tmp_path / "r.jsonl")]) == 2
+    heard = capsys.readouterr().err.strip().splitlines()
+    assert len(heard) == 1 and said in heard[0]
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_file_of_parameters_is_not_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A slip of the name must not cost a user's file."""
+    chosen, source = tmp_path / "team.toml", tmp_path / "plate.gcode"
+    chosen.write_text("alpha = 0.0")
+    source.write_text("")
+    assert run(["launch", str(source), "--team", str(chosen), "--record", str(chosen)]) == 2
+    assert "team.toml: the output is read too" in capsys.readouterr().err
+    assert chosen.read_text() == "alpha = 0.0"

@@ -6,7 +6,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import load_machine
-from decmcts.formats.reading import one_line, read_bytes, read_json
+from decmcts.formats.reading import one_line, read_bytes, read_json, read_toml
 
 DIGITS = b"1" * 5000
 TEXTS = [
@@ -25,6 +25,25 @@ def test_what_is_no_json_object_is_one_line(tmp_path, content, said):
     file.write_bytes(content)
     with pytest.raises(InputError, match=r"a\.json") as error:
         read_json(file, "profile")
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"a = 1\nb = \n", "a.toml:2: "),
+        (b"a = \xff", "no UTF-8 text, so no list"),
+        (b"a = 1\na = 2", "; see docs/list.md"),
+        (b"a = %s" % (b"[" * 200_000), "nested too deeply to be a list"),
+        (b"a = %s" % DIGITS, "a number of more than 4300 digits"),
+    ],
+)
+def test_what_is_no_toml_is_one_line(tmp_path, content, said):
+    """With its line where Python's reader knows it, and where to look it up."""
+    file = tmp_path / "a.toml"
+    file.write_bytes(content)
+    with pytest.raises(InputError, match=r"a\.toml") as error:
+        read_toml(file, "list", page="docs/list.md")
     assert said in str(error.value)
 
 
