@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Callable
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,7 @@ from decmcts.team.parameters import RANGES, Parameters, changed
 from decmcts.team.plans import decode, encode
 from decmcts.team.problem import TeamProblem, build_team_problem
 
+PAGE = Path(__file__).parents[2] / "docs" / "team.md"
 FEW = Parameters(updates=2, samples=4, renew=1, windows=4)
 
 
@@ -50,6 +54,20 @@ def test_every_parameter_has_a_range_that_holds_its_default() -> None:
     values = asdict(Parameters())
     assert set(values) == set(RANGES)
     assert changed(Parameters(updates=1), values) == Parameters()
+
+
+def test_the_page_states_ranges_and_defaults_and_its_example_is_allowed() -> None:
+    """What users read must be what is held."""
+    text = PAGE.read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \| [^|]+ \| ([^|]+) \| (\S+)\.\.(\d+)", text, re.MULTILINE)
+    assert {key: (float(least), float(most)) for key, _, least, most in rows} == RANGES
+    usual = asdict(Parameters())
+    for key, default, _, _ in rows:
+        if not default.endswith("by the print"):
+            assert float(default.split()[0]) == pytest.approx(usual[key], abs=1e-4), key
+    example = re.search(r"```toml\n(.+?)```", text, re.DOTALL)
+    assert example is not None
+    assert changed(Parameters(), tomllib.loads(example[1])).windows == 30
 
 
 @pytest.mark.parametrize("key", RANGES)
