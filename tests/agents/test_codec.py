@@ -113,6 +113,15 @@ def test_a_stated_order_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
     assert np.array_equal(heard.plans[3], plan)
 
 
+def test_a_stated_order_of_40000_contours_and_8_heads_fits_the_limit() -> None:
+    """The largest prints' heads must be able to tell what they polished."""
+    rng = np.random.default_rng(5)
+    order = rng.permutation(40_000).astype(np.int32)
+    stated = StatedOrder(order, rng.random(40_000) < 0.5, rng.integers(0, 8, 40_000))
+    joint = Joint(tuple(range(8)), {1: encode_stated(stated, 8, 9)}, 1e5)
+    assert len(wire(joint)) <= MAX_JOINT_BYTES
+
+
 def test_a_joint_plan_above_its_limit_is_neither_sent_nor_read() -> None:
     """It is said often, and many of them must fit where one proposal does."""
     rng = np.random.default_rng(5)
