@@ -132,9 +132,10 @@ def report(rows: Rows, options: argparse.Namespace) -> str:
     text += "with the same seed; above 1 the part brings something. *Least and most* of these. "
     text += "*Faults*: of all plans, by the judge.\n\n"
     text += of_variants(mine)
-    text += "\n## Entropy of q over time\n\nOf a head's distribution over its plans, in nats, the "
-    text += "mean of the heads and the median of the runs, at eighths of the time; empty: "
-    text += "policies are still being tried.\n\n" + of_entropy(mine)
+    text += "\n## Entropy of q over time\n\nOf a head's distribution over its plans: 0 for one "
+    text += "plan, 1 for all alike; the mean of the heads and the median of the runs, at eighths "
+    text += "of the time. 0 at first: there is one plan while policies are tried.\n\n"
+    text += of_entropy(mine)
     return text + rows.failures()
 
 

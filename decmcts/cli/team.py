@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.live import Live
 
@@ -32,7 +33,17 @@ from decmcts.cli.outputs import (
     write_extras,
     write_heads,
 )
-from decmcts.cli.pipeline import Loaded, Planned, check, document_of, load, search, source_plan
+from decmcts.cli.pipeline import (
+    Loaded,
+    Planned,
+    check,
+    document_of,
+    load,
+    problem_of,
+    search,
+    source_plan,
+)
+from decmcts.cli.plan import seam_of
 from decmcts.cli.quality import Quality, cooling_line
 from decmcts.cli.record import agents_table, recording
 from decmcts.cli.signals import interrupt_stops
@@ -42,11 +53,12 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.qcsp import is_qcsp
 from decmcts.formats.reading import read_toml
-from decmcts.print.plan import PlanDocument
+from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import lone_machine, one_head_toolpaths
 from decmcts.team.bound import Bound, makespan_bound
 from decmcts.team.cooling import cooled, find_lags, print_times
+from decmcts.team.entries import entered_anew
 from decmcts.team.parameters import Parameters, changed
 from decmcts.team.schedule import schedule
 
@@ -88,6 +100,15 @@ TeamOption = Annotated[
 
 
 @dataclass(frozen=True, slots=True)
+class Orders:
+    """What a head's own order is free to do, and what it saves."""
+
+    freedom: str = "reversible"  # "fixed", "reversible" or "seam"
+    seam: str = "nearest"
+    objective: str = "travel"
+
+
+@dataclass(frozen=True, slots=True)
 class TeamSearch:
     """What was asked of the heads' search."""
 
@@ -95,6 +116,18 @@ class TeamSearch:
     seed: int
     parameters: Mapping[str, Any] = field(default_factory=dict)  # those that are set
     record: Path | None = None
+    orders: Orders = Orders()  # frozen
+
+
+TeamObjectiveOption = Annotated[
+    opt.Objective,
+    typer.Option(
+        "--objective",
+        rich_help_panel=opt.SEARCH,
+        help="The makespan comes first; this is what one head's own order and the points "
+        "contours are entered at save: travel (mm) or time",
+    ),
+]
 
 
 @app.command()
@@ -103,7 +136,11 @@ def launch(
     source: opt.Input,
     output: StemOption = None,
     machine: HeadsOption = "dual-gantry",
+    freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
+    seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
+    objective: TeamObjectiveOption = opt.Objective.TRAVEL,
+    limits: opt.LimitsOption = opt.Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
@@ -121,6 +158,7 @@ def launch(
         qcsp.refuse_for_qcsp(context)
         qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
+    orders = Orders(freedom.value, seam_of(freedom, seam), objective.value)
     heads = head_files(output, load_machine(machine)) if output is not None else []
     outputs = [*heads, plan_file, report, picture, record]
     refuse_unwritable(outputs, source, *([] if team is None else [team]))
@@ -130,8 +168,9 @@ def launch(
         source,
         machine,
         process_order=process_order.value,
+        own_limits=limits == opt.Limits.SOURCE,
         quality=Quality(quality, min_layer_time, max_layers_ahead),
-        asked=TeamSearch(time_limit, seed, parameters, record),
+        asked=TeamSearch(time_limit, seed, parameters, record, orders),
         writes=output is not None,
     )
     with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
@@ -156,6 +195,7 @@ def run_team(
     process_order: str,
     quality: Quality,
     asked: TeamSearch,
+    own_limits: bool = True,
     writes: bool = True,
 ) -> Planned:
     """Load, let the agents plan and agree, schedule, verify.
@@ -170,6 +210,8 @@ def run_team(
             quality=quality,
             options=_slicing(),
             announce=announce,
+            own_limits=own_limits,
+            freedom=asked.orders.freedom,
         )
         announce("the source's own order, one head")
         before = source_plan(loaded)
@@ -181,7 +223,9 @@ def run_team(
         order = search(
             loaded,
             planner="local",
-            freedom="reversible",
+            freedom=asked.orders.freedom,
+            seam=asked.orders.seam,
+            objective=asked.orders.objective,
             time_limit_s=min(10.0, asked.time_limit_s / 3),
             seed=asked.seed,
         ).toolpath
@@ -222,6 +266,10 @@ def _slicing() -> SliceOptions:
 
 def _planned_by_agents(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSearch) -> LaunchResult:
     """Run the agents with a live table of what each is doing."""
+    job = loaded.job
+    if loaded.rules is not None and loaded.rules.freedom == "fixed":
+        kept = np.zeros(len(job.contours), np.bool_)
+        job = dataclasses.replace(job, contours=dataclasses.replace(job.contours, reversible=kept))
     with (
         interrupt_stops() as stopped,
         recording(asked.record, bound.bound_s) as keep,
@@ -233,7 +281,7 @@ def _planned_by_agents(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSear
             keep(agents)
 
         return launch_agents(
-            loaded.job,
+            job,
             loaded.machine,
             loaded.graph,
             time_limit_s=asked.time_limit_s,
@@ -245,14 +293,11 @@ def _planned_by_agents(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSear
         )
 
 
-def plan_alone(
-    loaded: Loaded, lags: Lags, order: Toolpath, live: Sequence[int], seed: int
-) -> PlanDocument:
+def plan_alone(loaded: Loaded, lags: Lags, order: Toolpath, live: Sequence[int]) -> PlanDocument:
     """Schedule one order for one of the live heads, the others parked where possible."""
     paths = one_head_toolpaths(loaded.job, loaded.machine, order, live=live)
     plan = schedule(loaded.job, loaded.machine, loaded.graph, paths, lags=lags)
-    said = {"planner": "local, one head", "freedom": "reversible", "seed": seed}
-    return document_of(loaded, plan, said)
+    return document_of(loaded, plan, {"planner": "local, one head"})
 
 
 def _best_of(
@@ -266,11 +311,11 @@ def _best_of(
     """Schedule what was agreed, or one head alone where that is faster."""
     agreement = None if result is None else result.agreement
     heads = range(len(loaded.machine.heads)) if agreement is None else agreement.live
-    alone = plan_alone(loaded, lags, order, heads, asked.seed)
+    alone = plan_alone(loaded, lags, order, heads)
     lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order], lags=lags)
     extra: dict[str, Any] = {
         "planner": "dec-mcts",
-        "freedom": "reversible",
+        **dataclasses.asdict(asked.orders),
         "seed": asked.seed,
         "time_limit_s": asked.time_limit_s,
         "parameters": dict(asked.parameters),
@@ -281,11 +326,22 @@ def _best_of(
         "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
     }
     if result is not None:
-        plan = schedule(loaded.job, loaded.machine, loaded.graph, list(result.toolpaths), lags=lags)
-        joint = document_of(loaded, plan, extra)
+        joint = document_of(loaded, _joint(loaded, lags, result, asked.orders), extra)
         if joint.metrics["makespan_s"] <= alone.metrics["makespan_s"]:
             return joint
     return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
+
+
+def _joint(loaded: Loaded, lags: Lags, result: LaunchResult, orders: Orders) -> JointPlan:
+    """Schedule what was agreed as it is, and with entries chosen anew; return what ends first."""
+    problem = problem_of(
+        loaded, freedom=orders.freedom, seam=orders.seam, objective=orders.objective
+    )
+    plans = [
+        schedule(loaded.job, loaded.machine, loaded.graph, paths, lags=lags)
+        for paths in (list(result.toolpaths), entered_anew(problem, result.toolpaths))
+    ]
+    return min(plans, key=lambda plan: plan.makespan_s)
 
 
 def _traffic(agent: AgentStatus) -> dict[str, Any]:

@@ -87,3 +87,26 @@ def test_the_file_of_parameters_is_not_written_over(
     assert run(["launch", str(source), "--team", str(chosen), "--record", str(chosen)]) == 2
     assert "team.toml: the output is read too" in capsys.readouterr().err
     assert chosen.read_text() == "alpha = 0.0"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("freedom", ["fixed", "seam"])
+def test_heads_are_as_free_as_was_asked(tmp_path: Path, freedom: str) -> None:
+    """Nothing turns with `fixed`; with `seam` loops are entered elsewhere and all stays sound."""
+    plan, source = tmp_path / "plan.json", str(example_path("plate.gcode.gz"))
+    options = ["--freedom", freedom, "--time-limit", "2", "--plan", str(plan)]
+    assert run(["launch", source, *options]) == 0
+    document = read_plan(plan)
+    assert document.metrics["planner"] == "dec-mcts"
+    assert document.rules is not None and document.rules.freedom == freedom
+    turned = any(bool(head.reversed.any()) for head in document.plan.heads)
+    moved = any(bool(head.entry.any()) for head in document.plan.heads)
+    assert (turned, moved) == ((False, False) if freedom == "fixed" else (True, True))
+    assert not verify_plan(document).faults
+
+
+def test_a_seam_needs_its_freedom(capsys: pytest.CaptureFixture[str]) -> None:
+    """In one line, before anything is read."""
+    source = str(example_path("four_nuts.gcode.gz"))
+    assert run(["launch", source, "--seam", "rear"]) == 2
+    assert "needs --freedom seam" in " ".join(capsys.readouterr().err.split())
