@@ -27,7 +27,14 @@ from decmcts.search.problem import OrderProblem
 from decmcts.team.distribution import PlanDistribution
 from decmcts.team.exchange import exchange, exchange_jointly
 from decmcts.team.parameters import Parameters
-from decmcts.team.plans import StatedOrder, decode, encode, encode_serial, encode_stated
+from decmcts.team.plans import (
+    MOST_STATED,
+    StatedOrder,
+    decode,
+    encode,
+    encode_serial,
+    encode_stated,
+)
 from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
@@ -145,7 +152,7 @@ class DecMcts:
                 self._sample(team)
                 self._improve(team)
             self._update(team)
-        if self.parameters.windows:
+        if self.parameters.windows and len(self.problem.macro) <= MOST_STATED:
             self._refine(team)
         if self._rounds == 1 or self._count.min() >= self.parameters.renew:
             self._choose_plans()

@@ -47,6 +47,7 @@ _TUNED = np.array(
         [1.0, 1.0, 0.0, 0.0],
     ]
 )
+MOST_STATED = 75_000  # contours; an order of more might not fit into one message
 _SPREAD = 114  # policies spread evenly over all that make sense
 
 

@@ -35,7 +35,7 @@ from agents.messages import (
     Proposal,
     Stage,
 )
-from decmcts.team.plans import StatedOrder, encode_stated
+from decmcts.team.plans import MOST_STATED, StatedOrder, encode_stated
 
 DIGEST = "0123456789abcdef" * 2
 PROPOSAL = Proposal((0, 1), {1: np.int32([4, 1, 2]), 0: np.int32([])}, 12.5, DIGEST)
@@ -120,6 +120,15 @@ def test_a_stated_order_of_40000_contours_and_8_heads_fits_the_limit() -> None:
     stated = StatedOrder(order, rng.random(40_000) < 0.5, rng.integers(0, 8, 40_000))
     joint = Joint(tuple(range(8)), {1: encode_stated(stated, 8, 9)}, 1e5)
     assert len(wire(joint)) <= MAX_JOINT_BYTES
+
+
+def test_what_planners_state_at_most_can_be_proposed() -> None:
+    """Without it heads could not agree: a proposal that is too long is never sent."""
+    rng = np.random.default_rng(5)
+    order = rng.permutation(MOST_STATED).astype(np.int32)
+    stated = StatedOrder(order, rng.random(MOST_STATED) < 0.5, rng.integers(0, 8, MOST_STATED))
+    plans = {1: encode_stated(stated, 8, 9)}
+    assert len(wire(Proposal(tuple(range(8)), plans, 1e5, DIGEST))) <= MAX_MESSAGE_BYTES
 
 
 def test_a_joint_plan_above_its_limit_is_neither_sent_nor_read() -> None:

@@ -10,9 +10,11 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
+from decmcts.team import dec_mcts
 from decmcts.team.alone import one_head_toolpaths
 from decmcts.team.dec_mcts import DecMcts, Parameters
 from decmcts.team.plan import plan_team
+from decmcts.team.plans import decode
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
@@ -132,3 +134,18 @@ def test_the_distribution_sharpens(problem: TeamProblem) -> None:
     for _ in range(30):
         agents[0].iterate([0, 1])
     assert undecided == pytest.approx(1.0) and agents[0].distribution.entropy < 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("most", [0, 10_000])
+def test_no_order_is_stated_that_would_not_fit_into_a_message(
+    problem: TeamProblem, monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    """Of large prints the best joint plan is one of macro-actions."""
+    monkeypatch.setattr(dec_mcts, "MOST_STATED", most)
+    agent, n = DecMcts(problem, 0, seed=1, parameters=FEW), len(problem.macro)
+    for _ in range(3):
+        agent.iterate([0, 1])
+    plans = agent.best([0, 1]).plans.values()
+    stated = [decode(plan, problem.n_macros, n).stated is not None for plan in plans]
+    assert any(stated) == bool(most)
