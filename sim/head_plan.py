@@ -42,6 +42,7 @@ from sim.legs import legs_of
 from sim.order import PartialOrder, order_of
 from sim.replay import execute
 from sim.same_print import check_print
+from sim.seams import job_with, seams_of_paths
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -83,14 +84,19 @@ def plan_of_files(
         np.concatenate([s.place for s in segments]),
         "line",
     )
-    theirs = contour_segments(job.contours)
+    moved = list(seams_of_paths([path for file in files for path in _beads(file)], job.contours))
+    entered, _ = job_with(job, moved)
+    theirs = contour_segments(entered.contours)
     match = match_segments(ours, theirs)
     faults = check_print(ours, theirs, match, theirs.place) or compare(ours, theirs, match)
     contour = np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match])
     parts = np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
-    acts = [_acts(file, ids, job) for file, ids in zip(files, parts, strict=True)]
+    acts = [_acts(file, ids, entered) for file, ids in zip(files, parts, strict=True)]
+    entry = np.zeros(len(job.contours) + 1, np.int32)  # the last is for what prints nothing
+    for seam in moved:
+        entry[seam.contour] = seam.entry
     known = Knowledge([file.syncs for file in files])
-    lanes = tuple(_lane(h, file.name, acts, known) for h, file in enumerate(files))
+    lanes = tuple(_lane(h, file.name, acts, known, entry) for h, file in enumerate(files))
     document = PlanDocument(
         "",
         machine,
@@ -108,6 +114,17 @@ def _segments(file: HeadFile) -> Segments:
     return move_segments(
         motion.points[rows], motion.extrusion[rows], motion.feed[rows], motion.line[rows] + 1
     )
+
+
+def _beads(file: HeadFile) -> list[Floats]:
+    """Return the path of each run of moves that lay something down, (k, 3)."""
+    motion = file.motion
+    still = (motion.points[1:] == motion.points[:-1]).all(axis=1)
+    lays = (motion.extrusion > 0) & ~still
+    lays[: _begin(file)] = False
+    steps = np.diff(np.concatenate([[0], lays.astype(np.int8), [0]]))
+    begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    return [motion.points[a : b + 1] for a, b in zip(begins, ends, strict=True)]
 
 
 def _begin(file: HeadFile) -> int:
@@ -163,7 +180,9 @@ def _snap(act: _Act, job: PrintJob) -> None:
             return
 
 
-def _lane(h: int, name: str, acts: list[list[_Act]], known: Knowledge) -> HeadActions:
+def _lane(
+    h: int, name: str, acts: list[list[_Act]], known: Knowledge, entry: NDArray[np.int32]
+) -> HeadActions:
     """Return the actions of one head with what its sync points make them wait for."""
     mine = acts[h]
     after = _waits(h, acts, known)
@@ -175,7 +194,7 @@ def _lane(h: int, name: str, acts: list[list[_Act]], known: Knowledge) -> HeadAc
     n = len(mine)
     return HeadActions(
         name, np.array(kind, np.int8), np.array([a.contour for a in mine], np.int32),
-        np.array([a.turned for a in mine], np.bool_), np.zeros(n, np.int32),
+        np.array([a.turned for a in mine], np.bool_), entry[[a.contour for a in mine]],
         np.cumsum([0, *map(len, paths)]).astype(np.int64),
         np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(n), np.zeros(n),
         np.cumsum([0, *map(len, after)]).astype(np.int64),

@@ -9,7 +9,7 @@ loop; how the planner makes it is not known here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -160,14 +160,20 @@ def seams_of_file(ours: Contours, source: Contours) -> Iterator[Moved]:
 
     A contour that starts and ends where one of the source does is as sliced.
     """
-    if not len(ours) or not len(source):
+    return seams_of_paths([ours.polyline(c) for c in range(len(ours))], source)
+
+
+def seams_of_paths(paths: Sequence[NDArray[np.float64]], source: Contours) -> Iterator[Moved]:
+    """Yield the paths, each (k, 3), that run a loop of the source from another vertex."""
+    if not paths or not len(source):
         return
     ends = np.hstack([source.start, source.end])
     given = cKDTree(np.vstack([ends, np.roll(ends, 3, axis=1)]))
-    away, _ = given.query(np.hstack([ours.start, ours.end]), distance_upper_bound=3 * SAME_MM)
+    ours = np.array([np.concatenate([path[0], path[-1]]) for path in paths])
+    away, _ = given.query(ours, distance_upper_bound=3 * SAME_MM)
     vertices = cKDTree(source.points)
     for c in np.flatnonzero(~np.isfinite(away)).tolist():
-        path = ours.polyline(c)
+        path = paths[c]
         found = (_entered(source, vertices, way) for way in (path, path[::-1]))
         yield from (moved for moved in found if moved is not None)
 
