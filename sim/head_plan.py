@@ -3,12 +3,13 @@
 Where no plan.json is at hand the files are judged as what they do: each bead is a print,
 what lies between beads and sync points a travel, and one action waits for another, or for
 a point within it, only where sync points make it. A signal given in motion parts nothing.
+Beads that run a loop of the source from another vertex are known by the segments they share.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -84,17 +85,16 @@ def plan_of_files(
         np.concatenate([s.place for s in segments]),
         "line",
     )
-    moved = list(seams_of_paths([path for file in files for path in _beads(file)], job.contours))
-    entered, _ = job_with(job, moved)
+    parts = _by_file(segments, _contours(ours, contour_segments(job.contours)))
+    loops = [path for f, ids in zip(files, parts, strict=True) for path in _beads(f, ids)]
+    moved = {seam.contour: seam for seam in seams_of_paths(loops, job.contours)}
+    entered, _ = job_with(job, moved.values())
     theirs = contour_segments(entered.contours)
     match = match_segments(ours, theirs)
     faults = check_print(ours, theirs, match, theirs.place) or compare(ours, theirs, match)
-    contour = np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match])
-    parts = np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
+    parts = _by_file(segments, _contours(ours, theirs))
     acts = [_acts(file, ids, entered) for file, ids in zip(files, parts, strict=True)]
-    entry = np.zeros(len(job.contours) + 1, np.int32)  # the last is for what prints nothing
-    for seam in moved:
-        entry[seam.contour] = seam.entry
+    entry = {contour: seam.entry for contour, seam in moved.items()}
     known = Knowledge([file.syncs for file in files])
     lanes = tuple(_lane(h, file.name, acts, known, entry) for h, file in enumerate(files))
     document = PlanDocument(
@@ -108,23 +108,47 @@ def plan_of_files(
     return document, faults
 
 
+def _contours(ours: Segments, theirs: Segments) -> Ints:
+    """Return the contour of each of our segments, NO_CONTOUR where it is of none."""
+    match = match_segments(ours, theirs)
+    return np.asarray(np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match]))
+
+
+def _by_file(segments: Sequence[Segments], contour: Ints) -> list[Ints]:
+    return np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
+
+
+def _beads(file: HeadFile, contour: Ints) -> list[Floats]:
+    """Return the path of each bead, (k, 3), given the contour of each move that lays down any.
+
+    A segment no contour has belongs to the bead before it in a run without travels, at the
+    beginning of a run to the one behind it.
+    """
+    points, moves = file.motion.points, np.array(_laying(file), np.int64)
+    if not len(moves):
+        return []
+    apart = (points[moves[1:]] != points[moves[:-1] + 1]).any(axis=1)
+    runs = np.split(np.arange(len(moves)), np.flatnonzero(apart) + 1)
+    beads = [bead for run in runs for bead in _parted(run, contour[run])]
+    return [np.concatenate([points[moves[b[:1]]], points[moves[b] + 1]]) for b in beads]
+
+
+def _parted(run: Ints, contour: Ints) -> list[Ints]:
+    """Return the beads of a run of moves."""
+    known = np.flatnonzero(contour != NO_CONTOUR)
+    if not len(known):
+        return [run]
+    at = np.searchsorted(known, np.arange(len(run)), side="right") - 1
+    ids = contour[known[np.maximum(at, 0)]]
+    return np.split(run, np.flatnonzero(np.diff(ids)) + 1)
+
+
 def _segments(file: HeadFile) -> Segments:
     motion = file.motion
     rows = slice(_begin(file), None)
     return move_segments(
         motion.points[rows], motion.extrusion[rows], motion.feed[rows], motion.line[rows] + 1
     )
-
-
-def _beads(file: HeadFile) -> list[Floats]:
-    """Return the path of each run of moves that lay something down, (k, 3)."""
-    motion = file.motion
-    still = (motion.points[1:] == motion.points[:-1]).all(axis=1)
-    lays = (motion.extrusion > 0) & ~still
-    lays[: _begin(file)] = False
-    steps = np.diff(np.concatenate([[0], lays.astype(np.int8), [0]]))
-    begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
-    return [motion.points[a : b + 1] for a, b in zip(begins, ends, strict=True)]
 
 
 def _begin(file: HeadFile) -> int:
@@ -136,12 +160,8 @@ def _begin(file: HeadFile) -> int:
 def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Act]:
     """Return the actions of one file."""
     motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
-    laid, n = dict[int, int](), 0
-    moves = range(_begin(file), len(motion.extrusion))
-    apart = [m for m in moves if (motion.points[m] != motion.points[m + 1]).any()]
-    for m in apart:
-        if motion.extrusion[m] > 0:
-            laid[m], n = int(contour[n]), n + 1
+    laid = dict(zip(_laying(file), contour.tolist(), strict=True))
+    apart = _apart(file)
     acts: list[_Act] = []
     for m in apart:
         line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
@@ -160,6 +180,18 @@ def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Ac
         else:
             before.path[-1] = act.path[0]
     return acts
+
+
+def _apart(file: HeadFile) -> list[int]:
+    """Return the moves behind the set-up that go anywhere."""
+    points = file.motion.points
+    moves = range(_begin(file), len(file.motion.extrusion))
+    return [m for m in moves if (points[m] != points[m + 1]).any()]
+
+
+def _laying(file: HeadFile) -> list[int]:
+    """Return those of them that lay down material."""
+    return [m for m in _apart(file) if file.motion.extrusion[m] > 0]
 
 
 def _near(lines: list[int], line: int) -> list[int]:
@@ -181,9 +213,12 @@ def _snap(act: _Act, job: PrintJob) -> None:
 
 
 def _lane(
-    h: int, name: str, acts: list[list[_Act]], known: Knowledge, entry: NDArray[np.int32]
+    h: int, name: str, acts: list[list[_Act]], known: Knowledge, entry: Mapping[int, int]
 ) -> HeadActions:
-    """Return the actions of one head with what its sync points make them wait for."""
+    """Return the actions of one head with what its sync points make them wait for.
+
+    `entry` is the vertex of contours that are not entered as sliced.
+    """
     mine = acts[h]
     after = _waits(h, acts, known)
     flat = [edge for edges in after for edge in edges]
@@ -194,7 +229,8 @@ def _lane(
     n = len(mine)
     return HeadActions(
         name, np.array(kind, np.int8), np.array([a.contour for a in mine], np.int32),
-        np.array([a.turned for a in mine], np.bool_), entry[[a.contour for a in mine]],
+        np.array([a.turned for a in mine], np.bool_),
+        np.array([entry.get(a.contour, 0) for a in mine], np.int32),
         np.cumsum([0, *map(len, paths)]).astype(np.int64),
         np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(n), np.zeros(n),
         np.cumsum([0, *map(len, after)]).astype(np.int64),

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.live import Live
 
@@ -24,6 +21,7 @@ from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside
 from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.first_check import refuse_unsound
+from decmcts.cli.joint import TeamSearch, best_of
 from decmcts.cli.outputs import (
     figures,
     head_files,
@@ -37,9 +35,7 @@ from decmcts.cli.pipeline import (
     Loaded,
     Planned,
     check,
-    document_of,
     load,
-    problem_of,
     search,
     source_plan,
 )
@@ -53,14 +49,12 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.qcsp import is_qcsp
 from decmcts.formats.reading import read_toml
-from decmcts.print.plan import JointPlan, PlanDocument
-from decmcts.print.toolpath import Toolpath
-from decmcts.team.alone import lone_machine, one_head_toolpaths
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import PlanDocument
 from decmcts.team.bound import Bound, makespan_bound
 from decmcts.team.cooling import cooled, find_lags, print_times
-from decmcts.team.entries import entered_anew
+from decmcts.team.entries import Orders, agreed_job, first_entries
 from decmcts.team.parameters import Parameters, changed
-from decmcts.team.schedule import schedule
 
 StemOption = Annotated[
     Path | None,
@@ -97,26 +91,6 @@ TeamOption = Annotated[
         help="Parameters of the heads' search, a TOML file (docs/team.md)",
     ),
 ]
-
-
-@dataclass(frozen=True, slots=True)
-class Orders:
-    """What a head's own order is free to do, and what it saves."""
-
-    freedom: str = "reversible"  # "fixed", "reversible" or "seam"
-    seam: str = "nearest"
-    objective: str = "travel"
-
-
-@dataclass(frozen=True, slots=True)
-class TeamSearch:
-    """What was asked of the heads' search."""
-
-    time_limit_s: float
-    seed: int
-    parameters: Mapping[str, Any] = field(default_factory=dict)  # those that are set
-    record: Path | None = None
-    orders: Orders = Orders()  # frozen
 
 
 TeamObjectiveOption = Annotated[
@@ -230,14 +204,16 @@ def run_team(
             seed=asked.seed,
         ).toolpath
         order = cooled(loaded.job, loaded.machine, loaded.graph, lags, order).toolpath
+        entry = first_entries(loaded.job, asked.orders, order)
         announce("a bound on the makespan")
         bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
     started = time.perf_counter()
-    result = _agreed(loaded, lags, bound, asked)
+    job = agreed_job(loaded.job, asked.orders, entry)
+    result = _agreed(loaded, job, lags, bound, asked)
     seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
     with steps() as (announce, _):
         announce("safe travels, times and order across heads")
-        after = _best_of(loaded, lags, result, order, bound, asked)
+        after = best_of(loaded, lags, result, order, entry, bound, asked)
         history = [] if result is None else _history(result)
         return check(loaded, before, after, history, seconds, announce)
 
@@ -248,10 +224,12 @@ def lags_of(loaded: Loaded, before: PlanDocument) -> Lags:
     return find_lags(loaded.job.contours, [times], loaded.min_layer_time_s)[0]
 
 
-def _agreed(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSearch) -> LaunchResult | None:
+def _agreed(
+    loaded: Loaded, job: PrintJob, lags: Lags, bound: Bound, asked: TeamSearch
+) -> LaunchResult | None:
     """Return what the agents agreed on, or None: one head alone is always left."""
     try:
-        result = _planned_by_agents(loaded, lags, bound, asked)
+        result = _planned_by_agents(loaded, job, lags, bound, asked)
     except LaunchError as error:
         err.print(f"{error}; one head prints alone", markup=False)
         return None
@@ -264,12 +242,10 @@ def _slicing() -> SliceOptions:
     return SliceOptions(center=(150.0, 150.0))
 
 
-def _planned_by_agents(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSearch) -> LaunchResult:
+def _planned_by_agents(
+    loaded: Loaded, job: PrintJob, lags: Lags, bound: Bound, asked: TeamSearch
+) -> LaunchResult:
     """Run the agents with a live table of what each is doing."""
-    job = loaded.job
-    if loaded.rules is not None and loaded.rules.freedom == "fixed":
-        kept = np.zeros(len(job.contours), np.bool_)
-        job = dataclasses.replace(job, contours=dataclasses.replace(job.contours, reversible=kept))
     with (
         interrupt_stops() as stopped,
         recording(asked.record, bound.bound_s) as keep,
@@ -291,70 +267,6 @@ def _planned_by_agents(loaded: Loaded, lags: Lags, bound: Bound, asked: TeamSear
             on_progress=show,
             should_stop=stopped,
         )
-
-
-def plan_alone(loaded: Loaded, lags: Lags, order: Toolpath, live: Sequence[int]) -> PlanDocument:
-    """Schedule one order for one of the live heads, the others parked where possible."""
-    paths = one_head_toolpaths(loaded.job, loaded.machine, order, live=live)
-    plan = schedule(loaded.job, loaded.machine, loaded.graph, paths, lags=lags)
-    return document_of(loaded, plan, {"planner": "local, one head"})
-
-
-def _best_of(
-    loaded: Loaded,
-    lags: Lags,
-    result: LaunchResult | None,
-    order: Toolpath,
-    bound: Bound,
-    asked: TeamSearch,
-) -> PlanDocument:
-    """Schedule what was agreed, or one head alone where that is faster."""
-    agreement = None if result is None else result.agreement
-    heads = range(len(loaded.machine.heads)) if agreement is None else agreement.live
-    alone = plan_alone(loaded, lags, order, heads)
-    lone = schedule(loaded.job, lone_machine(loaded.machine), loaded.graph, [order], lags=lags)
-    extra: dict[str, Any] = {
-        "planner": "dec-mcts",
-        **dataclasses.asdict(asked.orders),
-        "seed": asked.seed,
-        "time_limit_s": asked.time_limit_s,
-        "parameters": dict(asked.parameters),
-        "agreed_digest": "" if agreement is None else agreement.digest,
-        "live_heads": list(heads),
-        "one_head_s": lone.makespan_s,
-        "bound": dataclasses.asdict(bound),
-        "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
-    }
-    if result is not None:
-        joint = document_of(loaded, _joint(loaded, lags, result, asked.orders), extra)
-        if joint.metrics["makespan_s"] <= alone.metrics["makespan_s"]:
-            return joint
-    return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
-
-
-def _joint(loaded: Loaded, lags: Lags, result: LaunchResult, orders: Orders) -> JointPlan:
-    """Schedule what was agreed as it is, and with entries chosen anew; return what ends first."""
-    problem = problem_of(
-        loaded, freedom=orders.freedom, seam=orders.seam, objective=orders.objective
-    )
-    plans = [
-        schedule(loaded.job, loaded.machine, loaded.graph, paths, lags=lags)
-        for paths in (list(result.toolpaths), entered_anew(problem, result.toolpaths))
-    ]
-    return min(plans, key=lambda plan: plan.makespan_s)
-
-
-def _traffic(agent: AgentStatus) -> dict[str, Any]:
-    return {
-        "head": agent.name,
-        "rounds": agent.rounds,
-        "sent": sum(agent.sent.values()),
-        "sent_bytes": sum(agent.sent_bytes.values()),
-        "received": sum(agent.received.values()),
-        "received_bytes": sum(agent.received_bytes.values()),
-        "dropped": sum(agent.dropped.values()),
-        "agreeing_s": agent.agreeing_s,
-    }
 
 
 def _history(result: LaunchResult) -> list[tuple[float, float]]:

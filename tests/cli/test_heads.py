@@ -230,3 +230,20 @@ def test_loops_entered_elsewhere_are_known_without_a_plan(tmp_path, capsys):
     text = Path(written[0]).read_text()
     Path(written[0]).write_text(text.replace("X72.000 Y112.000", "X73.000 Y112.000"))
     assert verify(written, *machine) == 1
+
+
+@pytest.mark.slow
+def test_a_loop_entered_elsewhere_may_run_into_the_next_line(tmp_path, capsys):
+    """Without a travel between them two contours are one run of moves."""
+    stroke = "G1 X72 Y112 F9000\n;TYPE:Solid infill\nG1 E1 F2400\nG1 X80 Y120 E.5 F1800\n"
+    text = LOOPS.replace("G1 E-1 F2400\n", f"G1 E-1 F2400\n{stroke}G1 E-1 F2400\n", 1)
+    planned = planned_of(tmp_path, text, [0, 1], [2])
+    job, machine, graph = planned.loaded.job, planned.loaded.machine, planned.loaded.graph
+    plain = [Toolpath.of(np.array(order, np.int32), np.zeros(len(order), np.bool_))
+             for order in ([0, 1], [2])]  # fmt: skip
+    plan = schedule(job, machine, graph, [replace(plain[0], entry=np.array([2, 0])), plain[1]])
+    planned = replace(planned, after=document_of(planned.loaded, plan, dict(planned.after.metrics)))
+    written = [str(path) for path in outputs.write_heads(planned, tmp_path / "part")]
+    moves = [row for row in Path(written[0]).read_text().splitlines() if row[:2] == "G1"]
+    assert moves[1 + moves.index("G1 X72.000 Y112.000 E0.60000")] == "G1 X80.000 Y120.000 E0.50000"
+    assert verify(written, "--machine", "dual-gantry") == 0, capsys.readouterr().out
