@@ -1,7 +1,8 @@
 """How fast a team can be at best: a lower bound on the makespan.
 
-The most of four: all printing shared evenly; what heads on one rail can print at once
-(`decmcts.team.rail_bound`); the longest chain of the dependency graph; what only one
+The most of five: all printing shared evenly; what heads on one rail can print at once
+(`decmcts.team.rail_bound`); what lies where only one head fits at a time
+(`decmcts.team.window_bound`); the longest chain of the dependency graph; what only one
 head can print. Travel is not counted.
 """
 
@@ -21,6 +22,7 @@ from decmcts.print.motion import job_times, segment_times
 from decmcts.team.order import MOST_PIECES, PIECE_MM
 from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.space import build_space
+from decmcts.team.window_bound import window_bound, window_of
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
 
@@ -33,6 +35,7 @@ class Bound:
     shared_s: float  # all printing, shared as well as the heads' room allows
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
+    window_s: float  # most work where only one head fits at a time
     bound_s: float  # no plan of these heads prints faster
 
 
@@ -59,8 +62,20 @@ def makespan_bound(
         (float(time[alone & space.eligible[:, r]].sum()) for r in range(heads)), default=0.0
     )
     shared = max(serial / heads, _on_rail(job, machine, time))
-    bound = max(shared, chain, exclusive) * (1.0 - SAFETY)
-    return Bound(serial, shared, chain, exclusive, bound)
+    window = _in_window(job, machine, time)
+    bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
+    return Bound(serial, shared, chain, exclusive, window, bound)
+
+
+def _in_window(job: PrintJob, machine: Machine, time: NDArray[np.float64]) -> float:
+    """Return the most work where only one head fits at a time; 0 for one head."""
+    contours = job.contours
+    if len(machine.heads) < 2 or not len(contours):
+        return 0.0
+    seconds = _segment_seconds(job, machine, time)
+    seconds[contours.offsets[:-1]] = 0.0
+    size = window_of(machine, float(np.ptp(contours.points[:, 2])))
+    return window_bound(contours.points, seconds, size)
 
 
 def _on_rail(job: PrintJob, machine: Machine, time: NDArray[np.float64]) -> float:

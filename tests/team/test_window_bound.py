@@ -1,0 +1,62 @@
+"""Windows only one head fits into: sizes, sums, and no plan that is faster."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decmcts.errors import InputError
+from decmcts.formats.machine_file import load_machine
+from decmcts.team.bound import makespan_bound
+from decmcts.team.resolve import resolve
+from decmcts.team.schedule import schedule
+from decmcts.team.window_bound import CELL_MM, window_bound, window_of
+from sim.experiments.random_teams import KINDS, problem_of, random_plans
+
+
+def strokes(*places: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """A stroke of 10 mm along x from each place, 5 s each."""
+    points = [(x + d, y, 0.2) for x, y in places for d in (0.0, 10.0)]
+    return np.array(points), np.tile([0.0, 5.0], len(places))
+
+
+@pytest.mark.parametrize(
+    ("size", "most"),
+    [((15.0, 15.0), 5.0), ((65.0, 5.0), 10.0), ((65.0, 45.0), 15.0), ((np.inf, np.inf), 15.0)],
+)
+def test_the_window_with_most_work_counts(size: tuple[float, float], most: float) -> None:
+    """Cells may take a little off, never add."""
+    points, seconds = strokes((0.0, 0.0), (50.0, 0.0), (50.0, 40.0))
+    found = window_bound(points, seconds, np.array(size))
+    assert 0.98 * most <= found <= most + 1e-9
+
+
+def test_a_window_smaller_than_a_stroke_takes_its_share() -> None:
+    """Time in the window, not whole contours."""
+    points, seconds = strokes((0.0, 0.0))
+    found = window_bound(points, seconds, np.array([6.0, 6.0]))
+    assert 5.0 * (6.0 - 2 * CELL_MM) / 10.0 <= found <= 3.0
+
+
+def test_a_presets_window_is_what_its_heads_keep_apart() -> None:
+    """One rail: its separation, however long; gantries: the box of both heads."""
+    assert window_of(load_machine("dual-gantry"), 30.0) == pytest.approx([70.0, np.inf], abs=0.01)
+    assert window_of(load_machine("dueling-zero"), 30.0) == pytest.approx([40.5, 53.5], abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_no_plan_on_a_random_machine_is_faster_than_the_bound(seed: int) -> None:
+    """Rails or none, two to eight heads, sensible and hostile plans."""
+    try:
+        problem = problem_of(seed)
+    except InputError:
+        pytest.skip("this machine prints nothing of its print")
+    bound = makespan_bound(problem.job, problem.machine, problem.graph)
+    rng = np.random.default_rng(seed)
+    for kind in KINDS:
+        found = resolve(
+            problem, random_plans(problem, rng, kind), range(len(problem.machine.heads))
+        )
+        plan = schedule(problem.job, problem.machine, problem.graph, found.toolpaths)
+        assert bound.bound_s <= plan.makespan_s
