@@ -13,8 +13,10 @@ ask for one order and in another plan of the machine two heads do. One row a mac
 
 from __future__ import annotations
 
+import re
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -59,7 +61,7 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
     except InputError as error:
         return key | {"error": error.what}
     rng = np.random.default_rng([crc32(key["machine"].encode()), 3])
-    faults, alone, shared, makespan = [], 0, 0, []
+    faults, alone, shared, makespan = [], Counter[str](), 0, []
     for k in range(key["plans"]):
         kind = (*KINDS, "mixed")[k % (len(KINDS) + 1)]
         found = outcome(problem, random_plans(problem, rng, kind))
@@ -67,7 +69,7 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
             faults.append(f"{kind} {k}: {found.fault}")
             continue
         shared += found.shared_s > 0.0
-        alone += kind not in ASKED and found.shared_s == 0.0
+        alone[kind] += kind not in ASKED and found.shared_s == 0.0
         makespan.append(found.plan.makespan_s)
     machine = problem.machine
     return key | {
@@ -78,12 +80,18 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
         "accepted": key["plans"] - len(faults),
         "fault": "; ".join(faults)[:300],
         "shares": int(shared > 0),
-        "serial": alone if shared else 0,
+        "serial": alone.total() if shared else 0,
+        "serial_kinds": told(alone) if shared else "",
         "best_s": round(min(makespan, default=0.0), 1),
         "worst_s": round(max(makespan, default=0.0), 1),
         "cpu_s": round(time.process_time() - began, 1),
         "error": "",
     }
+
+
+def told(kinds: Counter[str]) -> str:
+    """Return how many of each kind there are: `2 stated, 1 shuffled`."""
+    return ", ".join(f"{count} {kind}" for kind, count in kinds.most_common() if count)
 
 
 def machines_of(count: int) -> Iterator[str]:
@@ -123,11 +131,23 @@ def report(rows: list[dict[str, str]], options: str, said: str) -> str:
     cpu = sum(float(row["cpu_s"]) for row in fine) / 60.0
     text += f"**{plans} plans on {len(fine)} machines: {bad} not accepted, {serial} serial**; "
     text += f"{cpu:.0f} minutes of processor time.\n\n"
+    text += serial_said(fine)
     groups = sorted(grouped(rows, "kind", "heads").items(), key=lambda g: (g[0][0], int(g[0][1])))
     head = ["machines", "heads", "machines tried", "that share", "plans", "accepted", "serial",
             "slowest ÷ fastest plan, most"]  # fmt: skip
     text += markdown([line(key, group) for key, group in groups], head)
     return text + "".join(f"- {r['machine']}: {r['fault']}\n" for r in fine if r["fault"])
+
+
+def serial_said(rows: list[dict[str, str]]) -> str:
+    """Return which kinds of plans were serial, and on which machines; nothing if none was."""
+    kinds, machines = Counter[str](), []
+    for row in rows:
+        if int(row["serial"]):
+            machines.append(row["machine"])
+            for count, kind in re.findall(r"(\d+) ([^,]+)", row.get("serial_kinds") or ""):
+                kinds[kind] += int(count)
+    return f"Serial: {told(kinds)}; on {', '.join(machines)}.\n\n" if machines else ""
 
 
 def line(key: tuple[str, ...], group: list[dict[str, str]]) -> list[str]:

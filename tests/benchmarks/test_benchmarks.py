@@ -112,6 +112,20 @@ def test_random_teams_are_judged_and_counted(tmp_path):
 
 
 @pytest.mark.slow
+def test_small_teams_are_held_against_brute_force(tmp_path):
+    """One print of six contours; ours is never below the least; done once, not run again."""
+    options = ["--instances", "1", "--time-limit", "0.2"]
+    run("small_teams", options, tmp_path)
+    written = (tmp_path / "small_teams.csv").read_text()
+    (row,) = csv.DictReader(written.splitlines())
+    assert row["error"] == "" and row["complete"] == "1"
+    assert float(row["first_s"]) >= float(row["ours_s"]) >= float(row["least_s"]) > 0.0
+    assert f"Reached in {row['reached']} of 1 runs" in (tmp_path / "small_teams.md").read_text()
+    run("small_teams", options, tmp_path)
+    assert (tmp_path / "small_teams.csv").read_text() == written
+
+
+@pytest.mark.slow
 def test_late_heads_meet_by_the_clock_alone(tmp_path):
     """The smallest run of the delay experiment: one machine, no plate."""
     options = ["--models", "", "--random", "2", "--runs", "3"]

@@ -1,0 +1,70 @@
+"""Brute force over joint orders finds what trying each of them with the engine finds."""
+
+from __future__ import annotations
+
+from itertools import permutations, product
+
+import numpy as np
+import pytest
+
+from decmcts._kernels.carry_out import OK, carry_out
+from decmcts.team.order import sequences_of
+from decmcts.team.plans import StatedOrder, encode_stated
+from decmcts.team.problem import TeamProblem
+from decmcts.team.resolve import resolve
+from sim.experiments.small_teams import least_makespan, small_problem
+
+PRINTS = [(5, 2, 2, 1), (49, 2, 2, 1), (49, 2, 1, 2), (9, 3, 2, 1), (33, 3, 1, 2)]
+
+
+def every_order(problem: TeamProblem) -> float:
+    """Return the least makespan of all orders, heads and directions, one after the other."""
+    n, heads = len(problem.macro), len(problem.machine.heads)
+    least = np.inf
+    for order in permutations(range(n)):
+        for head in product(range(heads), repeat=n):
+            if not problem.space.eligible[list(order), list(head)].all():
+                continue
+            for backwards in product((False, True), repeat=n):
+                turned = np.array(backwards)
+                if (turned & ~problem.visits.reversible[list(order)]).any():
+                    continue
+                stated = StatedOrder(np.array(order, np.int32), turned, np.array(head, np.int64))
+                sequences = sequences_of(stated.toolpaths(heads))
+                units, verdict = carry_out(sequences, problem.visits, problem.fleet)
+                if verdict == OK:
+                    least = min(least, float(units.end[: units.used[0]].max()))
+    return least
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("print_", PRINTS)
+def test_nothing_better_is_left_out(print_: tuple[int, int, int, int]) -> None:
+    """Neither the bound nor the states that are tried once may cost the optimum."""
+    problem = small_problem(*print_)
+    assert problem is not None
+    found = least_makespan(problem)
+    assert found.complete and found.stated is not None
+    assert found.makespan_s == pytest.approx(every_order(problem), rel=1e-9)
+    heads = len(problem.machine.heads)
+    plan = encode_stated(found.stated, heads, problem.n_macros)
+    again = resolve(problem, {0: plan}, range(heads)).makespan_s
+    assert again == pytest.approx(found.makespan_s, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_what_is_to_be_beaten_stays_where_nothing_beats_it() -> None:
+    """So is planning shown to have reached the least."""
+    problem = small_problem(5, 2, 2, 1)
+    assert problem is not None
+    least = least_makespan(problem).makespan_s
+    again = least_makespan(problem, least)
+    assert again.makespan_s == least and again.stated is None and again.complete
+
+
+@pytest.mark.slow
+def test_brute_force_that_is_given_up_says_so() -> None:
+    """A table may not call what was not finished proven."""
+    problem = small_problem(5, 2, 2, 1)
+    assert problem is not None
+    assert not least_makespan(problem, most=3).complete
