@@ -14,7 +14,7 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator
-from itertools import islice
+from itertools import count, cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -83,14 +83,17 @@ def confirmed(problem: TeamProblem, least: Least) -> float:
 
 
 def keys_of(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Yield the runs, as many prints of each shape."""
-    for k, (heads, towers, layers) in enumerate(SHAPES):
-        count = len(range(k, options.instances, len(SHAPES)))
-        fit = (s for s in range(1000) if small_problem(s, heads, towers, layers) is not None)
-        for machine in islice(fit, count):
-            for seed in options.seeds:
-                values = (machine, heads, towers, layers, seed, options.time_limit)
-                yield dict(zip(KEY, values, strict=True))
+    """Yield the runs, a print of each shape in turn."""
+    machines = {shape: prints_of(shape) for shape in SHAPES}
+    for shape in islice(cycle(SHAPES), options.instances):
+        machine = next(machines[shape])
+        for seed in options.seeds:
+            yield dict(zip(KEY, (machine, *shape, seed, options.time_limit), strict=True))
+
+
+def prints_of(shape: tuple[int, int, int]) -> Iterator[int]:
+    """Yield the seeds of machines with such a print."""
+    return (seed for seed in count() if small_problem(seed, *shape) is not None)
 
 
 def report(rows: Rows, options: argparse.Namespace) -> str:
