@@ -19,6 +19,7 @@ _HEADER = re.compile(rb"^; head (\S+), file (\d+) of (\d+): to be run together[ 
 _SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _SELECTS = re.compile(rb"T\d+\Z", re.I)
+_OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205")  # their T is no tool
 
 
@@ -105,11 +106,21 @@ def command_of_between(lines: Lines, first: int, last: int) -> bool:
     return any(command_of(lines.raw(k)) for k in range(first, last))
 
 
-def own_commands(text: bytes, tool: int | None, *, homes: bool) -> list[bytes]:
+def own_commands(
+    text: bytes, tool: int | None, *, homes: bool, selected: int | None = None
+) -> list[bytes]:
     """Return what a head's own controller is to be told of verbatim lines of the source.
 
     No moves along an axis, no homing but in start code (`homes`), no choice of a tool, no
     command to another head's tool. E set anew is left out: it is counted.
+
+    Parameters
+    ----------
+    tool : int | None
+        What the head prints with; None: nothing.
+    selected : int | None
+        The tool in use above the lines, of a source that has several: filament and hot end
+        of another tool are not this head's. None: the source has one tool.
     """
     kept = []
     for row in text.split(b"\n"):
@@ -117,12 +128,18 @@ def own_commands(text: bytes, tool: int | None, *, homes: bool) -> list[bytes]:
         words = code.split()
         if not code or _AXIS_MOVE.match(code) or code.upper().startswith(b"G92 E"):
             continue
-        if _SELECTS.match(code) or (not homes and words[0].upper() in (b"G28", b"G29")):
+        name = words[0].upper()
+        if _SELECTS.match(name):
+            selected = None if selected is None else int(name[1:])
+            continue
+        if not homes and name in (b"G28", b"G29"):
             continue
         chosen = [word for word in words[1:] if _SELECTS.match(word)]
-        if chosen and words[0].upper() not in _LIMITS:
+        if chosen and name not in _LIMITS:
             if tool is not None and int(chosen[0][1:]) != tool:
                 continue
             words.remove(chosen[0])
+        elif None not in (selected, tool) and selected != tool and _OF_TOOL.match(code):
+            continue
         kept.append(b" ".join(words))
     return kept

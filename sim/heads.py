@@ -93,8 +93,11 @@ def _judge_one(
     tools = np.unique(job.contours.tool[lane.contour[lane.kind == ActionKind.PRINT]]).tolist()
     tool = int(tools[0]) if tools else None
     words: list[str] = []
-    low, parked = _match_start(file, document, tool, park, words)
-    ending = own_commands(document.postamble, tool, homes=False)
+    start = own_commands(document.preamble, tool, homes=True, selected=_selected(job, 0))
+    low, parked = _match_start(file, document, start, park, words)
+    ending = own_commands(
+        document.postamble, tool, homes=False, selected=_selected(job, document.end.tool)
+    )
     high = len(file.rest) - len(ending)
     if high < low or [code for _, code in file.rest[high:]] != ending:
         words.append("the end code is not the source's, command by command")
@@ -105,7 +108,11 @@ def _judge_one(
     end = int(file.motion.before[min(end_code, beyond) - 1])
     part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
     words += _check_end(file, document, end_code)
-    blocks = _take_blocks(file, document, tool, low, high, words)
+    theirs = [
+        own_commands(b.text, tool, homes=False, selected=_selected(job, b.begin.tool))
+        for b in document.blocks
+    ]
+    blocks = _take_blocks(file, document, theirs, low, high, words)
     taken = {line for found in blocks for line in found}
     walk = Walker(file, lane, job, document, part.begin, part.end, taken, let_in).run()
     words += walk.faults
@@ -119,15 +126,20 @@ def _judge_one(
     return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])
 
 
+def _selected(job: PrintJob, tool: int) -> int | None:
+    """Return the tool in use, None where a source has but one."""
+    return tool if len(np.unique(job.contours.tool)) > 1 else None
+
+
 def _match_start(
-    file: HeadFile, document: GcodeDocument, tool: int | None, park: Point, words: list[str]
+    file: HeadFile, document: GcodeDocument, start: list[bytes], park: Point, words: list[str]
 ) -> tuple[int, int]:
     """Return the row of `rest` below the set-up, and the line that reaches the park position.
 
     Writes what is wrong into `words`.
     """
     mode = b"M83" if document.start.relative_e else b"M82"
-    due = [*own_commands(document.preamble, tool, homes=True), b"G90", mode]
+    due = [*start, b"G90", mode]
     row = 0
     for wanted in due:
         while (
@@ -167,14 +179,14 @@ def _check_end(file: HeadFile, document: GcodeDocument, line: int) -> list[str]:
 
 
 def _take_blocks(
-    file: HeadFile, document: GcodeDocument, tool: int | None, low: int, high: int,
+    file: HeadFile, document: GcodeDocument, commands: list[list[bytes]], low: int, high: int,
     words: list[str],
 ) -> list[list[int]]:  # fmt: skip
     """Return the lines of each block that stands at a barrier; missing ones go into `words`."""
     found: list[list[int]] = []
     codes = [code for _, code in file.rest]
-    for block in document.blocks:
-        due = own_commands(block.text, tool, homes=False)
+    for block, own in zip(document.blocks, commands, strict=True):
+        due = list(own)
         if block.moves:
             due += [b"G90", b"M83" if block.end.relative_e else b"M82"]
         if not due:

@@ -8,8 +8,6 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
-from agents.launch import LaunchResult
-from agents.spawn import Agreement
 from agents.supervisor import LaunchError
 from decmcts.cli import team
 from decmcts.cli.app import run
@@ -17,9 +15,6 @@ from decmcts.cli.record import read_record
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.seam import seam_entries
-from decmcts.team.plan import plan_team
-from decmcts.team.problem import build_team_problem
-from decmcts.team.resolve import resolve
 from examples import example_path
 from sim.verify import verify_plan
 
@@ -118,24 +113,6 @@ def test_a_seam_needs_its_freedom(capsys: pytest.CaptureFixture[str]) -> None:
     source = str(example_path("four_nuts.gcode.gz"))
     assert run(["launch", source, "--seam", "rear"]) == 2
     assert "needs --freedom seam" in " ".join(capsys.readouterr().err.split())
-
-
-@pytest.fixture
-def told(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Jobs and machines given to agents, which here agree in this process and at once."""
-    given: list[Any] = []
-
-    def agree(job: Any, machine: Any, graph: Any, *, lags: Any, **_: Any) -> LaunchResult:
-        given.append((job, machine))
-        problem = build_team_problem(job, machine, graph, lags)
-        live = tuple(range(len(machine.heads)))
-        best = plan_team(problem, time_limit_s=60.0, max_rounds=1, seed=0)
-        found = resolve(problem, best.plans, live)
-        agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
-        return LaunchResult(agreement, found.toolpaths, problem.digest)
-
-    monkeypatch.setattr(team, "launch_agents", agree)
-    return given
 
 
 def print_of_parts(folder: Path) -> str:

@@ -2,7 +2,9 @@
 
 Every file is complete: the source's set-up commands, this head's contours with
 the planned paths as they are, and the end. Heads share the bed, so moves that
-no plan checked are left out: purge lines, wipes at the end, custom travel. A
+no plan checked are left out: purge lines, wipes at the end, custom travel. Of a
+source with several tools a head is told what is said to its own: temperatures and moves
+of filament alone, by the tool they name or the one selected there. A
 head retracts (and wipes along the bead it printed) before it says that a print
 has ended: what it does afterwards is its next action's path and nothing else.
 The end code, which turns off bed and motors, runs when all heads are done.
@@ -41,9 +43,9 @@ from typing import BinaryIO, TextIO
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.document import Cursor, GcodeDocument
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
-from decmcts.formats.gcode.progress import without_progress
+from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushes
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
 from decmcts.formats.gcode.writer import print_contour, with_header
@@ -57,13 +59,7 @@ PASSED = "SYNC_PASSED N={number}"
 WAIT = "SYNC_WAIT N={number}"
 LONGEST_DWELL_S = 600.0  # of one G4
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
-_MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
-_HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
 _ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
-_SELECT = re.compile(rb"^\s*T\d+\s*(;.*)?$")
-_E_WORD = re.compile(rb"^[^;(]*?E\s*([-+]?[0-9.]+)", re.I)
-_E_MODE = re.compile(rb"^\s*(?:N\d+\s*)?(M8[23]|G9[01])(?![0-9.])", re.I)
-_FOR_TOOL = re.compile(rb"^(\s*(?!M0*20[1-5]\b)[MG]\d[^;]*?)\s+T(\d+)(?=[\s;]|$)")
 
 
 def write_head_gcode(
@@ -224,11 +220,17 @@ class _HeadFile:
         self.document, self.job, self.index, self.tool = document, job, index, tool
         self.points, self.words = points, words
         self.blocks = list(document.blocks)
+        self.shared = tool is not None and len(np.unique(job.contours.tool)) > 1
+        self.left = 0.0  # filament retracted, mm, when the source left this head's tool
 
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
         """Set up and go to the park position, one head after the other."""
         emitter, document = self.emitter, self.document
         preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
+        if self._is_other(document.start.tool):
+            emitter.owed = owed_after(preamble, 0.0, e=0.0, relative_e=False)
+            emitter.firmware_retracted = False
+        self.left = emitter.owed
         first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
         emitter.verbatim(first)
         if self.index > 0:
@@ -313,7 +315,9 @@ class _HeadFile:
         emitter.set_state(end.state)
         emitter.set_e(end.e)
         emitter.verbatim(
-            self._own(self.document.postamble, keep_homing=False, relative_e=end.relative_e)
+            self._own(
+                self.document.postamble, keep_homing=False, relative_e=end.relative_e, tool=end.tool
+            )
         )
         if self.index + 1 < len(points.ended):
             self._say(self.words.signal, points.ended[self.index])
@@ -322,49 +326,50 @@ class _HeadFile:
         """Write the blocks of all epochs up to `epoch`, without their moves."""
         while self.blocks and self.blocks[0].epoch <= epoch:
             block = self.blocks.pop(0)
-            stood, feed = self.emitter.at, self.emitter.feed
-            self.emitter.owe(block.begin.owed, firmware=block.begin.firmware_retracted)
-            self.emitter.set_state(block.begin.state)
-            self.emitter.set_e(block.begin.e)
-            self.emitter.verbatim(
-                self._own(block.text, keep_homing=False, relative_e=block.begin.relative_e)
+            emitter, begin = self.emitter, block.begin
+            stood, feed = emitter.at, emitter.feed
+            text = self._own(
+                block.text, keep_homing=False, relative_e=begin.relative_e, tool=begin.tool
             )
-            self.emitter.take(block.end)
+            if not self._is_other(begin.tool):
+                emitter.owe(begin.owed, firmware=begin.firmware_retracted)
+            elif pushes(text):
+                emitter.owe(self.left, firmware=emitter.firmware_retracted)
+            emitter.set_state(begin.state)
+            emitter.set_e(begin.e)
+            emitter.verbatim(text)
+            self._take(block, text)
             if block.moves:
                 self._resume(block.end)
-            self.emitter.at, self.emitter.feed = stood, -1.0 if block.moves else feed
+            emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
+
+    def _take(self, block: Block, text: bytes) -> None:
+        """Take over from a block; what another head's tool has retracted is not this one's."""
+        emitter, owed = self.emitter, self.emitter.owed
+        pulled = emitter.firmware_retracted
+        emitter.take(block.end)
+        if not (self._is_other(block.begin.tool) or self._is_other(block.end.tool)):
+            return
+        emitter.owed = owed_after(text, owed, e=block.begin.e, relative_e=block.begin.relative_e)
+        if self._is_other(block.end.tool):
+            emitter.firmware_retracted = pulled
+        if not self._is_other(block.begin.tool):
+            self.left = emitter.owed
+
+    def _is_other(self, tool: int) -> bool:
+        """Tell whether a tool is another head's."""
+        return self.shared and tool != self.tool
 
     def _say(self, template: str, number: int) -> None:
         self.emitter.say("M400")
         self.emitter.say(template.format(number=number))
 
-    def _own(self, text: bytes, *, keep_homing: bool, relative_e: bool) -> bytes:
-        """Return lines as this controller needs them: no unplanned moves, no other tools."""
-        kept = []
-        newline = self.document.newline
-        for line in without_progress(text):
-            relative_e = _relative_after(line, relative_e)
-            if _MOVE.match(line) or (not keep_homing and _HOMING.match(line)):
-                kept.append(b"; left out, heads share the bed: " + line)
-                if (e := _E_WORD.match(line)) and not relative_e:  # later E words count from here
-                    kept.append((b"" if line.endswith(b"\n") else newline) + b"G92 E" + e.group(1))
-                    kept.append(newline)
-            elif _SELECT.match(line):
-                kept.append(b"; left out, one tool: " + line)
-            elif match := _FOR_TOOL.match(line):
-                if self.tool is None or int(match.group(2)) == self.tool:
-                    kept.append(match.group(1) + line[match.end() :])
-                else:
-                    kept.append(b"; left out, another head's tool: " + line)
-            else:
-                kept.append(line)
-        return b"".join(kept)
-
-
-def _relative_after(line: bytes, relative_e: bool) -> bool:
-    """Return how E counts after a line: M82, M83 and, as in Marlin, G90 and G91 say so."""
-    mode = _E_MODE.match(line)
-    return relative_e if mode is None else mode.group(1).upper() in (b"M83", b"G91")
+    def _own(self, text: bytes, *, keep_homing: bool, relative_e: bool, tool: int = 0) -> bytes:
+        """Return lines as this controller needs them; `tool` is in use above them."""
+        return own_lines(
+            text, self.tool, selected=tool if self.shared else None, keep_homing=keep_homing,
+            relative_e=relative_e, newline=self.document.newline,
+        )  # fmt: skip
 
 
 def _split_first(text: bytes, n_header: int) -> tuple[bytes, bytes]:
