@@ -53,7 +53,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
 from decmcts.team.bound import Bound, makespan_bound
 from decmcts.team.cooling import cooled, find_lags, print_times
-from decmcts.team.entries import Orders, agreed_job, first_entries
+from decmcts.team.entries import Orders, agreed_job, entries_of, first_entries
 from decmcts.team.parameters import Parameters, changed
 
 StemOption = Annotated[
@@ -206,7 +206,8 @@ def run_team(
         order = cooled(loaded.job, loaded.machine, loaded.graph, lags, order).toolpath
         entry = first_entries(loaded.job, asked.orders, order)
         announce("a bound on the makespan")
-        bound = makespan_bound(loaded.job, loaded.machine, loaded.graph)
+        entries = entries_of(loaded.job, asked.orders)
+        bound = makespan_bound(loaded.job, loaded.machine, loaded.graph, entries=entries)
     started = time.perf_counter()
     job = agreed_job(loaded.job, asked.orders, entry)
     result = _agreed(loaded, job, lags, bound, asked)

@@ -3,7 +3,8 @@
 The most of five: all printing shared evenly; what heads on one rail can print at once
 (`decmcts.team.rail_bound`); what lies where only one head fits at a time
 (`decmcts.team.window_bound`); the longest chain of the dependency graph; what only one
-head can print. Travel is not counted.
+head can print. Travel is not counted. Each contour takes what the fastest head that may
+print it needs, entered where that takes least (`decmcts.team.least_time`).
 """
 
 from __future__ import annotations
@@ -16,9 +17,11 @@ from numpy.typing import NDArray
 from decmcts._kernels.bound import longest_chain
 from decmcts._kernels.pieces import cut_pieces
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times, segment_times
+from decmcts.print.seam import SeamEntries
+from decmcts.team.least_time import least_times
 from decmcts.team.order import MOST_PIECES, PIECE_MM
 from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.space import build_space
@@ -31,7 +34,7 @@ SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
 class Bound:
     """Lower bounds on the makespan, in seconds."""
 
-    serial_s: float  # W: all printing by one head, without travel
+    serial_s: float  # W: all printing one after the other, without travel
     shared_s: float  # all printing, shared as well as the heads' room allows
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
@@ -45,50 +48,59 @@ def makespan_bound(
     graph: DependencyGraph,
     *,
     seconds: NDArray[np.float64] | None = None,
+    entries: SeamEntries | None = None,
 ) -> Bound:
     """Return the conflict-aware bound for all heads of the machine.
 
     Parameters
     ----------
     seconds : (n,) or None
-        Printing time of each contour; None: the machine's time model.
+        Printing time of each contour, whoever prints it; None: by the time model.
+    entries : SeamEntries | None
+        Where loops may be entered besides as sliced; None: nowhere.
     """
     space = build_space(job, machine)
-    time = job_times(job, machine.limits) if seconds is None else seconds
+    least = least_times(job, machine, space.eligible, entries)
+    time, parts = least.contour, least.segment
+    if seconds is not None:
+        time, parts = seconds, _scaled(job.contours, parts, seconds)
     serial, heads = float(time.sum()), len(machine.heads)
     chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
     alone = space.eligible.sum(axis=1) == 1
     exclusive = max(
         (float(time[alone & space.eligible[:, r]].sum()) for r in range(heads)), default=0.0
     )
-    shared = max(serial / heads, _on_rail(job, machine, time))
-    window = _in_window(job, machine, time)
+    shared = max(serial / heads, _on_rail(job, machine, parts))
+    window = _in_window(job, machine, parts)
     bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
     return Bound(serial, shared, chain, exclusive, window, bound)
 
 
-def _in_window(job: PrintJob, machine: Machine, time: NDArray[np.float64]) -> float:
-    """Return the most work where only one head fits at a time; 0 for one head."""
+def _in_window(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> float:
+    """Return the most work where only one head fits at a time; 0 for one head.
+
+    `parts` are the seconds of the segment ending at each point, here and below.
+    """
     contours = job.contours
     if len(machine.heads) < 2 or not len(contours):
         return 0.0
-    seconds = _segment_seconds(job, machine, time)
+    seconds = parts.copy()
     seconds[contours.offsets[:-1]] = 0.0
     size = window_of(machine, float(np.ptp(contours.points[:, 2])))
     return window_bound(contours.points, seconds, size)
 
 
-def _on_rail(job: PrintJob, machine: Machine, time: NDArray[np.float64]) -> float:
+def _on_rail(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> float:
     """Return the bound of heads that are all in order along one rail; 0 where they are not."""
     names = {head.name for head in machine.heads}
     rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
     if rail is None or len(names) < 2:
         return 0.0
-    held = _held(job, machine, time, rail.axis)
+    held = _held(job, machine, parts, rail.axis)
     return rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
 
 
-def _held(job: PrintJob, machine: Machine, time: NDArray[np.float64], axis: int) -> Held:
+def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
     """Return what room along an axis each piece of each contour holds, and for how long."""
     contours = job.contours
     turns = contours.reversible & ~contours.closed
@@ -98,7 +110,7 @@ def _held(job: PrintJob, machine: Machine, time: NDArray[np.float64], axis: int)
     way = np.repeat(np.arange(2 * len(contours)), np.diff(pieces.offsets))
     contour, back = way // 2, way % 2 == 1
     first, last = contours.offsets[contour], contours.offsets[contour + 1] - 1
-    spent = np.cumsum(_segment_seconds(job, machine, time))
+    spent = np.cumsum(parts)
     vertex = np.where(back, last - pieces.point, first + pieces.point)
     begin = np.where(back, spent[last] - spent[vertex], spent[vertex] - spent[first])
     ends_way = np.diff(way, append=-1) != 0
@@ -107,12 +119,10 @@ def _held(job: PrintJob, machine: Machine, time: NDArray[np.float64], axis: int)
     return Held(low, high, end - begin, way)
 
 
-def _segment_seconds(
-    job: PrintJob, machine: Machine, time: NDArray[np.float64]
+def _scaled(
+    contours: Contours, parts: NDArray[np.float64], seconds: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the seconds of the segment ending at each point, scaled to those of contours."""
-    contours = job.contours
-    seconds = segment_times(contours, machine.limits, job.acceleration)
-    modelled = np.add.reduceat(seconds, contours.offsets[:-1])
-    factor = time / np.maximum(modelled, 1e-300)
-    return np.asarray(seconds * np.repeat(factor, np.diff(contours.offsets)))
+    """Return the seconds of segments in proportion, so that contours take what is given."""
+    modelled = np.add.reduceat(parts, contours.offsets[:-1])
+    factor = seconds / np.maximum(modelled, 1e-300)
+    return np.asarray(parts * np.repeat(factor, np.diff(contours.offsets)))

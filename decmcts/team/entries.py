@@ -25,7 +25,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.loops import enter_at, turned
 from decmcts.print.machine import Machine
 from decmcts.print.motion import job_times
-from decmcts.print.seam import seam_entries
+from decmcts.print.seam import SeamEntries, seam_entries
 from decmcts.print.toolpath import Toolpath, entries_by_contour
 from decmcts.search.pace import pace_of
 from decmcts.search.problem import OrderProblem
@@ -58,6 +58,13 @@ def first_entries(job: PrintJob, orders: Orders, alone: Toolpath) -> NDArray[np.
     if orders.names_seams:
         return seam_entries(job.contours, orders.seam).vertices  # type: ignore[arg-type]
     return entries_by_contour([alone], len(job.contours))
+
+
+def entries_of(job: PrintJob, orders: Orders) -> SeamEntries | None:
+    """Return where loops may be entered; None: as sliced."""
+    if orders.freedom != "seam":
+        return None
+    return seam_entries(job.contours, orders.seam)  # type: ignore[arg-type]
 
 
 def agreed_job(job: PrintJob, orders: Orders, entry: NDArray[np.int32]) -> PrintJob:
