@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -28,29 +28,66 @@ TOY = (sys.executable, str(Path(__file__).with_name("toy_agent.py")))
 pytestmark = pytest.mark.slow
 
 
-class Saboteur:
-    """Sends a signal to one agent once it has planned some rounds."""
+PLENTY_S = 120.0  # of planning, and of waiting: no test ends by this, but where it fails
+Status = tuple[AgentStatus, ...]
 
-    def __init__(self, head: int, number: int, *, after_s: float = 0.5) -> None:
-        self.head, self.number, self.after_s = head, number, after_s
+
+class Until:
+    """Watches a launch and asks for the end of planning once it has seen what it waits for.
+
+    By the clock a busy machine could be done with planning before a test begins.
+    """
+
+    def __init__(self, seen: Callable[[Status], bool]) -> None:
+        self.seen = seen
         self.pids: Mapping[int, int] = {}
-        self.done_at: float | None = None
+        self.status: Status = ()
 
     def on_start(self, pids: Mapping[int, int]) -> None:
         self.pids = pids
 
-    def on_progress(self, status: tuple[AgentStatus, ...]) -> None:
-        watched = status[self.head]
-        if self.done_at is None and len(watched.live) > 1 and watched.elapsed_s > self.after_s:
+    def on_progress(self, status: Status) -> None:
+        self.status = status
+
+    def should_stop(self) -> bool:
+        return bool(self.status) and self.seen(self.status)
+
+
+class Saboteur(Until):
+    """Sends a signal to one agent once all plan together, and waits till the others miss it."""
+
+    def __init__(self, head: int, number: int) -> None:
+        super().__init__(self.is_missed)
+        self.head, self.number = head, number
+        self.struck = False
+
+    def on_progress(self, status: Status) -> None:
+        super().on_progress(status)
+        if not self.struck and all(s.rounds and len(s.live) == len(status) for s in status):
+            assert all(s.phase == "planning" for s in status)
+            self.struck = True
             os.kill(self.pids[self.head], self.number)
-            self.done_at = watched.elapsed_s
+
+    def is_missed(self, status: Status) -> bool:
+        others = [s for s in status if s.head != self.head]
+        return self.struck and all(s.live and self.head not in s.live for s in others)
 
 
 def run(
-    names: str, monkeypatch: pytest.MonkeyPatch, *arguments: str, **options: object
+    names: str, monkeypatch: pytest.MonkeyPatch, *arguments: str, until: Until | None = None
 ) -> Agreement:
     monkeypatch.setenv("TOY_HEADS", names)
-    return run_agents(names.split(","), arguments, seed=1, command=TOY, **options)  # type: ignore[arg-type]
+    watch = until or Until(lambda status: all(s.rounds for s in status))
+    return run_agents(
+        names.split(","),
+        arguments,
+        time_limit_s=PLENTY_S,
+        seed=1,
+        command=TOY,
+        on_start=watch.on_start,
+        on_progress=watch.on_progress,
+        should_stop=watch.should_stop,
+    )
 
 
 def assert_complete(agreement: Agreement) -> None:
@@ -63,22 +100,23 @@ def assert_complete(agreement: Agreement) -> None:
 
 def test_two_processes_release_the_same_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """The main job: each head its own process, one plan, bit for bit."""
-    agreement = run("left,right", monkeypatch, time_limit_s=0.5)
+    told = Until(lambda status: all(s.received.get("distribution", 0) for s in status))
+    agreement = run("left,right", monkeypatch, until=told)
     assert agreement.live == (0, 1)
     assert_complete(agreement)
-    assert all(s.received["distribution"] > 0 for s in agreement.agents)
+
+
+def test_planning_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody asks for the end, as without a terminal."""
+    monkeypatch.setenv("TOY_HEADS", "left,right")
+    agreement = run_agents(["left", "right"], [], time_limit_s=0.2, seed=1, command=TOY)
+    assert agreement.live == (0, 1)
+    assert_complete(agreement)
 
 
 def test_a_killed_agent_s_work_is_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """kill -9 in the middle still gives a valid plan of the others."""
-    saboteur = Saboteur(2, signal.SIGKILL)
-    agreement = run(
-        "left,middle,right",
-        monkeypatch,
-        time_limit_s=1.5,
-        on_progress=saboteur.on_progress,
-        on_start=saboteur.on_start,
-    )
+    agreement = run("left,middle,right", monkeypatch, until=Saboteur(2, signal.SIGKILL))
     assert agreement.live == (0, 1)
     assert_complete(agreement)
 
@@ -86,13 +124,7 @@ def test_a_killed_agent_s_work_is_taken_over(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stopped process is seen by its lease, and killed before anything is released."""
     saboteur = Saboteur(0, signal.SIGSTOP)
-    agreement = run(
-        "left,right",
-        monkeypatch,
-        time_limit_s=1.0,
-        on_progress=saboteur.on_progress,
-        on_start=saboteur.on_start,
-    )
+    agreement = run("left,right", monkeypatch, until=saboteur)
     assert agreement.live == (1,)
     assert_complete(agreement)
     with pytest.raises(ProcessLookupError):
@@ -103,9 +135,9 @@ def test_a_stuck_planner_is_fenced_though_its_network_lives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Zenoh's threads keep its lease; before, the launch waited two minutes and gave it up."""
-    monkeypatch.setenv("TOY_STUCK_HEAD", "1")
     began = time.monotonic()
-    agreement = run("left,middle,right", monkeypatch, "--silence", "1.5", time_limit_s=4.0)
+    stuck = Saboteur(1, signal.SIGUSR1)
+    agreement = run("left,middle,right", monkeypatch, "--silence", "1.5", until=stuck)
     assert agreement.live == (0, 2)
     assert_complete(agreement)
     assert time.monotonic() - began < 60.0
@@ -115,14 +147,7 @@ def test_an_agent_told_to_end_says_goodbye_and_the_rest_go_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """SIGTERM is a leave, not a crash."""
-    saboteur = Saboteur(1, signal.SIGTERM)
-    agreement = run(
-        "left,right",
-        monkeypatch,
-        time_limit_s=1.0,
-        on_progress=saboteur.on_progress,
-        on_start=saboteur.on_start,
-    )
+    agreement = run("left,right", monkeypatch, until=Saboteur(1, signal.SIGTERM))
     assert agreement.live == (0,)
     assert_complete(agreement)
 
@@ -145,6 +170,11 @@ def shout(ports: Sequence[int], session: str, ended: threading.Event) -> None:
             hostile.put(Keys(session).message(0, "reply"), giant)
 
 
+def has_dropped_much(status: Status) -> bool:
+    dropped = status[0].dropped
+    return dropped.get("malformed message of head 1", 0) > 20 and dropped.get("bad key", 0) > 10
+
+
 def test_malformed_and_oversized_messages_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever shares the bus must not stop a print."""
     ports, ended = free_ports(2), threading.Event()
@@ -153,44 +183,35 @@ def test_malformed_and_oversized_messages_change_nothing(monkeypatch: pytest.Mon
     neighbour = threading.Thread(target=shout, args=(ports, "known", ended))
     neighbour.start()
     try:
-        agreement = run("left,right", monkeypatch, time_limit_s=1.5)
+        agreement = run("left,right", monkeypatch, until=Until(has_dropped_much))
     finally:
         ended.set()
         neighbour.join()
     assert agreement.live == (0, 1)
     assert_complete(agreement)
-    dropped = agreement.agents[0].dropped
-    assert dropped["malformed message of head 1"] > 20
-    assert dropped["bad key"] > 10
+    assert has_dropped_much(agreement.agents)
 
 
 class Sleeper(Saboteur):
-    """Stops an agent, lets it go on when the others have noticed."""
+    """Stops an agent, lets it go on when the others miss it, waits till they plan with it again."""
 
     def __init__(self, head: int) -> None:
         super().__init__(head, signal.SIGSTOP)
         self.resumed = False
 
-    def on_progress(self, status: tuple[AgentStatus, ...]) -> None:
+    def on_progress(self, status: Status) -> None:
         super().on_progress(status)
-        others = [s for s in status if s.head != self.head]
-        noticed = all(s.live and self.head not in s.live for s in others)
-        if self.done_at is not None and noticed and not self.resumed:
+        if not self.resumed and self.is_missed(status):
             self.resumed = True
             os.kill(self.pids[self.head], signal.SIGCONT)
+
+    def should_stop(self) -> bool:
+        return self.resumed and all(len(s.live) == len(self.status) for s in self.status)
 
 
 def test_a_hung_agent_that_goes_on_takes_part_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its lease ran out, the others planned on without it, and then it is back."""
-    sleeper = Sleeper(1)
-    agreement = run(
-        "left,middle,right",
-        monkeypatch,
-        time_limit_s=4.0,
-        on_progress=sleeper.on_progress,
-        on_start=sleeper.on_start,
-    )
-    assert sleeper.resumed
+    agreement = run("left,middle,right", monkeypatch, until=Sleeper(1))
     assert agreement.live == (0, 1, 2)
     assert_complete(agreement)
 
@@ -234,14 +255,8 @@ def test_a_stop_asked_for_by_the_caller_ends_in_the_best_plan_so_far(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The command line owns Ctrl-C and asks in its own way."""
-    heard: list[int] = []
-    agreement = run(
-        "left,right",
-        monkeypatch,
-        time_limit_s=60.0,
-        on_progress=lambda status: heard.append(min(s.rounds for s in status)),
-        should_stop=lambda: bool(heard) and heard[-1] > 50,
-    )
+    late = Until(lambda status: min(s.rounds for s in status) > 50)
+    agreement = run("left,right", monkeypatch, until=late)
     assert agreement.live == (0, 1)
     assert_complete(agreement)
 
@@ -269,12 +284,12 @@ def test_another_problem_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> 
     """Agents that hold different prints must not plan together."""
     monkeypatch.setenv("TOY_ODD_HEAD", "1")
     with pytest.raises(LaunchError, match=r"(left|right) holds problem [0-9a-f]{12}"):
-        run("left,right", monkeypatch, time_limit_s=0.5)
+        run("left,right", monkeypatch)
 
 
 def test_one_head_needs_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     """The single-extruder mode is the same process without peers."""
-    agreement = run("only", monkeypatch, time_limit_s=0.2)
+    agreement = run("only", monkeypatch)
     assert agreement.live == (0,)
     assert_complete(agreement)
     assert not agreement.agents[0].sent

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -14,23 +15,28 @@ from agents.extruder import main
 from tests.agents.toy import ToyPlanner
 
 
-class Stuck(ToyPlanner):
-    """Does not return from its 50th round; the network's threads go on."""
+class Sticky(ToyPlanner):
+    """Does not return from the round after SIGUSR1; the network's threads go on."""
+
+    stuck = False
 
     def iterate(self, live: Sequence[int]) -> None:
-        self.rounds = getattr(self, "rounds", 0) + 1
-        if self.rounds == 50:
+        if self.stuck:
             time.sleep(3600.0)
         super().iterate(live)
 
 
+def get_stuck(*_: object) -> None:
+    Sticky.stuck = True
+
+
 if __name__ == "__main__":
+    signal.signal(signal.SIGUSR1, get_stuck)
     names = os.environ["TOY_HEADS"].split(",")
-    stuck = os.environ.get("TOY_STUCK_HEAD", "")
     odd = os.environ.get("TOY_ODD_HEAD", "")  # this head holds another problem
     sys.exit(
         main(
-            make_planner=lambda given: (Stuck if str(given.head) == stuck else ToyPlanner)(
+            make_planner=lambda given: Sticky(
                 given.head,
                 names=names,
                 jobs=41 if str(given.head) == odd else 40,
