@@ -46,20 +46,22 @@ ROOT_POLICIES = 8  # with which the tree begins
 # A better start is worth polishing anew if it is better by this share of what polishing has
 # gained: in as long again the old one would gain about so much more, the new one all of it.
 ANEW = 0.4
+BEHIND = 0.998  # share of its own makespan at which a head goes on with another's order
 NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the others
 
 
 class _Line(NamedTuple):
-    """A joint order being polished."""
+    """A joint order being polished; `Polish` counts no way back to the parks."""
 
     team: Team
     polish: Polish
-    began_s: float  # makespan of the plans it began with
+    start_s: float  # makespan of the best plans of macro-actions when it began
+    gained_s: float = 0.0  # by which the order it began with was shorter than those
 
     def outdone_by(self, start: Proposal) -> bool:
         """Whether polishing this start instead promises more."""
-        gained = self.began_s - self.polish.best_s
-        return start.makespan_s < self.began_s - max(ANEW * gained, 1e-3 * self.began_s)
+        gained = self.gained_s + self.polish.began_s - self.polish.best_s
+        return start.makespan_s < self.start_s - max(ANEW * gained, 1e-3 * self.start_s)
 
 
 class DecMcts:
@@ -112,6 +114,7 @@ class DecMcts:
         if stated is not None and self._line is not None and self._line.team == team:
             self._line.polish.take(stated)
             self._keep_polished(self._line)
+            self._follow(stated, self._values.makespan(told, team), team)
 
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""
@@ -147,22 +150,22 @@ class DecMcts:
             self._plan_alone(team)
             return
         self.best(team)  # raises where these heads can not print everything
-        if not self._try_policies(team):
-            return
+        if self._try_policies(team):
+            return  # heads tell each other the best policy before they polish
         self._search(team)
         polished = self.parameters.windows > 0 and self.parameters.share < 1.0
         if polished and len(self.problem.macro) <= MOST_STATED:
             self._refine(team)
 
     def _try_policies(self, team: Team) -> bool:
-        """Try some policies for all heads at once; True when this head has tried its own."""
+        """Try some policies for all heads at once; False when this head has tried all its own."""
         if team not in self._races:
             p = self.parameters
             turn = team.index(self.head)
             self._races[team] = Race(turn, len(team), policies=p.policies, tries=p.tries)
         race = self._races[team]
         if race.next() is None:
-            return True
+            return False
         for _ in range(max(8, AT_ONCE // max(1, len(self.problem.macro)))):
             policy = race.next()
             if policy is None:
@@ -172,7 +175,7 @@ class DecMcts:
         if race.next() is None and self.parameters.share:
             best = [self._by_policy(self.head, k) for k in race.best(self.parameters.plans)]
             self._own.renew(self._with_start(best, team))
-        return race.next() is None
+        return True
 
     def _search(self, team: Team) -> None:
         """Grow the tree and move q for this round's share of the work."""
@@ -285,11 +288,25 @@ class DecMcts:
         start, line = self._values.starts[team], self._line
         if line is None or line.team != team or line.outdone_by(start):
             stated = StatedOrder.of(resolve(self.problem, start.plans, team).toolpaths)
-            seed = self._seed * len(self.problem.machine.heads) + self.head
-            line = _Line(team, Polish(self.problem, stated, seed=seed), start.makespan_s)
-            self._line = line
+            line = self._line = self._new_line(stated, team)
         line.polish.improve(self.parameters.windows)
         self._keep_polished(line)
+
+    def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
+        """Return a joint order to polish; none draws what another one drew."""
+        seed = self._seed * len(self.problem.machine.heads) + self.head
+        seed += len(self.problem.machine.heads) * self._rounds
+        polish = Polish(self.problem, stated, seed=seed)
+        return _Line(team, polish, self._values.starts[team].makespan_s, gained_s)
+
+    def _follow(self, stated: StatedOrder, makespan_s: float, team: Team) -> None:
+        """Polish a told order from now on if it is well ahead of the one polished here."""
+        line = self._line
+        if line is not None and makespan_s < line.polish.began_s:
+            gained = self._values.starts[team].makespan_s - makespan_s
+            told = self._new_line(stated, team, gained)
+            if told.polish.began_s < BEHIND * line.polish.best_s:
+                self._line = told
 
     def _keep_polished(self, line: _Line) -> None:
         """Judge what was polished, as a plan of this head that states what all do."""

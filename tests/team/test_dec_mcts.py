@@ -41,7 +41,7 @@ def _rounds(problem: TeamProblem, seed: int) -> tuple[list[bytes], float]:
     """Two agents in turn, and all they told."""
     team = [DecMcts(problem, r, seed=seed, parameters=FEW) for r in range(2)]
     told: list[bytes] = []
-    for _ in range(3):
+    for _ in range(8):
         for agent in team:
             agent.iterate([0, 1])
             told += [s.tobytes() for s in agent.distribution.sequences]
@@ -170,7 +170,7 @@ def test_plans_are_told_as_soon_as_policies_are_tried(problem: TeamProblem) -> N
 def test_the_share_is_kept_by_the_count(problem: TeamProblem, share: float) -> None:
     """The work of tree and distribution is what was set, whatever the clock says."""
     agent = DecMcts(problem, 0, seed=1, parameters=replace(FEW, share=share))
-    while not agent._try_policies((0, 1)):
+    while agent._try_policies((0, 1)):
         pass
     before, allowed = agent._values.put, 0
     for _ in range(3):
@@ -197,11 +197,30 @@ def test_variants_plan_and_repeat(problem: TeamProblem, values: dict[str, str]) 
     assert found == teams[0][0].best([0, 1]).makespan_s
 
 
+@pytest.mark.slow
+def test_a_head_that_is_behind_goes_on_with_what_it_is_told(problem: TeamProblem) -> None:
+    """Heads that polish different orders cannot join what they gain."""
+    team = [DecMcts(problem, r, seed=r, parameters=FEW) for r in range(2)]
+    for _ in range(4):
+        for agent in team:
+            agent.iterate([0, 1])
+    ahead, behind = sorted(team, key=lambda agent: agent.best([0, 1]).makespan_s)
+    told = ahead.best([0, 1])
+    assert behind._line is not None
+    assert ahead._line is not None
+    ours, theirs = behind._line.polish.best_s, ahead._line.polish.best_s
+    assert theirs < dec_mcts.BEHIND * ours
+    behind.take_joint(told.plans, [0, 1])
+    assert behind._line.polish.best_s <= theirs / dec_mcts.BEHIND
+    behind.iterate([0, 1])
+    assert behind.best([0, 1]).makespan_s <= told.makespan_s
+
+
 def test_a_much_better_start_is_polished_anew_and_a_little_better_one_is_not() -> None:
     """What polishing has gained would be lost for less than it gains in as long again."""
 
     class Polished:
-        best_s = 90.0
+        began_s, best_s = 99.0, 89.0  # without the way back
 
     line = dec_mcts._Line((0, 1), Polished(), 100.0)  # type: ignore[arg-type]  # a fake
     assert not line.outdone_by(Proposal({}, 97.0))
