@@ -1,4 +1,4 @@
-"""What each part of the search for several heads brings: one left out at a time.
+"""What each part of the search for several heads brings: one left out or changed at a time.
 
     python benchmarks/team_ablation.py [--time-limit 30] [--seeds 0,1,2] [--models mix_1,…]
 
@@ -6,8 +6,12 @@ All heads plan in turn in one process, so that every variant gets the same proce
 (`--time-limit`). *no tree*: plans come from policies and exchanges on the best joint plan.
 *no messages*: no head learns what another plans; the best of theirs counts. *no local
 search*: joint orders are not polished. *no piecewise release*: a head holds the room of a
-contour to its end. *q frozen*: the distributions over plans stay uniform. Of the corpus'
-eight plates (`dual-gantry`) the odd ones were tuned on.
+contour to its end. *q frozen*: the distributions over plans stay uniform. *no search*:
+neither tree nor distributions nor joint plans, policies and polishing alone. Three do a part
+otherwise, after other papers (`docs/team.md`): *boltzmann* goes down the tree by a Boltzmann
+policy, *regret matching* moves q by regrets, *max-plus* chooses which plans are tried
+together by the values of neighbouring heads' pairs. Of the corpus' eight plates
+(`dual-gantry`) the odd ones were tuned on.
 """
 
 from __future__ import annotations
@@ -129,8 +133,8 @@ def report(rows: Rows, options: argparse.Namespace) -> str:
     text += f"Repeat: `python benchmarks/team_ablation.py --time-limit {options.time_limit:g} "
     text += f"--seeds {there}`. All heads plan in turn in one process. Medians, quartiles in "
     text += "brackets, over plates and seeds. *÷ all*: makespan over that of the whole search "
-    text += "with the same seed; above 1 the part brings something. *Least and most* of these. "
-    text += "*Faults*: of all plans, by the judge.\n\n"
+    text += "with the same seed; above 1 the part brings something, or what is done otherwise "
+    text += "brings nothing. *Least and most* of these. *Faults*: of all plans, by the judge.\n\n"
     text += of_variants(mine)
     text += "\n## Entropy of q over time\n\nOf a head's distribution over its plans: 0 for one "
     text += "plan, 1 for all alike; the mean of the heads and the median of the runs, at eighths "

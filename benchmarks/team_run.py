@@ -17,7 +17,6 @@ import resource
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +32,7 @@ from decmcts.team.baselines.incumbent import Budget
 from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.bound import makespan_bound
 from decmcts.team.dec_mcts import DecMcts, Parameters, Proposal
+from decmcts.team.parameters import changed
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
@@ -51,7 +51,20 @@ class NoTree(DecMcts):
         """Leave the tree as it is."""
 
 
-VARIANTS = ("all", "no tree", "no messages", "no local search", "no piecewise release", "q frozen")
+# What each variant sets; those without settings leave out what no parameter does.
+SETTINGS: dict[str, dict[str, Any]] = {
+    "all": {},
+    "no tree": {},
+    "no messages": {},
+    "no local search": {"windows": 0},
+    "no piecewise release": {},
+    "q frozen": {"alpha": 0.0},
+    "no search": {"share": 0.0},
+    "boltzmann": {"policy": "boltzmann"},
+    "regret matching": {"distribution": "regret-matching"},
+    "max-plus": {"combination": "max-plus"},
+}
+VARIANTS = tuple(SETTINGS)
 
 
 def run(key: dict[str, Any]) -> Figures:
@@ -128,13 +141,9 @@ def children_s() -> float:
 def by_variant(
     problem: TeamProblem, cpu_s: float, seed: int, variant: str
 ) -> tuple[Paths, Figures]:
-    """Plan by all heads in turn in this process, with one part of the search left out."""
+    """Plan by all heads in turn in this process, with a part left out or done otherwise."""
     heads = list(range(len(problem.machine.heads)))
-    parameters = Parameters.for_contours(len(problem.macro))
-    if variant == "no local search":
-        parameters = replace(parameters, windows=0)
-    if variant == "q frozen":
-        parameters = replace(parameters, alpha=0.0)
+    parameters = changed(Parameters.for_contours(len(problem.macro)), SETTINGS[variant])
     made = NoTree if variant == "no tree" else DecMcts
     team = [made(problem, r, seed=seed, parameters=parameters) for r in heads]
     for agent in team:

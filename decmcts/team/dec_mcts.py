@@ -5,6 +5,9 @@ others drawn from what they last told, and tells in turn a few good plans and
 how likely it is to follow each. No messages here: `iterate`, `distribution`
 and `take` are all an agent needs. One head alone is the single-extruder mode.
 
+Work is counted in contours put (`decmcts.team.values`): policies first, then in each round
+a share for tree and distribution, then windows of the best joint order.
+
 References
 ----------
 Best, Cliff, Patten, Mettu & Fitch 2019, "Dec-MCTS: Decentralized planning for
@@ -14,55 +17,51 @@ multi-robot active perception", IJRR 38(2-3), Algs. 1-3.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from hashlib import blake2b
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
+from decmcts.team.candidates import Candidates
 from decmcts.team.distribution import PlanDistribution
 from decmcts.team.exchange import exchange, exchange_jointly
+from decmcts.team.max_plus import PairValues
 from decmcts.team.parameters import Parameters
-from decmcts.team.plans import (
-    MOST_STATED,
-    StatedOrder,
-    decode,
-    encode,
-    encode_serial,
-    encode_stated,
-)
+from decmcts.team.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
 from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem
+from decmcts.team.race import Race
 from decmcts.team.resolve import resolve
-from decmcts.team.tree import ROOT, Tree
+from decmcts.team.tree import ROOT, Boltzmann, Tree
+from decmcts.team.values import EACH, JointValues, Plan, Proposal, Team
 
 __all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
 
-REMEMBERED = 50_000  # values of joint plans kept
 AT_ONCE = 200_000  # contours put when policies are tried, about a second's work
+UNPOLISHED = 100_000  # contours put in a round without polishing
+WINDOW = 3_000  # contours put that a window of polishing counts for
 ROOT_POLICIES = 8  # with which the tree begins
-BETTER = 0.997  # share of its start's makespan that a better start must have
+# A better start is worth polishing anew if it is better by this share of what polishing has
+# gained: in as long again the old one would gain about so much more, the new one all of it.
+ANEW = 0.4
+BEHIND = 0.998  # share of its own makespan at which a head goes on with another's order
 NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the others
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Proposal:
-    """The best joint plan a head knows."""
-
-    plans: Mapping[int, NDArray[np.int32]]
-    makespan_s: float
-
-
 class _Line(NamedTuple):
-    """A joint order being polished."""
+    """A joint order being polished; `Polish` counts no way back to the parks."""
 
-    team: tuple[int, ...]
+    team: Team
     polish: Polish
-    began_s: float  # makespan of the plans it began with
+    start_s: float  # makespan of the best plans of macro-actions when it began
+    gained_s: float = 0.0  # by which the order it began with was shorter than those
+
+    def outdone_by(self, start: Proposal) -> bool:
+        """Whether polishing this start instead promises more."""
+        gained = self.gained_s + self.polish.began_s - self.polish.best_s
+        return start.makespan_s < self.start_s - max(ANEW * gained, 1e-3 * self.start_s)
 
 
 class DecMcts:
@@ -78,42 +77,44 @@ class DecMcts:
         self._seed = seed
         self._rng = np.random.default_rng([seed, head])
         self._others: dict[int, PlanDistribution] = {}
-        self._best: dict[tuple[int, ...], Proposal] = {}
-        self._known: dict[tuple[tuple[int, ...], bytes], float] = {}
-        self._beta = self.parameters.beta
-        self._rounds = 0
-        self._last_s = np.inf  # makespan of the joint plan valued last
-        self._policies: dict[tuple[int, ...], dict[int, float]] = {}  # makespans of those tried
-        self._start: dict[tuple[int, ...], Proposal] = {}  # best joint plan of macro-actions
+        self._values = JointValues(problem)
+        self._races: dict[Team, Race] = {}
+        self._pairs: dict[Team, PairValues] = {}
         self._line: _Line | None = None
-        self._range = (np.inf, -np.inf)
-        default = encode(problem.sides_of(head), 0, problem.n_macros)
+        self._rounds = self._steps = 0
+        self._credit = 0  # contours that tree and distribution may put
+        self._utilities: list[float] = []  # of all samples
+        default = self._by_policy(head, 0)
         self._tree = self._new_tree(default)
-        self._own = PlanDistribution.uniform((default,))
-        self._mean, self._count = np.zeros(1), np.zeros(1)
+        self._own = Candidates((default,), self.parameters)
 
-    def _new_tree(self, root: NDArray[np.int32]) -> Tree:
-        return Tree(root, gamma=self.parameters.gamma, exploration=self.parameters.exploration)
+    def _new_tree(self, root: Plan) -> Tree:
+        p = self.parameters
+        boltzmann = None
+        if p.policy == "boltzmann":
+            boltzmann = Boltzmann(p.temperature, p.decay, self._rng)
+        return Tree(root, gamma=p.gamma, exploration=p.exploration, boltzmann=boltzmann)
 
     @property
     def distribution(self) -> PlanDistribution:
         """What the other heads need to know."""
-        return self._own
+        return self._own.told
 
     def take(self, head: int, distribution: PlanDistribution) -> None:
         """Use another head's latest distribution from now on."""
         if head != self.head:
             self._others[head] = distribution
 
-    def take_joint(self, plans: Mapping[int, NDArray[np.int32]], live: Sequence[int]) -> None:
+    def take_joint(self, plans: Mapping[int, Plan], live: Sequence[int]) -> None:
         """Judge another head's best joint plan; keep it if it is the best here too."""
         team = _team(live)
         told = {r: plans.get(r, NOTHING) for r in team}
-        self._value(told, team)
-        stated = self._stated(told)
+        self._values.makespan(told, team)
+        stated = self._values.stated(told)
         if stated is not None and self._line is not None and self._line.team == team:
             self._line.polish.take(stated)
             self._keep_polished(self._line)
+            self._follow(stated, self._values.makespan(told, team), team)
 
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""
@@ -122,20 +123,24 @@ class DecMcts:
     def best(self, live: Sequence[int]) -> Proposal:
         """Return the best joint plan found so far for these live heads."""
         team = _team(live)
-        if team not in self._best:
+        if team not in self._values.best:
             plans = {r: self._likeliest(r) for r in team}
-            self._best[team] = Proposal(plans, resolve(self.problem, plans, team).makespan_s)
-        return self._best[team]
+            found = Proposal(plans, resolve(self.problem, plans, team).makespan_s)
+            self._values.best[team] = found
+        return self._values.best[team]
 
-    def _likeliest(self, head: int) -> NDArray[np.int32]:
+    def _likeliest(self, head: int) -> Plan:
         if head == self.head:
-            return self._own.likeliest()
+            return self._own.told.likeliest()
         if head in self._others:
             return self._others[head].likeliest()
-        return encode(self.problem.sides_of(head), 0, self.problem.n_macros)
+        return self._by_policy(head, 0)
+
+    def _by_policy(self, head: int, policy: int) -> Plan:
+        return encode(self.problem.sides_of(head), policy, self.problem.n_macros)
 
     def iterate(self, live: Sequence[int]) -> None:
-        """Do one outer round: grow the tree and update the distribution, τ times.
+        """Do one outer round: grow the tree and update the distribution, then polish.
 
         With no other head alive: search one order for everything instead.
         """
@@ -145,33 +150,55 @@ class DecMcts:
             self._plan_alone(team)
             return
         self.best(team)  # raises where these heads can not print everything
-        if not self._try_policies(team):
-            return
-        for _ in range(self.parameters.updates):
-            for _ in range(self.parameters.samples):
-                self._sample(team)
-                self._improve(team)
-            self._update(team)
-        if self.parameters.windows and len(self.problem.macro) <= MOST_STATED:
+        if self._try_policies(team):
+            return  # heads tell each other the best policy before they polish
+        self._search(team)
+        polished = self.parameters.windows > 0 and self.parameters.share < 1.0
+        if polished and len(self.problem.macro) <= MOST_STATED:
             self._refine(team)
-        if self._rounds == 1 or self._count.min() >= self.parameters.renew:
-            self._choose_plans()
 
-    def _try_policies(self, team: tuple[int, ...]) -> bool:
-        """Try some policies for all heads at once; True when this head's share is done."""
-        count = self.parameters.policies
-        mine = range(team.index(self.head) % count, count, len(team))
-        values = self._policies.setdefault(team, {})
-        most = max(8, AT_ONCE // max(1, len(self.problem.macro)))
-        for k in [k for k in mine if k not in values][:most]:
-            self._value({r: self._by_policy(r, k) for r in team}, team)
-            values[k] = self._last_s
-        return len(values) == len(mine)
+    def _try_policies(self, team: Team) -> bool:
+        """Try some policies for all heads at once; False when this head has tried all its own."""
+        if team not in self._races:
+            p = self.parameters
+            turn = team.index(self.head)
+            self._races[team] = Race(turn, len(team), policies=p.policies, tries=p.tries)
+        race = self._races[team]
+        if race.next() is None:
+            return False
+        for _ in range(max(8, AT_ONCE // max(1, len(self.problem.macro)))):
+            policy = race.next()
+            if policy is None:
+                break
+            plans = {r: self._by_policy(r, policy) for r in team}
+            race.note(policy, self._values.makespan(plans, team))
+        if race.next() is None and self.parameters.share:
+            best = [self._by_policy(self.head, k) for k in race.best(self.parameters.plans)]
+            self._own.renew(self._with_start(best, team))
+        return True
 
-    def _by_policy(self, head: int, policy: int) -> NDArray[np.int32]:
-        return encode(self.problem.sides_of(head), policy, self.problem.n_macros)
+    def _search(self, team: Team) -> None:
+        """Grow the tree and move q for this round's share of the work."""
+        self._credit += self._share()
+        least = (len(self.problem.macro) + EACH) // 4  # what a step costs that resolves nothing
+        while self._credit > 0:
+            before = self._values.put
+            if self._steps % (self.parameters.samples + 1) < self.parameters.samples:
+                self._sample(team)
+                self._combine(team)
+            else:
+                self._update(team)
+            self._steps += 1
+            self._credit -= max(least, self._values.put - before)
 
-    def _sample(self, team: tuple[int, ...]) -> None:
+    def _share(self) -> int:
+        """Return the contours that tree and distribution may put in a round."""
+        share, windows = self.parameters.share, self.parameters.windows
+        if share == 1.0 or windows == 0:
+            return UNPOLISHED if share else 0
+        return int(share / (1.0 - share) * windows * WINDOW)
+
+    def _sample(self, team: Team) -> None:
         """Grow the tree by one plan judged beside plans the others may follow."""
         others = self._draw(team)
         node = self._tree.descend()
@@ -179,58 +206,117 @@ class DecMcts:
         while self._rng.random() < 0.3:
             plan = self._exchange(plan)
         child = self._tree.expand(node, plan)
-        reward = self._scaled(self._utility(plan, others, team))
-        self._tree.backup(child, reward)
+        self._tree.backup(child, self._reward({**others, self.head: plan}, team))
 
-    def _improve(self, team: tuple[int, ...]) -> None:
-        """Try one exchange on the best plans of macro-actions; a better one joins the tree."""
-        best = self._start[team]
-        plans = exchange_jointly(
-            self.problem, best.plans, self._rng, policies=self.parameters.policies
-        )
-        value = self._value(plans, team)
-        if self._start[team].makespan_s < best.makespan_s:
+    def _combine(self, team: Team) -> None:
+        """Try one joint plan; where it is the best of macro-actions it joins the tree.
+
+        In turn one of what all heads told, this one too, and one exchange on the best; the
+        exchange also where the plans of what was told are known together already.
+        """
+        best = self._values.starts[team]
+        plans = self._combination(team) if self._steps % 2 else None
+        if plans is None or self._values.knows(plans, team):
+            policies = self.parameters.policies
+            plans = exchange_jointly(self.problem, best.plans, self._rng, policies=policies)
+        self._note(plans, team)
+        if self._values.starts[team].makespan_s < best.makespan_s:
             child = self._tree.expand(ROOT, plans[self.head])
-            rest = {r: plan for r, plan in plans.items() if r != self.head}
-            baseline = self._value(rest, tuple(rest))
-            self._tree.backup(child, self._scaled(value - baseline))
+            self._tree.backup(child, self._reward(plans, team))
 
-    def _child_plan(self, node: int, team: tuple[int, ...]) -> NDArray[np.int32]:
+    def _combination(self, team: Team) -> dict[int, Plan]:
+        """Return one plan of each head's X̂: drawn from q, or as max-plus would have it."""
+        if self.parameters.combination == "max-plus":
+            told = {r: self._others[r].sequences for r in team if r in self._others}
+            default = {r: (self._likeliest(r),) for r in team}
+            own = {self.head: self._own.told.sequences}
+            return self._pairs_of(team).choose({**default, **told, **own})
+        return {**self._draw(team), self.head: self._own.told.sample(self._rng)}
+
+    def _pairs_of(self, team: Team) -> PairValues:
+        if team not in self._pairs:
+            self._pairs[team] = PairValues(_chain(self.problem, team))
+        return self._pairs[team]
+
+    def _note(self, plans: Mapping[int, Plan], team: Team) -> None:
+        """Judge a joint plan; max-plus learns from it."""
+        value = self._values.value(plans, team)
+        if self.parameters.combination == "max-plus":
+            self._pairs_of(team).note(plans, value)
+
+    def _child_plan(self, node: int, team: Team) -> Plan:
         """Return the plan of the next child: the best policies at the root, then exchanges."""
-        children, values = len(self._tree) - 1, self._policies[team]
-        if node == ROOT and children < min(ROOT_POLICIES, len(values)):
-            return self._by_policy(self.head, sorted(values, key=values.__getitem__)[children])
+        children = self._tree.children(node)
+        best = self._races[team].best(ROOT_POLICIES)
+        if node == ROOT and children < len(best):
+            return self._by_policy(self.head, best[children])
         return self._exchange(self._tree.plans[node])
 
-    def _exchange(self, plan: NDArray[np.int32]) -> NDArray[np.int32]:
+    def _exchange(self, plan: Plan) -> Plan:
         return exchange(self.problem, plan, self._rng, policies=self.parameters.policies)
 
-    def _refine(self, team: tuple[int, ...]) -> None:
+    def _reward(self, plans: Mapping[int, Plan], team: Team) -> float:
+        """Return the utility from 0, the median of all seen or worse, to 1, the best."""
+        self._note(plans, team)
+        utility = self._values.utility(self.head, plans, team)
+        self._utilities.append(utility)
+        low, high = float(np.median(self._utilities)), max(self._utilities)
+        return max(0.0, utility - low) / (high - low) if high > low else 0.5
+
+    def _update(self, team: Team) -> None:
+        """Sample E[f|x] of each of X̂ beside the same plans of the others, and move q (Alg. 3).
+
+        When each was sampled often enough X̂ is chosen anew from the tree.
+        """
+        if self._own.sampled.min() >= self.parameters.renew:
+            chosen = self._tree.best_plans(self.parameters.plans)
+            self._own.renew(self._with_start(chosen, team))
+        others = self._draw(team)
+        joint = [{**others, self.head: plan} for plan in self._own.told.sequences]
+        for plans in joint:
+            self._note(plans, team)
+        utilities = [self._values.utility(self.head, plans, team) for plans in joint]
+        self._own.update(np.array(utilities))
+
+    def _with_start(self, plans: Sequence[Plan], team: Team) -> list[Plan]:
+        """Return plans for X̂: this head's in the best joint plan, then these."""
+        chosen = {p.tobytes(): p for p in (self._values.starts[team].plans[self.head], *plans)}
+        return list(chosen.values())[: self.parameters.plans]
+
+    def _refine(self, team: Team) -> None:
         """Polish the best joint order; begin anew from a better start."""
-        start, line = self._start[team], self._line
-        if line is None or line.team != team or start.makespan_s < BETTER * line.began_s:
+        start, line = self._values.starts[team], self._line
+        if line is None or line.team != team or line.outdone_by(start):
             stated = StatedOrder.of(resolve(self.problem, start.plans, team).toolpaths)
-            seed = self._seed * len(self.problem.machine.heads) + self.head
-            line = _Line(team, Polish(self.problem, stated, seed=seed), start.makespan_s)
-            self._line = line
+            line = self._line = self._new_line(stated, team)
         line.polish.improve(self.parameters.windows)
         self._keep_polished(line)
 
+    def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
+        """Return a joint order to polish; none draws what another one drew."""
+        seed = self._seed * len(self.problem.machine.heads) + self.head
+        seed += len(self.problem.machine.heads) * self._rounds
+        polish = Polish(self.problem, stated, seed=seed)
+        return _Line(team, polish, self._values.starts[team].makespan_s, gained_s)
+
+    def _follow(self, stated: StatedOrder, makespan_s: float, team: Team) -> None:
+        """Polish a told order from now on if it is well ahead of the one polished here."""
+        line = self._line
+        if line is not None and makespan_s < line.polish.began_s:
+            gained = self._values.starts[team].makespan_s - makespan_s
+            told = self._new_line(stated, team, gained)
+            if told.polish.began_s < BEHIND * line.polish.best_s:
+                self._line = told
+
     def _keep_polished(self, line: _Line) -> None:
         """Judge what was polished, as a plan of this head that states what all do."""
-        best = self._best.get(line.team)
-        if best is None or line.polish.best_s < best.makespan_s:
+        if line.polish.best_s < self.best(line.team).makespan_s:
             heads, n_macros = len(self.problem.machine.heads), self.problem.n_macros
             plan = encode_stated(line.polish.best, heads, n_macros)
-            self._value({r: plan if r == self.head else NOTHING for r in line.team}, line.team)
+            told = {r: plan if r == self.head else NOTHING for r in line.team}
+            self._values.makespan(told, line.team)
 
-    def _stated(self, plans: Mapping[int, NDArray[np.int32]]) -> StatedOrder | None:
-        """Return the order that some plan states."""
-        n_macros, n = self.problem.n_macros, len(self.problem.macro)
-        found = (decode(plan, n_macros, n).stated for plan in plans.values())
-        return next((stated for stated in found if stated is not None), None)
-
-    def _draw(self, team: tuple[int, ...]) -> dict[int, NDArray[np.int32]]:
+    def _draw(self, team: Team) -> dict[int, Plan]:
         """Draw x⁻ʳ from the latest known distributions."""
         return {
             r: self._others[r].sample(self._rng) if r in self._others else self._likeliest(r)
@@ -238,68 +324,7 @@ class DecMcts:
             if r != self.head
         }
 
-    def _utility(
-        self, plan: NDArray[np.int32], others: dict[int, NDArray[np.int32]], team: tuple[int, ...]
-    ) -> float:
-        """Return the local utility fʳ = g(xʳ, x⁻ʳ) - g(∅ʳ, x⁻ʳ)."""
-        rest = tuple(r for r in team if r != self.head)
-        return self._value({**others, self.head: plan}, team) - self._value(others, rest)
-
-    def _value(self, plans: dict[int, NDArray[np.int32]], team: tuple[int, ...]) -> float:
-        """Return g, 1 for an instant print and 0 for one that takes twice the serial time."""
-        key = (team, blake2b(b"|".join(plans[r].tobytes() for r in team)).digest())
-        if key not in self._known:
-            if len(self._known) >= REMEMBERED:
-                self._known.clear()
-            try:
-                makespan = resolve(self.problem, plans, team).makespan_s
-            except InputError:
-                makespan = np.inf  # these heads alone can not print everything
-            self._known[key] = makespan
-            self._keep(plans, team, makespan)
-        self._last_s = self._known[key]
-        serial = 2.0 * float(self.problem.visits.seconds.sum())
-        return max(0.0, 1.0 - self._known[key] / serial) if serial > 0.0 else 0.0
-
-    def _keep(
-        self, plans: dict[int, NDArray[np.int32]], team: tuple[int, ...], makespan: float
-    ) -> None:
-        best = self._best.get(team)
-        if not np.isfinite(makespan):
-            return
-        if best is None or makespan <= best.makespan_s:
-            self._best[team] = Proposal(dict(plans), makespan)
-        start = self._start.get(team)
-        better = start is None or makespan <= start.makespan_s
-        if better and self._stated(plans) is None:
-            self._start[team] = Proposal(dict(plans), makespan)
-
-    def _scaled(self, utility: float) -> float:
-        """Return the utility as a reward in [0, 1], relative to all seen so far."""
-        low, high = min(self._range[0], utility), max(self._range[1], utility)
-        self._range = (low, high)
-        return (utility - low) / (high - low) if high > low else 0.5
-
-    def _choose_plans(self) -> None:
-        """Re-choose X̂: the best plans of the tree; q is reset when they change."""
-        chosen = self._tree.best_plans(self.parameters.plans)
-        if _same(chosen, self._own.sequences):
-            return
-        self._own = PlanDistribution.uniform(chosen)
-        self._mean, self._count = np.zeros(len(chosen)), np.zeros(len(chosen))
-
-    def _update(self, team: tuple[int, ...]) -> None:
-        """Sample E[f|x] of one candidate and move q one step (Alg. 3)."""
-        x = int(np.argmin(self._count))
-        reward = self._scaled(self._utility(self._own.sequences[x], self._draw(team), team))
-        self._count[x] += 1
-        self._mean[x] += (reward - self._mean[x]) / min(self._count[x], 10.0)
-        if self._count.min() > 0:
-            parameters = self.parameters
-            self._own = self._own.updated(self._mean, beta=self._beta, alpha=parameters.alpha)
-            self._beta = max(self._beta * parameters.cooling, parameters.coldest)
-
-    def _plan_alone(self, team: tuple[int, ...]) -> None:
+    def _plan_alone(self, team: Team) -> None:
         """Search one order for everything; the effort doubles with the rounds."""
         problem = self.problem
         effort = 100_000 * 2 ** min(self._rounds, 8)
@@ -311,14 +336,16 @@ class DecMcts:
             seed=self._seed + self._rounds,
         )
         plan = encode_serial(result.toolpath, problem.n_macros)
-        self._value({self.head: plan}, team)
-        self._own = PlanDistribution.uniform((self.best(team).plans[self.head],))
-        self._mean, self._count = np.zeros(1), np.zeros(1)
+        self._values.makespan({self.head: plan}, team)
+        self._own = Candidates((self.best(team).plans[self.head],), self.parameters)
 
 
-def _team(live: Sequence[int]) -> tuple[int, ...]:
+def _team(live: Sequence[int]) -> Team:
     return tuple(sorted({int(r) for r in live}))
 
 
-def _same(a: Sequence[NDArray[np.int32]], b: Sequence[NDArray[np.int32]]) -> bool:
-    return len(a) == len(b) and all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+def _chain(problem: TeamProblem, team: Team) -> Team:
+    """Return the heads as they stand in a row, by where they park."""
+    parks = [problem.machine.heads[r].park for r in team]
+    axis = int(np.ptp(np.array(parks)[:, :2], axis=0).argmax())
+    return tuple(sorted(team, key=lambda r: (problem.machine.heads[r].park[axis], r)))

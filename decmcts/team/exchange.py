@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.team.plans import POLICIES, decode, encode
+from decmcts.team.policy_space import beside
 from decmcts.team.problem import TeamProblem
 
 
@@ -20,13 +21,13 @@ def exchange(
 ) -> NDArray[np.int32]:
     """Return a plan that differs by one random move; a serial plan becomes an ordinary one.
 
-    A new policy is one of the first `policies`.
+    A new policy is one of the first `policies`, one like the old one as a rule.
     """
     intent = decode(plan, problem.n_macros, len(problem.macro))
     macros, policy = intent.macros, intent.policy
     move = rng.random()
     if move < 0.1 or problem.n_macros == 0:
-        policy = int(rng.integers(policies))
+        policy = beside(policy, rng, policies)
     elif move < 0.6 and len(macros) > 1:
         macros = _shift_part(problem, macros, rng)
     elif move < 0.75 and len(macros) > 1:
@@ -89,7 +90,8 @@ def exchange_jointly(
         head = sorted(plans)[int(rng.integers(len(plans)))]
         return {**plans, head: exchange(problem, plans[head], rng, policies=policies)}
     intents = {r: decode(p, problem.n_macros, len(problem.macro)) for r, p in plans.items()}
-    policy = int(rng.integers(policies)) if move < 0.5 else None
+    first = intents[min(intents)].policy
+    policy = beside(first, rng, policies) if move < 0.5 else None
     parts = np.unique(problem.macro_part)
     chosen = rng.choice(parts, size=1 + int(rng.random() < 0.3))
     shares = rng.normal(0.0, 0.5, len(chosen)) if policy is None else np.zeros(len(chosen))

@@ -20,47 +20,62 @@ from decmcts.team.plans import POLICIES
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """Values of the literature and its code, but for what depends on the number of updates.
+    """Values of the literature and its code, but for what depends on the number of samples.
 
-    The literature does thousands of updates; a print of thousands of contours allows a
-    hundred a minute, so steps are longer here and cooling is faster.
+    The literature does thousands of updates; a print of thousands of contours allows tens a
+    minute, so steps are longer here and cooling is faster.
     """
 
     gamma: float = 0.9  # discount of old rewards
     exploration: float = 0.7071067811865476  # C_p
+    policy: str = "d-uct"  # how the tree is gone down
+    temperature: float = 0.3  # of the Boltzmann policy at first, in rewards
+    decay: float = 0.5  # of that temperature, by visits
+    distribution: str = "gradient"  # how q moves
     alpha: float = 0.2  # step of the distribution
-    beta: float = 1.0  # temperature at first
-    cooling: float = 0.95  # of the temperature, each update
-    coldest: float = 0.02  # temperature at last
+    beta: float = 0.5  # temperature of the distribution at first, in the range of X̂
+    cooling: float = 0.7  # of beta, each update
+    coldest: float = 0.05  # beta at last
     plans: int = 10  # |X̂|
-    updates: int = 10  # τ, distribution updates of a round
-    samples: int = 20  # tree samples of an update
+    samples: int = 10  # tree samples of an update
     renew: int = 3  # samples of each plan of X̂ before another X̂ is chosen
+    combination: str = "sampled"  # which plans of X̂ are tried together
+    share: float = 0.3  # of a round's work, for tree and distribution
     windows: int = 60  # of the best joint order polished in a round
     policies: int = len(POLICIES)  # the first of POLICIES, of which plans name one
+    tries: int = 32  # policies that all heads together try at first
 
     @staticmethod
     def for_contours(n: int) -> Parameters:
-        """Return parameters that keep a round to about a second for a print of n contours."""
-        samples = int(np.clip(30_000 // max(n, 1), 4, 200))
-        updates = min(10, max(2, samples // 10))
-        return Parameters(updates=updates, samples=max(2, samples // updates))
+        """Return parameters for a print of n contours: the larger, the fewer samples."""
+        plans = int(np.clip(40_000 // max(n, 1), 5, 10))
+        tries = int(np.clip(200_000 // max(n, 1), 32, 128))
+        return Parameters(plans=plans, samples=plans // 2, tries=tries)
 
 
 # Least and most of each parameter; those with whole limits are whole numbers.
 RANGES: Mapping[str, tuple[float, float] | tuple[int, int]] = {
     "gamma": (0.5, 1.0),
     "exploration": (0.0, 10.0),
+    "temperature": (0.001, 100.0),
+    "decay": (0.0, 2.0),
     "alpha": (0.0, 1.0),
     "beta": (0.001, 100.0),
     "cooling": (0.1, 1.0),
     "coldest": (0.001, 100.0),
     "plans": (1, 100),
-    "updates": (0, 100),
     "samples": (1, 1000),
     "renew": (1, 1000),
+    "share": (0.0, 1.0),
     "windows": (0, 1000),
     "policies": (1, len(POLICIES)),
+    "tries": (1, len(POLICIES)),
+}
+# Words a parameter may be; the first is the default.
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "policy": ("d-uct", "boltzmann"),
+    "distribution": ("gradient", "regret-matching"),
+    "combination": ("sampled", "max-plus"),
 }
 
 
@@ -79,10 +94,10 @@ def changed(
     Raises
     ------
     InputError
-        For an unknown name and for what is no number within `RANGES`.
+        For an unknown name, and for what is no number within `RANGES` or none of `WORDS`.
     """
     fields = Fields.of(values, "", path)
-    fields.only(*RANGES)
+    fields.only(*RANGES, *WORDS)
     chosen: dict[str, Any] = {key: _allowed(fields, key) for key in values}
     made = replace(parameters, **chosen)
     if made.coldest > made.beta:
@@ -91,8 +106,10 @@ def changed(
     return made
 
 
-def _allowed(fields: Fields, key: str) -> float:
+def _allowed(fields: Fields, key: str) -> float | str:
     """Return one value, or raise InputError with its limits."""
+    if key in WORDS:
+        return _word(fields, key)
     value, (least, most) = fields.values[key], RANGES[key]
     kinds, word = (
         ((int,), "a whole number") if isinstance(most, int) else ((int, float), "a number")
@@ -100,3 +117,11 @@ def _allowed(fields: Fields, key: str) -> float:
     if type(value) not in kinds or not least <= value <= most:
         fields.fail(key, f"expected {word} in {least:g}..{most:g}, found {shown(value)}")
     return value if isinstance(most, int) else float(value)
+
+
+def _word(fields: Fields, key: str) -> str:
+    value = fields.values[key]
+    if type(value) is not str or value not in WORDS[key]:
+        said = " or ".join(f'"{word}"' for word in WORDS[key])
+        fields.fail(key, f"expected {said}, found {shown(value)}")
+    return str(value)

@@ -48,7 +48,8 @@ _TUNED = np.array(
     ]
 )
 MOST_STATED = 75_000  # contours; an order of more might not fit into one message
-_SPREAD = 114  # policies spread evenly over all that make sense
+TUNED = len(_TUNED)  # policies that come first
+_SPREAD = 498  # policies spread evenly over all that make sense
 
 
 def _spread() -> NDArray[np.float64]:
@@ -64,7 +65,7 @@ def _spread() -> NDArray[np.float64]:
     return np.column_stack([weights, urgency, bonus, 10.0 ** (2.5 * share[:, 5] - 2.5)])
 
 
-POLICIES = np.concatenate([np.column_stack([_TUNED, np.tile([0.0, 0.03], (14, 1))]), _spread()])
+POLICIES = np.concatenate([np.column_stack([_TUNED, np.tile([0.0, 0.03], (TUNED, 1))]), _spread()])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -109,9 +109,9 @@ def test_another_process_is_another_problem(problem: TeamProblem) -> None:
 @pytest.mark.slow
 def test_a_pack_s_parameters_are_the_search_s(problem: TeamProblem) -> None:
     """What a launch sets must reach each head; the rest stays as the print asks for."""
-    pack = Pack(problem.job, problem.machine, problem.graph, {TEAM: {"updates": 0, "alpha": 0.5}})
+    pack = Pack(problem.job, problem.machine, problem.graph, {TEAM: {"share": 0.5, "alpha": 0.5}})
     usual = Parameters.for_contours(len(problem.macro))
     found = TeamPlanner.of_pack(pack, 0, seed=1)._search.parameters
-    assert found == replace(usual, updates=0, alpha=0.5)
+    assert found == replace(usual, share=0.5, alpha=0.5)
     with pytest.raises(InputError, match="alpha"):
         TeamPlanner.of_pack(replace(pack, options={TEAM: {"alpha": 2}}), 0, seed=1)

@@ -42,14 +42,14 @@ def test_agents_that_come_to_no_plan_leave_one_head(
 def test_a_file_of_parameters_changes_what_agents_do(tmp_path: Path) -> None:
     """Without a tree a head has one plan to tell, so it is never undecided."""
     chosen, record, plan = tmp_path / "team.toml", tmp_path / "r.jsonl", tmp_path / "plan.json"
-    chosen.write_text("updates = 0 # no tree\nwindows = 0\npolicies = 1\n")
+    chosen.write_text("share = 0 # no tree\nwindows = 0\npolicies = 1\n")
     line = ["launch", str(example_path("four_nuts.gcode.gz")), "--team", str(chosen)]
     line += ["--time-limit", "1", "--record", str(record), "--plan", str(plan)]
     assert run(line) == 0
     told = [agent for _, agents in read_record(record)[1] for agent in agents if agent.rounds]
     assert told and {agent.entropy for agent in told} == {0.0}
     stated = read_plan(plan).metrics["parameters"]
-    assert stated == {"updates": 0, "windows": 0, "policies": 1}
+    assert stated == {"share": 0, "windows": 0, "policies": 1}
 
 
 @pytest.mark.parametrize(

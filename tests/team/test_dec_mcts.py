@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,22 @@ from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
 from decmcts.team import dec_mcts
 from decmcts.team.alone import one_head_toolpaths
-from decmcts.team.dec_mcts import DecMcts, Parameters
+from decmcts.team.candidates import REGRET
+from decmcts.team.dec_mcts import DecMcts, Parameters, Proposal
 from decmcts.team.plan import plan_team
 from decmcts.team.plans import decode
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
+from decmcts.team.values import EACH
 
-FEW = Parameters(updates=2, samples=4, renew=1)
+FEW = Parameters(share=0.1, samples=4, renew=1, windows=4, tries=8)
+
+
+@pytest.fixture(autouse=True)
+def short_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rounds without polishing are short enough for tests."""
+    monkeypatch.setattr(dec_mcts, "UNPOLISHED", 15_000)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +41,7 @@ def _rounds(problem: TeamProblem, seed: int) -> tuple[list[bytes], float]:
     """Two agents in turn, and all they told."""
     team = [DecMcts(problem, r, seed=seed, parameters=FEW) for r in range(2)]
     told: list[bytes] = []
-    for _ in range(3):
+    for _ in range(8):
         for agent in team:
             agent.iterate([0, 1])
             told += [s.tobytes() for s in agent.distribution.sequences]
@@ -68,7 +77,7 @@ def test_utility_is_the_gain_over_doing_nothing(problem: TeamProblem) -> None:
     both = resolve(problem, {0: mine, 1: other}, [0, 1]).makespan_s
     alone = resolve(problem, {1: other}, [1]).makespan_s
     want = max(0.0, 1 - both / serial) - max(0.0, 1 - alone / serial)
-    assert agent._utility(mine, {1: other}, (0, 1)) == pytest.approx(want)
+    assert agent._values.utility(0, {0: mine, 1: other}, (0, 1)) == pytest.approx(want)
 
 
 @pytest.mark.slow
@@ -119,21 +128,103 @@ def test_a_head_must_exist(problem: TeamProblem) -> None:
         DecMcts(problem, 2, seed=0)
 
 
-def test_rounds_shrink_with_the_print() -> None:
-    """A round of a big print must end in about a second, or peers wait for nothing."""
+def test_a_large_print_gets_fewer_samples() -> None:
+    """Each costs more: a round must end in seconds, and q be sharp before the time is up."""
     small, large = Parameters.for_contours(100), Parameters.for_contours(40_000)
-    assert small.samples * small.updates > 10 * large.samples * large.updates >= 20
+    assert small.samples > large.samples >= 2
+    assert small.plans > large.plans >= 2 and small.tries > large.tries >= 2
 
 
-def test_the_distribution_sharpens(problem: TeamProblem) -> None:
+def _told(problem: TeamProblem, rounds: int, **values: Any) -> list[DecMcts]:
+    """Two heads that plan in turn without polishing and tell each other their plans."""
+    parameters = replace(FEW, windows=0, **values)
+    team = [DecMcts(problem, r, seed=1, parameters=parameters) for r in range(2)]
+    for _ in range(rounds):
+        for agent in team:
+            agent.iterate([0, 1])
+            team[1 - agent.head].take(agent.head, agent.distribution)
+    return team
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rule", ["gradient", "regret-matching"])
+def test_the_distribution_sharpens(problem: TeamProblem, rule: str) -> None:
     """What a head tells is worth listening to: it comes to prefer some of its plans."""
-    parameters = Parameters(updates=10, samples=2, renew=1000)
-    agents = [DecMcts(problem, r, seed=1, parameters=parameters) for r in range(2)]
-    agents[0].iterate([0, 1])
-    undecided = agents[0].distribution.entropy
-    for _ in range(30):
-        agents[0].iterate([0, 1])
-    assert undecided == pytest.approx(1.0) and agents[0].distribution.entropy < 0.9
+    agent = _told(problem, 4, distribution=rule)[0]
+    assert len(agent.distribution.sequences) > 2 and agent.distribution.entropy < 0.7
+
+
+@pytest.mark.slow
+def test_plans_are_told_as_soon_as_policies_are_tried(problem: TeamProblem) -> None:
+    """Peers must have something to draw from the first round on."""
+    agent = DecMcts(problem, 0, seed=1, parameters=replace(FEW, windows=0))
+    assert len(agent.distribution.sequences) == 1
+    agent.iterate([0, 1])
+    assert len(agent.distribution.sequences) > 2
+    mine = agent._values.starts[0, 1].plans[0]
+    assert any(np.array_equal(mine, plan) for plan in agent.distribution.sequences)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5])
+def test_the_share_is_kept_by_the_count(problem: TeamProblem, share: float) -> None:
+    """The work of tree and distribution is what was set, whatever the clock says."""
+    agent = DecMcts(problem, 0, seed=1, parameters=replace(FEW, share=share))
+    while agent._try_policies((0, 1)):
+        pass
+    before, allowed = agent._values.put, 0
+    for _ in range(3):
+        agent._search((0, 1))
+        allowed += agent._share()
+    one_update = (FEW.plans + 1) * 2 * (len(problem.macro) + EACH)
+    assert 0 <= agent._values.put - before <= allowed + (one_update if share else 0)
+    assert agent._credit <= 0 and allowed == pytest.approx(share / (1 - share) * 36_000, abs=3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "values", [{"policy": "boltzmann"}, {"combination": "max-plus"}, {"distribution": REGRET}]
+)
+def test_variants_plan_and_repeat(problem: TeamProblem, values: dict[str, str]) -> None:
+    """Each can be set, does something else, and gives equal plans for equal seeds."""
+    teams = [_told(problem, 3, **chosen) for chosen in (values, values, {})]
+    said = [[plan.tobytes() for plan in team[0].distribution.sequences] for team in teams]
+    steps = [team[0].distribution.probabilities.tobytes() for team in teams]
+    assert said[0] == said[1] and steps[0] == steps[1]
+    assert (said[0], steps[0]) != (said[2], steps[2])
+    plans = teams[0][0].best([0, 1]).plans
+    found = resolve(problem, plans, [0, 1]).makespan_s
+    assert found == teams[0][0].best([0, 1]).makespan_s
+
+
+@pytest.mark.slow
+def test_a_head_that_is_behind_goes_on_with_what_it_is_told(problem: TeamProblem) -> None:
+    """Heads that polish different orders cannot join what they gain."""
+    team = [DecMcts(problem, r, seed=r, parameters=FEW) for r in range(2)]
+    for _ in range(4):
+        for agent in team:
+            agent.iterate([0, 1])
+    ahead, behind = sorted(team, key=lambda agent: agent.best([0, 1]).makespan_s)
+    told = ahead.best([0, 1])
+    assert behind._line is not None
+    assert ahead._line is not None
+    ours, theirs = behind._line.polish.best_s, ahead._line.polish.best_s
+    assert theirs < dec_mcts.BEHIND * ours
+    behind.take_joint(told.plans, [0, 1])
+    assert behind._line.polish.best_s <= theirs / dec_mcts.BEHIND
+    behind.iterate([0, 1])
+    assert behind.best([0, 1]).makespan_s <= told.makespan_s
+
+
+def test_a_much_better_start_is_polished_anew_and_a_little_better_one_is_not() -> None:
+    """What polishing has gained would be lost for less than it gains in as long again."""
+
+    class Polished:
+        began_s, best_s = 99.0, 89.0  # without the way back
+
+    line = dec_mcts._Line((0, 1), Polished(), 100.0)  # type: ignore[arg-type]  # a fake
+    assert not line.outdone_by(Proposal({}, 97.0))
+    assert line.outdone_by(Proposal({}, 95.0))
 
 
 @pytest.mark.slow

@@ -13,14 +13,15 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
+from decmcts.team import dec_mcts
 from decmcts.team.dec_mcts import DecMcts
 from decmcts.team.exchange import exchange, exchange_jointly
-from decmcts.team.parameters import RANGES, Parameters, changed
+from decmcts.team.parameters import RANGES, WORDS, Parameters, changed
 from decmcts.team.plans import decode, encode
 from decmcts.team.problem import TeamProblem, build_team_problem
 
 PAGE = Path(__file__).parents[2] / "docs" / "team.md"
-FEW = Parameters(updates=2, samples=4, renew=1, windows=4)
+FEW = Parameters(share=0.1, samples=4, renew=1, windows=4, tries=8)
 
 
 @pytest.fixture(scope="module")
@@ -52,8 +53,8 @@ def test_what_is_set_is_set_and_nothing_else() -> None:
 def test_every_parameter_has_a_range_that_holds_its_default() -> None:
     """A file that states the defaults must be accepted."""
     values = asdict(Parameters())
-    assert set(values) == set(RANGES)
-    assert changed(Parameters(updates=1), values) == Parameters()
+    assert set(values) == {*RANGES, *WORDS}
+    assert changed(Parameters(samples=1), values) == Parameters()
 
 
 def test_the_page_states_ranges_and_defaults_and_its_example_is_allowed() -> None:
@@ -85,8 +86,19 @@ def test_limits_are_allowed_and_beyond_them_is_refused(key: str) -> None:
         assert f"{least:g}..{most:g}, found {value!r}" in str(error.value)
 
 
+@pytest.mark.parametrize("key", WORDS)
+def test_words_are_those_there_are(key: str) -> None:
+    """The first is the default; another one is refused with what there is."""
+    assert getattr(Parameters(), key) == WORDS[key][0]
+    for word in WORDS[key]:
+        assert getattr(changed(Parameters(), {key: word}), key) == word
+    for value in ("", "D-UCT", 1, None, ["d-uct"]):
+        with pytest.raises(InputError, match=f'{key}: expected "{WORDS[key][0]}" or "'):
+            changed(Parameters(), {key: value})
+
+
 @pytest.mark.parametrize("value", [True, "1", None, [1], float("nan"), float("inf"), 10**400])
-@pytest.mark.parametrize("key", ["beta", "updates"])
+@pytest.mark.parametrize("key", ["beta", "samples"])
 def test_what_is_no_number_is_refused(key: str, value: Any) -> None:
     """TOML has booleans, texts, infinities and integers beyond any float."""
     with pytest.raises(InputError, match=f"{key}: expected a"):
@@ -95,8 +107,8 @@ def test_what_is_no_number_is_refused(key: str, value: Any) -> None:
 
 def test_counts_are_whole() -> None:
     """Half an update is a typing error."""
-    with pytest.raises(InputError, match=r"updates: expected a whole number in 0\.\.100"):
-        changed(Parameters(), {"updates": 2.0})
+    with pytest.raises(InputError, match=r"samples: expected a whole number in 1\.\.1000"):
+        changed(Parameters(), {"samples": 2.0})
 
 
 def test_an_unknown_name_is_refused() -> None:
@@ -115,17 +127,20 @@ def test_the_search_does_not_heat(values: dict[str, float]) -> None:
 
 
 @pytest.mark.slow
-def test_without_updates_there_is_no_tree(problem: TeamProblem) -> None:
+def test_without_a_share_there_is_no_tree(problem: TeamProblem) -> None:
     """What policies and polishing alone reach."""
-    for agent in team_after(problem, 3, updates=0):
+    for agent in team_after(problem, 3, share=0):
         assert len(agent._tree) == 1 and len(agent.distribution.sequences) == 1
         assert agent._line is not None and agent.best([0, 1]).makespan_s < np.inf
     assert len(team_after(problem, 3)[0]._tree) > 1
 
 
 @pytest.mark.slow
-def test_without_windows_no_joint_order_is_stated(problem: TeamProblem) -> None:
+def test_without_windows_no_joint_order_is_stated(
+    problem: TeamProblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What the plans of macro-actions alone reach."""
+    monkeypatch.setattr(dec_mcts, "UNPOLISHED", 15_000)
 
     def states(agent: DecMcts) -> bool:
         plans = agent.best([0, 1]).plans.values()
@@ -139,9 +154,8 @@ def test_without_windows_no_joint_order_is_stated(problem: TeamProblem) -> None:
 @pytest.mark.slow
 def test_with_no_step_the_distribution_stays_even(problem: TeamProblem) -> None:
     """The other heads are told plans, but not which is the likeliest."""
-    values = {"updates": 10, "samples": 1, "renew": 1000}
-    frozen = [a.distribution for a in team_after(problem, 20, alpha=0.0, **values)]
-    moving = [a.distribution for a in team_after(problem, 20, **values)]
+    frozen = [a.distribution for a in team_after(problem, 8, alpha=0.0)]
+    moving = [a.distribution for a in team_after(problem, 8)]
     assert all(len(told.sequences) > 1 for told in frozen)
     assert [told.entropy for told in frozen] == pytest.approx([1.0, 1.0])
     assert all(told.entropy < 1.0 - 1e-6 for told in moving)
@@ -152,7 +166,7 @@ def test_with_no_step_the_distribution_stays_even(problem: TeamProblem) -> None:
 def test_few_policies_are_enough(problem: TeamProblem, policies: int) -> None:
     """Also where there are more heads than policies; none of the others is ever named."""
     for agent in team_after(problem, 3, policies=policies):
-        plans = [*agent._tree.plans, *agent._start[0, 1].plans.values()]
+        plans = [*agent._tree.plans, *agent._values.starts[0, 1].plans.values()]
         named = {decode(plan, problem.n_macros, len(problem.macro)).policy for plan in plans}
         assert 0 in named and max(named) < policies
 

@@ -1,7 +1,7 @@
 """Simulated annealing of the joint order, in one process.
 
 The joint order says of every contour which head prints it, from which end and at which
-turn among all. It begins as the best of all policies. A move takes a run of one head's
+turn among all. It begins as the best of 128 policies. A move takes a run of one head's
 contours and gives it to another head, or another turn that precedence allows, or both;
 every order is evaluated in full by the engine.
 
@@ -25,10 +25,11 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent, stated_of
 from decmcts.team.baselines.lists import dispatched, nth_weights
 from decmcts.team.order import units_of
-from decmcts.team.plans import POLICIES, StatedOrder
+from decmcts.team.plans import StatedOrder
 from decmcts.team.problem import TeamProblem
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
+FIRST = 128  # policies tried at first
 LONGEST = 0.1  # run of contours, share of a head's
 
 Ids = NDArray[np.int64]
@@ -156,9 +157,9 @@ def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
 
 
 def _first(problem: TeamProblem, best: Incumbent, rng: np.random.Generator) -> tuple[Order, float]:
-    """Return the best order of all policies and its makespan."""
+    """Return the best order of the first policies and its makespan."""
     order, value = None, np.inf
-    for k in range(len(POLICIES)):
+    for k in range(FIRST):
         units = dispatched(problem, nth_weights(k, len(problem.machine.heads), rng))
         if order is None or units.end[: int(units.used[0])].max() < value:
             order = order_of(units)
