@@ -20,16 +20,26 @@ from decmcts._kernels.joint import NONE, Heads, Units, Visits, end_of
 from decmcts._kernels.random import below, length_up_to, uniform
 from decmcts._kernels.replay import JointOrder, Marks, finish, has_room, link, recall, replay
 from decmcts._kernels.rooms import Fleet, travel_seconds
+from decmcts._kernels.tails import find_tails
 
 SHORTEST, LONGEST = 20, 400  # turns of a window
-MARGIN = 40  # turns behind a move that are carried out to judge it
+MARGIN = 20  # turns behind a move that are carried out to judge it
 RUN = 30  # contours moved at once, at most
 PROPOSALS = 60  # for each turn of a window
-TEMPERATURE = 0.003  # seconds, of a move
-SLACK = 0.3  # seconds, of what a window does to the makespan
-NEARBY = 0.6  # share of proposals that put a run beside a contour near one of its ends
-STAYS = 0.02  # share that leave the run on its head, at another turn
+NEARBY = 0.7  # share of proposals that put a run beside a contour near one of its ends
+STAYS = 0.05  # share that leave the run on its head, at another turn; the rest go to any head
 BLIND = 0.1  # share tried whatever their travels
+TURNED = 0.1  # share of single contours that are entered at the end farther away
+GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
+FRESH = 4  # windows after which the tails are found anew
+
+
+class Mood(NamedTuple):
+    """What worse orders are taken for the sake of better ones."""
+
+    temperature: float  # seconds, of a move
+    slack: float  # seconds, of what a window does to the makespan
+    even: float  # weight of all heads' lateness beside that of the print
 
 
 class Moves(NamedTuple):
@@ -80,16 +90,11 @@ def saved(count: int, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fl
 
 @inlined
 def spent(
-    count: int, d: int, behind: bool, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet
-) -> tuple[float, bool]:
-    """Seconds of travel the run costs beside d, and whether a run of one is turned round."""
+    count: int, p: int, q: int, r: int, joint: JointOrder, moves: Moves, visits: Visits,
+    fleet: Fleet,
+) -> tuple[float, bool]:  # fmt: skip
+    """Seconds of travel the run costs head r between p and q, and whether a run of one turns."""
     first, last, back = moves.run[0], moves.run[count - 1], joint.backwards
-    r = joint.head[d]
-    p, q = (d, joint.behind[d]) if behind else (joint.before[d], d)
-    if p == last:
-        p = joint.before[first]
-    if q == first:
-        q = joint.behind[last]
     old = way(r, p, back[p], q, back[q], visits, fleet)
     turned = back[first]
     new = way(r, p, back[p], first, turned, visits, fleet)
@@ -111,54 +116,76 @@ def in_run(c: int, count: int, joint: JointOrder, moves: Moves) -> bool:
 
 
 @inlined
-def keeps_precedence(
-    count: int, d: int, behind: bool, joint: JointOrder, moves: Moves, visits: Visits
-) -> bool:
-    """Whether beside d the run comes after what it rests on and before what rests on it."""
-    last = joint.turn[d] if behind else joint.turn[d] - 1  # turn the run comes behind
+def leeway(
+    low: int, high: int, count: int, joint: JointOrder, moves: Moves, visits: Visits
+) -> tuple[int, int]:
+    """First and last turn of low..high before which precedence lets the run come."""
     for k in range(count):
         c = moves.run[k]
-        if last < joint.turn[c]:
-            for e in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
-                other = visits.preds[e]
-                if joint.turn[other] > last and not in_run(other, count, joint, moves):
-                    return False
-        else:
-            for e in range(moves.succ_offsets[c], moves.succ_offsets[c + 1]):
-                other = moves.succs[e]
-                if joint.turn[other] <= last and not in_run(other, count, joint, moves):
-                    return False
-    return True
+        for e in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
+            other = visits.preds[e]
+            if joint.turn[other] >= low and not in_run(other, count, joint, moves):
+                low = joint.turn[other] + 1
+        for e in range(moves.succ_offsets[c], moves.succ_offsets[c + 1]):
+            other = moves.succs[e]
+            if joint.turn[other] < high and not in_run(other, count, joint, moves):
+                high = joint.turn[other]
+    return low, high
 
 
 @inlined
-def rearrange(
-    begin: int, end: int, count: int, d: int, behind: bool, joint: JointOrder, moves: Moves
-) -> None:
-    """Write turns begin..end - 1 as the move has them to `moves.trial`."""
-    row = 0
-    for turn in range(begin, end):
+def neighbours(turn: int, r: int, count: int, joint: JointOrder, moves: Moves) -> tuple[int, int]:
+    """Return what head r prints before and from a turn on, without the run; NONE: nothing."""
+    p = NONE
+    while turn > 0 and p == NONE:
+        turn -= 1
         c = joint.order[turn]
-        if c == d and behind:
-            moves.trial[row] = c
-            row += 1
-        if c == d:
+        if joint.head[c] == r and not in_run(c, count, joint, moves):
+            p = c
+    q = joint.behind[p] if p != NONE else NONE
+    if q == moves.run[0]:
+        q = joint.behind[moves.run[count - 1]]
+    return p, q
+
+
+@inlined
+def rearrange(begin: int, end: int, count: int, goal: int, joint: JointOrder, moves: Moves) -> None:
+    """Write turns begin..end - 1 to `moves.trial` with the run before what had turn `goal`."""
+    row = 0
+    for turn in range(begin, end + 1):
+        if turn == goal:
             for k in range(count):
                 moves.trial[row] = moves.run[k]
                 row += 1
-        if not (c == d and behind) and not in_run(c, count, joint, moves):
+        if turn == end:
+            break
+        c = joint.order[turn]
+        if not in_run(c, count, joint, moves):
             moves.trial[row] = c
             row += 1
 
 
 @inlined
-def lateness(free: NDArray[np.float64], usual: NDArray[np.float64]) -> float:
-    """How late heads are: all together, and the latest once more."""
-    total, most = 0.0, -np.inf
-    for r in range(len(free)):
-        total += free[r] - usual[r]
-        most = max(most, free[r] - usual[r])
-    return total + most
+def outlook(
+    count: int, new: int, gain: float, cost: float, at: int, joint: JointOrder, moves: Moves,
+    visits: Visits, marks: Marks, mood: Mood,
+) -> float:  # fmt: skip
+    """How much later the print would end if nobody waited, after `gain` and `cost` in travels."""
+    old, seconds = joint.head[moves.run[0]], 0.0
+    if old != new:
+        for k in range(count):
+            seconds += visits.seconds[moves.run[k]]
+    latest, later = -np.inf, -np.inf
+    for r in range(marks.free.shape[1]):
+        end = marks.free[at, r] + marks.tail[at, r]
+        latest = max(latest, end)
+        if r == old:
+            end -= seconds + gain
+        if r == new:
+            end += seconds + cost
+        later = max(later, end)
+    outcome: float = later - latest + mood.even * (cost - gain)
+    return outcome
 
 
 @inlined
@@ -170,13 +197,27 @@ def hand_over(count: int, r: int, turned: bool, joint: JointOrder, moves: Moves)
         joint.backwards[moves.run[0]] = turned
 
 
+@inlined
+def later_by(turn: int, fleet: Fleet, heads: Heads, marks: Marks) -> float:
+    """How much later the print ends than by the marks, judged by the tails at a turn."""
+    latest, usual, last = -np.inf, -np.inf, len(marks.used) - 1
+    for r in range(len(heads.free)):
+        tail = marks.tail[turn, r]
+        usual = max(usual, marks.free[turn, r] + tail)
+        if turn == last:
+            tail = travel_seconds(heads.at[r], fleet.parks[r], fleet.travel[r])
+        latest = max(latest, heads.free[r] + tail)
+    return latest - usual
+
+
 @kernel
 def try_out(
-    begin: int, end: int, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet,
-    units: Units, heads: Heads, marks: Marks, usual: NDArray[np.float64],
+    begin: int, top: int, end: int, most: float, joint: JointOrder, moves: Moves, visits: Visits,
+    fleet: Fleet, units: Units, heads: Heads, marks: Marks, mood: Mood,
 ) -> float:  # fmt: skip
-    """Return by how much `moves.trial` makes heads later at turn `end`; inf: there is no room.
+    """Return by how much `moves.trial` makes the print later, judged at turn `end`.
 
+    Infinite if there is no room, or as soon as it is more than `most` at a turn from `top` on.
     Its units are written behind those of the marks and left to be overwritten.
     """
     ended = np.empty(end - begin)
@@ -184,7 +225,7 @@ def try_out(
         ended[k] = heads.ended[moves.trial[k]]
     recall(begin, units, heads, marks)
     units.used[0] = marks.used[marks.known[0]]
-    change = -lateness(marks.free[end], usual)
+    change = np.inf
     for k in range(end - begin):
         c = moves.trial[k]
         back = joint.backwards[c]
@@ -193,7 +234,13 @@ def try_out(
         ):
             change = np.inf
             break
-    change += lateness(heads.free, usual)
+        if begin + k + 1 >= top:
+            change = later_by(begin + k + 1, fleet, heads, marks)
+            if change > most:
+                change = np.inf
+                break
+    for r in range(len(heads.free)):
+        change += mood.even * (heads.free[r] - marks.free[end, r])
     for k in range(end - begin):
         heads.ended[moves.trial[k]] = ended[k]
     return change
@@ -225,51 +272,68 @@ def relink(begin: int, top: int, r: int, joint: JointOrder) -> None:
 
 
 @inlined
+def aim(
+    low: int, high: int, count: int, joint: JointOrder, moves: Moves, state: NDArray[np.uint64]
+) -> tuple[int, int]:
+    """Draw the turn before which the run is to come, and its head; NONE: no such turn."""
+    first, last = moves.run[0], moves.run[count - 1]
+    kind = uniform(state)
+    if kind < NEARBY:
+        port = 2 * (first if uniform(state) < 0.5 else last) + below(state, 2)
+        d = moves.near[port, below(state, moves.near.shape[1])]
+        goal = joint.turn[d] + below(state, 2)
+        if not low <= goal <= high or in_run(d, count, joint, moves):
+            return NONE, NONE
+        return goal, joint.head[d]
+    goal = low + below(state, high - low + 1)
+    if kind < NEARBY + STAYS:
+        return goal, joint.head[first]
+    return goal, below(state, moves.eligible.shape[1])
+
+
+@inlined
 def move_run(
     low: int, high: int, reach: int, joint: JointOrder, moves: Moves, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks, usual: NDArray[np.float64],
+    fleet: Fleet, units: Units, heads: Heads, marks: Marks, mood: Mood,
     state: NDArray[np.uint64],
 ) -> bool:  # fmt: skip
     """Propose one move within turns low..high - 1 and make it if it is good; False: no room."""
     c = joint.order[low + below(state, high - low)]
     count = gather(c, high, joint, moves, state)
     first, last = moves.run[0], moves.run[count - 1]
-    d: int = joint.order[low + below(state, high - low)]
-    if uniform(state) < NEARBY:
-        port = 2 * (first if uniform(state) < 0.5 else last) + below(state, 2)
-        d = moves.near[port, below(state, moves.near.shape[1])]
-    if not low <= joint.turn[d] < high:
+    soonest, latest = leeway(low, high, count, joint, moves, visits)
+    if soonest > latest:
         return True
-    for k in range(count):
-        if moves.run[k] == d:
-            return True
-    behind, stays = uniform(state) < 0.5, uniform(state) < STAYS
-    limit = -np.log(uniform(state)) * TEMPERATURE
-    old, new, turned = joint.head[c], joint.head[c], joint.backwards[c]
-    if not stays:
-        new = joint.head[d]
+    goal, new = aim(soonest, latest, count, joint, moves, state)
+    if goal == NONE:
+        return True
+    old, before = joint.head[first], joint.backwards[first]
+    if new != old:
         for k in range(count):
             if not moves.eligible[moves.run[k], new]:
                 return True
-        cost, turned = spent(count, d, behind, joint, moves, visits, fleet)
-        cost -= saved(count, joint, moves, visits, fleet)
-        if turned == joint.backwards[c] and d == (
-            joint.before[first] if behind else joint.behind[last]
-        ):
-            return True
-        if cost > limit and uniform(state) > BLIND:
-            return True
-    if not keeps_precedence(count, d, behind, joint, moves, visits):
-        return True
-    begin = min(joint.turn[first], joint.turn[d])
-    top = max(joint.turn[last], joint.turn[d]) + 1
+    p, q = neighbours(goal, new, count, joint, moves)
+    cost, turned = spent(count, p, q, new, joint, moves, visits, fleet)
+    if count == 1 and visits.reversible[first] and uniform(state) < TURNED:
+        turned = not turned
+    alike = new == old and p == joint.before[first] and turned == before
+    if alike and (joint.turn[first] <= goal <= joint.turn[last] + 1 or uniform(state) > STAYS):
+        return True  # nothing, or next to nothing, changes
+    begin = min(joint.turn[first], goal)
+    top = max(joint.turn[last] + 1, goal)
     end = min(reach, top + MARGIN)
     if marks.known[0] < end and not replay(end, joint, visits, fleet, units, heads, marks):
         return False
-    rearrange(begin, end, count, d, behind, joint, moves)
-    before = joint.backwards[c]
+    limit = -np.log(uniform(state)) * mood.temperature
+    gain = saved(count, joint, moves, visits, fleet)
+    hopeless = outlook(count, new, gain, cost, end, joint, moves, visits, marks, mood) > limit
+    if hopeless and uniform(state) > BLIND:
+        return True
+    rearrange(begin, end, count, goal, joint, moves)
     hand_over(count, new, turned, joint, moves)
-    change = try_out(begin, end, joint, moves, visits, fleet, units, heads, marks, usual[end - low])
+    change = try_out(
+        begin, top, end, limit + GIVEN_UP, joint, moves, visits, fleet, units, heads, marks, mood
+    )
     if change > limit:
         hand_over(count, old, before, joint, moves)
         return True
@@ -285,15 +349,20 @@ def move_run(
 
 @kernel
 def polish(
-    makespan: float, windows: int, joint: JointOrder, moves: Moves, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks, state: NDArray[np.uint64],
+    makespan: float, windows: int, mood: Mood, joint: JointOrder,
+    moves: Moves, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks,
+    state: NDArray[np.uint64],
 ) -> float:  # fmt: skip
     """Polish `windows` random windows (mutates all but visits, fleet); return the makespan.
 
     `makespan` is that of the order now. What makes it much later is undone.
     """
     n = len(joint.order)
-    for _ in range(windows):
+    for turn in range(windows):
+        if turn % FRESH == 0:
+            if not replay(n, joint, visits, fleet, units, heads, marks):
+                return np.inf
+            find_tails(visits, fleet, units, marks)
         share = uniform(state)
         width = min(n, int(SHORTEST * (LONGEST / SHORTEST) ** share))
         low = min(max(0, below(state, n + width) - width), n - width)
@@ -301,18 +370,18 @@ def polish(
         reach = min(n, high + MARGIN)
         if not replay(reach, joint, visits, fleet, units, heads, marks):
             return np.inf
-        usual = marks.free[low : reach + 1].copy()
         order = joint.order[low:high].copy()
         head, backwards = joint.head[order], joint.backwards[order]
         there = True
         for _ in range(PROPOSALS * width):
             there = there and move_run(
-                low, high, reach, joint, moves, visits, fleet, units, heads, marks, usual, state
-            )
+                low, high, reach, joint, moves, visits, fleet, units, heads, marks, mood,
+                state,
+            )  # fmt: skip
         found = np.inf
         if there and replay(reach, joint, visits, fleet, units, heads, marks):
             found = finish(reach, joint, visits, fleet, units, heads, marks)
-        if found <= makespan - SLACK * np.log(uniform(state)):
+        if found <= makespan - mood.slack * np.log(uniform(state)):
             makespan = found
             continue
         for k in range(width):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.aside import print_next
+from decmcts._kernels.aside import print_next, return_all
 from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.joint import NONE, Heads, Units, Visits
 from decmcts._kernels.rooms import Fleet
@@ -37,6 +37,7 @@ class Marks(NamedTuple):
     at: NDArray[np.float64]  # (n + 1, heads, 3)
     rest: NDArray[np.float64]  # (n + 1, heads, 6)
     known: NDArray[np.int64]  # (1,) turns up to which all this is true
+    tail: NDArray[np.float64]  # (n + 1, heads) see `decmcts._kernels.tails`
 
 
 @inlined
@@ -96,9 +97,9 @@ def finish(
     begin: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
     marks: Marks,
 ) -> float:  # fmt: skip
-    """Return when all is printed (mutates units, heads, marks: known up to `begin`); inf: no room.
+    """Return when all heads are at their parks (mutates units, heads, marks); inf: no room.
 
-    As `replay` to the end, but nothing is marked on the way.
+    As `replay` to the end, but nothing is marked on the way: known is up to `begin`.
     """
     recall(begin, units, heads, marks)
     marks.known[0] = begin
@@ -109,6 +110,8 @@ def finish(
             joint.head[c], c, back, visits, fleet, units, heads
         ):
             return np.inf
+    if not has_room(units, heads) or not return_all(visits, fleet, units, heads):
+        return np.inf
     latest: float = heads.free.max()
     return latest
 

@@ -137,7 +137,7 @@ class DecMcts:
         return self._by_policy(head, 0)
 
     def _by_policy(self, head: int, policy: int) -> Plan:
-        return encode(self.problem.sides_of(head), policy, self.problem.n_macros)
+        return encode(policy, self.problem.n_macros)
 
     def iterate(self, live: Sequence[int]) -> None:
         """Do one outer round: grow the tree and update the distribution, then polish.

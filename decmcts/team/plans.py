@@ -2,15 +2,17 @@
 
 A plan is a flat int32 sequence, so that it travels in a message as it is:
 
-- macro-action ids (below `n_macros`) in the order the head wants to do them;
-- before them at most one policy symbol (`n_macros + k`): how the head chooses
-  between contours that are ready (row k of `POLICIES`);
+- a policy, `n_macros + k`: how the head chooses between contours that are ready (row k of
+  `POLICIES`); then a shift for each macro-action, or none: how much later than usual the
+  head wants to do it, in hundredths of a part. So a plan is a sequence of macro-actions,
+  those with the least progress + shift first (random keys, Bean 1994, ORSA Journal on
+  Computing 6(2));
 - or a serial plan: the symbol `n_macros + len(POLICIES)`, then 2·contour +
   backwards for every contour: everything in this order, one head at a time;
 - or a stated order: the symbol `n_macros + len(POLICIES) + 1`, the number of heads, then
   (2·contour + backwards)·heads + head for every contour: all heads do exactly this.
 
-Symbols that mean nothing are skipped: a plan may come from a peer.
+What means nothing counts as policy 0 without shifts: a plan may come from a peer.
 """
 
 from __future__ import annotations
@@ -49,6 +51,8 @@ _TUNED = np.array(
 )
 MOST_STATED = 75_000  # contours; an order of more might not fit into one message
 TUNED = len(_TUNED)  # policies that come first
+HUNDREDTHS = 100.0  # of a part's progress, in which shifts are stated
+MOST_SHIFT = 400  # either way
 _SPREAD = 498  # policies spread evenly over all that make sense
 
 
@@ -102,27 +106,26 @@ class StatedOrder:
 class Intent:
     """A decoded plan."""
 
-    macros: NDArray[np.int32]  # (k,) in the order wanted, each once
+    shift: NDArray[np.int32]  # (n_macros,) hundredths of a part that each macro-action comes later
     policy: int  # row of POLICIES
-    serial: Toolpath | None  # everything in this order instead
+    serial: Toolpath | None = None  # everything in this order instead
     stated: StatedOrder | None = None  # who prints what in which order instead
 
 
 def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
     """Return what a plan says; what means nothing is skipped."""
-    serial = n_macros + len(POLICIES)
+    serial, unshifted = n_macros + len(POLICIES), np.zeros(n_macros, np.int32)
     if len(plan) == n_contours + 1 and plan[0] == serial and n_contours:
         order, backwards = plan[1:] // 2, plan[1:] % 2 == 1
         if np.array_equal(np.sort(order), np.arange(n_contours)):
-            return Intent(np.empty(0, np.int32), 0, Toolpath.of(order, backwards))
+            return Intent(unshifted, 0, Toolpath.of(order, backwards))
     stated = _decode_stated(plan, serial + 1, n_contours)
     if stated is not None:
-        return Intent(np.empty(0, np.int32), 0, None, stated)
-    named = plan[(plan >= n_macros) & (plan < serial)]
-    known = plan[(plan >= 0) & (plan < n_macros)]
-    _, first = np.unique(known, return_index=True)
-    policy = int(named[0]) - n_macros if len(named) else 0
-    return Intent(known[np.sort(first)].astype(np.int32), policy, None)
+        return Intent(unshifted, 0, None, stated)
+    if not len(plan) or not n_macros <= plan[0] < serial:
+        return Intent(unshifted, 0)
+    shift = plan[1:] if len(plan) == n_macros + 1 else unshifted
+    return Intent(np.clip(shift, -MOST_SHIFT, MOST_SHIFT), int(plan[0]) - n_macros)
 
 
 def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | None:
@@ -135,9 +138,12 @@ def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | 
     return StatedOrder((visit // 2).astype(np.int32), visit % 2 == 1, head.astype(np.int64))
 
 
-def encode(macros: NDArray[np.int32], policy: int, n_macros: int) -> NDArray[np.int32]:
-    """Return the plan of these macro-actions under a policy."""
-    return np.concatenate([[n_macros + policy], macros]).astype(np.int32)
+def encode(policy: int, n_macros: int, shift: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
+    """Return the plan of a policy, with macro-actions later than usual by `shift`, (n_macros,)."""
+    if shift is None or not shift.any():
+        return np.array([n_macros + policy], np.int32)
+    within = np.clip(shift, -MOST_SHIFT, MOST_SHIFT)
+    return np.concatenate([[n_macros + policy], within]).astype(np.int32)
 
 
 def encode_serial(toolpath: Toolpath, n_macros: int) -> NDArray[np.int32]:

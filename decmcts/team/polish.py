@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
-from decmcts._kernels.polish import LONGEST, MARGIN, RUN, Moves, polish
+from decmcts._kernels.polish import LONGEST, MARGIN, RUN, Mood, Moves, polish
 from decmcts._kernels.random import seeded
 from decmcts._kernels.replay import JointOrder, Marks, finish, link, replay
 from decmcts.team.plans import StatedOrder
@@ -19,14 +19,16 @@ from decmcts.team.problem import TeamProblem
 
 NEAR = 10  # contours near each end of one
 LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
+FEW = 60  # contours of an order that is annealed as a whole
+HOT = 0.5  # temperature at first, in mean contours
+COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
 MOST_STRETCHES = 16  # tried one by one when two orders are joined
 
 
 class Polish:
     """The search on one joint order of all heads; equal seeds and calls give equal orders.
 
-    `best` and `best_s` are the best order it has seen and its makespan, without the way
-    back to the parks.
+    `best` and `best_s` are the best order it has seen and its makespan.
     """
 
     def __init__(self, problem: TeamProblem, stated: StatedOrder, *, seed: int) -> None:
@@ -44,9 +46,23 @@ class Polish:
         """Polish some random windows; the best order never gets worse."""
         if not np.isfinite(self.makespan_s) or not len(self._joint.order):
             return
+        if len(self._joint.order) <= FEW:
+            self._anneal(windows)
+        else:
+            self._polish(windows, Mood(COLD_S, SLACK_S, 1.0))
+
+    def _anneal(self, sweeps: int) -> None:
+        """Anneal a small order as a whole, from hot to cold; it may end worse than it began."""
+        hot = HOT * float(self._problem.visits.seconds.mean())
+        for sweep in range(sweeps):
+            temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
+            self._polish(1, Mood(temperature, np.inf, 0.01))
+
+    def _polish(self, windows: int, mood: Mood) -> None:
         self.makespan_s = polish(
-            self.makespan_s, windows, self._joint, self._moves, self._problem.visits,
-            self._problem.fleet, self._units, self._heads, self._marks, self._state,
+            self.makespan_s, windows, mood, self._joint, self._moves,
+            self._problem.visits, self._problem.fleet, self._units, self._heads, self._marks,
+            self._state,
         )  # fmt: skip
         self._keep()
 
@@ -106,6 +122,7 @@ def _marks(n: int, heads: Heads) -> Marks:
     marks = Marks(
         np.zeros(n + 1, np.int64), np.full((n + 1, count), NONE), np.zeros((n + 1, count)),
         np.empty((n + 1, count, 3)), np.empty((n + 1, count, 6)), np.zeros(1, np.int64),
+        np.zeros((n + 1, count)),
     )  # fmt: skip
     marks.at[0], marks.rest[0] = heads.at, heads.rest
     return marks
@@ -122,7 +139,7 @@ def _moves(problem: TeamProblem) -> Moves:
     return Moves(
         np.ascontiguousarray(near, np.int32), problem.space.eligible,
         problem.graph.succ_offsets, problem.graph.succs,
-        np.empty(RUN, np.int64), np.empty(LONGEST + MARGIN, np.int64),
+        np.empty(RUN, np.int64), np.empty(LONGEST + MARGIN + 1, np.int64),
     )  # fmt: skip
 
 

@@ -60,10 +60,6 @@ class TeamProblem:
         heads = len(self.machine.heads)
         return np.minimum((self.quantile * heads).astype(np.int64), heads - 1)
 
-    def sides_of(self, head: int) -> NDArray[np.int32]:
-        """Return the macro-actions a head does by default, in order."""
-        return np.unique(self.macro[self.side_of() == head]).astype(np.int32)
-
     def places(self) -> NDArray[np.float64]:
         """Return where each contour comes in each head's sweep, 0..1, (heads, n).
 

@@ -25,6 +25,7 @@ from decmcts.team.alone import split
 from decmcts.team.order import refuse, sequences_of, units_of
 from decmcts.team.plans import (
     BOTTLENECK,
+    HUNDREDTHS,
     OTHERS,
     POLICIES,
     STEP,
@@ -119,28 +120,17 @@ def _keys(
 ) -> NDArray[np.float64]:
     """Return when each head wants to print each contour, in progress of its part, (heads, n).
 
-    A macro-action moved forwards in a plan comes earlier by as much as those
-    it overtook. What another head owns comes later, the bottleneck sooner.
+    As its policy has it, what lies in the others' share of the machine later and the
+    bottleneck sooner; and each macro-action later by its shift.
     """
-    heads, m = len(problem.machine.heads), problem.n_macros
-    count = np.maximum(np.bincount(problem.macro, minlength=m), 1)
-    natural = np.bincount(problem.macro, weights=problem.progress, minlength=m) / count
-    shift, rank = np.zeros((heads, m)), np.full((heads, m), np.inf)
-    for r, intent in intents.items():
-        if len(intent.macros):
-            shift[r, intent.macros] = np.sort(natural[intent.macros]) - natural[intent.macros]
-            rank[r, intent.macros] = np.arange(len(intent.macros)) / len(intent.macros)
-    owned = np.isfinite(rank).any(axis=0)
-    owner = rank.argmin(axis=0)
-    moved = shift.max(axis=0) + shift.min(axis=0)
-    keys = np.empty((heads, len(problem.macro)))
-    for r in range(heads):
+    side = problem.side_of()
+    keys = np.empty((len(problem.machine.heads), len(problem.macro)))
+    for r in range(len(keys)):
         policy = POLICIES[_policy_of(intents, r)]
-        later = shift[r] if r in intents else moved
-        later = np.where((owner != r) & owned, moved + policy[OTHERS], later)
         keys[r] = problem.progress + policy[URGENCY] * (problem.urgency - problem.progress)
-        keys[r] -= policy[BOTTLENECK] * problem.bottleneck
-        keys[r] += later[problem.macro]
+        keys[r] += policy[OTHERS] * (side != r) - policy[BOTTLENECK] * problem.bottleneck
+        if r in intents:
+            keys[r] += intents[r].shift[problem.macro] / HUNDREDTHS
         keys[r, ~eligible[:, r]] = np.inf
     return keys
 

@@ -68,10 +68,9 @@ def _plan(problem: TeamProblem, r: int, rng: np.random.Generator, kind: str) -> 
         order = random_order(problem, rng) if kind == "one order" else rng.permutation(n)
         turned = rng.random(n) < 0.5
         return encode_serial(Toolpath.of(order.astype(np.int32), turned), m)
-    macros = problem.sides_of(r) if kind != "all for each" else np.arange(m, dtype=np.int32)
-    if kind != "sensible":
-        macros = rng.permutation(macros).astype(np.int32)
-    return encode(macros, int(rng.integers(len(POLICIES))), m)
+    most = {"sensible": 30, "all for each": 300}.get(kind, 1000)
+    shift = rng.integers(-most, most, m).astype(np.int32)
+    return encode(int(rng.integers(len(POLICIES))), m, shift)
 
 
 def _stated(problem: TeamProblem, rng: np.random.Generator) -> NDArray[np.int32]:

@@ -174,7 +174,7 @@ def test_few_policies_are_enough(problem: TeamProblem, policies: int) -> None:
 def test_exchanges_name_only_the_policies_there_are(problem: TeamProblem) -> None:
     """The moves of the tree choose policies too."""
     rng = np.random.default_rng(1)
-    plans = {r: encode(problem.sides_of(r), 0, problem.n_macros) for r in range(2)}
+    plans = {r: encode(0, problem.n_macros) for r in range(2)}
     found = set()
     for _ in range(300):
         made = [exchange(problem, plans[0], rng, policies=2)]

@@ -11,6 +11,7 @@ import pytest
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.exchange import exchange, exchange_jointly
 from decmcts.team.plans import (
+    MOST_SHIFT,
     POLICIES,
     StatedOrder,
     decode,
@@ -23,11 +24,18 @@ from decmcts.team.problem import build_team_problem
 
 def test_a_plan_comes_back() -> None:
     """Encoding is undone by decoding."""
-    macros = np.array([4, 0, 2], np.int32)
-    intent = decode(encode(macros, 3, 9), 9, 50)
-    assert intent.macros.tolist() == [4, 0, 2]
+    shift = np.array([4, 0, -2], np.int32)
+    intent = decode(encode(3, 3, shift), 3, 50)
+    assert intent.shift.tolist() == [4, 0, -2]
     assert intent.policy == 3
     assert intent.serial is None
+
+
+def test_a_plan_without_shifts_is_short() -> None:
+    """Most plans that are told are, and messages are small."""
+    plan = encode(3, 9, np.zeros(9, np.int32))
+    assert plan.tolist() == [12]
+    assert decode(plan, 9, 50).shift.tolist() == [0] * 9
 
 
 def test_a_serial_plan_comes_back() -> None:
@@ -71,22 +79,32 @@ def test_nonsense_means_nothing(symbols: list[int]) -> None:
     assert intent.policy == 0
 
 
-def test_doubled_macros_count_once() -> None:
-    """The first mention counts."""
-    assert decode(np.array([5, 3, 5, 1], np.int32), 9, 3).macros.tolist() == [5, 3, 1]
+@pytest.mark.parametrize("count", [1, 8, 10])
+def test_shifts_for_another_number_of_macros_mean_nothing(count: int) -> None:
+    """The policy still counts."""
+    intent = decode(np.array([9 + 5, *range(count)], np.int32), 9, 3)
+    assert intent.policy == 5 and not intent.shift.any()
+
+
+def test_shifts_have_limits() -> None:
+    """A peer's huge ones must not overflow."""
+    plan = np.array([3, 2**31 - 1, -(2**31), 7], np.int32)
+    assert decode(plan, 3, 9).shift.tolist() == [MOST_SHIFT, -MOST_SHIFT, 7]
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_moves_keep_plans_sound(case: Callable[..., Any], seed: int) -> None:
-    """After any move each macro-action is named at most once, under a known policy."""
+    """After any move there is a known policy and a shift within limits for each macro-action."""
     chosen = case(1)
     problem = build_team_problem(chosen.job, chosen.machine, chosen.graph)
     rng = np.random.default_rng(seed)
-    plans = {r: encode(problem.sides_of(r), 0, problem.n_macros) for r in range(2)}
+    plans = {r: encode(0, problem.n_macros) for r in range(2)}
     for _ in range(10):
         plans = exchange_jointly(problem, plans, rng)
         plans[0] = exchange(problem, plans[0], rng)
         for plan in plans.values():
             intent = decode(plan, problem.n_macros, len(problem.macro))
             assert plan.dtype == np.int32
-            assert len(plan) == len(intent.macros) + 1
+            assert len(plan) in (1, problem.n_macros + 1)
+            assert 0 <= intent.policy < len(POLICIES)
+            assert (intent.shift >= -MOST_SHIFT).all() and (intent.shift <= MOST_SHIFT).all()

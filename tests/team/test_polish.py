@@ -21,7 +21,7 @@ def _problem(case: Callable[..., Any], seed: int, heads: int = 2) -> TeamProblem
 
 
 def _start(problem: TeamProblem) -> Resolved:
-    plans = {r: encode(problem.sides_of(r), 0, problem.n_macros) for r in range(2)}
+    plans = {r: encode(0, problem.n_macros) for r in range(2)}
     return resolve(problem, plans, [0, 1])
 
 

@@ -33,8 +33,8 @@ def _random_plans(problem: TeamProblem, seed: int) -> dict[int, np.ndarray]:
     rng = np.random.default_rng(seed)
     plans = {}
     for r in range(2):
-        some = rng.permutation(problem.n_macros)[: int(rng.integers(problem.n_macros + 1))]
-        plans[r] = encode(some.astype(np.int32), int(rng.integers(len(POLICIES))), problem.n_macros)
+        shift = rng.integers(-100, 100, problem.n_macros).astype(np.int32)
+        plans[r] = encode(int(rng.integers(len(POLICIES))), problem.n_macros, shift)
     return plans
 
 

@@ -23,7 +23,7 @@ def problem(case: Callable[..., Any]) -> TeamProblem:
 
 
 def _plans(problem: TeamProblem, policy: int) -> dict[int, Plan]:
-    return {r: encode(problem.sides_of(r), policy, problem.n_macros) for r in TEAM}
+    return {r: encode(policy, problem.n_macros) for r in TEAM}
 
 
 def test_each_joint_plan_is_resolved_once(problem: TeamProblem) -> None:

@@ -34,9 +34,8 @@ class Chooser:
 
     def __init__(self, problem: TeamProblem, head: int, rng: np.random.Generator) -> None:
         self._problem, self._rng = problem, rng
-        sides = problem.sides_of(head)
         rows = rng.permutation(len(POLICIES))[:CANDIDATES]
-        self.plans = [encode(sides, int(k), problem.n_macros) for k in rows]
+        self.plans = [encode(int(k), problem.n_macros) for k in rows]
         self.regret = np.zeros(len(self.plans))
         self.compared = 0
 
