@@ -2,10 +2,12 @@
 
 Two threads anneal. Most rounds only hand tasks from crane to crane while all
 cranes sweep along the rail one way (unidirectional schedules are optimal or
-nearly so on all published instances, and few enough to be searched well): the
-first thread's go right, the other's left. Every third round anneals order and
-cranes of the best schedule freely. Rounds grow longer, so that little is lost
-where the time is short.
+nearly so on all published instances, and few enough to be searched well). One
+such round is hot, since a schedule in which cranes wait for each other in turn is
+not left by small steps at low temperatures; the next is warm. Every other three
+rounds both threads go the way that did better, else one each way. Every third
+round anneals order and cranes of the best schedule freely. Rounds grow longer, so
+that little is lost where the time is short.
 
 References
 ----------
