@@ -90,7 +90,11 @@ CPU_TIME = "processor time of the search (cpu_time.py)"  # what seconds are, for
 
 
 def measured(
-    arguments: list[str], *, timeout_s: float = 1800.0, cpu_time: bool = False
+    arguments: list[str],
+    *,
+    timeout_s: float = 1800.0,
+    cpu_time: bool = False,
+    environment: dict[str, str] | None = None,
 ) -> dict[str, Any]:
     """Run `decmcts ARGUMENTS --json` in a process of its own, see `own_process`.
 
@@ -98,7 +102,7 @@ def measured(
     """
     program = [str(Path(__file__).parent / "cpu_time.py")] if cpu_time else ["-m", "decmcts.cli"]
     command = [sys.executable, *program, *arguments, "--json"]
-    return own_process(command, timeout_s=timeout_s)
+    return own_process(command, timeout_s=timeout_s, environment=environment)
 
 
 def own_process(

@@ -66,6 +66,8 @@ class Crew(NamedTuple):
     leftward: NDArray[np.float64]
     at: NDArray[np.int32]  # (q,) bay of each crane's last task
     free: NDArray[np.float64]  # (q,) its end
+    load: NDArray[np.float64]  # (q,) duration of all its tasks
+    left: NDArray[np.float64]  # (q,) of those not placed yet
 
 
 @kernel
@@ -74,6 +76,7 @@ def copied(crew: Crew) -> Crew:
     return Crew(
         crew.order.copy(), crew.crane.copy(), crew.begin.copy(), crew.end.copy(),
         crew.rightward.copy(), crew.leftward.copy(), crew.at.copy(), crew.free.copy(),
+        crew.load.copy(), crew.left.copy(),
     )  # fmt: skip
 
 
@@ -93,6 +96,7 @@ def _lent_crew(crew: Crew) -> Crew:
     return Crew(
         lent(crew.order), lent(crew.crane), lent(crew.begin), lent(crew.end),
         lent(crew.rightward), lent(crew.leftward), lent(crew.at), lent(crew.free),
+        lent(crew.load), lent(crew.left),
     )  # fmt: skip
 
 
@@ -136,24 +140,52 @@ def _earliest(yard: Yard, crew: Crew, j: int) -> float:
 
 
 @kernel
-def decode(yard: Yard, crew: Crew, limit: float) -> float:
-    """Mutate `crew`: set times; return the cost, infinite once a task ends after `limit`.
+def weigh(yard: Yard, crew: Crew) -> float:
+    """Mutate `crew.load`; return a cost that no order of each crane's tasks is below.
 
-    The cost is the makespan and `SPREAD` times the mean end of the cranes. O(n (q + bays)).
+    A crane at least does its work and goes to the farthest of its bays.
+    """
+    q, makespan, ends = len(yard.ready), 0.0, 0.0
+    crew.load[:] = 0.0
+    crew.left[:] = 0.0  # here: the longest way
+    for j in range(len(crew.crane)):
+        v = crew.crane[j]
+        crew.load[v] += yard.duration[j]
+        crew.left[v] = max(crew.left[v], abs(yard.bay[j] - yard.start[v]) * yard.travel)
+    for v in range(q):
+        end = yard.ready[v] + crew.load[v] + crew.left[v]
+        if crew.load[v] > 0.0:
+            makespan = max(makespan, end)
+        ends += end
+    return makespan + SPREAD / q * ends
+
+
+@kernel
+def decode(yard: Yard, crew: Crew, limit: float) -> tuple[float, float]:
+    """Mutate `crew`: set times; return cost and makespan, infinite where the cost is above `limit`.
+
+    The cost is the makespan and `SPREAD` times the mean end of the cranes. Both are at
+    least what follows if every crane does the rest of its work without a pause, which
+    gives most poor schedules up early. O(n (q + bays)).
     """
     _reset(yard, crew)
-    makespan, spread = 0.0, 0.0
+    q = len(yard.ready)
+    makespan, ends = 0.0, 0.0
+    for v in range(q):
+        crew.left[v] = crew.load[v]
+        ends += yard.ready[v] + crew.load[v]
+    weight = SPREAD / q
     for j in crew.order:
-        begin = _earliest(yard, crew, j)
+        v, begin = crew.crane[j], _earliest(yard, crew, j)
         end = begin + yard.duration[j]
-        if end > limit:
-            return np.inf
+        ends += begin - crew.free[v]
+        crew.left[v] -= yard.duration[j]
+        makespan = max(makespan, end + crew.left[v])
+        if makespan + weight * ends > limit:
+            return np.inf, np.inf
         crew.begin[j], crew.end[j] = begin, end
-        _occupy(yard, crew, crew.crane[j], yard.bay[j], end)
-        makespan = max(makespan, end)
-    for v in range(len(yard.ready)):
-        spread += crew.free[v] / len(yard.ready)
-    return makespan + SPREAD * spread
+        _occupy(yard, crew, v, yard.bay[j], end)
+    return makespan + weight * ends, makespan
 
 
 @kernel
@@ -297,8 +329,9 @@ def anneal_crews(
     """Anneal a schedule between two temperatures; mutate all but yard, sweep and heats.
 
     With a `sweep` (n,) only cranes change and orders are those of `order_sweep`; with
-    an empty one orders change too. `costs` (2,) is the cost at hand and the best, whose
-    order and cranes are `best`; schedules in work begin with costs[0] infinite.
+    an empty one orders change too. `costs` (3,) is the cost at hand, and makespan and
+    cost of the best, whose order and cranes are `best`: that of least makespan, of
+    equal ones the cheapest. Schedules in work begin with `costs` infinite.
     """
     yard, crew, state = _lent_yard(yard), _lent_crew(crew), lent(state)
     n, q = len(crew.order), len(yard.ready)
@@ -313,15 +346,17 @@ def anneal_crews(
         )
         if not changed and costs[0] < np.inf:
             continue
-        if len(sweep):
-            order_sweep(yard, crew, sweep, rightward, lists, missing)
         limit = costs[0] - heat * math.log(uniform(state))
-        cost = decode(yard, crew, limit)
+        cost, makespan = weigh(yard, crew), np.inf
+        if cost <= limit:
+            if len(sweep):
+                order_sweep(yard, crew, sweep, rightward, lists, missing)
+            cost, makespan = decode(yard, crew, limit)
         if cost > limit:
             crew.order[:], crew.crane[:] = order, crane
             continue
         order[:], crane[:] = crew.order, crew.crane
         costs[0] = cost
-        if cost < costs[1]:
-            costs[1] = cost
+        if makespan < costs[1] or (makespan == costs[1] and cost < costs[2]):
+            costs[1], costs[2] = makespan, cost
             best[0][:], best[1][:] = crew.order, crew.crane

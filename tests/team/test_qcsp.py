@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts._kernels.qcsp import SPREAD, decode, weigh
 from decmcts.formats.qcsp import QcspProblem, problem_of
-from decmcts.team.qcsp import solve_qcsp
+from decmcts.team.qcsp import _lanes_of, solve_qcsp
 from decmcts.team.qcsp_bound import least_makespan
 from decmcts.team.qcsp_ways import ways_of
 from sim.qcsp import faults_of
@@ -176,6 +177,39 @@ def test_equal_seeds_and_proposals_give_equal_schedules() -> None:
     assert np.array_equal(first.schedule.crane, second.schedule.crane)
     assert np.array_equal(first.history[:, 1:], second.history[:, 1:])
     assert first.proposals == second.proposals <= 100_000
+
+
+@pytest.mark.slow
+def test_a_target_ends_the_search_the_same_way_whichever_thread_is_faster() -> None:
+    """Rounds are long: what is good enough must not wait for their end, nor depend on luck."""
+    problem = random_qcsp(3, 30, 3, 12)
+    whole = solve_qcsp(problem, time_limit_s=600.0, seed=5, max_proposals=400_000)
+    target = whole.schedule.makespan * 1.05
+    first, second = (
+        solve_qcsp(problem, time_limit_s=600.0, seed=5, max_proposals=400_000, target=target)
+        for _ in range(2)
+    )
+    assert first.schedule.makespan <= target
+    assert first.proposals == second.proposals < whole.proposals
+    assert np.array_equal(first.schedule.begin, second.schedule.begin)
+    assert np.array_equal(first.history[:, 1:], second.history[:, 1:])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_schedules_are_given_up_only_above_the_limit(seed: int) -> None:
+    """What is skipped as too dear must be so, or good schedules are missed without a word."""
+    problem = random_qcsp(seed, 20, 4, 12, late=seed % 2 == 1)
+    lane = next(iter(_lanes_of(problem, seed)))
+    crew = lane.crew
+    crew.crane[:] = np.random.default_rng(seed).integers(0, 4, 20)
+    least = weigh(lane.yard, crew)
+    cost, makespan = decode(lane.yard, crew, np.inf)
+    assert least <= cost + 1e-9
+    assert makespan == crew.end.max()
+    assert cost == pytest.approx(makespan + SPREAD * crew.free.mean())
+    assert decode(lane.yard, crew, cost + 1e-6) == (cost, makespan)
+    assert decode(lane.yard, crew, cost - 1e-6) == (np.inf, np.inf)
 
 
 def test_without_tasks_or_time_there_is_a_schedule() -> None:
