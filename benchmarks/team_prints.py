@@ -67,6 +67,7 @@ def team_problem(name: str, heads: int, *, whole: bool = False) -> TeamProblem:
     return build_team_problem(job, machine, order_rules(job, machine))
 
 
+@lru_cache(maxsize=1)
 def wide_plate() -> PrintJob:
     """Return the print made of shares of all eight plates, in source order layer by layer."""
     jobs = [read_gcode(plate_path(name))[0] for name in PLATES]

@@ -29,6 +29,7 @@ from decmcts._kernels.rooms import (
 )
 
 LATER = 1e-9  # seconds; what is nearer is now
+SURE = 1e-6  # seconds; a head that sleeps is looked at again so much sooner than it need be
 PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 
 
@@ -54,12 +55,20 @@ class Pool(NamedTuple):
     put: NDArray[np.bool_]  # (n,)
     now: NDArray[np.float64]  # (heads,) each head has decided up to here
     about: NDArray[np.int64]  # (heads,) contour it printed last; NONE
+    shut: NDArray[np.float64]  # (heads, columns) when at the soonest a head may begin the first
+    looked: NDArray[np.int64]  # (heads, columns) row of `column` that `shut` is about
+    stood: NDArray[np.int64]  # (heads,) unit after which `shut` was written
+    asleep: NDArray[np.float64]  # (heads,) it could begin nothing before, when it looked last
+    seen: NDArray[np.int64]  # (heads,) units put when it looked last; -1: never
+    room: NDArray[np.float64]  # (k, 6) held by others now, see `held_by_others`
+    holder: NDArray[np.int64]  # (k,)
+    release: NDArray[np.float64]  # (k,)
 
 
 @kernel
 def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
     """Nothing put yet."""
-    n = len(visits.seconds)
+    n, columns = len(visits.seconds), len(policy.column_offsets) - 1
     missing = np.empty(n, np.int32)
     for c in range(n):
         missing[c] = visits.pred_offsets[c + 1] - visits.pred_offsets[c]
@@ -70,6 +79,14 @@ def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
         np.zeros(n, np.bool_),
         np.zeros(heads),
         np.full(heads, NONE),
+        np.zeros((heads, columns)),
+        np.full((heads, columns), NONE),
+        np.full(heads, NONE),
+        np.zeros(heads),
+        np.full(heads, -1),
+        np.empty((3 * heads + 3, 6)),
+        np.empty(3 * heads + 3, np.int64),
+        np.empty(3 * heads + 3),
     )
 
 
@@ -110,10 +127,8 @@ def held_by_others(
     units: Units,
     heads: Heads,
     pool: Pool,
-    room: NDArray[np.float64],
-    holder: NDArray[np.int64],
 ) -> tuple[int, float]:
-    """Write to `room` and `holder` what other heads hold at `start`; how many, and until when.
+    """Write to `pool.room` what other heads hold at `start`; how many, and until when.
 
     That is until any of it is given back, or another head decides.
     """
@@ -125,11 +140,11 @@ def held_by_others(
         if decides > start + LATER:
             until = min(until, decides)
         u = heads.last[s]
-        while u != NONE and units.end[u] > start + LATER and count < len(holder):
+        while u != NONE and units.end[u] > start + LATER and count < len(pool.holder):
             held, at = hold(u, start + LATER, visits, units)
             until = min(until, max(start + LATER, at))
-            keep_room(held, room, count)
-            holder[count] = s
+            keep_room(held, pool.room, count)
+            pool.holder[count], pool.release[count] = s, at
             count += 1
             u = units.before[u]
     return count, until
@@ -162,19 +177,21 @@ def nearer_end(
 
 
 @inlined
-def is_held(
+def held_until(
     r: int,
     wanted: Room,
     count: int,
-    room: NDArray[np.float64],
-    holder: NDArray[np.int64],
+    pool: Pool,
     fleet: Fleet,
-) -> bool:
-    """Whether another head holds some of the room head r wants."""
+) -> float:
+    """Until when at least others hold some of the room head r wants; -inf: it is free."""
+    until = -np.inf
     for k in range(count):
-        if too_near(wanted, room_at(room, k), r, holder[k], fleet):
-            return True
-    return False
+        if pool.release[k] > until and too_near(
+            wanted, room_at(pool.room, k), r, pool.holder[k], fleet
+        ):
+            until = pool.release[k]
+    return until
 
 
 @inlined
@@ -187,52 +204,72 @@ def first_of(column: int, policy: Policy, pool: Pool) -> int:
 
 
 @inlined
+def may_sleep(r: int, start: float, units: Units, heads: Heads, pool: Pool) -> bool:
+    """Whether nothing can have opened for head r since it looked last (mutates pool)."""
+    if pool.stood[r] != heads.last[r]:
+        pool.looked[r], pool.stood[r] = NONE, heads.last[r]
+    unseen: bool = pool.seen[r] < units.used[0]
+    return not unseen and bool(start + SURE < pool.asleep[r])
+
+
+@inlined
+def room_free_from(
+    r: int, u: int, back: bool, at: Point, count: int, visits: Visits, fleet: Fleet, pool: Pool
+) -> float:
+    """When at the soonest head r may have the room of contour u and the way there; -inf: now."""
+    side = 1 if back else 0
+    held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
+    way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
+    return max(held_until(r, held, count, pool, fleet), held_until(r, way, count, pool, fleet))
+
+
+@inlined
 def choose(
-    r: int,
-    start: float,
-    visits: Visits,
-    fleet: Fleet,
-    policy: Policy,
-    units: Units,
-    heads: Heads,
-    pool: Pool,
-) -> tuple[int, bool, float]:
-    """Return the contour head r should print next, and whether backwards; NONE: wait until when."""
-    n_heads, travel = len(heads.free), fleet.travel[r]
+    r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, units: Units,
+    heads: Heads, pool: Pool,
+) -> tuple[int, bool, float]:  # fmt: skip
+    """Return the contour head r should print next, and whether backwards; NONE: wait until when.
+
+    What is shut till some time is not looked at sooner (`Pool.shut`): more that is put opens
+    nothing that was looked at, unless this head moves.
+    """
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
-    room, holder = np.empty((3 * n_heads + 3, 6)), np.empty(3 * n_heads + 3, np.int64)
-    count, until = held_by_others(r, start, visits, units, heads, pool, room, holder)
+    count, until = held_by_others(r, start, visits, units, heads, pool)
+    if may_sleep(r, start, units, heads, pool) and until < np.inf:
+        return NONE, False, until
+    lagging = len(visits.lags.below) > 0
+    asleep = -np.inf if lagging else np.inf
     best, chosen, turned, cooled = np.inf, NONE, False, np.inf
     by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
     for column in range(len(pool.first)):
-        u = first_of(column, policy, pool)
+        u, row = first_of(column, policy, pool), pool.first[column]
         if u == NONE or pool.missing[u] > 0 or not policy.eligible[u, r]:
+            continue
+        if pool.looked[r, column] == row and start + SURE < pool.shut[r, column] and until < np.inf:
+            asleep = min(asleep, pool.shut[r, column])
             continue
         score = by_key * policy.key[r, u]
         if score >= best:
             continue
         if by_step > 0.0:
             score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
-        there, back = nearer_end(at, u, visits, travel)
+        there, back = nearer_end(at, u, visits, fleet.travel[r])
         lost, seconds = max(there, pool.ready[u] - start), visits.seconds[u]
         score += by_waste * lost / (seconds + lost + LATER)
         if score >= best:
             continue
-        if lost > there + PATIENCE * seconds and until < np.inf:
-            cooled = min(cooled, start + max(LATER, lost - there))
-            continue
-        side = 1 if back else 0
-        held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
-        way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
-        if until < np.inf and (
-            is_held(r, held, count, room, holder, fleet)
-            or is_held(r, way, count, room, holder, fleet)
-        ):
-            continue
-        best, chosen, turned = score, u, back
-    if len(visits.lags.below):
-        until = min(until, cooled)
-    return chosen, turned, until
+        late = lost > there + PATIENCE * seconds
+        opens = pool.ready[u] - there - PATIENCE * seconds
+        if not late:
+            opens = room_free_from(r, u, back, at, count, visits, fleet, pool)
+        if opens > -np.inf and until < np.inf:
+            pool.shut[r, column], pool.looked[r, column] = opens, NONE if lagging else row
+            asleep = min(asleep, opens)
+            cooled = min(cooled, start + max(LATER, lost - there)) if late else cooled
+        else:
+            best, chosen, turned = score, u, back
+    pool.seen[r], pool.asleep[r] = units.used[0], asleep
+    return chosen, turned, min(until, cooled) if lagging else until
 
 
 @kernel

@@ -99,6 +99,23 @@ def test_a_part_left_out_is_compared_with_the_whole_search(tmp_path):
 
 
 @pytest.mark.slow
+def test_growth_is_measured_and_fitted(tmp_path):
+    """Two sizes of the example, costs and a short search; done once, not run again."""
+    options = ["--models", "four_nuts", "--contours", "60,120", "--heads", "2"]
+    options += ["--time-limit", "0.1", "--reference", "0.5"]
+    run("team_growth", options, tmp_path)
+    written = (tmp_path / "team_growth.csv").read_text()
+    rows = list(csv.DictReader(written.splitlines()))
+    assert [row["part"] for row in rows] == ["cost", "cost"] + ["search"] * 4
+    assert all(row["error"] == "" and row["faults"] in ("", "0") for row in rows)
+    page = (tmp_path / "team_growth.md").read_text()
+    assert "## Exponents" in page and "## Seconds to within 2 %" in page
+    assert (tmp_path / "team_growth.png").stat().st_size > 0
+    run("team_growth", options, tmp_path)
+    assert (tmp_path / "team_growth.csv").read_text() == written
+
+
+@pytest.mark.slow
 def test_random_teams_are_judged_and_counted(tmp_path):
     """Every preset and one machine made at random, a plan each; done once, not run again."""
     options = ["--machines", "1", "--plans", "1", "--presets", "1"]

@@ -1,0 +1,52 @@
+"""Prints digests of joint orders whose heads sleep while nothing opens, then of heads that don't.
+
+A program for an interpreter with NUMBA_DISABLE_JIT=1: there the engine's constants can be set.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from decmcts._kernels import dispatch
+from decmcts._kernels.lags import Lags
+from decmcts.team.plans import encode
+from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.resolve import resolve
+from sim.experiments.random_teams import problem_of
+
+SEEDS = (5, 9, 33, 40)  # of machines: two heads on a rail along y, three on two rails and on one
+POLICIES = (0, 5, 60)
+looks = [0]
+look = dispatch.nearer_end
+
+
+def counted(*given: object) -> object:
+    looks[0] += 1
+    return look(*given)  # type: ignore[arg-type]
+
+
+def cooling(problem: TeamProblem) -> TeamProblem:
+    """Return the same problem where everything must cool on what it rests on for 3 s."""
+    graph = problem.graph
+    lags = Lags(graph.pred_offsets, graph.preds, np.full(len(graph.preds), 3.0))
+    return build_team_problem(problem.job, problem.machine, graph, lags)
+
+
+def digests(sure_s: float) -> list[str]:
+    """Return digests of joint orders, and how many contours were looked at."""
+    dispatch.SURE, looks[0] = sure_s, 0
+    found = []
+    for seed in SEEDS:
+        for problem in (problem_of(seed), cooling(problem_of(seed))):
+            heads = range(len(problem.machine.heads))
+            for policy in POLICIES:
+                plans = {r: encode(problem.sides_of(r), policy, problem.n_macros) for r in heads}
+                found.append(resolve(problem, plans, heads).digest)
+    return [" ".join(found), str(looks[0])]
+
+
+if __name__ == "__main__":
+    dispatch.nearer_end = counted
+    print(*digests(dispatch.SURE), *digests(math.inf), sep="\n")
