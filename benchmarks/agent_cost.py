@@ -53,7 +53,7 @@ def cost(problem: TeamProblem, build_s: float, seed: int) -> Figures:
     heads = range(len(problem.machine.heads))
 
     def order(policy: int) -> Any:
-        plans = {r: encode(problem.sides_of(r), policy, problem.n_macros) for r in heads}
+        plans = {r: encode(policy, problem.n_macros) for r in heads}
         return resolve(problem, plans, heads)
 
     order(0)  # loads the engine

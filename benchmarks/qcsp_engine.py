@@ -85,6 +85,7 @@ def by_engine(
     marks = Marks(
         np.zeros(n + 1, np.int64), np.full((n + 1, q), NONE), np.zeros((n + 1, q)),
         np.empty((n + 1, q, 3)), np.empty((n + 1, q, 6)), np.zeros(1, np.int64),
+        np.zeros((n + 1, q)),
     )  # fmt: skip
     marks.at[0], marks.rest[0] = heads.at, heads.rest
     spent = microseconds(lambda: finish(0, joint, visits, fleet, units, heads, marks))

@@ -42,7 +42,7 @@ def digests(sure_s: float) -> list[str]:
         for problem in (problem_of(seed), cooling(problem_of(seed))):
             heads = range(len(problem.machine.heads))
             for policy in POLICIES:
-                plans = {r: encode(problem.sides_of(r), policy, problem.n_macros) for r in heads}
+                plans = {r: encode(policy, problem.n_macros) for r in heads}
                 found.append(resolve(problem, plans, heads).digest)
     return [" ".join(found), str(looks[0])]
 
