@@ -74,9 +74,12 @@ class Striker:
     planned: float | None = None  # first agent that agrees
 
     def learn(self, pids: Mapping[int, int]) -> None:
-        """Take the process ids of the agents this program started, and how it started them."""
+        """Take the process ids of the agents this program started."""
         self.pids = dict(pids)
-        for head, pid in pids.items():
+
+    def _learn_commands(self) -> None:
+        """Note how the agents were started; right after its start a process shows no words."""
+        for head, pid in self.pids.items():
             line = Path(f"/proc/{pid}/cmdline").read_bytes()
             self.commands[head] = line.decode().rstrip("\0").split("\0")
 
@@ -84,6 +87,7 @@ class Striker:
         """Strike when it is time, and note when the others noticed."""
         if self.began is None and any(s.phase != "starting" for s in status):
             self.began = time.monotonic()
+            self._learn_commands()
         if self.planned is None and any(s.phase in ("agreeing", "released") for s in status):
             self.planned = time.monotonic()
         for strike in self.strikes:
