@@ -19,7 +19,9 @@ from decmcts.team.problem import TeamProblem
 
 NEAR = 10  # contours near each end of one
 LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
-FEW = 60  # contours of an order that is annealed as a whole
+FEW = 40  # contours of an order that is annealed as a whole
+SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much work
+LEAST_SWEEPS = 6
 HOT = 0.5  # temperature at first, in mean contours
 COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
 MOST_STRETCHES = 16  # tried one by one when two orders are joined
@@ -53,6 +55,7 @@ class Polish:
 
     def _anneal(self, sweeps: int) -> None:
         """Anneal a small order as a whole, from hot to cold; it may end worse than it began."""
+        sweeps = max(LEAST_SWEEPS, sweeps * SMALL // max(SMALL, len(self._joint.order)))
         hot = HOT * float(self._problem.visits.seconds.mean())
         for sweep in range(sweeps):
             temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
