@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.jit import apart, inlined, kernel
 from decmcts._kernels.joint import (
     UNIT_PARK,
     UNIT_YIELD,
@@ -227,7 +227,7 @@ def is_safe(at: NDArray[np.float64], rest: NDArray[np.float64], fleet: Fleet) ->
         keep_room(room_of_point(there[t], -np.inf), resting, t)
 
 
-@kernel
+@apart
 def return_all(visits: Visits, fleet: Fleet, units: Units, heads: Heads) -> bool:
     """Send every head to its park, one after the other (mutates); False: some are shut in."""
     while True:
@@ -312,7 +312,7 @@ def print_next(
     return possible
 
 
-@kernel
+@apart
 def make_room(
     r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:

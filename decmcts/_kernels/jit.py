@@ -16,6 +16,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _compile: Callable[..., Any] = compiler(Path(__file__).parent)
 _inline: Callable[..., Any] = compiler(Path(__file__).parent, inlined=True)
+_apart: Callable[..., Any] = compiler(Path(__file__).parent, apart=True)
 
 
 def kernel(function: F) -> F:
@@ -31,4 +32,13 @@ def inlined(function: F) -> F:
     than the work itself (a joint order of 6 000 contours takes a third of the time).
     """
     compiled: F = _inline(function)
+    return compiled
+
+
+def apart(function: F) -> F:
+    """Compile `function` once into each kernel that calls it, however often it is called there.
+
+    For large ones: the compiler copies them to every call else, which takes minutes.
+    """
+    compiled: F = _apart(function)
     return compiled

@@ -14,11 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.aside import print_next
-from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.jit import apart, inlined, kernel
 from decmcts._kernels.joint import NONE, Heads, Units, Visits, end_of
 from decmcts._kernels.random import below, length_up_to, uniform
-from decmcts._kernels.replay import JointOrder, Marks, finish, has_room, link, recall, replay
+from decmcts._kernels.replay import JointOrder, Marks, finish, link, put_turns, recall, replay
 from decmcts._kernels.rooms import Fleet, travel_seconds
 from decmcts._kernels.tails import find_tails
 
@@ -50,7 +49,7 @@ class Moves(NamedTuple):
     succ_offsets: NDArray[np.int64]
     succs: NDArray[np.int32]
     run: NDArray[np.int64]  # (RUN,) contours of the run
-    trial: NDArray[np.int64]  # (LONGEST + MARGIN,) contours, as the move would have them
+    trial: NDArray[np.int64]  # (n,) contours by turn, as the move would have them
 
 
 @inlined
@@ -150,8 +149,8 @@ def neighbours(turn: int, r: int, count: int, joint: JointOrder, moves: Moves) -
 
 @inlined
 def rearrange(begin: int, end: int, count: int, goal: int, joint: JointOrder, moves: Moves) -> None:
-    """Write turns begin..end - 1 to `moves.trial` with the run before what had turn `goal`."""
-    row = 0
+    """Write turns begin..end - 1 to `moves.trial` with the run before turn `goal`."""
+    row = begin
     for turn in range(begin, end + 1):
         if turn == goal:
             for k in range(count):
@@ -197,20 +196,7 @@ def hand_over(count: int, r: int, turned: bool, joint: JointOrder, moves: Moves)
         joint.backwards[moves.run[0]] = turned
 
 
-@inlined
-def later_by(turn: int, fleet: Fleet, heads: Heads, marks: Marks) -> float:
-    """How much later the print ends than by the marks, judged by the tails at a turn."""
-    latest, usual, last = -np.inf, -np.inf, len(marks.used) - 1
-    for r in range(len(heads.free)):
-        tail = marks.tail[turn, r]
-        usual = max(usual, marks.free[turn, r] + tail)
-        if turn == last:
-            tail = travel_seconds(heads.at[r], fleet.parks[r], fleet.travel[r])
-        latest = max(latest, heads.free[r] + tail)
-    return latest - usual
-
-
-@kernel
+@apart
 def try_out(
     begin: int, top: int, end: int, most: float, joint: JointOrder, moves: Moves, visits: Visits,
     fleet: Fleet, units: Units, heads: Heads, marks: Marks, mood: Mood,
@@ -222,27 +208,16 @@ def try_out(
     """
     ended = np.empty(end - begin)
     for k in range(end - begin):
-        ended[k] = heads.ended[moves.trial[k]]
+        ended[k] = heads.ended[moves.trial[begin + k]]
     recall(begin, units, heads, marks)
     units.used[0] = marks.used[marks.known[0]]
-    change = np.inf
-    for k in range(end - begin):
-        c = moves.trial[k]
-        back = joint.backwards[c]
-        if not has_room(units, heads) or not print_next(
-            joint.head[c], c, back, visits, fleet, units, heads
-        ):
-            change = np.inf
-            break
-        if begin + k + 1 >= top:
-            change = later_by(begin + k + 1, fleet, heads, marks)
-            if change > most:
-                change = np.inf
-                break
+    change = put_turns(
+        moves.trial, begin, end, begin, top, most, joint, visits, fleet, units, heads, marks
+    )
     for r in range(len(heads.free)):
         change += mood.even * (heads.free[r] - marks.free[end, r])
     for k in range(end - begin):
-        heads.ended[moves.trial[k]] = ended[k]
+        heads.ended[moves.trial[begin + k]] = ended[k]
     return change
 
 
@@ -291,7 +266,7 @@ def aim(
     return goal, below(state, moves.eligible.shape[1])
 
 
-@inlined
+@apart
 def move_run(
     low: int, high: int, reach: int, joint: JointOrder, moves: Moves, visits: Visits,
     fleet: Fleet, units: Units, heads: Heads, marks: Marks, mood: Mood,
@@ -338,7 +313,7 @@ def move_run(
         hand_over(count, old, before, joint, moves)
         return True
     for turn in range(begin, top):
-        joint.order[turn] = moves.trial[turn - begin]
+        joint.order[turn] = moves.trial[turn]
         joint.turn[joint.order[turn]] = turn
     relink(begin, top, old, joint)
     if new != old:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.aside import print_next, return_all
-from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.jit import apart, inlined, kernel
 from decmcts._kernels.joint import NONE, Heads, Units, Visits
-from decmcts._kernels.rooms import Fleet
+from decmcts._kernels.rooms import Fleet, travel_seconds
 
 
 class JointOrder(NamedTuple):
@@ -71,25 +71,63 @@ def has_room(units: Units, heads: Heads) -> bool:
     return bool(units.used[0] + count * (count + 2) + 2 <= len(units.head))
 
 
-@kernel
+@inlined
+def later_by(turn: int, fleet: Fleet, heads: Heads, marks: Marks) -> float:
+    """How much later the print ends than by the marks, judged by the tails at a turn."""
+    latest, usual, last = -np.inf, -np.inf, len(marks.used) - 1
+    for r in range(len(heads.free)):
+        tail = marks.tail[turn, r]
+        usual = max(usual, marks.free[turn, r] + tail)
+        if turn == last:
+            tail = travel_seconds(heads.at[r], fleet.parks[r], fleet.travel[r])
+        latest = max(latest, heads.free[r] + tail)
+    return latest - usual
+
+
+@apart
+def put_turns(
+    contours: NDArray[np.int64], begin: int, end: int, marks_to: int, top: int,
+    most: float, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
+    marks: Marks,
+) -> float:  # fmt: skip
+    """Print `contours`, by turn, at turns begin..end - 1 (mutates units, heads, marks).
+
+    Turns up to `marks_to` are marked. Returns by how much later than by the marks the print
+    then ends, judged from turn `top` on; infinite if there is no room, or as soon as it is more
+    than `most`. The only copy of the engine in what calls it, which else takes minutes to compile.
+    """
+    later = 0.0
+    for turn in range(begin, end):
+        c = contours[turn]
+        if not has_room(units, heads) or not print_next(
+            joint.head[c], c, joint.backwards[c], visits, fleet, units, heads
+        ):
+            return np.inf
+        if turn < marks_to:
+            mark(turn + 1, units, heads, marks)
+            marks.known[0] = turn + 1
+        if turn + 1 >= top:
+            later = later_by(turn + 1, fleet, heads, marks)
+            if later > most:
+                return np.inf
+    return later
+
+
+@inlined
 def replay(
     end: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
     marks: Marks,
 ) -> bool:  # fmt: skip
     """Mark all turns up to `end` (mutates units, heads, marks); False: the order has no room."""
-    if marks.known[0] >= end:
+    begin, n = marks.known[0], len(joint.order)
+    if begin >= end:
         return True
-    recall(marks.known[0], units, heads, marks)
-    for turn in range(marks.known[0], end):
-        c = joint.order[turn]
-        back = joint.backwards[c]
-        if not has_room(units, heads) or not print_next(
-            joint.head[c], c, back, visits, fleet, units, heads
-        ):
-            return False
-        mark(turn + 1, units, heads, marks)
-        marks.known[0] = turn + 1
-    return True
+    recall(begin, units, heads, marks)
+    later = put_turns(
+        joint.order, begin, end, end, n + 1, np.inf, joint, visits, fleet, units, heads,
+        marks,
+    )  # fmt: skip
+    return later < np.inf
 
 
 @kernel
@@ -99,18 +137,20 @@ def finish(
 ) -> float:  # fmt: skip
     """Return when all heads are at their parks (mutates units, heads, marks); inf: no room.
 
-    As `replay` to the end, but nothing is marked on the way: known is up to `begin`.
+    All turns up to `begin` are marked, or already were; nothing is marked behind.
     """
+    n = len(joint.order)
+    if not replay(begin, joint, visits, fleet, units, heads, marks):
+        return np.inf
     recall(begin, units, heads, marks)
     marks.known[0] = begin
-    for turn in range(begin, len(joint.order)):
-        c = joint.order[turn]
-        back = joint.backwards[c]
-        if not has_room(units, heads) or not print_next(
-            joint.head[c], c, back, visits, fleet, units, heads
-        ):
-            return np.inf
-    if not has_room(units, heads) or not return_all(visits, fleet, units, heads):
+    later = put_turns(
+        joint.order, begin, n, begin, n + 1, np.inf, joint, visits, fleet, units, heads,
+        marks,
+    )  # fmt: skip
+    if later == np.inf or not has_room(units, heads):
+        return np.inf
+    if not return_all(visits, fleet, units, heads):
         return np.inf
     latest: float = heads.free.max()
     return latest

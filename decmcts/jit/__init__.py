@@ -23,16 +23,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config  # untyped
 
 
-def compiler(sources: Path, *, inlined: bool = False) -> Callable[[F], F]:
+def compiler(sources: Path, *, inlined: bool = False, apart: bool = False) -> Callable[[F], F]:
     """Return a decorator that compiles on first use, cached for these sources.
 
-    With `inlined`, what calls the function gets its code in place of a call.
+    With `inlined`, what calls the function gets its code in place of a call; with `apart`
+    always a call, so that each kernel has one copy of the function.
     """
     store = Store(Path(cache_folder(sources)))
 
     def compiled(function: F) -> F:
         if _config.DISABLE_JIT:
             return function
-        return cast(F, Kernel(function, store, inlined=inlined))
+        return cast(F, Kernel(function, store, inlined=inlined, apart=apart))
 
     return compiled

@@ -17,7 +17,7 @@ from numba.core import registry, sigutils
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 
-from decmcts.jit.library import compiling, compiling_kernel, hand_environments
+from decmcts.jit.library import compiling, compiling_kernel, hand_environments, keep_apart
 from decmcts.jit.store import Store
 
 Report = Callable[[str], None]
@@ -70,11 +70,18 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
     """A compiled function whose machine code is kept in a store."""
 
     def __init__(
-        self, function: Callable[..., Any], store: Store, *, inlined: bool = False
+        self,
+        function: Callable[..., Any],
+        store: Store,
+        *,
+        inlined: bool = False,
+        apart: bool = False,
     ) -> None:
         options = {"nopython": True, "nogil": True, "no_cfunc_wrapper": True}
         if inlined:
             options["forceinline"] = True
+        if apart:
+            keep_apart(function.__name__)
         super().__init__(py_func=function, targetoptions=options)
         self._store = store
 

@@ -19,6 +19,7 @@ from numba.core.environment import lookup_environment
 
 ENVIRONMENT = "_ZN08NumbaEnv"  # begins the names of variables that hold a function's globals
 
+_apart: set[str] = set()  # parts of the symbols of functions that are called, never inlined
 _being_compiled: list[str] = []  # name of the kernel; under numba's compiler lock
 
 _JitLibrary: Any = codegen.JITCodeLibrary  # numba has no types of its own
@@ -39,7 +40,13 @@ class LinkedLibrary(_JitLibrary):  # type: ignore[misc]  # untyped base
         """Optimise, unless the kernel will be, with all it links."""
         self.only_linked = self._on_the_way
         if not self.only_linked:
+            self._keep_apart()
             super()._optimize_final_module()
+
+    def _keep_apart(self) -> None:
+        for function in self._final_module.functions:
+            if not function.is_declaration and any(name in function.name for name in _apart):
+                function.add_function_attribute("noinline")
 
     def _finalize_final_module(self) -> None:
         """Make machine code, unless nobody will run it."""
@@ -58,6 +65,11 @@ class LinkedCodegen(_Codegen):  # type: ignore[misc]  # untyped base
         """Hand a function its globals, if there is machine code that holds them."""
         if self._engine.get_global_value_address(name):
             super().set_env(name, environment)
+
+
+def keep_apart(name: str) -> None:
+    """Have all functions of this name called, never inlined: one copy in each kernel."""
+    _apart.add(f"{len(name)}{name}B")  # as numba mangles it
 
 
 def compiling() -> bool:

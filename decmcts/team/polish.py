@@ -11,9 +11,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
-from decmcts._kernels.polish import LONGEST, MARGIN, RUN, Mood, Moves, polish
+from decmcts._kernels.polish import RUN, Mood, Moves, polish
 from decmcts._kernels.random import seeded
-from decmcts._kernels.replay import JointOrder, Marks, finish, link, replay
+from decmcts._kernels.replay import JointOrder, Marks, finish, link
 from decmcts.team.plans import StatedOrder
 from decmcts.team.problem import TeamProblem
 
@@ -102,8 +102,6 @@ class Polish:
 
     def _finish(self, begin: int) -> float:
         args = (self._joint, self._problem.visits, self._problem.fleet, self._units)
-        if not replay(begin, *args, self._heads, self._marks):
-            return np.inf
         return float(finish(begin, *args, self._heads, self._marks))
 
 
@@ -142,7 +140,7 @@ def _moves(problem: TeamProblem) -> Moves:
     return Moves(
         np.ascontiguousarray(near, np.int32), problem.space.eligible,
         problem.graph.succ_offsets, problem.graph.succs,
-        np.empty(RUN, np.int64), np.empty(LONGEST + MARGIN + 1, np.int64),
+        np.empty(RUN, np.int64), np.empty(n, np.int64),
     )  # fmt: skip
 
 
