@@ -17,7 +17,7 @@ from numba.core import registry, sigutils
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
 
-from decmcts.jit.library import compiling, compiling_kernel, hand_environments, keep_apart
+from decmcts.jit.library import compiling, compiling_kernel, hand_environments, set_attribute
 from decmcts.jit.store import Store
 
 Report = Callable[[str], None]
@@ -78,10 +78,8 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
         apart: bool = False,
     ) -> None:
         options = {"nopython": True, "nogil": True, "no_cfunc_wrapper": True}
-        if inlined:
-            options["forceinline"] = True
-        if apart:
-            keep_apart(function.__name__)
+        if inlined or apart:
+            set_attribute(function.__name__, "alwaysinline" if inlined else "noinline")
         super().__init__(py_func=function, targetoptions=options)
         self._store = store
 

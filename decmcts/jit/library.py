@@ -19,7 +19,7 @@ from numba.core.environment import lookup_environment
 
 ENVIRONMENT = "_ZN08NumbaEnv"  # begins the names of variables that hold a function's globals
 
-_apart: set[str] = set()  # parts of the symbols of functions that are called, never inlined
+_attributes: dict[str, str] = {}  # part of a function's symbol -> alwaysinline or noinline
 _being_compiled: list[str] = []  # name of the kernel; under numba's compiler lock
 
 _JitLibrary: Any = codegen.JITCodeLibrary  # numba has no types of its own
@@ -40,13 +40,17 @@ class LinkedLibrary(_JitLibrary):  # type: ignore[misc]  # untyped base
         """Optimise, unless the kernel will be, with all it links."""
         self.only_linked = self._on_the_way
         if not self.only_linked:
-            self._keep_apart()
+            self._mark_functions()
             super()._optimize_final_module()
 
-    def _keep_apart(self) -> None:
+    def _mark_functions(self) -> None:
+        """Say of each function how it is called, where that is not left to the compiler."""
         for function in self._final_module.functions:
-            if not function.is_declaration and any(name in function.name for name in _apart):
-                function.add_function_attribute("noinline")
+            if function.is_declaration:
+                continue
+            for name, attribute in _attributes.items():
+                if name in function.name:
+                    function.add_function_attribute(attribute)
 
     def _finalize_final_module(self) -> None:
         """Make machine code, unless nobody will run it."""
@@ -67,9 +71,14 @@ class LinkedCodegen(_Codegen):  # type: ignore[misc]  # untyped base
             super().set_env(name, environment)
 
 
-def keep_apart(name: str) -> None:
-    """Have all functions of this name called, never inlined: one copy in each kernel."""
-    _apart.add(f"{len(name)}{name}B")  # as numba mangles it
+def set_attribute(name: str, attribute: str) -> None:
+    """Give all functions of this name an LLVM attribute where they are linked into a kernel.
+
+    Numba's own option `forceinline` passes on to every function that is first met within such
+    a one, large ones and numba's among them: what was inlined, and how long compiling took,
+    hung on what the process had compiled before.
+    """
+    _attributes[f"{len(name)}{name}B"] = attribute  # as numba mangles it
 
 
 def compiling() -> bool:

@@ -145,3 +145,46 @@ def test_what_comes_first_may_have_threads_of_its_own(tmp_path: Path) -> None:
         own.join(60.0)
         assert not own.is_alive()
     assert outer.overloads
+
+
+def test_what_an_inlined_function_calls_is_not_inlined_with_it(tmp_path: Path) -> None:
+    """Else how long a kernel takes to compile hangs on what was compiled before it."""
+    store = Store(tmp_path)
+
+    def square(x: float) -> float:
+        return x * x
+
+    plain = Kernel(square, store)
+
+    def next_to(x: float) -> float:
+        return plain(x) + 1.0
+
+    inlined = Kernel(next_to, store, inlined=True)
+
+    def total(count: int) -> float:
+        found = 0.0
+        for k in range(count):
+            found += inlined(float(k))
+        return found
+
+    assert Kernel(total, store)(4) == 18.0
+    (made,) = plain.overloads.values()
+    assert "alwaysinline" not in str(made.library._final_module)
+
+
+def test_a_function_kept_apart_is_called(tmp_path: Path) -> None:
+    """Its code stands once in a kernel, however often it is called there."""
+    store = Store(tmp_path)
+
+    def kept_apart(x: float) -> float:
+        return x * x - 1.0
+
+    apart = Kernel(kept_apart, store, apart=True)
+
+    def both(x: float) -> float:
+        return apart(x) * apart(x + 1.0)
+
+    kernel = Kernel(both, store)
+    assert kernel(3.0) == 8.0 * 15.0
+    (made,) = kernel.overloads.values()
+    assert "10kept_apartB" in str(made.library._final_module)
