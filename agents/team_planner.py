@@ -11,7 +11,7 @@ from agents.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts import DecMcts, PlanDistribution
 from decmcts.team.parameters import Parameters, changed
-from decmcts.team.plans import POLICIES
+from decmcts.team.plans import means_something
 from decmcts.team.problem import TeamProblem, build_team_problem
 
 
@@ -81,9 +81,8 @@ class TeamPlanner:
         return self.resolve(serial_plans(self._team, live), live)
 
     def _require_known(self, sequences: Iterable[Sequence32]) -> None:
-        """Raise MessageError for symbols far outside what any plan of ours holds."""
-        n, heads = len(self._team.job.contours), len(self.names)
-        end = max(self._team.n_macros + len(POLICIES) + 2, 2 * n * heads)
+        """Raise MessageError for a plan that this problem can't have."""
+        n_macros, n = self._team.n_macros, len(self._team.job.contours)
         for sequence in sequences:
-            if len(sequence) and not 0 <= int(sequence.min()) <= int(sequence.max()) < end:
-                raise MessageError(f"a symbol outside 0..{end - 1}")
+            if not means_something(sequence, n_macros, n, len(self.names)):
+                raise MessageError("a plan that means nothing for this problem")

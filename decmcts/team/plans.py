@@ -128,6 +128,20 @@ def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
     return Intent(np.clip(shift, -MOST_SHIFT, MOST_SHIFT), int(plan[0]) - n_macros)
 
 
+def means_something(plan: NDArray[np.int32], n_macros: int, n_contours: int, heads: int) -> bool:
+    """Return whether `decode` skips nothing of a plan; an empty one holds nothing."""
+    if not len(plan):
+        return True
+    policy, rest = int(plan[0]) - n_macros, plan[1:]
+    if 0 <= policy < len(POLICIES):
+        within = (rest >= -MOST_SHIFT) & (rest <= MOST_SHIFT)
+        return len(rest) in (0, n_macros) and bool(within.all())
+    intent = decode(plan, n_macros, n_contours)
+    if intent.stated is not None:
+        return int(plan[1]) <= heads
+    return intent.serial is not None
+
+
 def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | None:
     """Return the stated order of a plan that begins with `mark`; None: it is none."""
     if len(plan) != n + 2 or plan[0] != mark or plan[1] < 1 or not n:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.messages import MessageError
+from agents.messages import Distribution, MessageError
 from agents.pack import TEAM, Pack
 from agents.serial import joint_order, serial_plans
 from agents.team_planner import TeamPlanner
@@ -16,7 +16,7 @@ from decmcts.feasibility.build import build_graph
 from decmcts.print.job import ProcessSettings
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.parameters import Parameters
-from decmcts.team.plans import encode_serial
+from decmcts.team.plans import MOST_SHIFT, POLICIES, encode_serial
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.schedule import schedule
 from tests.team.conftest import make_job, make_machine
@@ -92,10 +92,42 @@ def test_a_better_plan_of_a_peer_is_kept_a_worse_one_is_not(problem: TeamProblem
     assert other.best_joint(LIVE).makespan_s == found.makespan_s
 
 
-def test_a_told_plan_with_unknown_work_is_refused(planner: TeamPlanner) -> None:
+def test_all_that_is_told_is_understood(problem: TeamProblem) -> None:
+    """Plans with shifts either way among it."""
+    teller, listener = (TeamPlanner(problem, head, seed=5) for head in LIVE)
+    shifted = False
+    for _ in range(12):
+        teller.iterate(LIVE)
+        told, joint = teller.distribution(), teller.best_joint(LIVE)
+        shifted = shifted or any((plan < 0).any() for plan in told.sequences)
+        listener.take(0, told)
+        listener.offer(joint.plans, LIVE)
+        listener.resolve(joint.plans, LIVE)
+    assert shifted
+
+
+def _refused(n_macros: int) -> list[tuple[int, ...]]:
+    shifted, policy = (0,) * n_macros, n_macros
+    return [
+        (-7,),
+        (n_macros - 1,),
+        (n_macros + len(POLICIES),),
+        (policy, *shifted, 0),
+        (policy, *shifted[1:], MOST_SHIFT + 1),
+        (policy, *shifted[1:], -(2**31)),
+    ]
+
+
+@pytest.mark.parametrize("row", range(len(_refused(3))))
+def test_a_told_plan_that_means_nothing_is_refused(
+    planner: TeamPlanner, problem: TeamProblem, row: int
+) -> None:
     """It comes from outside."""
-    with pytest.raises(MessageError, match="a symbol outside"):
-        planner.offer({1: np.int32([-7])}, LIVE)
+    plan = np.int32(_refused(problem.n_macros)[row])
+    with pytest.raises(MessageError, match="means nothing"):
+        planner.offer({1: plan}, LIVE)
+    with pytest.raises(MessageError, match="means nothing"):
+        planner.take(1, Distribution((plan,), np.ones(1)))
 
 
 def test_another_process_is_another_problem(problem: TeamProblem) -> None:
