@@ -1,0 +1,70 @@
+"""Tails: how much must still come after a turn, so what a delay there costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decmcts._kernels.replay import replay
+from decmcts._kernels.tails import find_tails
+from decmcts.team.plans import StatedOrder, encode
+from decmcts.team.polish import Polish
+from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.resolve import resolve
+
+
+def _told(case: Callable[..., Any], seed: int) -> tuple[TeamProblem, Polish]:
+    """Return a joint order with the marks of all its turns and their tails."""
+    chosen = case(seed, towers=8, reach=5.0)
+    problem = build_team_problem(chosen.job, chosen.machine, chosen.graph)
+    plans = {r: encode(seed, problem.n_macros) for r in range(2)}
+    polish = Polish(problem, StatedOrder.of(resolve(problem, plans, [0, 1]).toolpaths), seed=1)
+    n = len(problem.macro)
+    args = (problem.visits, problem.fleet, polish._units, polish._heads, polish._marks)
+    assert replay(n, polish._joint, *args)
+    find_tails(problem.visits, problem.fleet, polish._units, polish._marks)
+    return problem, polish
+
+
+def _with_longer(problem: TeamProblem, polish: Polish, contour: int, by_s: float) -> float:
+    """Return the makespan of the same order where one contour takes longer."""
+    before = problem.visits.seconds[contour]
+    problem.visits.seconds[contour] += by_s
+    try:
+        return Polish(problem, polish._stated(), seed=1).began_s
+    finally:
+        problem.visits.seconds[contour] = before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_no_way_is_longer_than_the_print(case: Callable[..., Any], seed: int) -> None:
+    """And at the end the longest way is the print."""
+    _, polish = _told(case, seed)
+    ways = polish._marks.free + polish._marks.tail
+    assert ways[1:].max() <= polish.makespan_s + 1e-6
+    assert ways[-1].max() == pytest.approx(polish.makespan_s)
+    assert (np.ptp(ways, axis=0) > 0).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(6))
+def test_a_delay_costs_what_the_tail_says(case: Callable[..., Any], seed: int) -> None:
+    """Less than the slack costs nothing; on the longest way every second counts."""
+    problem, polish = _told(case, seed)
+    order, head, marks = polish._joint.order, polish._joint.head, polish._marks
+    delay_s, slack_s, cost_s = 0.05, [], []
+    for turn, contour in enumerate(order.tolist()):
+        r = head[contour]
+        way = marks.free[turn + 1, r] + marks.tail[turn + 1, r]
+        slack_s.append(polish.makespan_s - way)
+        cost_s.append(_with_longer(problem, polish, contour, delay_s) - polish.makespan_s)
+    critical = np.array(slack_s) < 1e-6
+    free = np.array(slack_s) > delay_s
+    costs = np.array(cost_s)
+    assert critical.any() and free.any()
+    assert costs[critical] == pytest.approx(delay_s)
+    assert costs[free] == pytest.approx(0.0)
