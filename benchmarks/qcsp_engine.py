@@ -49,7 +49,15 @@ def visits_of(problem: QcspProblem) -> Visits:
     offsets = np.append(0, np.cumsum(counts)).astype(np.int64)
     preds = np.ascontiguousarray(pairs[:, 0], np.int32)
     still = np.zeros(n, np.bool_)
-    return Visits(ends, problem.duration.copy(), still, pieces, offsets, preds, no_lags(n))
+    return Visits(
+        ends,
+        np.tile(problem.duration, (problem.cranes, 1)),
+        still,
+        pieces,
+        offsets,
+        preds,
+        no_lags(n),
+    )
 
 
 def fleet_of(problem: QcspProblem) -> Fleet:

@@ -39,7 +39,7 @@ def bid(
     held = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])
     begin = max(begin, rests_on(c, visits, heads))
     begin = clear_from(r, held, begin, visits, fleet, units, heads)
-    ended: float = begin + visits.seconds[c]
+    ended: float = begin + visits.seconds[r, c]
     return ended
 
 
@@ -89,7 +89,7 @@ def winner(
 @kernel
 def auction(visits: Visits, fleet: Fleet, policy: Policy, on_offer: int) -> tuple[Units, int]:
     """Auction everything, `on_offer` contours at a time; returns the units and OK or SHUT_IN."""
-    heads, n = len(fleet.parks), len(visits.seconds)
+    heads, n = len(fleet.parks), len(visits.ends)
     units, state = units_for(n, heads), all_parked(n, fleet)
     pool, offered = new_pool(visits, policy, heads), np.empty(on_offer, np.int64)
     for _ in range(n):

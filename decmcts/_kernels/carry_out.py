@@ -65,8 +65,8 @@ def is_ready(c: int, put: NDArray[np.bool_], visits: Visits) -> bool:
 def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units, int]:
     """Put everything; returns the units and OK, CONTRADICTED (the precedence) or SHUT_IN."""
     heads, n = len(fleet.parks), len(sequences.order)
-    units, state = units_for(n, heads), all_parked(len(visits.seconds), fleet)
-    put = np.zeros(len(visits.seconds), np.bool_)
+    units, state = units_for(n, heads), all_parked(len(visits.ends), fleet)
+    put = np.zeros(len(visits.ends), np.bool_)
     at = sequences.offsets[:-1].copy()
     by_turn = np.argsort(sequences.turns) if len(sequences.turns) else np.empty(0, np.int64)
     for i in range(n):

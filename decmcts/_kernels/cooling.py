@@ -127,7 +127,10 @@ def filler(
         if there >= least:
             continue
         back = travel_seconds(visits.ends[d, 1], visits.ends[c, 0], travel)
-        if max(there + visits.seconds[d] + back, progress.cool[c]) - visits.seconds[d] < begin:
+        if (
+            max(there + visits.seconds[0, d] + back, progress.cool[c]) - visits.seconds[0, d]
+            < begin
+        ):
             best, least = d, there
     return best
 
@@ -171,7 +174,7 @@ def follow(
         if wait <= SHORT_S:
             wait = 0.0
         waited += wait
-        now = arrival + wait + visits.seconds[c]
+        now = arrival + wait + visits.seconds[0, c]
         take(c, now, succ_offsets, succs, lags, progress)
         made[k] = c
         at[:] = visits.ends[c, 1]

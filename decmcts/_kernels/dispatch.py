@@ -68,7 +68,7 @@ class Pool(NamedTuple):
 @kernel
 def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
     """Nothing put yet."""
-    n, columns = len(visits.seconds), len(policy.column_offsets) - 1
+    n, columns = len(visits.ends), len(policy.column_offsets) - 1
     missing = np.empty(n, np.int32)
     for c in range(n):
         missing[c] = visits.pred_offsets[c + 1] - visits.pred_offsets[c]
@@ -254,7 +254,7 @@ def choose(
         if by_step > 0.0:
             score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
         there, back = nearer_end(at, u, visits, fleet.travel[r])
-        lost, seconds = max(there, pool.ready[u] - start), visits.seconds[u]
+        lost, seconds = max(there, pool.ready[u] - start), visits.seconds[r, u]
         score += by_waste * lost / (seconds + lost + LATER)
         if score >= best:
             continue
@@ -294,7 +294,7 @@ def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Poo
 @kernel
 def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
     """Print everything; returns the units in the order they were put and OK or SHUT_IN."""
-    heads, n = len(fleet.parks), len(visits.seconds)
+    heads, n = len(fleet.parks), len(visits.ends)
     units, state = units_for(n, heads), all_parked(n, fleet)
     pool = new_pool(visits, policy, heads)
     left, lowest = n, 0

@@ -41,7 +41,7 @@ class Visits(NamedTuple):
     """What the kernels know of the contours."""
 
     ends: NDArray[np.float64]  # (n, 2, 3) as sliced: where each begins and ends, mm
-    seconds: NDArray[np.float64]  # (n,) printing time
+    seconds: NDArray[np.float64]  # (heads, n) printing time
     reversible: NDArray[np.bool_]  # (n,)
     pieces: Pieces
     pred_offsets: NDArray[np.int64]  # (n + 1,)
@@ -220,7 +220,7 @@ def put_print(
     room = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])
     begin = max(heads.free[r], rests_on(c, visits, heads))
     begin = clear_from(r, room, begin, visits, fleet, units, heads)
-    end = begin + visits.seconds[c]
+    end = begin + visits.seconds[r, c]
     exit_ = end_of(c, 1 - side, visits)
     put(r, UNIT_PRINT, c, backwards, begin, end, room, exit_, -np.inf, units, heads)
     heads.ended[c] = end

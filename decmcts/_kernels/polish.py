@@ -170,20 +170,21 @@ def outlook(
     visits: Visits, marks: Marks, mood: Mood,
 ) -> float:  # fmt: skip
     """How much later the print would end if nobody waited, after `gain` and `cost` in travels."""
-    old, seconds = joint.head[moves.run[0]], 0.0
+    old, lost, added = joint.head[moves.run[0]], gain, cost
     if old != new:
         for k in range(count):
-            seconds += visits.seconds[moves.run[k]]
+            lost += visits.seconds[old, moves.run[k]]
+            added += visits.seconds[new, moves.run[k]]
     latest, later = -np.inf, -np.inf
     for r in range(marks.free.shape[1]):
         end = marks.free[at, r] + marks.tail[at, r]
         latest = max(latest, end)
         if r == old:
-            end -= seconds + gain
+            end -= lost
         if r == new:
-            end += seconds + cost
+            end += added
         later = max(later, end)
-    outcome: float = later - latest + mood.even * (cost - gain)
+    outcome: float = later - latest + mood.even * (added - lost)
     return outcome
 
 

@@ -38,7 +38,7 @@ def share_at(unit: int, point: int, visits: Visits, units: Units) -> float:
 def longest_ways(visits: Visits, fleet: Fleet, units: Units) -> NDArray[np.float64]:
     """Return the longest way from the end of each unit to the end of all, (m,) seconds."""
     m, heads = units.used[0], len(fleet.parks)
-    own, place = np.empty(m, np.int64), np.empty(len(visits.seconds), np.int64)
+    own, place = np.empty(m, np.int64), np.empty(len(visits.ends), np.int64)
     rows, counts = np.empty((heads, m), np.int64), np.zeros(heads, np.int64)
     for row in range(m):
         r = units.head[row]

@@ -86,8 +86,8 @@ def source_times(
     first, last = visits.ends[:, 0], visits.ends[:, 1]
     stood = np.concatenate([_park(machine)[None], last[:-1]])
     way = [travel_seconds(p, q, travel) for p, q in zip(stood, first, strict=True)]
-    end = np.cumsum(np.array(way) + visits.seconds)
-    return end - visits.seconds, end
+    end = np.cumsum(np.array(way) + visits.seconds[0])
+    return end - visits.seconds[0], end
 
 
 def spacing_of(lags: Lags, begin: NDArray[np.float64], end: NDArray[np.float64]) -> Spacing:
@@ -111,7 +111,7 @@ def _visits(
 ) -> tuple[Visits, NDArray[np.float64]]:
     """Return the contours as a toolpath runs them, and what travels take."""
     seconds, nowhere = job_times(job, machine.limits), np.zeros(len(job.contours), np.bool_)
-    visits = visits_of(job.contours, graph, seconds, nowhere, in_pieces=False)
+    visits = visits_of(job.contours, graph, seconds[None], nowhere, in_pieces=False)
     ends = np.empty_like(visits.ends)
     ends[toolpath.order] = np.stack(endpoints(job.contours, toolpath), axis=1)
     return visits._replace(ends=ends), np.array(travel_row(job.settings, machine.limits))

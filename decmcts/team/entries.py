@@ -24,13 +24,12 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import enter_at, turned
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times
 from decmcts.print.seam import SeamEntries, seam_entries
 from decmcts.print.toolpath import Toolpath, entries_by_contour
 from decmcts.search.pace import pace_of
 from decmcts.search.problem import OrderProblem
 from decmcts.team.order import sequences_of, visits_of
-from decmcts.team.space import fleet_of
+from decmcts.team.space import fleet_of, printing_times
 
 SHORTEST = 8  # contours of a window that is not halved any more
 
@@ -161,7 +160,7 @@ class _Engine:
     def __init__(self, job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags) -> None:
         self._job, self._graph, self._lags = job, graph, lags
         self._fleet = fleet_of(job, machine)
-        self._seconds = job_times(job, machine.limits)
+        self._seconds = printing_times(job, machine)
         self._in_pieces = machine.release == "point"
 
     def makespan(self, toolpaths: Sequence[Toolpath]) -> float:

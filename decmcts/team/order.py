@@ -23,9 +23,8 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.space import Space, require_printable
+from decmcts.team.space import Space, printing_times, require_printable
 
 PIECE_MM = 4.0  # a piece of a contour begins where the room still needed has shrunk so far
 MOST_PIECES = 16  # of one contour
@@ -62,7 +61,7 @@ def visits_of(
     ----------
     contours : Contours
         As they are entered.
-    seconds : (n,) printing times
+    seconds : (heads, n) printing times
     reversible : (n,) which may be run from their last point, or are
     in_pieces : bool
         Whether a print gives its room back piece by piece.
@@ -143,7 +142,7 @@ def order_units(
     """Return the partial order that sequences make; raises InputError where they make none."""
     units = units_of(visits, fleet, machine, toolpaths)
     own, rows, counts = _index(units.head, len(toolpaths))
-    place = np.empty(len(visits.seconds), np.int64)
+    place = np.empty(len(visits.ends), np.int64)
     printing = np.flatnonzero(units.contour >= 0)
     place[units.contour[printing]] = printing
     after, point = find_waits(own, place, visits, fleet, units)
@@ -161,7 +160,7 @@ def order_of_job(
     turned = np.zeros(len(job.contours), np.bool_)
     for toolpath in toolpaths:
         turned[toolpath.order] = toolpath.reversed
-    seconds = job_times(job, machine.limits)
+    seconds = printing_times(job, machine)
     in_pieces = len(machine.heads) > 1 and machine.release == "point"
     visits = visits_of(running, graph, seconds, turned, in_pieces=in_pieces, lags=lags)
     return order_units(visits, fleet, machine, toolpaths)

@@ -21,11 +21,16 @@ from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.motion import job_times
 from decmcts.team.bottleneck import bottleneck
 from decmcts.team.macros import columns_of, cut_macros, part_of, part_progress
 from decmcts.team.order import visits_of
-from decmcts.team.space import Space, build_space, fleet_of, require_printable
+from decmcts.team.space import (
+    Space,
+    build_space,
+    fleet_of,
+    printing_times,
+    require_printable,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,10 +91,11 @@ def build_team_problem(
     contours = job.contours
     space = build_space(job, machine)
     require_printable(contours, machine, space.eligible)
-    seconds = job_times(job, machine.limits)
+    by_head = printing_times(job, machine)
+    seconds = by_head.min(axis=0, initial=np.inf)
     turns = contours.reversible & ~contours.closed
     visits = visits_of(
-        contours, graph, seconds, turns, in_pieces=machine.release == "point", lags=lags
+        contours, graph, by_head, turns, in_pieces=machine.release == "point", lags=lags
     )
     quantile = _quantile(seconds, space, machine)
     part = part_of(contours)

@@ -23,7 +23,7 @@ from decmcts.errors import InputError
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
-from decmcts.print.motion import level_travel, retraction_time, upright_travel
+from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +142,13 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
     )
 
 
+def printing_times(job: PrintJob, machine: Machine) -> NDArray[np.float64]:
+    """Return the seconds each contour takes each head, under the limits it has, (heads, n)."""
+    limits = [machine.limits_of(head) for head in machine.heads]
+    of_limits = {id(one): job_times(job, one) for one in limits}
+    return np.array([of_limits[id(one)] for one in limits])
+
+
 def travel_row(settings: ProcessSettings, limits: MotionLimits) -> list[float]:
     """Return what a travel takes, see `decmcts._kernels.rooms.travel_seconds`.
 
@@ -170,7 +177,7 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
         whole = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
         none = np.zeros(len(contours) + 1, np.int64)
         visits = Visits(
-            ends, np.zeros(len(contours)), contours.reversible, whole, none,
+            ends, np.zeros((len(machine.heads), len(contours))), contours.reversible, whole, none,
             np.empty(0, np.int32), no_lags(len(contours)),
         )  # fmt: skip
         eligible = eligible_heads(eligible, visits, fleet_of(job, machine, live))

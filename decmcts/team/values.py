@@ -45,7 +45,7 @@ class JointValues:
         self._problem = problem
         self._known: dict[tuple[Team, bytes], float] = {}
         self._unable: set[Team] = set()  # cannot print everything
-        self._serial_s = float(problem.visits.seconds.sum())
+        self._serial_s = float(problem.visits.seconds.max(axis=0).sum())
         self.best: dict[Team, Proposal] = {}
         self.starts: dict[Team, Proposal] = {}
         self.put = 0

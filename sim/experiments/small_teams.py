@@ -243,13 +243,14 @@ def bound(
         if done[c]:
             earliest[c] = heads.ended[c]
             continue
-        soonest, entered, left = np.inf, limits.entered[c], np.inf
+        soonest, entered, left, printed = np.inf, limits.entered[c], np.inf, np.inf
         for r in range(count):
             if not limits.eligible[c, r]:
                 continue
             useful[r] = True
             home[r] = min(home[r], limits.left[c, r])
             left = min(left, limits.left[c, r])
+            printed = min(printed, visits.seconds[r, c])
             there = np.inf
             for side in range(2):
                 there = min(
@@ -259,9 +260,9 @@ def bound(
             soonest = min(soonest, heads.free[r] + there)
         for row in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
             soonest = max(soonest, earliest[visits.preds[row]])
-        earliest[c] = soonest + visits.seconds[c]
+        earliest[c] = soonest + printed
         least = max(least, earliest[c] + left)
-        work += visits.seconds[c] + entered
+        work += printed + entered
     return max(least, shared(work, heads.free + home, useful))
 
 

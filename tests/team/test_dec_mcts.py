@@ -73,7 +73,7 @@ def test_utility_is_the_gain_over_doing_nothing(problem: TeamProblem) -> None:
     """fʳ = g(xʳ, x⁻ʳ) - g(∅ʳ, x⁻ʳ): here the other head could print it all, but slower."""
     agent = DecMcts(problem, 0, seed=1, parameters=FEW)
     mine, other = agent._likeliest(0), agent._likeliest(1)
-    serial = 2 * float(problem.visits.seconds.sum())
+    serial = 2 * float(problem.visits.seconds[0].sum())
     both = resolve(problem, {0: mine, 1: other}, [0, 1]).makespan_s
     alone = resolve(problem, {1: other}, [1]).makespan_s
     want = max(0.0, 1 - both / serial) - max(0.0, 1 - alone / serial)

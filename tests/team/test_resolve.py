@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from decmcts.errors import InputError
+from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.plans import POLICIES, encode, encode_serial
 from decmcts.team.problem import TeamProblem, build_team_problem
@@ -146,3 +148,27 @@ def test_nothing(case_of: Callable[..., Any]) -> None:
     chosen = case_of()
     problem = build_team_problem(chosen.job, chosen.machine, chosen.graph)
     assert resolve(problem, {}, [0, 1]).makespan_s == 0.0
+
+
+def test_a_slower_head_is_given_less(case: Callable[..., Any]) -> None:
+    """Heads are planned by the time each takes, and the exact schedule is no later."""
+    slow = MotionLimits(max_acceleration=(60.0, 60.0, 50.0, 5000.0))
+    shares, off = [], []
+    for seed in range(4):
+        chosen = case(seed, towers=8, reach=5.0)
+        work = [len(path) for path in _resolved(chosen.machine, chosen).toolpaths]
+        heads = (chosen.machine.heads[0], replace(chosen.machine.heads[1], limits=slow))
+        machine = replace(chosen.machine, heads=heads)
+        found = _resolved(machine, chosen)
+        given = [len(path) for path in found.toolpaths]
+        shares.append((work[1] / sum(work), given[1] / sum(given)))
+        plan = schedule(chosen.job, machine, chosen.graph, found.toolpaths)
+        off.append(found.makespan_s / plan.makespan_s)
+    alike, slower = np.median(shares, axis=0)
+    assert slower < 0.62 * alike
+    assert min(off) > 1.0 and max(off) < 1.15
+
+
+def _resolved(machine: Machine, chosen: Any) -> Resolved:
+    problem = build_team_problem(chosen.job, machine, chosen.graph)
+    return resolve(problem, {r: encode(0, problem.n_macros) for r in range(2)}, [0, 1])

@@ -31,12 +31,12 @@ def _told(case: Callable[..., Any], seed: int) -> tuple[TeamProblem, Polish]:
 
 def _with_longer(problem: TeamProblem, polish: Polish, contour: int, by_s: float) -> float:
     """Return the makespan of the same order where one contour takes longer."""
-    before = problem.visits.seconds[contour]
-    problem.visits.seconds[contour] += by_s
+    before = problem.visits.seconds[:, contour].copy()
+    problem.visits.seconds[:, contour] += by_s
     try:
         return Polish(problem, polish._stated(), seed=1).began_s
     finally:
-        problem.visits.seconds[contour] = before
+        problem.visits.seconds[:, contour] = before
 
 
 @pytest.mark.slow

@@ -44,7 +44,7 @@ class Sharing:
     def __init__(self, problem: TeamProblem, rng: np.random.Generator) -> None:
         self._rng = rng
         n, heads = problem.n_macros, len(problem.machine.heads)
-        seconds = problem.visits.seconds
+        seconds = problem.visits.seconds.min(axis=0)
         self._work = np.bincount(problem.macro, weights=seconds, minlength=n)
         may = np.ones((n, heads), np.int8)
         np.minimum.at(may, problem.macro, problem.space.eligible.astype(np.int8))
