@@ -35,7 +35,8 @@ from agents.messages import (
     Proposal,
     Stage,
 )
-from decmcts.team.plans import MOST_STATED, StatedOrder, encode_stated
+from decmcts.team.plans import MOST_SHIFT, MOST_STATED, StatedOrder, encode_stated
+from decmcts.team.plans import encode as encode_plan
 
 DIGEST = "0123456789abcdef" * 2
 PROPOSAL = Proposal((0, 1), {1: np.int32([4, 1, 2]), 0: np.int32([])}, 12.5, DIGEST)
@@ -87,16 +88,16 @@ def test_a_proposal_says_whether_it_is_serial(serial: bool) -> None:
     assert isinstance(heard, Proposal) and heard.serial is serial
 
 
-def test_a_joint_plan_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
-    """Each contour a macro-action of its own, in no order at all: nothing is longer."""
+def test_plans_with_650_shifts_each_of_8_heads_fit_in_16_kib() -> None:
+    """Any shifts a plan may have, in no order at all: nothing is longer but a stated order."""
     rng = np.random.default_rng(5)
-    rows = np.array_split(rng.permutation(5000).astype(np.int32), 8)
-    joint = Joint(tuple(range(8)), dict(enumerate(rows)), 1e5)
-    data = wire(joint)
+    shifts = rng.integers(-MOST_SHIFT, MOST_SHIFT + 1, (8, 650)).astype(np.int32)
+    plans = {head: encode_plan(3, 650, shifts[head]) for head in range(8)}
+    data = wire(Joint(tuple(range(8)), plans, 1e5))
     assert len(data) <= 16 * 1024
     heard = decode(data).message
     assert isinstance(heard, Joint)
-    assert all(np.array_equal(heard.plans[h], row) for h, row in enumerate(rows))
+    assert all(np.array_equal(heard.plans[h], plan) for h, plan in plans.items())
 
 
 def test_a_stated_order_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
