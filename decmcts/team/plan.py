@@ -38,6 +38,8 @@ def plan_team(
     started, rounds = clock(), 0
     while True:
         for agent in team:
+            if rounds and clock() - started >= time_limit_s:
+                break  # a round of many heads takes long
             agent.iterate(list(heads))
             told = agent.best(list(heads))
             for other in team:
