@@ -30,8 +30,8 @@ MAX_TEXT = 200
 MAX_SILENCE_TICKS = 6000
 DIGEST_LENGTHS = range(8, 129)
 
-Sequence32 = NDArray[np.int32]  # (k,) macro-action ids in the order one head does them
-Plans = Mapping[int, Sequence32]  # head index -> its sequence
+Sequence32 = NDArray[np.int32]  # (k,) a plan of one head, see decmcts.team.plans
+Plans = Mapping[int, Sequence32]  # head index -> its plan
 
 
 class MessageError(ValueError):

@@ -32,7 +32,7 @@ EXTRUDER = (sys.executable, "-m", "agents.extruder")
 class Agreement:
     """The plan the agents released, and how they came to it."""
 
-    plans: Mapping[int, NDArray[np.int32]]  # head -> its macro-actions in order
+    plans: Mapping[int, NDArray[np.int32]]  # head -> its plan
     makespan_s: float
     digest: str
     live: tuple[int, ...]  # heads the plan uses

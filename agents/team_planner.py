@@ -11,8 +11,10 @@ from agents.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts import DecMcts, PlanDistribution
 from decmcts.team.parameters import Parameters, changed
-from decmcts.team.plans import means_something
+from decmcts.team.plans import decode, means_something
 from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.resolve import as_allowed
+from decmcts.team.warm_up import compile_rounds
 
 
 class TeamPlanner:
@@ -33,7 +35,7 @@ class TeamPlanner:
         usual = Parameters.for_contours(len(problem.macro))
         parameters = changed(usual, pack.options.get(TEAM, {}))
         planner = TeamPlanner(problem, head, seed=seed, parameters=parameters)
-        # Compiles the kernels of a round, if no cache has them, before the clock runs.
+        compile_rounds()  # before the clock runs
         planner.best(range(len(planner.names)))
         return planner
 
@@ -86,3 +88,6 @@ class TeamPlanner:
         for sequence in sequences:
             if not means_something(sequence, n_macros, n, len(self.names)):
                 raise MessageError("a plan that means nothing for this problem")
+            serial = decode(sequence, n_macros, n).serial
+            if serial is not None and as_allowed(self._team, serial) is None:
+                raise MessageError("a serial order that contradicts the precedence")

@@ -34,6 +34,7 @@ from decmcts.team.plans import encode
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
+from decmcts.team.warm_up import compile_rounds
 
 POLICIES = 8  # joint orders of default plans that are timed
 SHARES, JOINTS, BEATS = 20.0, 1.0, 10.0  # messages a second at most, see docs/protocol.md
@@ -79,7 +80,8 @@ def of_round(problem: TeamProblem, seed: int) -> Figures:
     planner = TeamPlanner(
         problem, 0, seed=seed, parameters=replace(usual, policies=max(1, len(heads)))
     )
-    planner.iterate(heads)  # loads what polishes
+    compile_rounds()
+    planner.iterate(heads)  # tries the policies
     round_s = timed(lambda: planner.iterate(heads))[1]
     told = {"distribution": 0, "joint": 0}
     a_second = 0.0

@@ -36,6 +36,7 @@ from decmcts.team.parameters import changed
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
+from decmcts.team.warm_up import compile_rounds
 from sim.experiments.random_teams import judged
 
 PROCESSES, TOGETHER = "processes", "one-process"
@@ -97,6 +98,7 @@ def planner_of(method: str) -> Callable[[TeamProblem, float, int], tuple[Paths, 
     planner = in_one_process if method == TOGETHER else BASELINES[method]
 
     def plan(problem: TeamProblem, cpu_s: float, seed: int) -> tuple[Paths, Figures]:
+        compile_rounds()
         planner(problem, Budget(0.0, 1), seed=seed)  # compiles or loads its kernels
         began = time.process_time()
         found = planner(problem, Budget(cpu_s), seed=seed)
@@ -146,8 +148,9 @@ def by_variant(
     parameters = changed(Parameters.for_contours(len(problem.macro)), SETTINGS[variant])
     made = NoTree if variant == "no tree" else DecMcts
     team = [made(problem, r, seed=seed, parameters=parameters) for r in heads]
+    compile_rounds()
     for agent in team:
-        agent.best(heads)  # compiles or loads the engine
+        agent.best(heads)
     began, rounds = time.process_time(), 0
     history: list[tuple[float, float]] = []
     entropy: list[tuple[float, float]] = []

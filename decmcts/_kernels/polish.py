@@ -2,9 +2,9 @@
 
 A move takes a run of contours that one head prints one after the other and puts it
 before or behind another contour: on that contour's head, or on its own head at another
-turn. Moves are judged within a window of turns: by when the heads are free a little
-behind it. What the window gained is kept if the whole print does not end much later
-(simulated annealing, within windows and over them).
+turn. Moves are judged within a window of turns: by heads and tails a little behind it
+(`decmcts._kernels.tails`). What the window gained is kept if the whole print does not end
+much later (simulated annealing, within windows and over them).
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ class Mood(NamedTuple):
     temperature: float  # seconds, of a move
     slack: float  # seconds, of what a window does to the makespan
     even: float  # weight of all heads' lateness beside that of the print
+    shortest: int  # turns of a window, at least; all of an order that has fewer
 
 
 class Moves(NamedTuple):
@@ -135,16 +136,20 @@ def leeway(
 @inlined
 def neighbours(turn: int, r: int, count: int, joint: JointOrder, moves: Moves) -> tuple[int, int]:
     """Return what head r prints before and from a turn on, without the run; NONE: nothing."""
-    p = NONE
-    while turn > 0 and p == NONE:
-        turn -= 1
-        c = joint.order[turn]
+    p, row = NONE, turn
+    while row > 0 and p == NONE:
+        row -= 1
+        c = joint.order[row]
         if joint.head[c] == r and not in_run(c, count, joint, moves):
             p = c
-    q = joint.behind[p] if p != NONE else NONE
-    if q == moves.run[0]:
-        q = joint.behind[moves.run[count - 1]]
-    return p, q
+    if p != NONE:
+        q = joint.behind[p]
+        return p, joint.behind[moves.run[count - 1]] if q == moves.run[0] else q
+    for row in range(turn, len(joint.order)):
+        c = joint.order[row]
+        if joint.head[c] == r and not in_run(c, count, joint, moves):
+            return NONE, c
+    return NONE, NONE
 
 
 @inlined
@@ -340,7 +345,7 @@ def polish(
                 return np.inf
             find_tails(visits, fleet, units, marks)
         share = uniform(state)
-        width = min(n, int(SHORTEST * (LONGEST / SHORTEST) ** share))
+        width = min(n, max(mood.shortest, int(SHORTEST * (LONGEST / SHORTEST) ** share)))
         low = min(max(0, below(state, n + width) - width), n - width)
         high = low + width
         reach = min(n, high + MARGIN)
@@ -357,7 +362,7 @@ def polish(
         found = np.inf
         if there and replay(reach, joint, visits, fleet, units, heads, marks):
             found = finish(reach, joint, visits, fleet, units, heads, marks)
-        if found <= makespan - mood.slack * np.log(uniform(state)):
+        if found < np.inf and found <= makespan - mood.slack * np.log(uniform(state)):
             makespan = found
             continue
         for k in range(width):

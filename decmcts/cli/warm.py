@@ -14,51 +14,23 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from decmcts.cli.ahead import BARE, PRINT, TEAM, all_parts, is_compiled, mark_compiled
 from decmcts.cli.begin import compile_search
 from decmcts.cli.bound import compile_bound, row_of
 from decmcts.cli.outputs import draft_single
 from decmcts.cli.pipeline import load, plan_single
-from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.digest import problem_digest
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
-from decmcts.print.contours import Contours
-from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
 from decmcts.print.walls import outer_walls
 from decmcts.search.pace import pace_of
 from decmcts.search.planners import PLANNERS
 from decmcts.search.problem import OrderProblem
-from decmcts.team.dec_mcts import DecMcts
-from decmcts.team.problem import build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
+from decmcts.team.warm_up import compile_rounds, smallest_job, smallest_problem
 from sim.verify import verify_plan
-
-
-def smallest_job() -> PrintJob:
-    """Return two lines far apart on each of two layers."""
-    lines = [[(x, 150.0, z), (x + 5.0, 150.0, z)] for z in (0.2, 0.4) for x in (60.0, 220.0)]
-    n, points = len(lines), np.array(lines).reshape(-1, 3)
-    contours = Contours(
-        points=points,
-        offsets=2 * np.arange(n + 1, dtype=np.int64),
-        extrusion=np.tile([0.0, 0.2], n),
-        feed=np.tile([0.0, 40.0], n),
-        width=np.full(n, 0.45),
-        height=np.full(n, 0.2),
-        role=np.ones(n, np.int8),
-        closed=np.zeros(n, np.bool_),
-        layer=np.array([0, 0, 1, 1], np.int32),
-        tool=np.zeros(n, np.int16),
-        reversible=np.ones(n, np.bool_),
-        epoch=np.zeros(n, np.int32),
-        line=np.zeros(n, np.int32),
-    )
-    return PrintJob("smallest", contours)
 
 
 def smallest_gcode() -> str:
@@ -89,14 +61,10 @@ def compile_print() -> None:
 
 def compile_team() -> None:
     """Plan and judge the smallest job with two heads."""
-    job, machine = smallest_job(), load_machine("dual-gantry")
-    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
-    problem = build_team_problem(job, machine, graph)
-    agents = [DecMcts(problem, head, seed=0) for head in (0, 1)]
-    for head, agent in enumerate(agents):
-        agent.iterate([0, 1])
-        agents[1 - head].take(head, agent.distribution)
-    found = resolve(problem, agents[0].best([0, 1]).plans, [0, 1])
+    problem = smallest_problem()
+    job, machine, graph = problem.job, problem.machine, problem.graph
+    team = compile_rounds(problem)
+    found = resolve(problem, team[0].best([0, 1]).plans, [0, 1])
     plan = schedule(job, machine, graph, found.toolpaths)
     digest = problem_digest(job.contours, graph, machine)
     document = PlanDocument(digest, machine, job.contours, graph.pairs(), plan, {})

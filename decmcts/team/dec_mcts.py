@@ -20,6 +20,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.search.planners import plan_order
@@ -33,7 +34,7 @@ from decmcts.team.plans import MOST_STATED, StatedOrder, encode, encode_serial, 
 from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem
 from decmcts.team.race import Race
-from decmcts.team.resolve import resolve
+from decmcts.team.resolve import is_allowed, resolve, room_of
 from decmcts.team.tree import ROOT, Boltzmann, Tree
 from decmcts.team.values import EACH, JointValues, Plan, Proposal, Team
 
@@ -51,7 +52,7 @@ NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the oth
 
 
 class _Line(NamedTuple):
-    """A joint order being polished; `Polish` counts no way back to the parks."""
+    """A joint order being polished."""
 
     team: Team
     polish: Polish
@@ -80,8 +81,10 @@ class DecMcts:
         self._values = JointValues(problem)
         self._races: dict[Team, Race] = {}
         self._pairs: dict[Team, PairValues] = {}
+        self._may: dict[Team, NDArray[np.bool_]] = {}  # which of a team's heads may print what
         self._line: _Line | None = None
-        self._rounds = self._steps = 0
+        self._lines = self._alone = 0  # joint orders polished, rounds without another head
+        self._steps = self._tried = 0  # of tree and distribution; joint plans tried
         self._credit = 0  # contours that tree and distribution may put
         self._utilities: list[float] = []  # of all samples
         default = self._by_policy(head, 0)
@@ -111,10 +114,17 @@ class DecMcts:
         told = {r: plans.get(r, NOTHING) for r in team}
         self._values.makespan(told, team)
         stated = self._values.stated(told)
-        if stated is not None and self._line is not None and self._line.team == team:
+        if stated is None or not is_allowed(self.problem, stated, self._eligible(team)):
+            return
+        if self._line is not None and self._line.team == team:
             self._line.polish.take(stated)
             self._keep_polished(self._line)
             self._follow(stated, self._values.makespan(told, team), team)
+
+    def _eligible(self, team: Team) -> NDArray[np.bool_]:
+        if team not in self._may:
+            self._may[team] = room_of(self.problem, team)[1]
+        return self._may[team]
 
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""
@@ -145,7 +155,6 @@ class DecMcts:
         With no other head alive: search one order for everything instead.
         """
         team = _team(live)
-        self._rounds += 1
         if team == (self.head,):
             self._plan_alone(team)
             return
@@ -215,7 +224,8 @@ class DecMcts:
         exchange also where the plans of what was told are known together already.
         """
         best = self._values.starts[team]
-        plans = self._combination(team) if self._steps % 2 else None
+        self._tried += 1
+        plans = self._combination(team) if self._tried % 2 else None
         if plans is None or self._values.knows(plans, team):
             policies = self.parameters.policies
             plans = exchange_jointly(self.problem, best.plans, self._rng, policies=policies)
@@ -295,8 +305,9 @@ class DecMcts:
     def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
         """Return a joint order to polish; none draws what another one drew."""
         seed = self._seed * len(self.problem.machine.heads) + self.head
-        seed += len(self.problem.machine.heads) * self._rounds
-        polish = Polish(self.problem, stated, seed=seed)
+        seed += len(self.problem.machine.heads) * self._lines
+        self._lines += 1
+        polish = Polish(self.problem, stated, seed=seed, live=team)
         return _Line(team, polish, self._values.starts[team].makespan_s, gained_s)
 
     def _follow(self, stated: StatedOrder, makespan_s: float, team: Team) -> None:
@@ -327,13 +338,14 @@ class DecMcts:
     def _plan_alone(self, team: Team) -> None:
         """Search one order for everything; the effort doubles with the rounds."""
         problem = self.problem
-        effort = 100_000 * 2 ** min(self._rounds, 8)
+        self._alone += 1
+        effort = 100_000 * 2 ** min(self._alone, 8)
         result = plan_order(
             OrderProblem.from_job(problem.job, problem.graph, "reversible"),
             planner="local",
             time_limit_s=1e9,
             max_iterations=effort,
-            seed=self._seed + self._rounds,
+            seed=self._seed + self._alone,
         )
         plan = encode_serial(result.toolpath, problem.n_macros)
         self._values.makespan({self.head: plan}, team)

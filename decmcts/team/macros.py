@@ -1,8 +1,8 @@
 """Macro-actions: the pieces a head's plan is made of.
 
 A part is a connected footprint on the bed. Each part's work is cut, in source
-order, into chunks, and each chunk by the side that should print it. A plan is
-a sequence of such pieces, so it stays short and messages small.
+order, into chunks, and each chunk by the side that should print it. A plan
+says how much later than usual each of them comes, so it stays short and messages small.
 """
 
 from __future__ import annotations

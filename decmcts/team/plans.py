@@ -49,7 +49,7 @@ _TUNED = np.array(
         [1.0, 1.0, 0.0, 0.0],
     ]
 )
-MOST_STATED = 75_000  # contours; an order of more might not fit into one message
+MOST_STATED = 70_000  # contours; an order of more, by 64 heads, might not fit into a message
 TUNED = len(_TUNED)  # policies that come first
 HUNDREDTHS = 100.0  # of a part's progress, in which shifts are stated
 MOST_SHIFT = 400  # either way

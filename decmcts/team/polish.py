@@ -7,15 +7,19 @@ crossover, Whitley, Hains & Howe 2009), so that heads improve different places a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
-from decmcts._kernels.polish import RUN, Mood, Moves, polish
+from decmcts._kernels.polish import RUN, SHORTEST, Mood, Moves, polish
 from decmcts._kernels.random import seeded
 from decmcts._kernels.replay import JointOrder, Marks, finish, link
 from decmcts.team.plans import StatedOrder
 from decmcts.team.problem import TeamProblem
+from decmcts.team.resolve import room_of
 
 NEAR = 10  # contours near each end of one
 LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
@@ -33,12 +37,21 @@ class Polish:
     `best` and `best_s` are the best order it has seen and its makespan.
     """
 
-    def __init__(self, problem: TeamProblem, stated: StatedOrder, *, seed: int) -> None:
+    def __init__(
+        self,
+        problem: TeamProblem,
+        stated: StatedOrder,
+        *,
+        seed: int,
+        live: Sequence[int] | None = None,
+    ) -> None:
+        """Begin with an order that `live` heads can carry out; None: all heads."""
         n, heads = len(problem.macro), len(problem.machine.heads)
         self._problem, self._state = problem, seeded(seed)
-        self._moves = _moves(problem)
+        self._fleet, eligible = room_of(problem, range(heads) if live is None else live)
+        self._moves = _moves(problem, eligible)
         self._joint = _joint_of(stated, heads)
-        self._heads = all_parked(n, problem.fleet)
+        self._heads = all_parked(n, self._fleet)
         self._units = new_units(8 * n + 64 * heads * (heads + 2))
         self._marks = _marks(n, self._heads)
         self.began_s = self.makespan_s = self._finish(0)
@@ -51,20 +64,20 @@ class Polish:
         if len(self._joint.order) <= FEW:
             self._anneal(windows)
         else:
-            self._polish(windows, Mood(COLD_S, SLACK_S, 1.0))
+            self._polish(windows, Mood(COLD_S, SLACK_S, 1.0, SHORTEST))
 
     def _anneal(self, sweeps: int) -> None:
         """Anneal a small order as a whole, from hot to cold; it may end worse than it began."""
         sweeps = max(LEAST_SWEEPS, sweeps * SMALL // max(SMALL, len(self._joint.order)))
-        hot = HOT * float(self._problem.visits.seconds.mean())
+        hot = max(COLD_S, HOT * float(self._problem.visits.seconds.mean()))
         for sweep in range(sweeps):
             temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
-            self._polish(1, Mood(temperature, np.inf, 0.01))
+            self._polish(1, Mood(temperature, np.inf, 0.01, FEW))
 
     def _polish(self, windows: int, mood: Mood) -> None:
         self.makespan_s = polish(
             self.makespan_s, windows, mood, self._joint, self._moves,
-            self._problem.visits, self._problem.fleet, self._units, self._heads, self._marks,
+            self._problem.visits, self._fleet, self._units, self._heads, self._marks,
             self._state,
         )  # fmt: skip
         self._keep()
@@ -101,7 +114,7 @@ class Polish:
         self._marks.known[0] = min(self._marks.known[0], begin)
 
     def _finish(self, begin: int) -> float:
-        args = (self._joint, self._problem.visits, self._problem.fleet, self._units)
+        args = (self._joint, self._problem.visits, self._fleet, self._units)
         return float(finish(begin, *args, self._heads, self._marks))
 
 
@@ -129,7 +142,7 @@ def _marks(n: int, heads: Heads) -> Marks:
     return marks
 
 
-def _moves(problem: TeamProblem) -> Moves:
+def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Moves:
     n = len(problem.macro)
     ends = problem.visits.ends.reshape(-1, 3) * [1.0, 1.0, LEVEL_MM]
     near = np.zeros((0, 1), np.int64)
@@ -138,7 +151,7 @@ def _moves(problem: TeamProblem) -> Moves:
         own = near == np.arange(2 * n)[:, None] // 2
         near = np.take_along_axis(near, np.argsort(own, axis=1, kind="stable"), axis=1)[:, :NEAR]
     return Moves(
-        np.ascontiguousarray(near, np.int32), problem.space.eligible,
+        np.ascontiguousarray(near, np.int32), eligible,
         problem.graph.succ_offsets, problem.graph.succs,
         np.empty(RUN, np.int64), np.empty(n, np.int64),
     )  # fmt: skip

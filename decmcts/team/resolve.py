@@ -70,10 +70,7 @@ def resolve(
     heads = len(problem.machine.heads)
     if not team or team[0] < 0 or team[-1] >= heads:
         raise InputError(f"live heads {list(live)}, expected some of 0..{heads - 1}")
-    fleet, eligible = problem.fleet, problem.space.eligible
-    if len(team) < heads:
-        fleet = fleet_of(problem.job, problem.machine, team)
-        eligible = build_space(problem.job, problem.machine, team).eligible
+    fleet, eligible = room_of(problem, team)
     require_printable(problem.job.contours, problem.machine, eligible)
     n = len(problem.job.contours)
     intents = {
@@ -86,6 +83,14 @@ def resolve(
     if stated is not None and (found := _as_stated(problem, stated, fleet, eligible)):
         return found
     return _dispatched(problem, intents, fleet, eligible)
+
+
+def room_of(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray[np.bool_]]:
+    """Return the machine where only these heads move, and which of them may print what."""
+    if len(team) == len(problem.machine.heads):
+        return problem.fleet, problem.space.eligible
+    fleet = fleet_of(problem.job, problem.machine, team)
+    return fleet, build_space(problem.job, problem.machine, team).eligible
 
 
 def _dispatched(
@@ -145,6 +150,18 @@ def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:
     return Toolpath.of(order.order, order.reversed & problem.visits.reversible[order.order])
 
 
+def is_allowed(problem: TeamProblem, stated: StatedOrder, eligible: NDArray[np.bool_]) -> bool:
+    """Whether a stated order keeps precedence, directions and who may print what."""
+    if stated.head.max(initial=0) >= eligible.shape[1]:
+        return False
+    turn = np.empty(len(stated.order), np.int64)
+    turn[stated.order] = np.arange(len(stated.order))
+    before, after = problem.graph.pairs().T
+    backwards = stated.backwards & ~problem.visits.reversible[stated.order]
+    may = eligible[stated.order, stated.head]
+    return bool(may.all() and not backwards.any() and (turn[before] < turn[after]).all())
+
+
 def _one_by_one(
     problem: TeamProblem,
     order: Toolpath,
@@ -161,11 +178,9 @@ def _as_stated(
     problem: TeamProblem, stated: StatedOrder, fleet: Fleet, eligible: NDArray[np.bool_]
 ) -> Resolved | None:
     """Let the heads do exactly this; None if these heads can not."""
+    if not is_allowed(problem, stated, eligible):
+        return None
     heads = len(problem.machine.heads)
-    if stated.head.max(initial=0) >= heads or not eligible[stated.order, stated.head].all():
-        return None
-    if (stated.backwards & ~problem.visits.reversible[stated.order]).any():
-        return None
     sequences = sequences_of(stated.toolpaths(heads))
     units, verdict = carry_out(sequences, problem.visits, fleet)
     return _resolved(units, heads) if verdict == OK else None

@@ -1,8 +1,8 @@
 """A head's D-UCT tree over its own plans, as a struct of arrays.
 
 A node is a whole plan; a child is its parent's plan after one exchange (Fu,
-Qiu & Zha 2021 search complete tours the same way): the policy changed, a run of
-macro-actions moved, given away or taken over. A node that has been seen often
+Qiu & Zha 2021 search complete tours the same way): another policy, or
+some macro-actions sooner or later. A node that has been seen often
 gets more children (progressive widening). Only the arithmetic of selection is
 compiled (`decmcts._kernels.dmcts`): one sample costs a whole rollout.
 

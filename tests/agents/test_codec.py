@@ -127,9 +127,9 @@ def test_what_planners_state_at_most_can_be_proposed() -> None:
     """Without it heads could not agree: a proposal that is too long is never sent."""
     rng = np.random.default_rng(5)
     order = rng.permutation(MOST_STATED).astype(np.int32)
-    stated = StatedOrder(order, rng.random(MOST_STATED) < 0.5, rng.integers(0, 8, MOST_STATED))
-    plans = {1: encode_stated(stated, 8, 9)}
-    assert len(wire(Proposal(tuple(range(8)), plans, 1e5, DIGEST))) <= MAX_MESSAGE_BYTES
+    stated = StatedOrder(order, rng.random(MOST_STATED) < 0.5, rng.integers(0, 64, MOST_STATED))
+    plans = {1: encode_stated(stated, 64, 9)}
+    assert len(wire(Proposal(tuple(range(64)), plans, 1e5, DIGEST))) <= MAX_MESSAGE_BYTES
 
 
 def test_a_joint_plan_above_its_limit_is_neither_sent_nor_read() -> None:

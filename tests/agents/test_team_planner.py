@@ -16,7 +16,7 @@ from decmcts.feasibility.build import build_graph
 from decmcts.print.job import ProcessSettings
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.parameters import Parameters
-from decmcts.team.plans import MOST_SHIFT, POLICIES, encode_serial
+from decmcts.team.plans import MOST_SHIFT, POLICIES, encode, encode_serial
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.schedule import schedule
 from tests.team.conftest import make_job, make_machine
@@ -116,6 +116,20 @@ def _refused(n_macros: int) -> list[tuple[int, ...]]:
         (policy, *shifted[1:], MOST_SHIFT + 1),
         (policy, *shifted[1:], -(2**31)),
     ]
+
+
+def test_a_told_serial_order_that_cannot_be_stops_nobody(
+    planner: TeamPlanner, problem: TeamProblem
+) -> None:
+    """It would be kept as the best, and refused when it is proposed."""
+    n = len(problem.macro)
+    order = Toolpath.of(np.arange(n, dtype=np.int32)[::-1].copy(), np.zeros(n, np.bool_))
+    plan = encode_serial(order, problem.n_macros)
+    with pytest.raises(MessageError, match="contradicts the precedence"):
+        planner.offer({1: plan, 0: encode(0, problem.n_macros)}, LIVE)
+    with pytest.raises(MessageError, match="contradicts the precedence"):
+        planner.take(1, Distribution((plan,), np.ones(1)))
+    planner.best(LIVE)
 
 
 @pytest.mark.parametrize("row", range(len(_refused(3))))

@@ -220,7 +220,7 @@ def test_a_much_better_start_is_polished_anew_and_a_little_better_one_is_not() -
     """What polishing has gained would be lost for less than it gains in as long again."""
 
     class Polished:
-        began_s, best_s = 99.0, 89.0  # without the way back
+        began_s, best_s = 99.0, 89.0
 
     line = dec_mcts._Line((0, 1), Polished(), 100.0)  # type: ignore[arg-type]  # a fake
     assert not line.outdone_by(Proposal({}, 97.0))

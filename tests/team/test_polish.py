@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts.feasibility.build import build_graph
+from decmcts.formats.machine_file import load_machine
 from decmcts.team.plans import StatedOrder, encode, encode_stated
 from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import Resolved, resolve
+from decmcts.team.warm_up import smallest_job, smallest_problem
 
 
 def _problem(case: Callable[..., Any], seed: int, heads: int = 2) -> TeamProblem:
@@ -98,3 +101,30 @@ def test_a_stated_order_that_cannot_be_is_ignored(case: Callable[..., Any], kind
         backwards[fixed] = True
     nothing = resolve(problem, {}, [0, 1])
     assert _stated(problem, StatedOrder(order, backwards, head)).digest == nothing.digest
+
+
+@pytest.mark.slow
+def test_heads_that_are_lost_are_given_nothing() -> None:
+    """What is polished is carried out by the heads that live."""
+    job, machine = smallest_job(), load_machine("rail-3")
+    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    problem = build_team_problem(job, machine, graph)
+    for live in ((0, 1), (1, 2), (0, 2)):
+        start = resolve(problem, {}, live)
+        polish = Polish(problem, StatedOrder.of(start.toolpaths), seed=1, live=live)
+        assert polish.began_s == pytest.approx(start.makespan_s)
+        polish.improve(20)
+        assert set(polish.best.head.tolist()) <= set(live)
+        plan = encode_stated(polish.best, 3, problem.n_macros)
+        assert resolve(problem, {live[0]: plan}, live).makespan_s == polish.best_s
+
+
+@pytest.mark.slow
+def test_printing_that_takes_no_time_is_polished() -> None:
+    """Segments without a feed take none; the temperature must not divide by it."""
+    problem = smallest_problem()
+    problem.visits.seconds[:] = 0.0
+    stated = StatedOrder.of(resolve(problem, {}, [0, 1]).toolpaths)
+    polish = Polish(problem, stated, seed=1)
+    polish.improve(5)
+    assert polish.best_s <= polish.began_s
