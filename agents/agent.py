@@ -183,7 +183,7 @@ class Agent:
         before = self._clock()
         try:
             self._judge_offer(before)
-            self._planner.iterate(self._live)
+            self._planner.iterate(self._live, self._spent(before))
         except InputError as error:
             self._get_stuck(error)
             return
@@ -192,6 +192,10 @@ class Agent:
         self._round_s = now - before
         if len(self._live) > 1:
             self._share(now)
+
+    def _spent(self, now: float) -> float:
+        """Return the share of the time for planning that is over, 0..1."""
+        return min(1.0, (now - self._start) / self._limit_s) if self._limit_s > 0.0 else 1.0
 
     def _judge_offer(self, now: float) -> None:
         """Let the planner judge what a peer told, if it claims to be better than ours."""

@@ -38,8 +38,8 @@ class Planner(Protocol):
     def names(self) -> tuple[str, ...]:
         """Names of all heads."""
 
-    def iterate(self, live: Sequence[int]) -> None:
-        """Do one round of planning for the live heads."""
+    def iterate(self, live: Sequence[int], spent: float) -> None:
+        """Do one round of planning for the live heads; `spent` of the time, 0..1, is over."""
 
     def distribution(self) -> Distribution:
         """Return what peers need to know of our intentions."""

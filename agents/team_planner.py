@@ -39,9 +39,9 @@ class TeamPlanner:
         planner.best(range(len(planner.names)))
         return planner
 
-    def iterate(self, live: Sequence[int]) -> None:
-        """Do one round of planning for the live heads."""
-        self._search.iterate(live)
+    def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
+        """Do one round of planning for the live heads; `spent` of the time, 0..1, is over."""
+        self._search.iterate(live, spent)
 
     def distribution(self) -> Distribution:
         """Return what peers need to know of our intentions."""

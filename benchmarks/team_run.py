@@ -155,7 +155,8 @@ def by_variant(
     history: list[tuple[float, float]] = []
     entropy: list[tuple[float, float]] = []
     while time.process_time() - began < cpu_s or not rounds:
-        best = one_round(team, heads, messages=variant != "no messages")
+        spent = (time.process_time() - began) / cpu_s
+        best = one_round(team, heads, spent, messages=variant != "no messages")
         rounds += 1
         at = round(time.process_time() - began, 2)
         if not history or best.makespan_s < history[-1][1]:
@@ -171,10 +172,10 @@ def by_variant(
     }
 
 
-def one_round(team: list[DecMcts], heads: list[int], *, messages: bool) -> Proposal:
+def one_round(team: list[DecMcts], heads: list[int], spent: float, *, messages: bool) -> Proposal:
     """Let every head plan once and tell the others, as `plan_team` does; return the best."""
     for agent in team:
-        agent.iterate(heads)
+        agent.iterate(heads, spent)
         told = agent.best(heads)
         for other in team if messages else []:
             other.take(agent.head, agent.distribution)

@@ -31,7 +31,7 @@ from decmcts.team.exchange import exchange, exchange_jointly
 from decmcts.team.max_plus import PairValues
 from decmcts.team.parameters import Parameters
 from decmcts.team.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
-from decmcts.team.polish import Polish
+from decmcts.team.polish import FEW, Polish
 from decmcts.team.problem import TeamProblem
 from decmcts.team.race import Race
 from decmcts.team.resolve import is_allowed, resolve, room_of
@@ -149,10 +149,12 @@ class DecMcts:
     def _by_policy(self, head: int, policy: int) -> Plan:
         return encode(policy, self.problem.n_macros)
 
-    def iterate(self, live: Sequence[int]) -> None:
+    def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
         """Do one outer round: grow the tree and update the distribution, then polish.
 
-        With no other head alive: search one order for everything instead.
+        `spent` is the share of the time for planning that is over, 0..1; polishing begins
+        with `Parameters.first`. With no other head alive: search one order for everything
+        instead.
         """
         team = _team(live)
         if team == (self.head,):
@@ -161,10 +163,14 @@ class DecMcts:
         self.best(team)  # raises where these heads can not print everything
         if self._try_policies(team):
             return  # heads tell each other the best policy before they polish
-        self._search(team)
         polished = self.parameters.windows > 0 and self.parameters.share < 1.0
-        if polished and len(self.problem.macro) <= MOST_STATED:
-            self._refine(team)
+        polished = polished and len(self.problem.macro) <= MOST_STATED
+        alone = spent < self.parameters.first and len(self.problem.macro) > FEW
+        if not polished or (alone and self.parameters.share):
+            self._search(team, UNPOLISHED if self.parameters.share else 0)
+            return
+        self._search(team, self._share())
+        self._refine(team)
 
     def _try_policies(self, team: Team) -> bool:
         """Try some policies for all heads at once; False when this head has tried all its own."""
@@ -186,9 +192,9 @@ class DecMcts:
             self._own.renew(self._with_start(best, team))
         return True
 
-    def _search(self, team: Team) -> None:
-        """Grow the tree and move q for this round's share of the work."""
-        self._credit += self._share()
+    def _search(self, team: Team, work: int) -> None:
+        """Grow the tree and move q until so many contours are put."""
+        self._credit += work
         least = (len(self.problem.macro) + EACH) // 4  # what a step costs that resolves nothing
         while self._credit > 0:
             before = self._values.put
@@ -201,10 +207,8 @@ class DecMcts:
             self._credit -= max(least, self._values.put - before)
 
     def _share(self) -> int:
-        """Return the contours that tree and distribution may put in a round."""
+        """Return the contours that tree and distribution may put in a round with polishing."""
         share, windows = self.parameters.share, self.parameters.windows
-        if share == 1.0 or windows == 0:
-            return UNPOLISHED if share else 0
         return int(share / (1.0 - share) * windows * WINDOW)
 
     def _sample(self, team: Team) -> None:

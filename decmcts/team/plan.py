@@ -40,7 +40,11 @@ def plan_team(
         for agent in team:
             if rounds and clock() - started >= time_limit_s:
                 break  # a round of many heads takes long
-            agent.iterate(list(heads))
+            spent = max(
+                (clock() - started) / time_limit_s if time_limit_s > 0.0 else 1.0,
+                rounds / max_rounds if max_rounds else 0.0,
+            )
+            agent.iterate(list(heads), spent)
             told = agent.best(list(heads))
             for other in team:
                 other.take(agent.head, agent.distribution)

@@ -89,7 +89,7 @@ class JointValues:
             return np.inf
         self.put += len(self._problem.macro) + EACH
         found = Proposal(dict(plans), makespan)
-        if team not in self.best or makespan < self.best[team].makespan_s:
+        if team not in self.best or makespan <= self.best[team].makespan_s:
             self.best[team] = found
         worse = team in self.starts and makespan > self.starts[team].makespan_s
         if not worse and self.stated(plans) is None:

@@ -64,7 +64,7 @@ class ToyPlanner:
         self._best: dict[tuple[int, ...], JointProposal] = {}
         self._own: list[np.ndarray] = []
 
-    def iterate(self, live: Sequence[int]) -> None:
+    def iterate(self, live: Sequence[int], spent: float) -> None:
         share = max(1, len(self.lengths) // len(live))
         order = self._rng.permutation(len(self.lengths)).astype(np.int32)
         mine = order[: share + int(self._rng.integers(-1, 2))]

@@ -20,10 +20,10 @@ class Sticky(ToyPlanner):
 
     stuck = False
 
-    def iterate(self, live: Sequence[int]) -> None:
+    def iterate(self, live: Sequence[int], spent: float) -> None:
         if self.stuck:
             time.sleep(3600.0)
-        super().iterate(live)
+        super().iterate(live, spent)
 
 
 def get_stuck(*_: object) -> None:
