@@ -104,9 +104,9 @@ def test_a_long_round_promises_a_longer_silence() -> None:
     clock = [0.0]
     agent._clock = lambda: team.network.now + clock[0]
 
-    def slow(live):  # type: ignore[no-untyped-def]
+    def slow(live, spent):  # type: ignore[no-untyped-def]
         clock[0] += 1.0
-        iterate(live)
+        iterate(live, spent)
 
     agent._planner.iterate = slow
     team.run(0.3)

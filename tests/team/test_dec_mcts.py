@@ -174,11 +174,30 @@ def test_the_share_is_kept_by_the_count(problem: TeamProblem, share: float) -> N
         pass
     before, allowed = agent._values.put, 0
     for _ in range(3):
-        agent._search((0, 1))
+        agent._search((0, 1), agent._share())
         allowed += agent._share()
     one_update = (FEW.plans + 1) * 2 * (len(problem.macro) + EACH)
     assert 0 <= agent._values.put - before <= allowed + (one_update if share else 0)
     assert agent._credit <= 0 and allowed == pytest.approx(share / (1 - share) * 36_000, abs=3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("first", "share"), [(0.5, 0.3), (0.0, 0.3), (0.5, 0.0)])
+def test_polishing_begins_when_it_is_set_to(
+    problem: TeamProblem, first: float, share: float
+) -> None:
+    """Tree and distribution come first, if they come at all."""
+    agent = DecMcts(problem, 0, seed=1, parameters=replace(FEW, first=first, share=share))
+    assert len(problem.macro) > dec_mcts.FEW
+    while agent._try_policies((0, 1)):
+        pass
+    before = agent._values.put
+    agent.iterate([0, 1], 0.4)
+    alone = first > 0.4 and share > 0.0
+    assert (agent._line is None) == alone
+    assert (agent._values.put - before > dec_mcts.UNPOLISHED) == alone
+    agent.iterate([0, 1], 0.5)
+    assert agent._line is not None
 
 
 @pytest.mark.slow
