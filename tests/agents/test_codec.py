@@ -88,6 +88,18 @@ def test_a_proposal_says_whether_it_is_serial(serial: bool) -> None:
     assert isinstance(heard, Proposal) and heard.serial is serial
 
 
+def test_a_joint_plan_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
+    """A symbol for each contour, in no order at all."""
+    rng = np.random.default_rng(5)
+    rows = np.array_split(rng.permutation(5000).astype(np.int32), 8)
+    joint = Joint(tuple(range(8)), dict(enumerate(rows)), 1e5)
+    data = wire(joint)
+    assert len(data) <= 16 * 1024
+    heard = decode(data).message
+    assert isinstance(heard, Joint)
+    assert all(np.array_equal(heard.plans[h], row) for h, row in enumerate(rows))
+
+
 def test_plans_with_650_shifts_each_of_8_heads_fit_in_16_kib() -> None:
     """Any shifts a plan may have, in no order at all: nothing is longer but a stated order."""
     rng = np.random.default_rng(5)

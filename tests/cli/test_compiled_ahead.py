@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 
-RECORD = """
+from tests.late_kernels import late_kernels
+
+AHEAD = """
 import sys
 from dataclasses import replace
 import numpy as np
 from decmcts.cli.begin import compile_search
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.jit import Kernel
 from decmcts.search.planners import plan_order
 from decmcts.search.spacing import no_spacing
 from tests.search.problems import random_problem, with_bare, with_loops, with_pace
@@ -35,23 +33,13 @@ if kind == "cooling":
     problem = replace(problem, spacing=no_spacing(600))
 if ahead == "yes":
     compile_search(problem, planner)
-late, usual = [], Kernel.compile
-
-def recorded(self, signature):
-    if self.overloads.get(tuple(signature)) is None:
-        late.append(self.py_func.__name__)
-    return usual(self, signature)
-
-Kernel.compile = recorded
-plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=30_000)
-print(*late)
 """
+SEARCH = "plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=30_000)"
 
 
 def late(planner: str, kind: str, *, ahead: bool) -> list[str]:
     """Name the kernels a search in a fresh process compiles, or loads, within its time."""
-    command = [sys.executable, "-c", RECORD, planner, kind, "yes" if ahead else "no"]
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.split()
+    return late_kernels(AHEAD, SEARCH, planner, kind, "yes" if ahead else "no")
 
 
 @pytest.mark.slow

@@ -131,7 +131,10 @@ def test_other_entries_are_kept_where_the_print_ends_sooner(
         before, after = timed.makespan(paths), timed.makespan(found)
         assert after <= before
         sooner += after < before
-        assert freedom == "seam" or not any(path.entry.any() for path in found)
+        if after < before:
+            assert any(path.entry.any() for path in found) == (freedom == "seam")
+        else:
+            assert [path.entry.tolist() for path in found] == [p.entry.tolist() for p in paths]
         plan = schedule(case.job, case.machine, case.graph, found)
         digest = problem_digest(case.job.contours, case.graph, case.machine)
         rules = OrderRules("keep", False, None, freedom)
@@ -139,7 +142,7 @@ def test_other_entries_are_kept_where_the_print_ends_sooner(
             digest, case.machine, case.job.contours, case.graph.pairs(), plan, {}, rules=rules
         )
         assert not verify_plan(document, source=case.job).faults
-    assert sooner
+    assert sooner >= len(SEEDS) - 1
 
 
 def test_windows_find_what_all_at_once_would_lose(

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -13,10 +10,10 @@ from decmcts.team.parameters import Parameters
 from decmcts.team.plans import StatedOrder, encode_stated
 from decmcts.team.resolve import resolve
 from decmcts.team.warm_up import HEADS, compile_rounds, smallest_problem
+from tests.late_kernels import late_kernels
 
-RECORD = """
+AHEAD = """
 import sys
-from decmcts.jit import Kernel
 from decmcts.feasibility.build import build_graph
 from decmcts.team.plan import plan_team
 from decmcts.team.problem import build_team_problem
@@ -28,23 +25,13 @@ graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_
 problem = build_team_problem(job, machine, graph)
 if sys.argv[1] == "yes":
     compile_rounds()
-late, usual = [], Kernel.compile
-
-def recorded(self, signature):
-    if self.overloads.get(tuple(signature)) is None:
-        late.append(self.py_func.__name__)
-    return usual(self, signature)
-
-Kernel.compile = recorded
-plan_team(problem, time_limit_s=1e9, seed=0, max_rounds=6)
-print(*late)
 """
+SEARCH = "plan_team(problem, time_limit_s=1e9, seed=0, max_rounds=6)"
 
 
 def late(ahead: str) -> list[str]:
     """Name the kernels that a fresh process compiles, or loads, within its rounds."""
-    command = [sys.executable, "-c", RECORD, ahead]
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.split()
+    return late_kernels(AHEAD, SEARCH, ahead)
 
 
 @pytest.mark.slow
