@@ -155,7 +155,7 @@ def by_variant(
     history: list[tuple[float, float]] = []
     entropy: list[tuple[float, float]] = []
     while time.process_time() - began < cpu_s or not rounds:
-        spent = (time.process_time() - began) / cpu_s
+        spent = (time.process_time() - began) / cpu_s if cpu_s > 0.0 else 1.0
         best = one_round(team, heads, spent, messages=variant != "no messages")
         rounds += 1
         at = round(time.process_time() - began, 2)

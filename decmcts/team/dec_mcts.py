@@ -20,7 +20,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.search.planners import plan_order
@@ -81,7 +80,6 @@ class DecMcts:
         self._values = JointValues(problem)
         self._races: dict[Team, Race] = {}
         self._pairs: dict[Team, PairValues] = {}
-        self._may: dict[Team, NDArray[np.bool_]] = {}  # which of a team's heads may print what
         self._line: _Line | None = None
         self._lines = self._alone = 0  # joint orders polished, rounds without another head
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
@@ -114,17 +112,12 @@ class DecMcts:
         told = {r: plans.get(r, NOTHING) for r in team}
         self._values.makespan(told, team)
         stated = self._values.stated(told)
-        if stated is None or not is_allowed(self.problem, stated, self._eligible(team)):
+        if stated is None or not is_allowed(self.problem, stated, room_of(self.problem, team)[1]):
             return
         if self._line is not None and self._line.team == team:
             self._line.polish.take(stated)
             self._keep_polished(self._line)
             self._follow(stated, self._values.makespan(told, team), team)
-
-    def _eligible(self, team: Team) -> NDArray[np.bool_]:
-        if team not in self._may:
-            self._may[team] = room_of(self.problem, team)[1]
-        return self._may[team]
 
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""

@@ -36,15 +36,16 @@ def plan_team(
     heads = range(len(problem.machine.heads))
     team = [DecMcts(problem, r, seed=seed, parameters=parameters) for r in heads]
     started, rounds = clock(), 0
+
+    def spent() -> float:
+        by_time = (clock() - started) / time_limit_s if time_limit_s > 0.0 else 1.0
+        return max(by_time, rounds / max_rounds if max_rounds else 0.0)
+
     while True:
         for agent in team:
-            if rounds and clock() - started >= time_limit_s:
+            if rounds and spent() >= 1.0:
                 break  # a round of many heads takes long
-            spent = max(
-                (clock() - started) / time_limit_s if time_limit_s > 0.0 else 1.0,
-                rounds / max_rounds if max_rounds else 0.0,
-            )
-            agent.iterate(list(heads), spent)
+            agent.iterate(list(heads), spent())
             told = agent.best(list(heads))
             for other in team:
                 other.take(agent.head, agent.distribution)
@@ -54,5 +55,5 @@ def plan_team(
         best = min((agent.best(list(heads)) for agent in team), key=lambda found: found.makespan_s)
         if progress is not None:
             progress(rounds, best.makespan_s)
-        if clock() - started >= time_limit_s or rounds == max_rounds:
+        if spent() >= 1.0:
             return best

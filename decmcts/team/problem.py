@@ -6,7 +6,7 @@ before it talks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from hashlib import blake2b
 
 import numpy as np
@@ -54,6 +54,10 @@ class TeamProblem:
     macro_part: NDArray[np.int64]  # (n_macros,)
     n_macros: int
     digest: str
+    # of teams of some heads only, as `decmcts.team.resolve.room_of` finds them
+    rooms: dict[tuple[int, ...], tuple[Fleet, NDArray[np.bool_]]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def head_names(self) -> tuple[str, ...]:

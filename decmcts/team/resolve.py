@@ -89,8 +89,11 @@ def room_of(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray[n
     """Return the machine where only these heads move, and which of them may print what."""
     if len(team) == len(problem.machine.heads):
         return problem.fleet, problem.space.eligible
-    fleet = fleet_of(problem.job, problem.machine, team)
-    return fleet, build_space(problem.job, problem.machine, team).eligible
+    key = tuple(team)
+    if key not in problem.rooms:
+        space = build_space(problem.job, problem.machine, team)
+        problem.rooms[key] = fleet_of(problem.job, problem.machine, team), space.eligible
+    return problem.rooms[key]
 
 
 def _dispatched(
@@ -142,10 +145,7 @@ def _keys(
 
 def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:
     """Return a serial order with only what may run backwards; None if it breaks the precedence."""
-    turn = np.empty(len(order), np.int64)
-    turn[order.order] = np.arange(len(order))
-    before, after = problem.graph.pairs().T
-    if (turn[before] >= turn[after]).any():
+    if not _keeps_precedence(problem, order.order):
         return None
     return Toolpath.of(order.order, order.reversed & problem.visits.reversible[order.order])
 
@@ -154,12 +154,16 @@ def is_allowed(problem: TeamProblem, stated: StatedOrder, eligible: NDArray[np.b
     """Whether a stated order keeps precedence, directions and who may print what."""
     if stated.head.max(initial=0) >= eligible.shape[1]:
         return False
-    turn = np.empty(len(stated.order), np.int64)
-    turn[stated.order] = np.arange(len(stated.order))
-    before, after = problem.graph.pairs().T
     backwards = stated.backwards & ~problem.visits.reversible[stated.order]
     may = eligible[stated.order, stated.head]
-    return bool(may.all() and not backwards.any() and (turn[before] < turn[after]).all())
+    return bool(may.all() and not backwards.any()) and _keeps_precedence(problem, stated.order)
+
+
+def _keeps_precedence(problem: TeamProblem, order: NDArray[np.int32]) -> bool:
+    turn = np.empty(len(order), np.int64)
+    turn[order] = np.arange(len(order))
+    before, after = problem.graph.pairs().T
+    return bool((turn[before] < turn[after]).all())
 
 
 def _one_by_one(
