@@ -50,7 +50,8 @@ class Until:
         self.status = status
 
     def should_stop(self) -> bool:
-        return bool(self.status) and self.seen(self.status)
+        planning = bool(self.status) and all(s.rounds for s in self.status)
+        return planning and self.seen(self.status)  # earlier, a launch has nothing to end
 
 
 class Saboteur(Until):
