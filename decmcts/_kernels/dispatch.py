@@ -1,9 +1,9 @@
 """List scheduling for several heads: who prints what next, on bare arrays.
 
 The head that is free first takes, of the contours it can begin at once, the one of
-least score; where there is none it waits until another head gives room back. Contours
-are looked at by column (those of one part and one place along the machine): of each
-only the first that is left.
+least score; where there is none it sleeps until it may begin one. Contours are looked
+at by column (those of one part and one place along the machine): of each only the
+first that is left, if all it rests on was put.
 """
 
 from __future__ import annotations
@@ -16,20 +16,19 @@ from numpy.typing import NDArray
 from decmcts._kernels.aside import print_next, return_all
 from decmcts._kernels.carry_out import OK, SHUT_IN, room_enough, units_for
 from decmcts._kernels.jit import inlined, kernel
-from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked, end_of, rests_on
-from decmcts._kernels.rooms import (
-    Fleet,
-    Point,
-    Room,
-    keep_room,
-    room_at,
-    room_of_travel,
-    too_near,
-    travel_seconds,
+from decmcts._kernels.joint import (
+    NONE,
+    Heads,
+    Units,
+    Visits,
+    all_parked,
+    clear_from,
+    end_of,
+    rests_on,
 )
+from decmcts._kernels.rooms import Fleet, Point, room_at, room_of_travel, travel_seconds
 
 LATER = 1e-9  # seconds; what is nearer is now
-SURE = 1e-6  # seconds; a head that sleeps is looked at again so much sooner than it need be
 PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 
 
@@ -53,16 +52,16 @@ class Pool(NamedTuple):
     missing: NDArray[np.int32]  # (n,) what it rests on that was not put
     ready: NDArray[np.float64]  # (n,) when it may begin, once nothing is missing
     put: NDArray[np.bool_]  # (n,)
-    now: NDArray[np.float64]  # (heads,) each head has decided up to here
+    column_of: NDArray[np.int32]  # (n,)
+    open: NDArray[np.int64]  # (columns,) those whose first may be ready, in no order
+    is_open: NDArray[np.bool_]  # (columns,) whether among these
+    news: NDArray[np.int64]  # (columns,) contours that the last one put made ready
+    counts: NDArray[np.int64]  # (2,) how many `open` and `news` there are
+    now: NDArray[np.float64]  # (heads,) when each head looks next, once it is free
     about: NDArray[np.int64]  # (heads,) contour it printed last; NONE
     shut: NDArray[np.float64]  # (heads, columns) when at the soonest a head may begin the first
     looked: NDArray[np.int64]  # (heads, columns) row of `column` that `shut` is about
     stood: NDArray[np.int64]  # (heads,) unit after which `shut` was written
-    asleep: NDArray[np.float64]  # (heads,) it could begin nothing before, when it looked last
-    seen: NDArray[np.int64]  # (heads,) units put when it looked last; -1: never
-    room: NDArray[np.float64]  # (k, 6) held by others now, see `held_by_others`
-    holder: NDArray[np.int64]  # (k,)
-    release: NDArray[np.float64]  # (k,)
 
 
 @kernel
@@ -72,21 +71,27 @@ def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
     missing = np.empty(n, np.int32)
     for c in range(n):
         missing[c] = visits.pred_offsets[c + 1] - visits.pred_offsets[c]
+    column_of = np.empty(n, np.int32)
+    for column in range(columns):
+        for row in range(policy.column_offsets[column], policy.column_offsets[column + 1]):
+            column_of[policy.column[row]] = column
+    counts = np.zeros(2, np.int64)
+    counts[0] = columns
     return Pool(
         policy.column_offsets[:-1].copy(),
         missing,
         np.zeros(n),
         np.zeros(n, np.bool_),
+        column_of,
+        np.arange(columns),
+        np.ones(columns, np.bool_),
+        np.empty(columns, np.int64),
+        counts,
         np.zeros(heads),
         np.full(heads, NONE),
         np.zeros((heads, columns)),
         np.full((heads, columns), NONE),
         np.full(heads, NONE),
-        np.zeros(heads),
-        np.full(heads, -1),
-        np.empty((3 * heads + 3, 6)),
-        np.empty(3 * heads + 3, np.int64),
-        np.empty(3 * heads + 3),
     )
 
 
@@ -102,52 +107,14 @@ def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
 
 
 @inlined
-def hold(u: int, start: float, visits: Visits, units: Units) -> tuple[Room, float]:
-    """Return what room unit u holds at `start`, and when it gives some of it back."""
-    room, begin, end = room_at(units.room, u), units.begin[u], units.end[u]
-    if begin > start:
-        return room, begin
-    c, seconds = units.contour[u], end - begin
-    if c == NONE:
-        return room, end
-    row = 2 * c + units.backwards[u]
-    for k in range(visits.pieces.offsets[row] + 1, visits.pieces.offsets[row + 1]):
-        at = begin + visits.pieces.share[k] * seconds
-        if at > start:
-            return room, at
-        room = room_at(visits.pieces.room, k)
-    return room, end
-
-
-@inlined
-def held_by_others(
-    r: int,
-    start: float,
-    visits: Visits,
-    units: Units,
-    heads: Heads,
-    pool: Pool,
-) -> tuple[int, float]:
-    """Write to `pool.room` what other heads hold at `start`; how many, and until when.
-
-    That is until any of it is given back, or another head decides.
-    """
-    count, until = 0, np.inf
+def next_decision(r: int, start: float, heads: Heads, pool: Pool) -> float:
+    """When another head than r decides next, after `start`; infinite: none does."""
+    until = np.inf
     for s in range(len(heads.free)):
-        if s == r:
-            continue
         decides = max(heads.free[s], pool.now[s])
-        if decides > start + LATER:
+        if s != r and decides > start + LATER:
             until = min(until, decides)
-        u = heads.last[s]
-        while u != NONE and units.end[u] > start + LATER and count < len(pool.holder):
-            held, at = hold(u, start + LATER, visits, units)
-            until = min(until, max(start + LATER, at))
-            keep_room(held, pool.room, count)
-            pool.holder[count], pool.release[count] = s, at
-            count += 1
-            u = units.before[u]
-    return count, until
+    return until
 
 
 @inlined
@@ -177,24 +144,6 @@ def nearer_end(
 
 
 @inlined
-def held_until(
-    r: int,
-    wanted: Room,
-    count: int,
-    pool: Pool,
-    fleet: Fleet,
-) -> float:
-    """Until when at least others hold some of the room head r wants; -inf: it is free."""
-    until = -np.inf
-    for k in range(count):
-        if pool.release[k] > until and too_near(
-            wanted, room_at(pool.room, k), r, pool.holder[k], fleet
-        ):
-            until = pool.release[k]
-    return until
-
-
-@inlined
 def first_of(column: int, policy: Policy, pool: Pool) -> int:
     """First contour of a column not yet put; NONE: all were (mutates pool)."""
     end = policy.column_offsets[column + 1]
@@ -204,23 +153,39 @@ def first_of(column: int, policy: Policy, pool: Pool) -> int:
 
 
 @inlined
-def may_sleep(r: int, start: float, units: Units, heads: Heads, pool: Pool) -> bool:
-    """Whether nothing can have opened for head r since it looked last (mutates pool)."""
-    if pool.stood[r] != heads.last[r]:
-        pool.looked[r], pool.stood[r] = NONE, heads.last[r]
-    unseen: bool = pool.seen[r] < units.used[0]
-    return not unseen and bool(start + SURE < pool.asleep[r])
+def room_free_from(
+    r: int, u: int, back: bool, there: float, at: Point, start: float, visits: Visits,
+    fleet: Fleet, units: Units, heads: Heads,
+) -> float:  # fmt: skip
+    """When at the soonest, from `start` on, head r can go to contour u, `there` seconds, and print.
+
+    By the units put so far; more that are put open nothing.
+    """
+    side = 1 if back else 0
+    way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
+    leaves = clear_from(r, way, start, visits, fleet, units, heads)
+    held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
+    comes: float = clear_from(r, held, leaves, visits, fleet, units, heads)
+    return comes
 
 
 @inlined
-def room_free_from(
-    r: int, u: int, back: bool, at: Point, count: int, visits: Visits, fleet: Fleet, pool: Pool
-) -> float:
-    """When at the soonest head r may have the room of contour u and the way there; -inf: now."""
-    side = 1 if back else 0
-    held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
-    way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
-    return max(held_until(r, held, count, pool, fleet), held_until(r, way, count, pool, fleet))
+def look_anew(r: int, heads: Heads, pool: Pool) -> None:
+    """Forget what was shut to head r where it stood before (mutates pool)."""
+    if pool.stood[r] != heads.last[r]:
+        pool.looked[r], pool.stood[r] = NONE, heads.last[r]
+
+
+@inlined
+def first_open(i: int, policy: Policy, pool: Pool) -> int:
+    """First contour left of the i-th open column; NONE: it is open no more (mutates pool)."""
+    column = pool.open[i]
+    u = first_of(column, policy, pool)
+    if u != NONE and pool.missing[u] == 0:
+        return u
+    pool.counts[0] -= 1
+    pool.open[i], pool.is_open[column] = pool.open[pool.counts[0]], False
+    return NONE
 
 
 @inlined
@@ -230,46 +195,44 @@ def choose(
 ) -> tuple[int, bool, float]:  # fmt: skip
     """Return the contour head r should print next, and whether backwards; NONE: wait until when.
 
-    What is shut till some time is not looked at sooner (`Pool.shut`): more that is put opens
-    nothing that was looked at, unless this head moves.
+    What is shut till some time is not looked at sooner (`Pool.shut`), unless this head moves.
     """
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
-    count, until = held_by_others(r, start, visits, units, heads, pool)
-    if may_sleep(r, start, units, heads, pool) and until < np.inf:
-        return NONE, False, until
-    lagging = len(visits.lags.below) > 0
-    asleep = -np.inf if lagging else np.inf
-    best, chosen, turned, cooled = np.inf, NONE, False, np.inf
+    look_anew(r, heads, pool)
+    best, chosen, turned, wakes = np.inf, NONE, False, np.inf
     by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
-    for column in range(len(pool.first)):
-        u, row = first_of(column, policy, pool), pool.first[column]
-        if u == NONE or pool.missing[u] > 0 or not policy.eligible[u, r]:
+    i = 0
+    while i < pool.counts[0]:
+        column = pool.open[i]
+        u = first_open(i, policy, pool)
+        if u == NONE:
             continue
-        if pool.looked[r, column] == row and start + SURE < pool.shut[r, column] and until < np.inf:
-            asleep = min(asleep, pool.shut[r, column])
+        i += 1
+        if not policy.eligible[u, r]:
+            continue
+        row = pool.first[column]
+        if pool.looked[r, column] == row and start + LATER < pool.shut[r, column]:
+            wakes = min(wakes, pool.shut[r, column])
             continue
         score = by_key * policy.key[r, u]
-        if score >= best:
+        if score > best:
             continue
         if by_step > 0.0:
             score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
         there, back = nearer_end(at, u, visits, fleet.travel[r])
         lost, seconds = max(there, pool.ready[u] - start), visits.seconds[r, u]
         score += by_waste * lost / (seconds + lost + LATER)
-        if score >= best:
+        if score > best or (score == best and chosen != NONE and u > chosen):
             continue
-        late = lost > there + PATIENCE * seconds
-        opens = pool.ready[u] - there - PATIENCE * seconds
-        if not late:
-            opens = room_free_from(r, u, back, at, count, visits, fleet, pool)
-        if opens > -np.inf and until < np.inf:
-            pool.shut[r, column], pool.looked[r, column] = opens, NONE if lagging else row
-            asleep = min(asleep, opens)
-            cooled = min(cooled, start + max(LATER, lost - there)) if late else cooled
+        opens = max(start, pool.ready[u] - there - PATIENCE * seconds)
+        if opens <= start + LATER:
+            opens = room_free_from(r, u, back, there, at, start, visits, fleet, units, heads)
+        if opens > start + LATER:
+            pool.shut[r, column], pool.looked[r, column] = opens, row
+            wakes = min(wakes, opens)
         else:
             best, chosen, turned = score, u, back
-    pool.seen[r], pool.asleep[r] = units.used[0], asleep
-    return chosen, turned, min(until, cooled) if lagging else until
+    return chosen, turned, wakes if wakes < np.inf else next_decision(r, start, heads, pool)
 
 
 @kernel
@@ -281,14 +244,53 @@ def first_left(lowest: int, pool: Pool) -> int:
 
 
 @inlined
+def open_first(column: int, policy: Policy, pool: Pool) -> None:
+    """Note that the first contour left of a column has become ready, if it has (mutates pool)."""
+    u = first_of(column, policy, pool)
+    if u == NONE or pool.missing[u] > 0:
+        return
+    if not pool.is_open[column]:
+        pool.open[pool.counts[0]], pool.is_open[column] = column, True
+        pool.counts[0] += 1
+    for k in range(pool.counts[1]):
+        if pool.news[k] == u:
+            return
+    pool.news[pool.counts[1]] = u
+    pool.counts[1] += 1
+
+
+@inlined
 def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Pool) -> None:
     """Note that head r prints c (mutates pool)."""
     pool.put[c], pool.about[r] = True, c
+    pool.counts[1] = 0
     for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
         s = policy.succs[k]
         pool.missing[s] -= 1
         if pool.missing[s] == 0:
             pool.ready[s] = rests_on(s, visits, heads)
+            open_first(pool.column_of[s], policy, pool)
+    open_first(pool.column_of[c], policy, pool)
+
+
+@inlined
+def wake(
+    r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, heads: Heads, pool: Pool
+) -> None:
+    """Let heads that sleep look sooner, where what head r put opens something (mutates pool)."""
+    for s in range(len(heads.free)):
+        if s == r or pool.now[s] <= start:
+            continue
+        if heads.last[s] != pool.stood[s]:  # it had to step aside
+            pool.now[s] = start
+            continue
+        at = (heads.at[s, 0], heads.at[s, 1], heads.at[s, 2])
+        for k in range(pool.counts[1]):
+            u = pool.news[k]
+            if policy.eligible[u, s]:
+                there, _ = nearer_end(at, u, visits, fleet.travel[s])
+                soonest = pool.ready[u] - there - PATIENCE * visits.seconds[s, u]
+                pool.now[s] = min(pool.now[s], max(start, soonest))
 
 
 @kernel
@@ -312,6 +314,7 @@ def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
         if not print_next(r, c, back, visits, fleet, units, state):
             return units, SHUT_IN
         take(r, c, visits, policy, state, pool)
+        wake(r, start, visits, fleet, policy, state, pool)
         left -= 1
     units = room_enough(units, heads)
     return units, OK if return_all(visits, fleet, units, state) else SHUT_IN

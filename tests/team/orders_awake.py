@@ -1,11 +1,11 @@
 """Prints digests of joint orders whose heads sleep while nothing opens, then of heads that don't.
 
-A program for an interpreter with NUMBA_DISABLE_JIT=1: there the engine's constants can be set.
+A program for an interpreter with NUMBA_DISABLE_JIT=1: there the engine's parts can be exchanged.
 """
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from sim.experiments.random_teams import problem_of
 SEEDS = (5, 9, 33, 40)  # of machines: two heads on a rail along y, three on two rails and on one
 POLICIES = (0, 5, 60)
 looks = [0]
-look = dispatch.nearer_end
+look = dispatch.choose
 
 
 def counted(*given: object) -> object:
@@ -34,9 +34,17 @@ def cooling(problem: TeamProblem) -> TeamProblem:
     return build_team_problem(problem.job, problem.machine, graph, lags)
 
 
-def digests(sure_s: float) -> list[str]:
-    """Return digests of joint orders, and how many contours were looked at."""
-    dispatch.SURE, looks[0] = sure_s, 0
+def rouse(r: int, start: float, *given: Any) -> None:
+    """Let all other heads look again, whatever head r has put."""
+    pool = given[-1]
+    for s in range(len(pool.now)):
+        if s != r:
+            pool.now[s] = min(pool.now[s], start)
+
+
+def digests() -> list[str]:
+    """Return digests of joint orders, and how often heads looked."""
+    looks[0] = 0
     found = []
     for seed in SEEDS:
         for problem in (problem_of(seed), cooling(problem_of(seed))):
@@ -48,5 +56,7 @@ def digests(sure_s: float) -> list[str]:
 
 
 if __name__ == "__main__":
-    dispatch.nearer_end = counted
-    print(*digests(dispatch.SURE), *digests(math.inf), sep="\n")
+    dispatch.choose = counted
+    asleep = digests()
+    dispatch.wake = rouse
+    print(*asleep, *digests(), sep="\n")
