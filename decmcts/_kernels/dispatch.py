@@ -232,6 +232,8 @@ def choose(
             wakes = min(wakes, opens)
         else:
             best, chosen, turned = score, u, back
+            # what was good is looked at first from now on, so that others are passed over sooner
+            pool.open[i - 1], pool.open[0] = pool.open[0], pool.open[i - 1]
     return chosen, turned, wakes if wakes < np.inf else next_decision(r, start, heads, pool)
 
 
