@@ -29,6 +29,7 @@ from decmcts._kernels.joint import (
 from decmcts._kernels.rooms import Fleet, Point, room_at, room_of_travel, travel_seconds
 
 LATER = 1e-9  # seconds; what is nearer is now
+OPEN, NEWS = 0, 1  # of `Pool.counts`
 PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 
 
@@ -76,7 +77,7 @@ def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
         for row in range(policy.column_offsets[column], policy.column_offsets[column + 1]):
             column_of[policy.column[row]] = column
     counts = np.zeros(2, np.int64)
-    counts[0] = columns
+    counts[OPEN] = columns
     return Pool(
         policy.column_offsets[:-1].copy(),
         missing,
@@ -154,19 +155,19 @@ def first_of(column: int, policy: Policy, pool: Pool) -> int:
 
 @inlined
 def room_free_from(
-    r: int, u: int, back: bool, there: float, at: Point, start: float, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads,
+    r: int, u: int, back: bool, at: Point, start: float, visits: Visits, fleet: Fleet,
+    units: Units, heads: Heads,
 ) -> float:  # fmt: skip
-    """When at the soonest, from `start` on, head r can go to contour u, `there` seconds, and print.
+    """When at the soonest, from `start` on, head r may have contour u's room and the way there.
 
     By the units put so far; more that are put open nothing.
     """
     side = 1 if back else 0
     way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
-    leaves = clear_from(r, way, start, visits, fleet, units, heads)
     held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
-    comes: float = clear_from(r, held, leaves, visits, fleet, units, heads)
-    return comes
+    clear = clear_from(r, way, start, visits, fleet, units, heads)
+    both: float = clear_from(r, held, clear, visits, fleet, units, heads)
+    return both
 
 
 @inlined
@@ -183,8 +184,8 @@ def first_open(i: int, policy: Policy, pool: Pool) -> int:
     u = first_of(column, policy, pool)
     if u != NONE and pool.missing[u] == 0:
         return u
-    pool.counts[0] -= 1
-    pool.open[i], pool.is_open[column] = pool.open[pool.counts[0]], False
+    pool.counts[OPEN] -= 1
+    pool.open[i], pool.is_open[column] = pool.open[pool.counts[OPEN]], False
     return NONE
 
 
@@ -202,7 +203,7 @@ def choose(
     best, chosen, turned, wakes = np.inf, NONE, False, np.inf
     by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
     i = 0
-    while i < pool.counts[0]:
+    while i < pool.counts[OPEN]:
         column = pool.open[i]
         u = first_open(i, policy, pool)
         if u == NONE:
@@ -226,7 +227,7 @@ def choose(
             continue
         opens = max(start, pool.ready[u] - there - PATIENCE * seconds)
         if opens <= start + LATER:
-            opens = room_free_from(r, u, back, there, at, start, visits, fleet, units, heads)
+            opens = room_free_from(r, u, back, at, start, visits, fleet, units, heads)
         if opens > start + LATER:
             pool.shut[r, column], pool.looked[r, column] = opens, row
             wakes = min(wakes, opens)
@@ -252,20 +253,20 @@ def open_first(column: int, policy: Policy, pool: Pool) -> None:
     if u == NONE or pool.missing[u] > 0:
         return
     if not pool.is_open[column]:
-        pool.open[pool.counts[0]], pool.is_open[column] = column, True
-        pool.counts[0] += 1
-    for k in range(pool.counts[1]):
+        pool.open[pool.counts[OPEN]], pool.is_open[column] = column, True
+        pool.counts[OPEN] += 1
+    for k in range(pool.counts[NEWS]):
         if pool.news[k] == u:
             return
-    pool.news[pool.counts[1]] = u
-    pool.counts[1] += 1
+    pool.news[pool.counts[NEWS]] = u
+    pool.counts[NEWS] += 1
 
 
 @inlined
 def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Pool) -> None:
     """Note that head r prints c (mutates pool)."""
     pool.put[c], pool.about[r] = True, c
-    pool.counts[1] = 0
+    pool.counts[NEWS] = 0
     for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
         s = policy.succs[k]
         pool.missing[s] -= 1
@@ -287,7 +288,7 @@ def wake(
             pool.now[s] = start
             continue
         at = (heads.at[s, 0], heads.at[s, 1], heads.at[s, 2])
-        for k in range(pool.counts[1]):
+        for k in range(pool.counts[NEWS]):
             u = pool.news[k]
             if policy.eligible[u, s]:
                 there, _ = nearer_end(at, u, visits, fleet.travel[s])
