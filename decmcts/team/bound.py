@@ -70,7 +70,7 @@ def makespan_bound(
     exclusive = max(
         (float(time[alone & space.eligible[:, r]].sum()) for r in range(heads)), default=0.0
     )
-    shared = max(serial / heads, _on_rail(job, machine, parts))
+    shared = max(serial / heads, _on_rail(job, machine, parts, entries))
     window = _in_window(job, machine, parts)
     bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
     return Bound(serial, shared, chain, exclusive, window, bound)
@@ -90,13 +90,17 @@ def _in_window(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> f
     return window_bound(contours.points, seconds, size)
 
 
-def _on_rail(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> float:
+def _on_rail(
+    job: PrintJob, machine: Machine, parts: NDArray[np.float64], entries: SeamEntries | None
+) -> float:
     """Return the bound of heads that are all in order along one rail; 0 where they are not."""
     names = {head.name for head in machine.heads}
     rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
     if rail is None or len(names) < 2:
         return 0.0
     held = _held(job, machine, parts, rail.axis)
+    if entries is not None and machine.release == "point":
+        held = _entered_anywhere(held, job.contours, parts, rail.axis, entries)
     return rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
 
 
@@ -117,6 +121,31 @@ def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int
     end = np.where(ends_way, spent[last] - spent[first], np.roll(begin, -1))
     low, high = pieces.room[:, 2 * axis], pieces.room[:, 2 * axis + 1]
     return Held(low, high, end - begin, way)
+
+
+def _entered_anywhere(
+    held: Held, contours: Contours, parts: NDArray[np.float64], axis: int, entries: SeamEntries
+) -> Held:
+    """Return what is held if loops may be entered at `entries`, and run either way from there.
+
+    Of such a loop a head holds at least the segment it prints, less the seam's gap, which may
+    be at either end of it.
+    """
+    moved = np.maximum.reduceat(entries.vertices, entries.offsets[:-1]) > 0
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    at = contours.points[:, axis]
+    before = np.roll(at, 1)
+    ends = np.concatenate([contours.offsets[:-1], contours.offsets[1:] - 1])
+    before[ends] = at[ends]  # what is printed through the old gap counts there
+    gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner]
+    rows = moved[owner]
+    stays = ~moved[held.way // 2]
+    return Held(
+        np.concatenate([held.low[stays], (np.minimum(before, at) + gap)[rows]]),
+        np.concatenate([held.high[stays], (np.maximum(before, at) - gap)[rows]]),
+        np.concatenate([held.seconds[stays], parts[rows]]),
+        np.concatenate([held.way[stays], 2 * owner[rows]]),
+    )
 
 
 def _scaled(

@@ -6,6 +6,10 @@ worth V takes V seconds at least. The programme finds the prices of most worth. 
 a longest path finds what can be printed at one moment costs at most, exactly; dividing by
 that, the result is a bound whatever the solver's tolerance.
 
+Of two heads that print side by side one began later. It began only once the other held
+nothing any more of the room of its *whole* contour, for a head that prints never waits. So
+of two neighbours one is as wide as what it still holds and one as wide as its whole contour.
+
 Positions are rounded to cells so that heads fit more easily than in truth. Work is the
 pieces of contours, each with the room its head still holds while it prints it; where a
 contour may be run from either end, that way counts in which it is worth less.
@@ -20,7 +24,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import linprog
 
-CELLS = 240  # along the rail; more are tighter and slower
+CELLS = 100  # of a separation; more are tighter and slower
+MOST_CELLS = 960  # along the rail
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -41,16 +46,42 @@ def rail_bound(held: Held, *, separation_mm: float, heads: int) -> float:
     """
     if not len(held.seconds) or not float(held.seconds.sum()) > 0.0:
         return 0.0
-    origin = held.low.min()
-    cell = max(float(held.high.max() - origin), separation_mm) / CELLS
-    ends = np.column_stack([np.ceil((held.low - origin) / cell), (held.high - origin) // cell])
-    places, place = np.unique(ends.astype(np.int64), axis=0, return_inverse=True)
-    first, last, apart = places[:, 0], places[:, 1], int(separation_mm / cell)
-    worth = _worth(held, place.reshape(-1), len(places))
-    price = _prices(first, last, worth, heads, apart)
+    places, place, apart = _places(held, separation_mm)
+    worth = _worth(held, place, len(places.low))
+    price = _prices(places, worth, heads, apart)
     value = worth.matrix @ price
     cheapest = np.minimum.reduceat(value, worth.begins)
-    return float(cheapest.sum()) / _dearest(first, last, price, heads, apart)
+    return float(cheapest.sum()) / _dearest(places, price, heads, apart)
+
+
+class _Places(NamedTuple):
+    """Cells that pieces hold, first and last, and those of their whole contours; each (k,)."""
+
+    low: Ints
+    high: Ints
+    whole_low: Ints
+    whole_high: Ints
+
+    def width(self, apart: int) -> int:
+        """Return how many cells the rail has, with room behind the last for one head more."""
+        return int(max(self.low.max(), self.whole_high.max() + apart)) + 1
+
+
+def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
+    """Return the different places, the place of each piece, and the separation in cells."""
+    origin = held.low.min()
+    extent = float(held.high.max() - origin)
+    cell = max(separation_mm / CELLS, extent / MOST_CELLS, 1e-9)
+    low = np.ceil((held.low - origin) / cell).astype(np.int64)
+    high = ((held.high - origin) // cell).astype(np.int64)
+    _, way = np.unique(held.way, return_inverse=True)
+    way = way.reshape(-1)
+    whole_low, whole_high = np.full(way.max() + 1, high.max()), np.zeros(way.max() + 1, np.int64)
+    np.minimum.at(whole_low, way, low)
+    np.maximum.at(whole_high, way, high)
+    cells = np.column_stack([low, high, whole_low[way], whole_high[way]])
+    places, place = np.unique(cells, axis=0, return_inverse=True)
+    return _Places(*places.T), place.reshape(-1), int(separation_mm / cell)
 
 
 class _Worth(NamedTuple):
@@ -73,35 +104,34 @@ def _worth(held: Held, place: Ints, places: int) -> _Worth:
     return _Worth(matrix, contour, np.flatnonzero(np.diff(contour, prepend=contour[0] - 1)))
 
 
-def _prices(first: Ints, last: Ints, worth: _Worth, heads: int, apart: int) -> Floats:
-    """Return the prices of most worth: of places `first`, `last`, (k,).
+def _prices(places: _Places, worth: _Worth, heads: int, apart: int) -> Floats:
+    """Return the prices of most worth, (k,).
 
-    Variables are the prices, the worth of each contour, and the dearest that h heads can
-    print at once left of cell x, for each h and x.
+    Variables are the prices, the worth of each contour, a fee for each head, and the dearest
+    that heads can print at once left of cell x, less their fees: where the last of them is as
+    wide there as its whole contour, and where it is as wide as what it still holds. With the
+    fee there is no need to count the heads, which keeps the programme small.
     """
-    k, m = len(first), len(worth.begins)
-    width = int(max(first.max(), last.max() + apart)) + 1
-    n = k + m + heads * width
-    dearest = k + m + np.arange(heads * width).reshape(heads, width)
-    matrix = []
-    for h in range(heads):
-        matrix.append(_rows(n, (dearest[h, :-1], 1.0), (dearest[h, 1:], -1.0)))
-        parts = [(np.arange(k), 1.0), (dearest[h, last + apart], -1.0)]
-        if h:
-            matrix.append(_rows(n, (dearest[h - 1], 1.0), (dearest[h], -1.0)))
-            parts.append((dearest[h - 1, first], 1.0))
-        matrix.append(_rows(n, *parts))
+    k, m, width = len(places.low), len(worth.begins), places.width(apart)
+    fee, n = k + m, k + m + 1 + 2 * width
+    dearest = fee + 1 + np.arange(2 * width).reshape(2, width)
+    matrix = [_rows(n, (dearest[:, -1], 1.0), (np.full(2, fee), float(heads)))]
+    each = [(np.arange(k), 1.0), (np.full(k, fee), -1.0)]
+    for side, high in enumerate((places.whole_high, places.high)):
+        matrix.append(_rows(n, (dearest[side, :-1], 1.0), (dearest[side, 1:], -1.0)))
+        for before, low in enumerate((places.low, places.whole_low)):
+            ends = [(dearest[before, low], 1.0), (dearest[side, high + apart], -1.0)]
+            matrix.append(_rows(n, *each, *ends))
     ways = len(worth.contour)
     item = k + np.searchsorted(worth.contour[worth.begins], worth.contour)
     values = sparse.hstack([-worth.matrix, sparse.csr_matrix((ways, n - k))])
     matrix.append(_rows(n, (item, 1.0)) + values)
-    aim, upper = np.zeros(n), np.full(n, np.inf)
-    aim[k : k + m], upper[dearest[-1, -1]] = -1.0, 1.0
+    aim = np.zeros(n)
+    aim[k:fee] = -1.0
     together = sparse.vstack(matrix, format="csr")
-    found = linprog(
-        aim, A_ub=together, b_ub=np.zeros(together.shape[0]),
-        bounds=np.column_stack([np.zeros(n), upper]), method="highs",
-    )  # fmt: skip
+    most = np.zeros(together.shape[0])
+    most[:2] = 1.0  # what all heads together print at once
+    found = linprog(aim, A_ub=together, b_ub=most, bounds=(0.0, None), method="highs-ipm")
     if found.x is None:  # any prices give a bound: these that of work shared evenly
         return np.full(k, 1.0 / heads)
     return np.asarray(np.maximum(found.x[:k], 0.0))
@@ -116,12 +146,14 @@ def _rows(n: int, *parts: tuple[Ints, float]) -> sparse.csr_matrix:
     return sparse.csr_matrix((value, (row, column)), shape=(count, n))
 
 
-def _dearest(first: Ints, last: Ints, price: Floats, heads: int, apart: int) -> float:
+def _dearest(places: _Places, price: Floats, heads: int, apart: int) -> float:
     """Return what can be printed at one moment costs at most."""
-    width = int(max(first.max(), last.max() + apart)) + 1
-    best = np.zeros(width)  # of the heads so far, left of each cell
+    width = places.width(apart)
+    whole, rest = np.zeros(width), np.zeros(width)  # of the heads so far, left of each cell
     for _ in range(heads):
-        more = best.copy()
-        np.maximum.at(more, last + apart, best[first] + price)
-        best = np.maximum.accumulate(more)
-    return max(float(best[-1]), 1e-300)
+        value = np.maximum(whole[places.low], rest[places.whole_low]) + price
+        whole, rest = whole.copy(), rest.copy()
+        np.maximum.at(whole, places.whole_high + apart, value)
+        np.maximum.at(rest, places.high + apart, value)
+        whole, rest = np.maximum.accumulate(whole), np.maximum.accumulate(rest)
+    return max(float(whole[-1]), float(rest[-1]), 1e-300)
