@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE
 from rich.live import Live
 from rich.table import Table
 
@@ -29,9 +30,10 @@ Keep = Callable[[tuple[AgentStatus, ...]], None]
 
 def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
     """Return the table of what each head does, with its best makespan over the bound."""
-    table = Table(title=f"agents; no plan beats {bound_s:,.0f} s", title_justify="left")
-    names = ("head", "phase", "seconds", "rounds", "best makespan s", "over the bound",
-             "entropy", "sent", "received")  # fmt: skip
+    title = f"agents; best: makespan in s; no plan beats {bound_s:,.0f} s"
+    table = Table(title=title, title_justify="left", box=SIMPLE, show_edge=False, padding=0)
+    names = ("head", "phase", "s", "rounds", "best", "÷ bound", "entropy", "sent", "KiB",
+             "heard", "KiB")  # fmt: skip
     for name in names:
         table.add_column(name, justify="left" if name in ("head", "phase") else "right")
     for a in agents:
@@ -39,13 +41,15 @@ def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
         table.add_row(
             a.name,
             a.phase,
-            f"{a.elapsed_s:.1f}",
+            f"{a.elapsed_s:.0f}",
             str(a.rounds),
-            f"{a.best_makespan_s:,.1f}",
+            f"{a.best_makespan_s:,.0f}",
             f"{a.best_makespan_s / max(bound_s, 1e-9):.3f}",
             f"{a.entropy:.2f}",
-            f"{sum(a.sent.values())} ({sent / 1024:.1f} KiB)",
-            f"{sum(a.received.values())} ({received / 1024:.1f} KiB)",
+            str(sum(a.sent.values())),
+            f"{sent / 1024:,.0f}",
+            str(sum(a.received.values())),
+            f"{received / 1024:,.0f}",
         )
     return table
 

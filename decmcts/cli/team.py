@@ -54,6 +54,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.team.bound import Bound, makespan_bound
 from decmcts.team.cooling import cooled, find_lags, print_times
 from decmcts.team.entries import Orders, agreed_job, entries_of, first_entries
+from decmcts.team.leaning import lean
 from decmcts.team.parameters import Parameters, changed
 
 StemOption = Annotated[
@@ -205,6 +206,7 @@ def run_team(
         ).toolpath
         order = cooled(loaded.job, loaded.machine, loaded.graph, lags, order).toolpath
         entry = first_entries(loaded.job, asked.orders, order)
+        entry = lean(loaded.job, loaded.machine, loaded.graph, asked.orders, entry, lags)
         announce("a bound on the makespan")
         entries = entries_of(loaded.job, asked.orders)
         bound = makespan_bound(loaded.job, loaded.machine, loaded.graph, entries=entries)

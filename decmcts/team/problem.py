@@ -106,7 +106,7 @@ def build_team_problem(
     progress = part_progress(seconds, part)
     side = np.minimum((quantile * len(machine.heads)).astype(np.int64), len(machine.heads) - 1)
     macro = cut_macros(seconds, part, progress, side)
-    column_offsets, column = columns_of(space.boxes, part, _axis(machine)[0])
+    column_offsets, column = columns_of(space.boxes, part, axis_of(machine)[0])
     return TeamProblem(
         job=job,
         machine=machine,
@@ -149,7 +149,7 @@ def _urgency(seconds: NDArray[np.float64], graph: DependencyGraph) -> NDArray[np
     return np.asarray(1.0 - behind / max(float(behind.max(initial=0.0)), 1e-12))
 
 
-def _axis(machine: Machine) -> tuple[int, bool]:
+def axis_of(machine: Machine) -> tuple[int, bool]:
     """Return the axis the heads stand along, and whether the first stands lowest.
 
     That is the rail's, else the one along which the parks lie farthest apart.
@@ -163,7 +163,7 @@ def _axis(machine: Machine) -> tuple[int, bool]:
 
 def _quantile(seconds: NDArray[np.float64], space: Space, machine: Machine) -> NDArray[np.float64]:
     """Return the share of all work on the first head's side of each contour, (n,)."""
-    axis, forwards = _axis(machine)
+    axis, forwards = axis_of(machine)
     middle = space.boxes[:, 2 * axis] + space.boxes[:, 2 * axis + 1]
     order = np.argsort(middle if forwards else -middle, kind="stable")
     work = seconds[order]

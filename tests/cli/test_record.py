@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from agents.supervisor import AgentStatus
 from decmcts.cli.app import app
-from decmcts.cli.record import read_record, recording
+from decmcts.cli.record import agents_table, read_record, recording
 from decmcts.errors import InputError
 
 LEFT = AgentStatus(0, "left", "planning", (0, 1), 3, 120.0, 1.5, {"Distribution": 2}, entropy=0.4)
@@ -33,6 +35,21 @@ def test_replay_shows_the_last_state(tmp_path: Path) -> None:
         keep((LEFT,))
     shown = CliRunner().invoke(app, ["replay", str(path), "--speed", "100"])
     assert shown.exit_code == 0 and "left" in shown.output and "1.200" in shown.output
+
+
+def test_the_table_fits_a_plain_terminal() -> None:
+    """Of 80 columns: nothing is cut off, whatever large figures a long search has."""
+    long = AgentStatus(
+        0, "right-back", "planning", (0, 1), 1280, 119_289.3, 3600.0, {"Joint": 1331},
+        sent_bytes={"Joint": 9_305_014}, received={"Joint": 2331},
+        received_bytes={"Joint": 19_305_014}, entropy=0.4,
+    )  # fmt: skip
+    console = Console(width=80, record=True, file=StringIO())
+    console.print(agents_table((long,), 100_000.0))
+    shown = console.export_text()
+    assert "…" not in shown
+    for word in ("right-back", "planning", "3600", "119,289", "1.193", "heard", "18,853"):
+        assert word in shown
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", "nonsense", '{"format": "other/1"}', "[" * 9000])

@@ -1,0 +1,78 @@
+"""Loops entered so that a head gives back first what the heads beside it want.
+
+A print gives its room back as it goes on, and what it holds longest is where it ends. A
+loop ends where it begins. So where loops may begin anywhere they can be made to *lean*: all
+towards one end of the machine, or each towards the end at which its own head stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.lags import Lags
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.team.entries import Orders, agreed_job, entries_of
+from decmcts.team.plans import TUNED, encode
+from decmcts.team.problem import TeamProblem, axis_of, build_team_problem
+from decmcts.team.resolve import resolve
+
+PUT = 100_000  # contours put to judge one way to enter all loops, about half a second's work
+LEAST = 4  # policies tried at least, the first ones
+
+Ints = NDArray[np.int32]
+
+
+def lean(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    orders: Orders,
+    entry: Ints,
+    lags: Lags,
+) -> Ints:
+    """Return where each loop is entered while heads plan: at `entry`, as sliced or leaning, (n,).
+
+    Those entries with which the first policies reach the shortest makespan; `entry` where
+    loops have no choice, and where heads hold a contour's room to its end.
+    """
+    free = orders.freedom == "seam" and not orders.names_seams
+    if not free or machine.release != "point" or len(machine.heads) < 2:
+        return entry
+    best, best_s = entry, np.inf
+    problem = build_team_problem(agreed_job(job, orders, entry), machine, graph, lags)
+    for other in (entry, np.zeros_like(entry), *_leaning(job, problem, orders)):
+        if other is not entry:
+            if (other == entry).all():
+                continue
+            problem = build_team_problem(agreed_job(job, orders, other), machine, graph, lags)
+        makespan_s = _reached(problem)
+        if makespan_s < best_s:
+            best, best_s = other, makespan_s
+    return best
+
+
+def _leaning(job: PrintJob, problem: TeamProblem, orders: Orders) -> Iterator[Ints]:
+    """Yield entries that lean apart, to the low end of the machine, and to the high one."""
+    entries = entries_of(job, orders)
+    if entries is None or len(entries.vertices) == len(job.contours):
+        return
+    axis, first_is_low = axis_of(problem.machine)
+    loop = entries.contour()
+    at = job.contours.points[job.contours.offsets[loop] + entries.vertices, axis]
+    low = (problem.quantile < 0.5) == first_is_low
+    for leans_low in (low, np.ones_like(low), np.zeros_like(low)):
+        row = np.lexsort((np.where(leans_low[loop], at, -at), loop))
+        yield entries.vertices[row[entries.offsets[:-1]]]
+
+
+def _reached(problem: TeamProblem) -> float:
+    """Return the shortest makespan of the first policies, all heads by the same one."""
+    heads = range(len(problem.machine.heads))
+    count = min(TUNED, max(LEAST, PUT // max(1, len(problem.macro))))
+    plans = [encode(policy, problem.n_macros) for policy in range(count)]
+    return min(resolve(problem, dict.fromkeys(heads, plan), heads).makespan_s for plan in plans)
