@@ -26,6 +26,7 @@ from scipy.optimize import linprog
 
 CELLS = 100  # of a separation; more are tighter and slower
 MOST_CELLS = 960  # along the rail
+MOST_PLACES = 20_000  # different ones; cells double until there are no more
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -69,9 +70,19 @@ class _Places(NamedTuple):
 
 def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
     """Return the different places, the place of each piece, and the separation in cells."""
-    origin = held.low.min()
-    extent = float(held.high.max() - origin)
-    cell = max(separation_mm / CELLS, extent / MOST_CELLS, 1e-9)
+    extent = float(np.ptp(np.concatenate([held.low, held.high])))
+    cell = max(separation_mm / CELLS, extent / MOST_CELLS) or 1.0
+    while True:
+        cells = _cells(held, cell)
+        places, place = np.unique(cells, axis=0, return_inverse=True)
+        if len(places) <= MOST_PLACES:
+            return _Places(*places.T), place.reshape(-1), int(separation_mm / cell)
+        cell *= 2.0
+
+
+def _cells(held: Held, cell: float) -> Ints:
+    """Return the columns of `_Places` for each piece, by cells of so many mm, (k, 4)."""
+    origin = min(held.low.min(), held.high.min())  # loops may hold less than nothing
     low = np.ceil((held.low - origin) / cell).astype(np.int64)
     high = ((held.high - origin) // cell).astype(np.int64)
     _, way = np.unique(held.way, return_inverse=True)
@@ -79,9 +90,7 @@ def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
     whole_low, whole_high = np.full(way.max() + 1, high.max()), np.zeros(way.max() + 1, np.int64)
     np.minimum.at(whole_low, way, low)
     np.maximum.at(whole_high, way, high)
-    cells = np.column_stack([low, high, whole_low[way], whole_high[way]])
-    places, place = np.unique(cells, axis=0, return_inverse=True)
-    return _Places(*places.T), place.reshape(-1), int(separation_mm / cell)
+    return np.column_stack([low, high, whole_low[way], whole_high[way]])
 
 
 class _Worth(NamedTuple):

@@ -74,6 +74,13 @@ def test_pieces_stand_beside_whole_contours_only(seed: int, heads: int) -> None:
     assert 0.95 * listed <= found <= listed * (1 + 1e-9)
 
 
+@pytest.mark.parametrize(("separation", "wanted"), [(0.0, 2.5), (0.05, 3.0), (70.0, 5.0)])
+def test_work_in_one_place(separation: float, wanted: float) -> None:
+    """As narrow as a point, or less: a loop entered anywhere may hold less than nothing."""
+    held = Held(np.array([5.0, 5.1]), np.array([5.0, 5.0]), np.array([3.0, 2.0]), np.array([0, 2]))
+    assert rail_bound(held, separation_mm=separation, heads=2) == pytest.approx(wanted)
+
+
 def test_the_way_that_is_worth_less_counts() -> None:
     """A contour that may run either way is only worth what its cheaper way is."""
     one_way = Held(
