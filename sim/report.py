@@ -81,7 +81,7 @@ def write_report(
     ]
     if len(history):
         note = COOLED if after.min_layer_time_s else ""
-        drawn = _div(plot_convergence(history, _minimised(after, lanes)), 380)
+        drawn = _div(plot_convergence(history, _minimised(after, lanes), _bound_of(after)), 380)
         sections.append(("Search", note + drawn))
     name = html.escape(f"{len(after.contours):,} contours on machine {after.machine.name}")
     body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
@@ -129,9 +129,29 @@ def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, st
         if isinstance(bound, int | float) and gap is not None and gap <= INFORMS_PERCENT:
             above = f"at most {gap:.1f} % above"
             rows.append((f"{text} any order can have (proven), {unit}", "", f"{bound:,.1f}", above))
+    rows += _of_a_team(after)
     chosen = [key for key in ("planner", "freedom", "seed") if key in after.metrics]
     rows += [(k, str(before.metrics.get(k, "")), str(after.metrics[k]), "") for k in chosen]
     return rows
+
+
+def _of_a_team(after: PlanDocument) -> list[tuple[str, str, str, str]]:
+    """Return the rows for a plan of several heads: against one head, and against the bound."""
+    rows, makespan = [], float(after.metrics.get("makespan_s", 0.0))
+    alone, bound = after.metrics.get("one_head_s"), _bound_of(after)
+    if isinstance(alone, int | float) and makespan > 0.0:
+        as_fast = f"{alone / makespan:.2f} times as fast"
+        rows.append(("one head alone, s", "", f"{alone:,.0f}", as_fast))
+    if bound:
+        above = f"at most {100 * (makespan / bound - 1):.0f} % above"
+        rows.append(("makespan no plan can beat (proven), s", "", f"{bound:,.0f}", above))
+    return rows
+
+
+def _bound_of(document: PlanDocument) -> float:
+    """Return the proven bound on the makespan of several heads; 0: none is stated."""
+    bound = document.metrics.get("bound")
+    return float(bound.get("bound_s", 0.0)) if isinstance(bound, dict) else 0.0
 
 
 def scene_of(before: PlanDocument, after: PlanDocument) -> tuple[dict[str, Any], list[str]]:
@@ -287,8 +307,8 @@ def _minimised(document: PlanDocument, heads: int) -> str:
     return "time of travels, s" if timed else "travel, mm"
 
 
-def plot_convergence(history: History, minimised: str) -> go.Figure:
-    """Return the best cost over the time of the search."""
+def plot_convergence(history: History, minimised: str, bound: float = 0.0) -> go.Figure:
+    """Return the best cost over the time of the search, above its bound if there is one."""
     points = np.array(history, np.float64)
     figure = go.Figure(go.Scatter(x=points[:, 0], y=points[:, -1], line={"shape": "hv"}))
     figure.update_layout(
@@ -297,4 +317,9 @@ def plot_convergence(history: History, minimised: str) -> go.Figure:
         yaxis_rangemode="tozero",
         margin={"l": 70, "r": 10, "t": 40, "b": 45},
     )
+    if bound:
+        top = max(bound, float(points[:, -1].max()))
+        room = 0.1 * (top - bound) + 1e-3 * top
+        figure.update_yaxes(range=[bound - room, top + room])
+        figure.add_hline(bound, line_dash="dash", annotation_text=f"no plan beats {bound:,.0f} s")
     return figure

@@ -103,3 +103,23 @@ def test_the_table_says_what_is_proven(make, unit, text):
         assert rows.get(f"{text} any order can have (proven), {unit}") == said
         times = rows.get("time of travels, as the search prices it, s")
         assert times == (("", "50.0", "") if unit == "s" else None)
+
+
+def test_the_table_says_what_several_heads_gain(make):
+    """Against one head alone, and against what no plan can beat; not without these figures."""
+    document = make.two_head_plan()
+    metrics = {"makespan_s": 100.0, "one_head_s": 150.0, "bound": {"bound_s": 80.0}}
+    rows = {row[0]: row[1:] for row in gained(document, replace(document, metrics=metrics))}
+    assert rows["one head alone, s"] == ("", "150", "1.50 times as fast")
+    assert rows["makespan no plan can beat (proven), s"] == ("", "80", "at most 25 % above")
+    bare = {row[0] for row in gained(document, replace(document, metrics={"makespan_s": 100.0}))}
+    assert not bare & {"one head alone, s", "makespan no plan can beat (proven), s"}
+
+
+def test_the_search_is_drawn_above_the_bound():
+    """A gain of a few per cent is seen, and how far the bound is."""
+    figure = report.plot_convergence([(1.0, 110.0), (2.0, 100.0)], "makespan, s", 80.0)
+    low, high = figure.layout.yaxis.range
+    assert 70.0 < low < 80.0 and 110.0 < high < 120.0
+    assert "80" in figure.layout.annotations[0].text
+    assert report.plot_convergence([(1.0, 110.0)], "travel, mm").layout.yaxis.rangemode == "tozero"
