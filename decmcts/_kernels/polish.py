@@ -328,34 +328,13 @@ def move_run(
     return replay(end, joint, visits, fleet, units, heads, marks)
 
 
-class Zones(NamedTuple):
-    """Which turns are polished: of `among` equal stretches every `step`-th from `first` on."""
-
-    among: int
-    first: int
-    step: int
-    shift: int  # turns by which all begin later
-
-
-@inlined
-def draw_window(shortest: int, n: int, zones: Zones, state: NDArray[np.uint64]) -> tuple[int, int]:
-    """Draw the first turn of a window and the one behind its last, within one zone."""
-    zone = zones.first + zones.step * below(state, -(-(zones.among - zones.first) // zones.step))
-    begin = min(n - 1, zone * n // zones.among + zones.shift)
-    room = min(n, (zone + 1) * n // zones.among + zones.shift) - begin
-    share = uniform(state)
-    width = min(room, max(shortest, int(SHORTEST * (LONGEST / SHORTEST) ** share)))
-    low = begin + min(max(0, below(state, room + width) - width), room - width)
-    return low, low + width
-
-
 @kernel
 def polish(
-    makespan: float, windows: int, mood: Mood, zones: Zones, joint: JointOrder,
+    makespan: float, windows: int, mood: Mood, joint: JointOrder,
     moves: Moves, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks,
     state: NDArray[np.uint64],
 ) -> float:  # fmt: skip
-    """Polish random windows within zones (mutates all but visits, fleet); return the makespan.
+    """Polish `windows` random windows (mutates all but visits, fleet); return the makespan.
 
     `makespan` is that of the order now. What makes it much later is undone.
     """
@@ -365,8 +344,10 @@ def polish(
             if not replay(n, joint, visits, fleet, units, heads, marks):
                 return np.inf
             find_tails(visits, fleet, units, marks)
-        low, high = draw_window(mood.shortest, n, zones, state)
-        width = high - low
+        share = uniform(state)
+        width = min(n, max(mood.shortest, int(SHORTEST * (LONGEST / SHORTEST) ** share)))
+        low = min(max(0, below(state, n + width) - width), n - width)
+        high = low + width
         reach = min(n, high + MARGIN)
         if not replay(reach, joint, visits, fleet, units, heads, marks):
             return np.inf

@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from decmcts._kernels.polish import Zones
 from decmcts.errors import InputError
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
@@ -31,7 +30,7 @@ from decmcts.team.exchange import exchange, exchange_jointly
 from decmcts.team.max_plus import PairValues
 from decmcts.team.parameters import Parameters
 from decmcts.team.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
-from decmcts.team.polish import FEW, Polish, zones_of
+from decmcts.team.polish import FEW, Polish
 from decmcts.team.problem import TeamProblem
 from decmcts.team.race import Race
 from decmcts.team.resolve import is_allowed, resolve, room_of
@@ -82,7 +81,6 @@ class DecMcts:
         self._races: dict[Team, Race] = {}
         self._pairs: dict[Team, PairValues] = {}
         self._line: _Line | None = None
-        self._spent = 1.0  # share of the time for planning that is over
         self._lines = self._alone = 0  # joint orders polished, rounds without another head
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
         self._credit = 0  # contours that tree and distribution may put
@@ -117,7 +115,7 @@ class DecMcts:
         if stated is None or not is_allowed(self.problem, stated, room_of(self.problem, team)[1]):
             return
         if self._line is not None and self._line.team == team:
-            self._line.polish.take(stated, self._zones(team))
+            self._line.polish.take(stated)
             self._keep_polished(self._line)
             self._follow(stated, self._values.makespan(told, team), team)
 
@@ -151,7 +149,7 @@ class DecMcts:
         with `Parameters.first`. With no other head alive: search one order for everything
         instead.
         """
-        team, self._spent = _team(live), spent
+        team = _team(live)
         if team == (self.head,):
             self._plan_alone(team)
             return
@@ -298,13 +296,8 @@ class DecMcts:
         if line is None or line.team != team or line.outdone_by(start):
             stated = StatedOrder.of(resolve(self.problem, start.plans, team).toolpaths)
             line = self._line = self._new_line(stated, team)
-        line.polish.improve(self.parameters.windows, self._zones(team))
+        line.polish.improve(self.parameters.windows)
         self._keep_polished(line)
-
-    def _zones(self, team: Team) -> Zones:
-        """Return the turns of the joint order that this head polishes now."""
-        turn = team.index(self.head)
-        return zones_of(len(self.problem.macro), turn, len(team), self._spent)
 
     def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
         """Return a joint order to polish; none draws what another one drew."""

@@ -7,7 +7,6 @@ crossover, Whitley, Hains & Howe 2009), so that heads improve different places a
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
-from decmcts._kernels.polish import LONGEST, RUN, SHORTEST, Mood, Moves, Zones, polish
+from decmcts._kernels.polish import RUN, SHORTEST, Mood, Moves, polish
 from decmcts._kernels.random import seeded
 from decmcts._kernels.replay import JointOrder, Marks, finish, link
 from decmcts.team.plans import StatedOrder
@@ -29,10 +28,7 @@ SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much
 LEAST_SWEEPS = 6
 HOT = 0.5  # temperature at first, in mean contours
 COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
-MOST_TRIALS = 16  # of stretches when two orders are joined
-MOST_ZONES = 16  # or one for each head, where there are more
-PHASES = 8  # of the time for planning: heads change zones with each
-ALL = Zones(1, 0, 1, 0)
+MOST_STRETCHES = 16  # tried one by one when two orders are joined
 
 
 class Polish:
@@ -61,14 +57,14 @@ class Polish:
         self.began_s = self.makespan_s = self._finish(0)
         self.best, self.best_s = stated, self.makespan_s
 
-    def improve(self, windows: int, zones: Zones = ALL) -> None:
-        """Polish some random windows within zones; the best order never gets worse."""
+    def improve(self, windows: int) -> None:
+        """Polish some random windows; the best order never gets worse."""
         if not np.isfinite(self.makespan_s) or not len(self._joint.order):
             return
         if len(self._joint.order) <= FEW:
             self._anneal(windows)
         else:
-            self._polish(windows, Mood(COLD_S, SLACK_S, 1.0, SHORTEST), zones)
+            self._polish(windows, Mood(COLD_S, SLACK_S, 1.0, SHORTEST))
 
     def _anneal(self, sweeps: int) -> None:
         """Anneal a small order as a whole, from hot to cold; it may end worse than it began."""
@@ -76,50 +72,27 @@ class Polish:
         hot = max(COLD_S, HOT * float(self._problem.visits.seconds.mean()))
         for sweep in range(sweeps):
             temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
-            self._polish(1, Mood(temperature, np.inf, 0.01, FEW), ALL)
+            self._polish(1, Mood(temperature, np.inf, 0.01, FEW))
 
-    def _polish(self, windows: int, mood: Mood, zones: Zones) -> None:
+    def _polish(self, windows: int, mood: Mood) -> None:
         self.makespan_s = polish(
-            self.makespan_s, windows, mood, zones, self._joint, self._moves,
+            self.makespan_s, windows, mood, self._joint, self._moves,
             self._problem.visits, self._fleet, self._units, self._heads, self._marks,
             self._state,
         )  # fmt: skip
         self._keep()
 
-    def take(self, other: StatedOrder, zones: Zones = ALL) -> None:
-        """Take from another joint order the stretches in which it is better.
-
-        All that lie outside this head's own zones at once, else halves of them and so on; then
-        those within.
-        """
-        mine, n = self._stated(), len(self._joint.order)
-        differ = _differences(mine, other)
-        own = [_zone_of((begin + end) // 2, n, zones) for begin, end in differ]
-        groups = deque(
-            [stretch for stretch, within in zip(differ, own, strict=True) if within == mine_too]
-            for mine_too in (False, True)
-        )
-        trials = MOST_TRIALS
-        while groups and trials:
-            group = groups.popleft()
-            if not group:
-                continue
-            trials -= 1
-            if not self._taken(mine, other, group) and len(group) > 1:
-                groups += [group[: len(group) // 2], group[len(group) // 2 :]]
+    def take(self, other: StatedOrder) -> None:
+        """Take from another joint order the stretches in which it is better."""
+        mine = self._stated()
+        for begin, end in _differences(mine, other):
+            self._put(other, begin, end)
+            found = self._finish(begin)
+            if found < self.makespan_s:
+                self.makespan_s = found
+            else:
+                self._put(mine, begin, end)
         self._keep()
-
-    def _taken(
-        self, mine: StatedOrder, other: StatedOrder, group: Sequence[tuple[int, int]]
-    ) -> bool:
-        """Take some stretches if that makes the print no longer; True: they are taken."""
-        self._put(other, group)
-        found = self._finish(group[0][0])
-        if found <= self.makespan_s:
-            self.makespan_s = found
-            return True
-        self._put(mine, group)
-        return False
 
     def _stated(self) -> StatedOrder:
         order = self._joint.order
@@ -131,16 +104,14 @@ class Polish:
         if self.makespan_s < self.best_s:
             self.best, self.best_s = self._stated(), self.makespan_s
 
-    def _put(self, source: StatedOrder, stretches: Sequence[tuple[int, int]]) -> None:
-        """Use stretches of another order, each of the same contours; the first begins first."""
-        joint = self._joint
-        for begin, end in stretches:
-            order = source.order[begin:end]
-            joint.order[begin:end] = order
-            joint.head[order] = source.head[begin:end]
-            joint.backwards[order] = source.backwards[begin:end]
+    def _put(self, source: StatedOrder, begin: int, end: int) -> None:
+        """Use a stretch of another order, of the same contours."""
+        joint, order = self._joint, source.order[begin:end]
+        joint.order[begin:end] = order
+        joint.head[order] = source.head[begin:end]
+        joint.backwards[order] = source.backwards[begin:end]
         link(joint, len(self._heads.free))
-        self._marks.known[0] = min(self._marks.known[0], stretches[0][0])
+        self._marks.known[0] = min(self._marks.known[0], begin)
 
     def _finish(self, begin: int) -> float:
         args = (self._joint, self._problem.visits, self._fleet, self._units)
@@ -186,25 +157,8 @@ def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Moves:
     )  # fmt: skip
 
 
-def zones_of(n: int, turn: int, heads: int, spent: float) -> Zones:
-    """Return the turns of a joint order that one of several heads polishes now.
-
-    So heads improve different places, and what they gain joins. They change places as the time
-    for planning goes by, and where zones begin: what lies across two comes next.
-    """
-    count = max(heads, min(MOST_ZONES, n // LONGEST) // heads * heads)
-    phase = int(PHASES * min(max(spent, 0.0), 1.0))
-    return Zones(count, (turn + phase) % heads, heads, (phase % 2) * (n // count // 2))
-
-
-def _zone_of(turn: int, n: int, zones: Zones) -> bool:
-    """Whether a turn lies in the zones."""
-    zone = (turn - zones.shift) * zones.among // n
-    return zone >= 0 and zone % zones.step == zones.first % zones.step
-
-
 def _differences(mine: StatedOrder, other: StatedOrder) -> list[tuple[int, int]]:
-    """Return stretches of the same contours in which two orders differ."""
+    """Return stretches of the same contours in which two orders differ, a few at most."""
     n = len(mine.order)
     turn = np.empty(n, np.int64)
     turn[other.order] = np.arange(n)
@@ -215,4 +169,5 @@ def _differences(mine: StatedOrder, other: StatedOrder) -> list[tuple[int, int]]
     differs |= mine.backwards != other.backwards
     unlike = np.add.reduceat(differs, begins) > 0 if n else np.empty(0, np.bool_)
     rows = np.flatnonzero(unlike)
-    return list(zip(begins[rows].tolist(), ends[rows].tolist(), strict=True))
+    groups = np.array_split(rows, min(MOST_STRETCHES, max(1, len(rows))))
+    return [(int(begins[g[0]]), int(ends[g[-1]])) for g in groups if len(g)]

@@ -11,7 +11,7 @@ import pytest
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.machine_file import load_machine
 from decmcts.team.plans import StatedOrder, encode, encode_stated
-from decmcts.team.polish import FEW, Polish, _zone_of, zones_of
+from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import Resolved, resolve
 from decmcts.team.warm_up import smallest_job, smallest_problem
@@ -84,38 +84,6 @@ def test_takes_what_is_better_of_anothers_order(case: Callable[..., Any]) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("heads", [2, 3, 8])
-@pytest.mark.parametrize("n", [41, 965, 6693])
-@pytest.mark.parametrize("spent", [0.0, 0.2, 0.99, 1.0])
-def test_each_turn_is_polished_by_one_head(n: int, heads: int, spent: float) -> None:
-    """But where zones begin later, by half of one: those before the first are nobody's then."""
-    zones = [zones_of(n, r, heads, spent) for r in range(heads)]
-    who = [[r for r in range(heads) if _zone_of(turn, n, zones[r])] for turn in range(n)]
-    assert all(len(found) == 1 for found in who[zones[0].shift :])
-    assert not any(who[: zones[0].shift]) and zones[0].shift <= n // zones[0].among
-    later = [zones_of(n, r, heads, min(1.0, spent + 0.125)) for r in range(heads)]
-    assert spent > 0.8 or later[0].first != zones[0].first
-
-
-def test_polishing_stays_within_zones_and_what_two_heads_gain_there_joins(
-    case: Callable[..., Any],
-) -> None:
-    """Neither touches what the other may; so one takes all the other gained at once."""
-    problem = _problem(case, 2)
-    stated, n = StatedOrder.of(_start(problem).toolpaths), len(problem.macro)
-    assert n > FEW
-    zones = [zones_of(n, r, 2, 0.0) for r in range(2)]
-    team = [Polish(problem, stated, seed=r) for r in range(2)]
-    for polish, own in zip(team, zones, strict=True):
-        polish.improve(20, own)
-        moved = np.flatnonzero(polish.best.order != stated.order)
-        assert len(moved) and all(_zone_of(int(turn), n, own) for turn in moved)
-    alone = min(polish.best_s for polish in team)
-    team[0].take(team[1].best, zones[0])
-    assert team[0].best_s <= alone + 1e-9
-    assert team[0].best_s == pytest.approx(_stated(problem, team[0].best).makespan_s)
-
-
 @pytest.mark.parametrize("kind", ["precedence", "head", "direction"])
 def test_a_stated_order_that_cannot_be_is_ignored(case: Callable[..., Any], kind: str) -> None:
     """A peer's broken plan must neither crash nor bind anyone."""
