@@ -206,9 +206,11 @@ def run_team(
         ).toolpath
         order = cooled(loaded.job, loaded.machine, loaded.graph, lags, order).toolpath
         entry = first_entries(loaded.job, asked.orders, order)
-        entry = lean(loaded.job, loaded.machine, loaded.graph, asked.orders, entry, lags)
-        announce("a bound on the makespan")
         entries = entries_of(loaded.job, asked.orders)
+        if entries is not None:
+            announce("where loops begin")
+        entry = lean(loaded.job, loaded.machine, loaded.graph, asked.orders, entry, entries, lags)
+        announce("a bound on the makespan")
         bound = makespan_bound(loaded.job, loaded.machine, loaded.graph, entries=entries)
     started = time.perf_counter()
     job = agreed_job(loaded.job, asked.orders, entry)

@@ -16,7 +16,8 @@ from decmcts._kernels.lags import Lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.team.entries import Orders, agreed_job, entries_of
+from decmcts.print.seam import SeamEntries
+from decmcts.team.entries import Orders, agreed_job
 from decmcts.team.plans import TUNED, encode
 from decmcts.team.problem import TeamProblem, axis_of, build_team_problem
 from decmcts.team.resolve import resolve
@@ -33,34 +34,31 @@ def lean(
     graph: DependencyGraph,
     orders: Orders,
     entry: Ints,
+    entries: SeamEntries | None,
     lags: Lags,
 ) -> Ints:
     """Return where each loop is entered while heads plan: at `entry`, as sliced or leaning, (n,).
 
     Those entries with which the first policies reach the shortest makespan; `entry` where
-    loops have no choice, and where heads hold a contour's room to its end.
+    loops have no choice among `entries`, and where heads hold a contour's room to its end.
     """
-    free = orders.freedom == "seam" and not orders.names_seams
-    if not free or machine.release != "point" or len(machine.heads) < 2:
-        return entry
-    best, best_s = entry, np.inf
-    problem = build_team_problem(agreed_job(job, orders, entry), machine, graph, lags)
-    for other in (entry, np.zeros_like(entry), *_leaning(job, problem, orders)):
-        if other is not entry:
-            if (other == entry).all():
-                continue
-            problem = build_team_problem(agreed_job(job, orders, other), machine, graph, lags)
-        makespan_s = _reached(problem)
-        if makespan_s < best_s:
-            best, best_s = other, makespan_s
-    return best
-
-
-def _leaning(job: PrintJob, problem: TeamProblem, orders: Orders) -> Iterator[Ints]:
-    """Yield entries that lean apart, to the low end of the machine, and to the high one."""
-    entries = entries_of(job, orders)
     if entries is None or len(entries.vertices) == len(job.contours):
-        return
+        return entry
+    if machine.release != "point" or len(machine.heads) < 2:
+        return entry
+
+    def entered(chosen: Ints) -> TeamProblem:
+        return build_team_problem(agreed_job(job, orders, chosen), machine, graph, lags)
+
+    usual = entered(entry)
+    others = [np.zeros_like(entry), *_leaning(job, usual, entries)]
+    others = [other for other in others if (other != entry).any()]
+    makespans = [_reached(usual), *(_reached(entered(other)) for other in others)]
+    return (entry, *others)[int(np.argmin(makespans))]
+
+
+def _leaning(job: PrintJob, problem: TeamProblem, entries: SeamEntries) -> Iterator[Ints]:
+    """Yield entries that lean apart, to the low end of the machine, and to the high one."""
     axis, first_is_low = axis_of(problem.machine)
     loop = entries.contour()
     at = job.contours.points[job.contours.offsets[loop] + entries.vertices, axis]

@@ -70,27 +70,26 @@ class _Places(NamedTuple):
 
 def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
     """Return the different places, the place of each piece, and the separation in cells."""
-    extent = float(np.ptp(np.concatenate([held.low, held.high])))
-    cell = max(separation_mm / CELLS, extent / MOST_CELLS) or 1.0
+    edges = _edges(held)
+    cell = max(separation_mm / CELLS, float(np.ptp(edges)) / MOST_CELLS) or 1.0
     while True:
-        cells = _cells(held, cell)
+        first, last = np.ceil(edges[:, 0::2] / cell), edges[:, 1::2] // cell
+        cells = np.stack([first, last], axis=2).reshape(-1, 4).astype(np.int64)
         places, place = np.unique(cells, axis=0, return_inverse=True)
         if len(places) <= MOST_PLACES:
             return _Places(*places.T), place.reshape(-1), int(separation_mm / cell)
         cell *= 2.0
 
 
-def _cells(held: Held, cell: float) -> Ints:
-    """Return the columns of `_Places` for each piece, by cells of so many mm, (k, 4)."""
-    origin = min(held.low.min(), held.high.min())  # loops may hold less than nothing
-    low = np.ceil((held.low - origin) / cell).astype(np.int64)
-    high = ((held.high - origin) // cell).astype(np.int64)
+def _edges(held: Held) -> Floats:
+    """Return where each piece and its whole contour begin and end, mm from the least, (k, 4)."""
     _, way = np.unique(held.way, return_inverse=True)
     way = way.reshape(-1)
-    whole_low, whole_high = np.full(way.max() + 1, high.max()), np.zeros(way.max() + 1, np.int64)
-    np.minimum.at(whole_low, way, low)
-    np.maximum.at(whole_high, way, high)
-    return np.column_stack([low, high, whole_low[way], whole_high[way]])
+    whole_low, whole_high = np.full(way.max() + 1, np.inf), np.full(way.max() + 1, -np.inf)
+    np.minimum.at(whole_low, way, held.low)
+    np.maximum.at(whole_high, way, held.high)
+    edges = np.column_stack([held.low, held.high, whole_low[way], whole_high[way]])
+    return np.asarray(edges - edges.min())  # loops may hold less than nothing: any is the least
 
 
 class _Worth(NamedTuple):

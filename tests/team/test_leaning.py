@@ -12,7 +12,7 @@ import pytest
 from decmcts._kernels.lags import no_lags
 from decmcts.feasibility.rules import order_rules
 from decmcts.print.seam import seam_entries
-from decmcts.team.entries import Orders, agreed_job
+from decmcts.team.entries import Orders, agreed_job, entries_of
 from decmcts.team.leaning import lean
 from decmcts.team.plans import TUNED, encode
 from decmcts.team.problem import build_team_problem
@@ -28,8 +28,8 @@ def giving_back(case: Any) -> Any:
 
 def leaning(case: Any, orders: Orders, entry: np.ndarray) -> np.ndarray:
     """Where loops are entered while heads plan."""
-    none = no_lags(len(entry))
-    return lean(case.job, case.machine, case.graph, orders, entry, none)
+    entries, none = entries_of(case.job, orders), no_lags(len(entry))
+    return lean(case.job, case.machine, case.graph, orders, entry, entries, none)
 
 
 def makespan(case: Any, entry: np.ndarray) -> float:
