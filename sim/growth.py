@@ -16,11 +16,16 @@ from sim.material import Beads
 from sim.order import PartialOrder
 
 
-def moves_of(lane: HeadActions) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def moves_of(
+    lane: HeadActions, park: tuple[float, float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the moves of a head, (m, 6), with the leg of each, (m,).
 
-    A last move that goes nowhere stands for the rest after the last leg.
+    A last move that goes nowhere stands for the rest after the last leg. A head that does
+    nothing has that one only, at its park, of leg -1.
     """
+    if not len(lane):
+        return np.array([[*park, *park]], np.float64), np.array([-1])
     starts, owner = _segments(lane)
     ends = np.minimum(starts + 1, lane.path_offsets[owner + 1] - 1)
     moves = np.hstack([lane.path[starts], lane.path[ends]])

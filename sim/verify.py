@@ -246,9 +246,7 @@ def check_material(
     """J2 and J5 by geometry: no head touches anything not ordered later."""
     lines: list[str] = []
     for h, lane in enumerate(legs.lanes):
-        if not len(lane):
-            continue
-        moves, owner = moves_of(lane)
+        moves, owner = moves_of(lane, document.machine.heads[h].park)
         beads = beads_for(document.contours, legs, order, h)
         beads = as_material(beads, document.machine, PLAN_TOLERANCE_MM)
         counts["moves"] = counts.get("moves", 0) + len(moves)
@@ -261,7 +259,7 @@ def check_material(
             limit=10 * LIMIT,
         )
         lines += [
-            f"{legs.describe(h, int(owner[c.move]))}: {c.part} meets contour "
+            f"{_station(legs, h, int(owner[c.move]), False)}: {c.part} meets contour "
             f"{beads.label[c.bead]}, which is {c.depth_mm:.3f} mm too high, near "
             f"{place_of(moves[c.move])}"
             for c in contacts

@@ -30,7 +30,17 @@ from decmcts._kernels.rooms import Fleet, Point, room_at, room_of_travel, travel
 
 LATER = 1e-9  # seconds; what is nearer is now
 OPEN, NEWS = 0, 1  # of `Pool.counts`
+URGENCY, BOTTLENECK, OTHERS = 3, 4, 5  # columns of `POLICIES` that make the key
 PATIENCE = 0.003  # share of its printing time that a contour may be waited for
+
+
+class Wishes(NamedTuple):
+    """What a policy makes its keys of, contour by contour; see `decmcts.team.problem`."""
+
+    progress: NDArray[np.float64]  # (n,)
+    urgency: NDArray[np.float64]  # (n,)
+    side: NDArray[np.int64]  # (n,)
+    bottleneck: NDArray[np.bool_]  # (n,)
 
 
 class Policy(NamedTuple):
@@ -63,6 +73,24 @@ class Pool(NamedTuple):
     shut: NDArray[np.float64]  # (heads, columns) when at the soonest a head may begin the first
     looked: NDArray[np.int64]  # (heads, columns) row of `column` that `shut` is about
     stood: NDArray[np.int64]  # (heads,) unit after which `shut` was written
+
+
+@kernel
+def write_keys(
+    r: int, row: NDArray[np.float64], contours: NDArray[np.int64], wishes: Wishes,
+    keys: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Write when head r wants to print contours by a row of `POLICIES`, in progress of a part.
+
+    What lies in the others' share of the machine comes later, the bottleneck sooner.
+    """
+    for c in contours:
+        key = wishes.progress[c] + row[URGENCY] * (wishes.urgency[c] - wishes.progress[c])
+        if wishes.side[c] != r:
+            key += row[OTHERS]
+        if wishes.bottleneck[c]:
+            key -= row[BOTTLENECK]
+        keys[r, c] = key
 
 
 @kernel
@@ -296,6 +324,23 @@ def wake(
                 pool.now[s] = min(pool.now[s], max(start, soonest))
 
 
+@inlined
+def next_print(
+    visits: Visits, fleet: Fleet, policy: Policy, units: Units, heads: Heads, pool: Pool
+) -> tuple[int, int, bool, float]:  # fmt: skip
+    """Return which head prints next, what, whether backwards, and when it decides.
+
+    NONE as the contour: no head finds any, now or later. Heads that must wait sleep (mutates
+    pool).
+    """
+    while True:
+        r, start = next_head(heads, pool)
+        c, back, until = choose(r, start, visits, fleet, policy, units, heads, pool)
+        if c != NONE or until == np.inf:
+            return r, c, back, start
+        pool.now[r] = until
+
+
 @kernel
 def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
     """Print everything; returns the units in the order they were put and OK or SHUT_IN."""
@@ -304,11 +349,7 @@ def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
     pool = new_pool(visits, policy, heads)
     left, lowest = n, 0
     while left > 0:
-        r, start = next_head(state, pool)
-        c, back, until = choose(r, start, visits, fleet, policy, units, state, pool)
-        if c == NONE and until < np.inf:
-            pool.now[r] = until
-            continue
+        r, c, back, start = next_print(visits, fleet, policy, units, state, pool)
         if c == NONE:
             c = lowest = first_left(lowest, pool)
             while not policy.eligible[c, r]:

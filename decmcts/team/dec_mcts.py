@@ -145,9 +145,10 @@ class DecMcts:
     def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
         """Do one outer round: grow the tree and update the distribution, then polish.
 
-        `spent` is the share of the time for planning that is over, 0..1; polishing begins
-        with `Parameters.first`. With no other head alive: search one order for everything
-        instead.
+        `spent` is the share of the time for planning that is over, 0..1; windows of the best
+        joint order are improved from `Parameters.first` on: recreated till
+        `Parameters.recreate`, then polished. With no other head alive: search one order for
+        everything instead.
         """
         team = _team(live)
         if team == (self.head,):
@@ -163,7 +164,7 @@ class DecMcts:
             self._search(team, UNPOLISHED if self.parameters.share else 0)
             return
         self._search(team, self._share())
-        self._refine(team)
+        self._refine(team, recreate=spent < self.parameters.recreate)
 
     def _try_policies(self, team: Team) -> bool:
         """Try some policies for all heads at once; False when this head has tried all its own."""
@@ -290,13 +291,16 @@ class DecMcts:
         chosen = {p.tobytes(): p for p in (self._values.starts[team].plans[self.head], *plans)}
         return list(chosen.values())[: self.parameters.plans]
 
-    def _refine(self, team: Team) -> None:
-        """Polish the best joint order; begin anew from a better start."""
+    def _refine(self, team: Team, *, recreate: bool) -> None:
+        """Recreate windows of the best joint order, or polish it; go over to a better start."""
         start, line = self._values.starts[team], self._line
         if line is None or line.team != team or line.outdone_by(start):
             stated = StatedOrder.of(resolve(self.problem, start.plans, team).toolpaths)
             line = self._line = self._new_line(stated, team)
-        line.polish.improve(self.parameters.windows)
+        if recreate and len(self.problem.macro) > FEW:
+            line.polish.recreate(self.parameters.windows)
+        else:
+            line.polish.improve(self.parameters.windows)
         self._keep_polished(line)
 
     def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:

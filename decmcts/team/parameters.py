@@ -40,9 +40,10 @@ class Parameters:
     samples: int = 10  # tree samples of an update
     renew: int = 3  # samples of each plan of X̂ before another X̂ is chosen
     combination: str = "sampled"  # which plans of X̂ are tried together
-    first: float = 0.4  # of the time, for tree and distribution before polishing begins
+    first: float = 0.4  # of the time, for tree and distribution before windows are improved
+    recreate: float = 0.7  # of the time, till when windows are ruined and recreated
     share: float = 0.3  # of a round's work, for tree and distribution from then on
-    windows: int = 60  # of the best joint order polished in a round
+    windows: int = 60  # of the best joint order recreated or polished in a round
     policies: int = len(POLICIES)  # the first of POLICIES, of which plans name one
     tries: int = 32  # policies that all heads together try at first
 
@@ -68,6 +69,7 @@ RANGES: Mapping[str, tuple[float, float] | tuple[int, int]] = {
     "samples": (1, 1000),
     "renew": (1, 1000),
     "first": (0.0, 1.0),
+    "recreate": (0.0, 1.0),
     "share": (0.0, 1.0),
     "windows": (0, 1000),
     "policies": (1, len(POLICIES)),

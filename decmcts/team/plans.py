@@ -28,8 +28,8 @@ from decmcts.print.toolpath import Toolpath
 # Columns of POLICIES: weights of the key, of waste and of being out of step
 # (`decmcts._kernels.dispatch`); how far the key is the chain that must come after (1) rather
 # than the progress of the part (0); how much sooner the bottleneck comes; how much later
-# what another head owns. The last three are in progress of a part.
-STEP, URGENCY, BOTTLENECK, OTHERS = 2, 3, 4, 5
+# what another head owns. The last three are in progress of a part and make the key, there.
+STEP = 2
 
 _TUNED = np.array(
     [

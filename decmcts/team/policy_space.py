@@ -7,7 +7,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.team.plans import BOTTLENECK, OTHERS, POLICIES, STEP, URGENCY
+from decmcts._kernels.dispatch import BOTTLENECK, OTHERS, URGENCY
+from decmcts.team.plans import POLICIES, STEP
 
 LEAST = np.array([0.1, 0.1, 0.05, 0.01, 0.003])  # weights below are as good as none
 LOGARITHMIC = (0, 1, STEP, BOTTLENECK, OTHERS)  # columns of POLICIES

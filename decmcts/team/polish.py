@@ -1,8 +1,9 @@
 """Refines one joint order by local search, and joins what two heads made of the same one.
 
-Front of `decmcts._kernels.polish`. A head polishes the best joint order it knows and tells
-the team; of what it is told it takes the stretches that are better than its own (partition
-crossover, Whitley, Hains & Howe 2009), so that heads improve different places at once.
+Front of `decmcts._kernels.recreate` and `.polish`. A head improves the best joint order it
+knows and tells the team; of what it is told it takes the stretches that are better than its
+own (partition crossover, Whitley, Hains & Howe 2009), so that heads improve different places
+at once.
 """
 
 from __future__ import annotations
@@ -13,11 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from decmcts._kernels.dispatch import new_pool
 from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
 from decmcts._kernels.polish import RUN, SHORTEST, Mood, Moves, polish
 from decmcts._kernels.random import seeded
+from decmcts._kernels.recreate import Guide, recreate
 from decmcts._kernels.replay import JointOrder, Marks, finish, link
-from decmcts.team.plans import StatedOrder
+from decmcts.team.plans import POLICIES, StatedOrder
+from decmcts.team.policy import policy_of
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import room_of
 
@@ -54,6 +58,7 @@ class Polish:
         self._heads = all_parked(n, self._fleet)
         self._units = new_units(8 * n + 64 * heads * (heads + 2))
         self._marks = _marks(n, self._heads)
+        self._guide = _guide(problem, eligible)
         self.began_s = self.makespan_s = self._finish(0)
         self.best, self.best_s = stated, self.makespan_s
 
@@ -65,6 +70,19 @@ class Polish:
             self._anneal(windows)
         else:
             self._polish(windows, Mood(COLD_S, SLACK_S, 1.0, SHORTEST))
+
+    def recreate(self, windows: int) -> None:
+        """Ruin and recreate some random windows; the order never gets worse.
+
+        Orders so small that they are annealed as a whole stay as they are.
+        """
+        if not np.isfinite(self.makespan_s) or len(self._joint.order) <= FEW:
+            return
+        self.makespan_s = recreate(
+            self.makespan_s, windows, self._joint, self._problem.visits, self._fleet,
+            self._units, self._heads, self._marks, self._guide, self._state,
+        )  # fmt: skip
+        self._keep()
 
     def _anneal(self, sweeps: int) -> None:
         """Anneal a small order as a whole, from hot to cold; it may end worse than it began."""
@@ -155,6 +173,16 @@ def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Moves:
         problem.graph.succ_offsets, problem.graph.succs,
         np.empty(RUN, np.int64), np.empty(n, np.int64),
     )  # fmt: skip
+
+
+def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
+    n, heads = eligible.shape
+    row = np.empty(n, np.int64)
+    row[problem.column] = np.arange(n)
+    keys = np.zeros((heads, n))
+    policy = policy_of(problem, POLICIES[np.zeros(heads, np.int64)], keys, eligible)
+    pool = new_pool(problem.visits, policy, heads)
+    return Guide(POLICIES, problem.wishes(), row, policy, pool, np.zeros((2, n), np.int64))
 
 
 def _differences(mine: StatedOrder, other: StatedOrder) -> list[tuple[int, int]]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.bound import chain_behind
+from decmcts._kernels.dispatch import Wishes
 from decmcts._kernels.joint import Visits
 from decmcts._kernels.lags import Lags
 from decmcts._kernels.rooms import Fleet
@@ -68,6 +69,10 @@ class TeamProblem:
         """Return the head in whose share of the machine each contour lies, (n,)."""
         heads = len(self.machine.heads)
         return np.minimum((self.quantile * heads).astype(np.int64), heads - 1)
+
+    def wishes(self) -> Wishes:
+        """Return what a policy makes its keys of."""
+        return Wishes(self.progress, self.urgency, self.side_of(), self.bottleneck)
 
     def places(self) -> NDArray[np.float64]:
         """Return where each contour comes in each head's sweep, 0..1, (heads, n).

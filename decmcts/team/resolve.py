@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.carry_out import OK, carry_out
-from decmcts._kernels.dispatch import Policy, dispatch
+from decmcts._kernels.dispatch import dispatch
 from decmcts._kernels.joint import Units
 from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
@@ -24,16 +24,13 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import split
 from decmcts.team.order import refuse, sequences_of, units_of
 from decmcts.team.plans import (
-    BOTTLENECK,
     HUNDREDTHS,
-    OTHERS,
     POLICIES,
-    STEP,
-    URGENCY,
     Intent,
     StatedOrder,
     decode,
 )
+from decmcts.team.policy import keys_of, policy_of
 from decmcts.team.problem import TeamProblem
 from decmcts.team.space import build_space, fleet_of, require_printable
 
@@ -104,43 +101,14 @@ def _dispatched(
 ) -> Resolved:
     """Let the heads choose by their plans."""
     heads = range(len(problem.machine.heads))
-    policy = Policy(
-        _keys(problem, intents, eligible),
-        problem.places(),
-        eligible,
-        POLICIES[[_policy_of(intents, r) for r in heads], : STEP + 1],
-        problem.column_offsets,
-        problem.column,
-        problem.graph.succ_offsets,
-        problem.graph.succs,
-    )
+    weights = POLICIES[[intents[r].policy if r in intents else 0 for r in heads]]
+    keys = keys_of(problem, weights)
+    for r, intent in intents.items():
+        keys[r] += intent.shift[problem.macro] / HUNDREDTHS  # each macro-action later
+    policy = policy_of(problem, weights, keys, eligible)
     units, verdict = dispatch(problem.visits, fleet, policy)
     refuse(verdict, problem.machine)
     return _resolved(units, len(heads))
-
-
-def _policy_of(intents: Mapping[int, Intent], head: int) -> int:
-    return intents[head].policy if head in intents else 0
-
-
-def _keys(
-    problem: TeamProblem, intents: Mapping[int, Intent], eligible: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """Return when each head wants to print each contour, in progress of its part, (heads, n).
-
-    As its policy has it, what lies in the others' share of the machine later and the
-    bottleneck sooner; and each macro-action later by its shift.
-    """
-    side = problem.side_of()
-    keys = np.empty((len(problem.machine.heads), len(problem.macro)))
-    for r in range(len(keys)):
-        policy = POLICIES[_policy_of(intents, r)]
-        keys[r] = problem.progress + policy[URGENCY] * (problem.urgency - problem.progress)
-        keys[r] += policy[OTHERS] * (side != r) - policy[BOTTLENECK] * problem.bottleneck
-        if r in intents:
-            keys[r] += intents[r].shift[problem.macro] / HUNDREDTHS
-        keys[r, ~eligible[:, r]] = np.inf
-    return keys
 
 
 def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+
+from decmcts.print.machine import Head, Machine, Slice
+from decmcts.print.plan import JointPlan, PlanDocument
 from sim.verify import verify_plan
 
 
@@ -19,3 +24,19 @@ def test_towers_too_near_for_the_head_are_found(make):
     """The second tower stands beside a finished one: the head's box meets it."""
     verdict = verify_plan(make.tower_plan(towers=((20.0, 20.0), (26.0, 20.0))))
     assert {kind.name for kind in verdict.kinds()} == {"HEAD_MATERIAL"}
+
+
+@pytest.mark.parametrize(("width", "kinds"), [(0.5, set()), (4.0, {"HEAD_MATERIAL"})])
+def test_a_head_that_does_nothing_stands_at_its_park(make, width, kinds):
+    """A bead laid into it is a crash although that head has no action."""
+    halves = [half * np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]) for half in (0.5, 5.0)]
+    busy = Head("busy", (Slice(0.0, (halves[0],)),), park=(20.0, 90.0, 5.0))
+    idle = Head("idle", (Slice(0.0, (halves[1],)),), park=(50.0, 50.0, 0.1))
+    machine = Machine("m", (0.0, 0.0), (100.0, 100.0), (busy, idle), head_clearance_mm=0.2)
+    paths = [np.array([[30.0, 55.75, 0.4], [70.0, 55.75, 0.4]])]
+    lane = make.head_actions(busy, [(0, False)], paths, 0, clearance_z=1.0)
+    document = PlanDocument(
+        "", machine, make.contours_of(paths, width=width), np.empty((0, 2), np.int32),
+        JointPlan((lane,)), {},
+    )  # fmt: skip
+    assert {kind.name for kind in verify_plan(document).kinds()} == kinds

@@ -34,14 +34,19 @@ def _stated(problem: TeamProblem, stated: StatedOrder, by: int = 0) -> Resolved:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("improve", [Polish.improve, Polish.recreate])
 @pytest.mark.parametrize("seed", range(4))
-def test_polished_orders_are_valid_and_no_worse(case: Callable[..., Any], seed: int) -> None:
+def test_improved_orders_are_valid_and_no_worse(
+    case: Callable[..., Any], seed: int, improve: Callable[[Polish, int], None]
+) -> None:
     """What it says of its best order is what the engine makes of it."""
     problem = _problem(case, seed)
     start = _start(problem)
     polish = Polish(problem, StatedOrder.of(start.toolpaths), seed=seed)
-    polish.improve(20)
+    improve(polish, 20)
+    assert polish.best_s < polish.began_s
     found = _stated(problem, polish.best)
+    assert found.makespan_s == polish.best_s
     assert found.makespan_s <= start.makespan_s + 1e-9
     assert np.array_equal(np.sort(polish.best.order), np.arange(len(problem.macro)))
     turn = np.empty(len(problem.macro), np.int64)
@@ -55,14 +60,17 @@ def test_polished_orders_are_valid_and_no_worse(case: Callable[..., Any], seed: 
 
 
 @pytest.mark.slow
-def test_equal_seeds_give_equal_orders(case: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("improve", [Polish.improve, Polish.recreate])
+def test_equal_seeds_give_equal_orders(
+    case: Callable[..., Any], improve: Callable[[Polish, int], None]
+) -> None:
     """Without this no run could ever be replayed."""
     problem = _problem(case, 1)
     stated = StatedOrder.of(_start(problem).toolpaths)
     ends = []
     for seed in (3, 3, 4):
         polish = Polish(problem, stated, seed=seed)
-        polish.improve(10)
+        improve(polish, 10)
         ends.append(polish.best.order.tolist() + polish.best.head.tolist())
     assert ends[0] == ends[1] != ends[2]
 
@@ -113,6 +121,7 @@ def test_heads_that_are_lost_are_given_nothing() -> None:
         start = resolve(problem, {}, live)
         polish = Polish(problem, StatedOrder.of(start.toolpaths), seed=1, live=live)
         assert polish.began_s == pytest.approx(start.makespan_s)
+        polish.recreate(20)
         polish.improve(20)
         assert set(polish.best.head.tolist()) <= set(live)
         plan = encode_stated(polish.best, 3, problem.n_macros)

@@ -22,11 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.auction import auction
+from decmcts._kernels.dispatch import URGENCY
 from decmcts._kernels.joint import Units
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
-from decmcts.team.baselines.lists import keys_of, policy_of
 from decmcts.team.order import refuse
-from decmcts.team.plans import POLICIES, URGENCY
+from decmcts.team.plans import POLICIES
+from decmcts.team.policy import keys_of, policy_of
 from decmcts.team.problem import TeamProblem
 
 ON_OFFER = (1, 2, 4, 8, 16, 64)  # contours bid for at a time, tried at first

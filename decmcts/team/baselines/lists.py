@@ -5,50 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.dispatch import Policy, dispatch
+from decmcts._kernels.dispatch import URGENCY, dispatch
 from decmcts._kernels.joint import Units
 from decmcts.team.order import refuse
-from decmcts.team.plans import BOTTLENECK, OTHERS, POLICIES, STEP, URGENCY
+from decmcts.team.plans import POLICIES, STEP
+from decmcts.team.policy import keys_of, policy_of
 from decmcts.team.problem import TeamProblem
 
 Floats = NDArray[np.float64]
 SPREAD = 0.5  # of the logarithm of a random policy's weights, standard deviation
-
-
-def keys_of(problem: TeamProblem, weights: Floats) -> Floats:
-    """Return when each head wants to print each contour, in progress of its part, (heads, n).
-
-    `weights` (heads, 6) are rows like those of `POLICIES`.
-    """
-    side = problem.side_of()
-    keys = np.empty((len(weights), len(side)))
-    for r, row in enumerate(weights):
-        keys[r] = problem.progress + row[URGENCY] * (problem.urgency - problem.progress)
-        keys[r] += row[OTHERS] * (side != r) - row[BOTTLENECK] * problem.bottleneck
-    return keys
-
-
-def policy_of(
-    problem: TeamProblem, weights: Floats, keys: Floats, eligible: NDArray[np.bool_]
-) -> Policy:
-    """Return the policy of all heads as the kernels take it.
-
-    Parameters
-    ----------
-    weights : (heads, 6) rows like those of `POLICIES`
-    keys : (heads, n)
-    eligible : (n, heads)
-    """
-    return Policy(
-        keys,
-        problem.places(),
-        eligible,
-        np.ascontiguousarray(weights[:, : STEP + 1]),
-        problem.column_offsets,
-        problem.column,
-        problem.graph.succ_offsets,
-        problem.graph.succs,
-    )
 
 
 def dispatched(
