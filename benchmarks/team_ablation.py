@@ -5,9 +5,10 @@
 All heads plan in turn in one process, so that every variant gets the same processor time
 (`--time-limit`). *no tree*: plans come from policies and exchanges on the best joint plan.
 *no messages*: no head learns what another plans; the best of theirs counts. *no local
-search*: joint orders are not polished. *no piecewise release*: a head holds the room of a
+search*: joint orders are neither recreated nor polished. *no recreation*: they are polished
+alone. *no piecewise release*: a head holds the room of a
 contour to its end. *q frozen*: the distributions over plans stay uniform. *no search*:
-neither tree nor distributions nor joint plans, policies and polishing alone. Three do a part
+neither tree nor distributions nor joint plans, policies and windows alone. Three do a part
 otherwise, after other papers (`docs/team.md`): *boltzmann* goes down the tree by a Boltzmann
 policy, *regret matching* moves q by regrets, *max-plus* chooses which plans are tried
 together by the values of neighbouring heads' pairs. Of the corpus' eight plates

@@ -58,6 +58,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "no tree": {},
     "no messages": {},
     "no local search": {"windows": 0},
+    "no recreation": {"recreate": 0.0},
     "no piecewise release": {},
     "q frozen": {"alpha": 0.0},
     "no search": {"share": 0.0},

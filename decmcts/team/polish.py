@@ -63,7 +63,7 @@ class Polish:
         self.best, self.best_s = stated, self.makespan_s
 
     def improve(self, windows: int) -> None:
-        """Polish some random windows; the best order never gets worse."""
+        """Polish some random windows, or a small order as a whole; `best` never gets worse."""
         if not np.isfinite(self.makespan_s) or not len(self._joint.order):
             return
         if len(self._joint.order) <= FEW:
@@ -72,11 +72,8 @@ class Polish:
             self._polish(windows, Mood(COLD_S, SLACK_S, 1.0, SHORTEST))
 
     def recreate(self, windows: int) -> None:
-        """Ruin and recreate some random windows; the order never gets worse.
-
-        Orders so small that they are annealed as a whole stay as they are.
-        """
-        if not np.isfinite(self.makespan_s) or len(self._joint.order) <= FEW:
+        """Ruin and recreate some random windows; the order never gets worse."""
+        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
             return
         self.makespan_s = recreate(
             self.makespan_s, windows, self._joint, self._problem.visits, self._fleet,

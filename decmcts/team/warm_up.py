@@ -15,11 +15,12 @@ from decmcts.print.job import PrintJob
 from decmcts.team.dec_mcts import DecMcts
 from decmcts.team.parameters import Parameters
 from decmcts.team.plans import StatedOrder, encode_stated
+from decmcts.team.polish import Polish
 from decmcts.team.problem import TeamProblem, build_team_problem
 from decmcts.team.resolve import resolve
 
 HEADS = (0, 1)
-ROUNDS = 4  # policies first, then tree, distribution and polishing
+ROUNDS = 4  # policies first, then tree, distribution and windows
 
 
 def smallest_job() -> PrintJob:
@@ -63,5 +64,6 @@ def compile_rounds(problem: TeamProblem | None = None) -> list[DecMcts]:
             other.take(head, agent.distribution)
             other.take_joint(agent.best(HEADS).plans, HEADS)
     stated = StatedOrder.of(resolve(made, {}, HEADS).toolpaths)
+    Polish(made, stated, seed=0).recreate(1)  # as larger orders are
     resolve(made, {0: encode_stated(stated, len(HEADS), made.n_macros)}, HEADS)
     return team
