@@ -18,6 +18,7 @@ from decmcts.formats.bounds import LARGEST_MM
 from decmcts.formats.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.clearances import TALLEST_NOZZLE_MM, clearance_head
 from decmcts.formats.fields import Fields, points, shown
+from decmcts.formats.head_name import head_name
 from decmcts.formats.head_polygon import check_polygon, covers_nozzle
 from decmcts.formats.machine_relations import AXES, check_relations
 from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Release, Slice
@@ -232,7 +233,7 @@ def _head(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
     if any(type(tool) is not int or tool < 0 for tool in tools):
         table.fail("tools", f"expected tool numbers from 0, found {shown(tools)}")
     return Head(
-        name=table.text("name"),
+        name=head_name(table),
         slices=tuple(slices),
         bodies=bodies,
         park=_triple(table, "park") if "park" in table.values else (0.0, 0.0, 0.0),
