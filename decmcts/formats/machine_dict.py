@@ -236,7 +236,7 @@ def _head(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
         name=head_name(table),
         slices=tuple(slices),
         bodies=bodies,
-        park=_triple(table, "park") if "park" in table.values else (0.0, 0.0, 0.0),
+        park=_park(table) if "park" in table.values else (0.0, 0.0, 0.0),
         reach_min=low,
         reach_max=high,
         tools=tuple(tools),
@@ -282,6 +282,13 @@ def _body(table: Fields) -> Body:
     if not all(a < b for a, b in zip(low, high, strict=True)):
         table.fail("min", f"{list(low)} is not below max {list(high)} on every axis")
     return Body(table.text("name", "body"), low, high)
+
+
+def _park(table: Fields) -> tuple[float, float, float]:
+    park = _triple(table, "park")
+    if park[2] < 0.0:
+        table.fail("park", f"z is {park[2]:g}, below the bed", "park at 0 or above")
+    return park
 
 
 def _reach(
