@@ -74,7 +74,7 @@ def one_head_toolpaths(
     """
     team = range(len(machine.heads)) if live is None else sorted(live)
     eligible = build_space(job, machine, team).eligible
-    require_printable(job.contours, machine, eligible)
+    require_printable(job.contours, machine, eligible, live=team)
     return split(toolpath, eligible, team)
 
 

@@ -19,7 +19,7 @@ from decmcts._kernels.joint import Visits
 from decmcts._kernels.lags import no_lags
 from decmcts._kernels.pieces import cut_pieces
 from decmcts._kernels.rooms import Fleet
-from decmcts.errors import InputError
+from decmcts.formats.machine_fit import refuse_unprintable
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
@@ -198,18 +198,12 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
     return Space(boxes, parks, eligible)
 
 
-def require_printable(contours: Contours, machine: Machine, eligible: NDArray[np.bool_]) -> None:
-    """Raise InputError naming the first contour that no head may print."""
-    missing = np.flatnonzero(~eligible.any(axis=1))
-    if not len(missing):
-        return
-    first = int(missing[0])
-    low = contours.polyline(first).min(axis=0)
-    high = contours.polyline(first).max(axis=0)
-    raise InputError(
-        f"no head of {machine.name} can print contour {first} (tool {contours.tool[first]}, "
-        f"x {low[0]:.2f}..{high[0]:.2f}, y {low[1]:.2f}..{high[1]:.2f}, z up to {high[2]:.2f} mm), "
-        f"{len(missing)} such contours in all",
-        line=int(contours.line[first]) or None,
-        advice="move the print into the heads' reach or choose a machine with that tool",
-    )
+def require_printable(
+    contours: Contours,
+    machine: Machine,
+    eligible: NDArray[np.bool_],
+    *,
+    live: Sequence[int] | None = None,
+) -> None:
+    """Raise InputError naming the first contour that no head may print, and why."""
+    refuse_unprintable(contours, machine, eligible, live=live)

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.rooms import meet
+from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.print.machine import Body, Head, Machine, Rail
 from decmcts.print.plan import PlanDocument
 from decmcts.team.problem import build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
-from decmcts.team.space import body_boxes, build_space, fleet_of, relation_of
+from decmcts.team.space import body_boxes, build_space, fleet_of, relation_of, require_printable
 from sim.verify import verify_plan
 
 
@@ -175,3 +176,24 @@ def test_who_cannot_get_out_of_the_way_bars_it(case_of: Callable[..., Any]) -> N
     heads[1] = replace(heads[1], park=(2.0, 30.0, 5.0))  # room is only beyond the bed
     machine = replace(chosen.machine, heads=tuple(heads), rails=())
     assert build_space(chosen.job, machine).eligible.tolist() == [[False, True]]
+
+
+def test_why_no_head_can_print_is_said(case_of: Callable[..., Any]) -> None:
+    """Heads whose shapes shut each other out have reach and tool; moving the print is no help."""
+    chosen = case_of([(50, 10, 0.5), (60, 10, 0.5)], [(50, 70, 0.5), (60, 70, 0.5)])
+    near = replace(chosen.machine, head_clearance_mm=1000.0)
+    for machine, contour, why in (
+        (chosen.machine, 1, "no head reaches it; move the print"),
+        (near, 0, "the others cannot make way for left and right, which reach it; .*`slices`"),
+    ):
+        eligible = build_space(chosen.job, machine).eligible
+        with pytest.raises(InputError, match=f"no head of '?pair'? .*contour {contour} .*: {why}"):
+            require_printable(chosen.job.contours, machine, eligible)
+
+
+def test_who_is_lost_is_no_reason_of_the_machine(case_of: Callable[..., Any]) -> None:
+    """A head that was lost reaches and has the tool: that it is lost is the reason."""
+    chosen = case_of([(2, 10, 0.5), (8, 10, 0.5)])
+    eligible = build_space(chosen.job, chosen.machine, [1]).eligible
+    with pytest.raises(InputError, match="only left could print it, which is lost"):
+        require_printable(chosen.job.contours, chosen.machine, eligible, live=[1])
