@@ -196,7 +196,8 @@ def run_team(
             refuse_for_heads(loaded.document, loaded.job, loaded.machine)
         with named(loaded.path):
             eligible = build_space(loaded.job, loaded.machine).eligible
-            require_printable(loaded.job.contours, loaded.machine, eligible)
+            heads = range(len(loaded.machine.heads))
+            require_printable(loaded.job.contours, loaded.machine, eligible, live=heads)
         refuse_unsound(loaded, before, writes=False)
         lags = lags_of(loaded, before)
         announce("what one head alone reaches")

@@ -65,7 +65,7 @@ def refuse_unprintable(
     Parameters
     ----------
     able : (n, heads) which head can print which contour
-    live : heads that are there; None: all
+    live : heads that are there; None: not known
     """
     missing = np.flatnonzero(~able.any(axis=1))
     if not len(missing):
@@ -104,8 +104,9 @@ def _reason(
     names = " and ".join(machine.heads[r].name for r in there or near)
     if not there:
         return f"only {names} could print it, which is lost", ""
+    lost = " (or what could print it is lost)" if live is None else ""
     return (
-        f"the others cannot make way for {names}, which reach{'es' * (len(there) == 1)} it",
+        f"the others cannot make way for {names}, which reach{'es' * (len(there) == 1)} it{lost}",
         "give `slices` no larger than the heads are, which count as going up for ever (`clearance`"
         " fills the bed), lessen head_clearance_mm or move parks",
     )

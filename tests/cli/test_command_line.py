@@ -243,4 +243,4 @@ def test_post_is_named_where_it_could_edit_the_input(tmp_path: Path, capsys):
     assert run(["plan", str(source), "-o", str(source)]) == 2
     assert "use `decmcts post` to edit in place" in capsys.readouterr().err
     assert run(["launch", str(source), "--plan", str(source)]) == 2
-    assert "post" not in capsys.readouterr().err
+    assert "decmcts post" not in capsys.readouterr().err

@@ -188,7 +188,7 @@ def test_why_no_head_can_print_is_said(case_of: Callable[..., Any]) -> None:
     ):
         eligible = build_space(chosen.job, machine).eligible
         with pytest.raises(InputError, match=f"no head of '?pair'? .*contour {contour} .*: {why}"):
-            require_printable(chosen.job.contours, machine, eligible)
+            require_printable(chosen.job.contours, machine, eligible, live=[0, 1])
 
 
 def test_who_is_lost_is_no_reason_of_the_machine(case_of: Callable[..., Any]) -> None:
@@ -197,3 +197,5 @@ def test_who_is_lost_is_no_reason_of_the_machine(case_of: Callable[..., Any]) ->
     eligible = build_space(chosen.job, chosen.machine, [1]).eligible
     with pytest.raises(InputError, match="only left could print it, which is lost"):
         require_printable(chosen.job.contours, chosen.machine, eligible, live=[1])
+    with pytest.raises(InputError, match="or what could print it is lost"):  # it is not known
+        require_printable(chosen.job.contours, chosen.machine, eligible)
