@@ -15,7 +15,7 @@ from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
-_HEADER = re.compile(rb"^; head (\S+), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
+_HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
 _SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _SELECTS = re.compile(rb"T\d+\Z", re.I)

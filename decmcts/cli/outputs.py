@@ -39,10 +39,13 @@ SAME_TIME_SHARE = 1e-3  # and for long ones; between them this share. Feeds and 
 # written anew with the source's decimals, which moves the estimate by a fraction of a second
 
 
-def refuse_unwritable(paths: Sequence[Path | None], source: Path, *read: Path) -> None:
+def refuse_unwritable(
+    paths: Sequence[Path | None], source: Path, *read: Path, edits: bool = False
+) -> None:
     """Fail before the long work: each output needs an existing folder we may write to.
 
-    No output may be the input, what else is `read`, or another output.
+    No output may be the input, what else is `read`, or another output. `edits`: the input
+    is one `decmcts post` could edit in place.
     """
     if source == STDOUT:
         raise InputError("standard input is not read", advice="give the name of a file")
@@ -54,7 +57,8 @@ def refuse_unwritable(paths: Sequence[Path | None], source: Path, *read: Path) -
             raise InputError(
                 "the output is the input",
                 path=path,
-                advice="name another file, or use `decmcts post` to edit in place",
+                advice="name another file"
+                + (", or use `decmcts post` to edit in place" if edits else ""),
             )
         if any(_same(path, other) for other in read):
             raise InputError("the output is read too", path=path, advice="name another file")

@@ -7,7 +7,8 @@ the `Announce` callback so that the console can show them.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -107,6 +108,15 @@ def read_input(
     return read_gcode(path)
 
 
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """Name the file in what is refused by those who know its contours only."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
+
+
 def load(
     path: Path,
     machine: str | Machine,
@@ -142,7 +152,7 @@ def load(
         chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     started = time.perf_counter()
     announce(f"dependency graph of {len(job.contours)} contours for {chosen.name}")
-    try:
+    with named(path):
         check_fits(job.contours, chosen)
         chosen = parked_above(chosen, job.contours)
         graph = order_rules(
@@ -153,8 +163,6 @@ def load(
             free_seams=freedom == "seam",
             max_layers_ahead=quality.max_layers_ahead,
         )
-    except InputError as error:  # these know the contours, not the file they came from
-        raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
     seconds["graph"] = time.perf_counter() - started
     rule = quality.rule_s(job, chosen)
     rules = OrderRules(process_order, quality.holds(chosen), quality.max_layers_ahead, freedom)

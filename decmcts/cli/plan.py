@@ -98,7 +98,8 @@ def plan(
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_for_gcode(context, source)
-    refuse_unwritable([output, plan_file, report, picture, sliced], source)
+    edits = source.suffix.lower() not in MESH_SUFFIXES
+    refuse_unwritable([output, plan_file, report, picture, sliced], source, edits=edits)
     refuse_unpackable(output, source)
     refuse_other_suffixes(plan_file, report, picture)
     refuse_two_on_stdout(output, as_json=as_json)

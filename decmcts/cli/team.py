@@ -36,6 +36,7 @@ from decmcts.cli.pipeline import (
     Planned,
     check,
     load,
+    named,
     search,
     source_plan,
 )
@@ -56,6 +57,7 @@ from decmcts.team.cooling import cooled, find_lags, print_times
 from decmcts.team.entries import Orders, agreed_job, entries_of, first_entries
 from decmcts.team.leaning import lean
 from decmcts.team.parameters import Parameters, changed
+from decmcts.team.space import build_space, require_printable
 
 StemOption = Annotated[
     Path | None,
@@ -192,6 +194,10 @@ def run_team(
         before = source_plan(loaded)
         if writes:
             refuse_for_heads(loaded.document, loaded.job, loaded.machine)
+        with named(loaded.path):
+            eligible = build_space(loaded.job, loaded.machine).eligible
+            heads = range(len(loaded.machine.heads))
+            require_printable(loaded.job.contours, loaded.machine, eligible, live=heads)
         refuse_unsound(loaded, before, writes=False)
         lags = lags_of(loaded, before)
         announce("what one head alone reaches")

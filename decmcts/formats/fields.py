@@ -87,10 +87,12 @@ class Fields:
         return value
 
     def text(self, key: str, default: str | None = None) -> str:
-        """Return a string."""
+        """Return a string that can be written: no half of a surrogate pair, as JSON may hold."""
         value = self.need(key) if default is None else self.values.get(key, default)
         if not isinstance(value, str):
             self.fail(key, f"expected a text, found {shown(value)}")
+        if not value.isascii() and any("\ud800" <= c <= "\udfff" for c in value):
+            self.fail(key, f"{shown(value)} is no text: it holds half of a surrogate pair")
         return value
 
     def number(

@@ -18,6 +18,7 @@ from decmcts.formats.bounds import LARGEST_MM
 from decmcts.formats.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
 from decmcts.formats.clearances import TALLEST_NOZZLE_MM, clearance_head
 from decmcts.formats.fields import Fields, points, shown
+from decmcts.formats.head_name import head_name
 from decmcts.formats.head_polygon import check_polygon, covers_nozzle
 from decmcts.formats.machine_relations import AXES, check_relations
 from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Release, Slice
@@ -232,10 +233,10 @@ def _head(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
     if any(type(tool) is not int or tool < 0 for tool in tools):
         table.fail("tools", f"expected tool numbers from 0, found {shown(tools)}")
     return Head(
-        name=table.text("name"),
+        name=head_name(table),
         slices=tuple(slices),
         bodies=bodies,
-        park=_triple(table, "park") if "park" in table.values else (0.0, 0.0, 0.0),
+        park=_park(table) if "park" in table.values else (0.0, 0.0, 0.0),
         reach_min=low,
         reach_max=high,
         tools=tuple(tools),
@@ -281,6 +282,13 @@ def _body(table: Fields) -> Body:
     if not all(a < b for a, b in zip(low, high, strict=True)):
         table.fail("min", f"{list(low)} is not below max {list(high)} on every axis")
     return Body(table.text("name", "body"), low, high)
+
+
+def _park(table: Fields) -> tuple[float, float, float]:
+    park = _triple(table, "park")
+    if park[2] < 0.0:
+        table.fail("park", f"z is {park[2]:g}, below the bed", "park at 0 or above")
+    return park
 
 
 def _reach(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +30,8 @@ def check_fits(contours: Contours, machine: Machine) -> None:
     low = np.minimum.reduceat(contours.points, at)
     high = np.maximum.reduceat(contours.points, at)
     _check_size(contours, low, high, machine)
-    _check_reach(contours, low, high, machine)
+    able = [_reaches(head, low, high) & _has_tool(head, contours.tool) for head in machine.heads]
+    refuse_unprintable(contours, machine, np.stack(able, axis=1))
 
 
 def _check_size(
@@ -50,24 +53,62 @@ def _check_size(
         )
 
 
-def _check_reach(
-    contours: Contours, low: NDArray[np.float64], high: NDArray[np.float64], machine: Machine
+def refuse_unprintable(
+    contours: Contours,
+    machine: Machine,
+    able: NDArray[np.bool_],
+    *,
+    live: Sequence[int] | None = None,
 ) -> None:
-    reached = np.zeros(len(contours), np.bool_)
-    for head in machine.heads:
-        reached |= _reaches(head, low, high) & _has_tool(head, contours.tool)
-    if reached.all():
+    """Raise InputError naming the first contour that no head is `able` to print, and why.
+
+    Parameters
+    ----------
+    able : (n, heads) which head can print which contour
+    live : heads that are there; None: not known
+    """
+    missing = np.flatnonzero(~able.any(axis=1))
+    if not len(missing):
         return
-    first = int(np.flatnonzero(~reached)[0])
+    c = int(missing[0])
+    low, high = contours.polyline(c).min(axis=0), contours.polyline(c).max(axis=0)
     spans = ", ".join(
-        f"{axis} {a:.1f}..{b:.1f}"
-        for axis, a, b in zip(_AXES, low[first], high[first], strict=True)
+        f"{axis} {a:.2f}..{b:.2f}" for axis, a, b in zip(_AXES, low, high, strict=True)
     )
+    why, advice = _reason(contours, machine, c, live)
     raise InputError(
-        f"no head of {machine.name!r} can print contour {first} (tool {contours.tool[first]},"
-        f" {spans}); {int((~reached).sum())} contours are beyond reach",
-        line=int(contours.line[first]) or None,
-        advice="move the print, or choose another machine",
+        f"no head of {machine.name!r} can print contour {c} (tool {contours.tool[c]}, {spans} mm),"
+        f" {len(missing)} such contours in all: {why}",
+        line=int(contours.line[c]) or None,
+        advice=advice,
+    )
+
+
+def _reason(
+    contours: Contours, machine: Machine, c: int, live: Sequence[int] | None
+) -> tuple[str, str]:
+    """Return why no head prints a contour, and what to do: tool, reach, lost, no way to it."""
+    points, tool = contours.polyline(c), contours.tool[c : c + 1]
+    low, high = points.min(axis=0)[None], points.max(axis=0)[None]
+    armed = [r for r, head in enumerate(machine.heads) if _has_tool(head, tool)[0]]
+    if not armed:
+        return (
+            f"no head has tool {tool[0]}",
+            "give it to a head (`tools` of the machine file), or choose a machine that has it",
+        )
+    near = [r for r in armed if _reaches(machine.heads[r], low, high)[0]]
+    if not near:
+        those = "no head" if len(armed) == len(machine.heads) else f"no head with tool {tool[0]}"
+        return f"{those} reaches it", "move the print into reach, or choose another machine"
+    there = near if live is None else [r for r in near if r in live]
+    names = " and ".join(machine.heads[r].name for r in there or near)
+    if not there:
+        return f"only {names} could print it, which is lost", ""
+    lost = " (or what could print it is lost)" if live is None else ""
+    return (
+        f"the others cannot make way for {names}, which reach{'es' * (len(there) == 1)} it{lost}",
+        "give `slices` no larger than the heads are, which count as going up for ever (`clearance`"
+        " fills the bed), lessen head_clearance_mm or move parks",
     )
 
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from decmcts.formats.fields import Fields, fail
+from decmcts.formats.head_name import as_file_systems_see
 from decmcts.print.machine import Body, Machine, Rail
 
 AXES = ("x", "y")
@@ -21,13 +22,25 @@ def check_relations(machine: Machine, given: Fields) -> None:
         given.fail("heads", "no head")
     if not all(a < b for a, b in zip(machine.bed_min, machine.bed_max, strict=True)):
         given.fail("bed", f"min {machine.bed_min} is not below max {machine.bed_max}")
-    names = [head.name for head in machine.heads]
-    for i, name in enumerate(names):
-        if name in names[:i]:
-            given.fail(f"heads[{i}].name", f"two heads are named {name!r}")
+    _check_names(machine, given)
     for i, rail in enumerate(machine.rails):
         _check_rail(machine, rail, given, "rail" if "rail" in given.values else f"rails[{i}]")
     _check_parks(machine, given)
+
+
+def _check_names(machine: Machine, given: Fields) -> None:
+    known: dict[str, str] = {}
+    for i, head in enumerate(machine.heads):
+        name, seen = head.name, as_file_systems_see(head.name)
+        if known.get(seen) == name:
+            given.fail(f"heads[{i}].name", f"two heads are named {name!r}")
+        if seen in known:
+            given.fail(
+                f"heads[{i}].name",
+                f"two heads are named {known[seen]!r} and {name!r}",
+                "their files would be one on macOS and Windows",
+            )
+        known[seen] = name
 
 
 def _check_rail(machine: Machine, rail: Rail, given: Fields, where: str) -> None:

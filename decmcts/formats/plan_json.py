@@ -27,7 +27,7 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts, check_points
 from decmcts.formats.plan_contours import contours_from_dicts, contours_to_dicts
-from decmcts.formats.reading import one_line, read_bytes
+from decmcts.formats.reading import once, one_line, read_bytes
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
 FORMAT = "decmcts-plan"
@@ -148,17 +148,9 @@ def _parse(path: Path) -> Any:
     def refuse(text: str) -> NoReturn:
         raise InputError(f"the number {text} is not finite", path=path)
 
-    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        table = dict(pairs)
-        if len(table) < len(pairs):
-            keys = [key for key, _ in pairs]
-            twice = next(key for key in keys if keys.count(key) > 1)
-            raise InputError(f"the key {shown(twice)} stands twice in one table", path=path)
-        return table
-
     content = unpacked(read_bytes(path), path)
     with one_line(path, "plan"), _uncollected():
-        return json.loads(content, parse_constant=refuse, object_pairs_hook=once)
+        return json.loads(content, parse_constant=refuse, object_pairs_hook=once(path))
 
 
 @contextmanager

@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.bounds import unpacked
 from decmcts.formats.fields import Fields, fail, numbers, points, shown
+from decmcts.formats.reading import once
 
-QCSP_SUFFIX = ".qcsp"
+QCSP_SUFFIXES = (".qcsp", ".qcsp.gz")
 COLLECTION_SUFFIXES = (".json", ".json.gz")
 MOST_TASKS = 2000
 MOST_CRANES = 64
@@ -72,11 +73,14 @@ class QcspSchedule:
 
 def is_qcsp(path: Path) -> bool:
     """Say whether the name is that of a bare team problem, in a collection or by itself."""
-    return path.name.lower().endswith(QCSP_SUFFIX) or _in_collection(path) is not None
+    known = path.name.lower().endswith((*QCSP_SUFFIXES, *COLLECTION_SUFFIXES))
+    return known or _in_collection(path) is not None
 
 
 def read_qcsp(path: Path | str) -> QcspProblem:
     """Read `X.qcsp`, or `COLLECTION.json.gz:NAME`, one of many in a mapping of names.
+
+    All may be gzipped or not. A collection of one needs no name.
 
     Raises
     ------
@@ -85,13 +89,29 @@ def read_qcsp(path: Path | str) -> QcspProblem:
     """
     source = Path(path)
     if (of := _in_collection(source)) is None:
-        return _problem(Fields.of(_json(source), "", source), source.stem)
+        return _only_problem(Fields.of(_json(source), "", source), source)
     collection, name = of
     all_of_them = Fields.of(_json(collection), "", collection)
     if name not in all_of_them.values:
         many = len(all_of_them.values)
         raise InputError(f"no instance {name!r} among its {many}", path=collection)
     return _problem(all_of_them.table(name), name)
+
+
+def _only_problem(fields: Fields, source: Path) -> QcspProblem:
+    """Return the problem a file holds, by itself or as a collection's only one."""
+    if not source.name.lower().endswith(COLLECTION_SUFFIXES) or "p" in fields.values:
+        return _problem(fields, _bare_name(source))
+    names = [name for name, one in fields.values.items() if isinstance(one, dict) and "p" in one]
+    if not names:
+        raise InputError("holds no team problem", path=source, advice="see docs/qcsp.md")
+    if len(names) > 1:
+        raise InputError(
+            f"holds {len(names)} instances",
+            path=source,
+            advice=f"name one: {source.name}:{names[0]}",
+        )
+    return _problem(fields.table(names[0]), names[0])
 
 
 def problem_of(values: dict[str, Any]) -> QcspProblem:
@@ -121,6 +141,13 @@ def schedule_text(problem: QcspProblem, schedule: QcspSchedule) -> bytes:
     return (json.dumps(whole, indent=1) + "\n").encode()
 
 
+def _bare_name(path: Path) -> str:
+    """Return a file's name without what says its kind."""
+    ends = (*QCSP_SUFFIXES, *COLLECTION_SUFFIXES)
+    longest = max((len(end) for end in ends if path.name.lower().endswith(end)), default=0)
+    return path.name[: len(path.name) - longest] if longest else path.stem
+
+
 def _in_collection(path: Path) -> tuple[Path, str] | None:
     """Return file and name of `FILE:NAME`, None for any other path."""
     file, colon, name = path.name.rpartition(":")
@@ -132,7 +159,7 @@ def _in_collection(path: Path) -> tuple[Path, str] | None:
 def _json(source: Path) -> Any:
     """Return what a JSON file holds, unpacked."""
     try:
-        return json.loads(unpacked(source.read_bytes(), source))
+        return json.loads(unpacked(source.read_bytes(), source), object_pairs_hook=once(source))
     except FileNotFoundError as error:
         raise InputError("no such file", path=source) from error
     except OSError as error:

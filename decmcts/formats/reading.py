@@ -6,12 +6,13 @@ import json
 import re
 import sys
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from decmcts.errors import InputError
+from decmcts.formats.fields import shown
 
 _AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
 
@@ -64,6 +65,20 @@ def parse_toml(content: bytes, path: Path, kind: str, *, page: str) -> Mapping[s
                 line=int(found[1]) if found else None,
                 advice=f"see {page}",
             ) from error
+
+
+def once(path: Path) -> Callable[[list[tuple[str, Any]]], dict[str, Any]]:
+    """Return a hook for `json.loads` that refuses a key that stands twice in one table."""
+
+    def table_of(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        table = dict(pairs)
+        if len(table) < len(pairs):
+            keys = [key for key, _ in pairs]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise InputError(f"the key {shown(twice)} stands twice in one table", path=path)
+        return table
+
+    return table_of
 
 
 @contextmanager

@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.space import build_space, require_printable
+from decmcts.team.space import Space, build_space, require_printable
 
 
 def share_out(
     order: NDArray[np.int32], eligible: NDArray[np.bool_], live: Sequence[int]
 ) -> NDArray[np.int64]:
-    """Return which head prints each contour of `order`: it changes only where it must, (n,)."""
+    """Return which head prints each contour of `order`: it changes only where it must, (n,).
+
+    Of heads that can do as much the first of `live` does it.
+    """
     head = np.empty(len(order), np.int64)
-    now = max(live, key=lambda r: (int(eligible[:, r].sum()), -r))
+    now = max(live, key=lambda r: int(eligible[:, r].sum()))
     for i, contour in enumerate(order):
         if not eligible[contour, now]:
             now = next(r for r in live if eligible[contour, r])
@@ -59,8 +62,8 @@ def one_head_toolpaths(
 ) -> list[Toolpath]:
     """Return the toolpaths, one per head, in which one head prints what it can in this order.
 
-    The head that may print most does so; contours it can not print go to
-    another, and conflicting ones keep the order.
+    The head that may print most does so, of several the one that parks nearest;
+    contours it can not print go to another, and conflicting ones keep the order.
 
     Parameters
     ----------
@@ -73,9 +76,20 @@ def one_head_toolpaths(
         If none of these heads may print some contour.
     """
     team = range(len(machine.heads)) if live is None else sorted(live)
-    eligible = build_space(job, machine, team).eligible
-    require_printable(job.contours, machine, eligible)
-    return split(toolpath, eligible, team)
+    space = build_space(job, machine, team)
+    eligible = space.eligible
+    require_printable(job.contours, machine, eligible, live=team)
+    return split(toolpath, eligible, nearest_first(space, team))
+
+
+def nearest_first(space: Space, team: Sequence[int]) -> list[int]:
+    """Return heads by how far they park from the print along x or y, the larger of both."""
+    if not len(space.boxes):
+        return list(team)
+    low, high = space.boxes[:, 0::2].min(axis=0), space.boxes[:, 1::2].max(axis=0)
+    parks = space.parks[:, :2]
+    off = np.maximum(np.maximum(low - parks, parks - high), 0.0).max(axis=1)
+    return sorted(team, key=lambda r: (float(off[r]), r))
 
 
 def lone_machine(machine: Machine) -> Machine:

@@ -99,7 +99,7 @@ def require_complete(
         if len(refused):
             raise InputError(
                 f"head {machine.heads[r].name} can not print contour {int(refused[0])} "
-                f"(reach or tool), {len(refused)} such contours in its toolpath"
+                f"(tool, reach or no way past the others), {len(refused)} such in its toolpath"
             )
 
 

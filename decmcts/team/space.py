@@ -19,7 +19,7 @@ from decmcts._kernels.joint import Visits
 from decmcts._kernels.lags import no_lags
 from decmcts._kernels.pieces import cut_pieces
 from decmcts._kernels.rooms import Fleet
-from decmcts.errors import InputError
+from decmcts.formats.machine_fit import refuse_unprintable
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
@@ -114,6 +114,20 @@ def _not_within_others(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
     return np.asarray(~within.any(axis=1))
 
 
+def _aside_limits(
+    contours: Contours, machine: Machine
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return least and most x and y each head may step aside to, (heads, 2) each.
+
+    That is bed and print as far as its reach goes, and the way to its park.
+    """
+    both = np.vstack([contours.points[:, :2], [machine.bed_min, machine.bed_max]])
+    parks = np.array([head.park[:2] for head in machine.heads], np.float64)
+    low = np.maximum([head.reach_min[:2] for head in machine.heads], both.min(axis=0))
+    high = np.minimum([head.reach_max[:2] for head in machine.heads], both.max(axis=0))
+    return np.minimum(low, parks), np.maximum(high, parks)
+
+
 def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Fleet:
     """Return the machine as the kernels of a joint order take it; heads not `live` never move."""
     heads = machine.heads
@@ -123,8 +137,7 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
         for s in range(len(heads))
     ]
     parks = np.array([head.park for head in heads], np.float64)
-    low = np.minimum([head.reach_min[:2] for head in heads], parks[:, :2])
-    high = np.maximum([head.reach_max[:2] for head in heads], parks[:, :2])
+    low, high = _aside_limits(job.contours, machine)
     still = [r for r in range(len(heads)) if live is not None and r not in live]
     low[still] = high[still] = parks[still, :2]
     top = float(job.contours.top.max(initial=0.0))
@@ -134,8 +147,8 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
         relation=np.concatenate(pairs),
         relation_offsets=np.cumsum([0, *(len(pair) for pair in pairs)]).astype(np.int64),
         parks=parks,
-        low=np.ascontiguousarray(low),
-        high=np.ascontiguousarray(high),
+        low=low,
+        high=high,
         travel=np.array([travel_row(job.settings, machine.limits_of(head)) for head in heads]),
         ceiling=max(top, float(parks[:, 2].max())) + rises,
         lined=halves == len(heads) * (len(heads) - 1),
@@ -185,18 +198,12 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
     return Space(boxes, parks, eligible)
 
 
-def require_printable(contours: Contours, machine: Machine, eligible: NDArray[np.bool_]) -> None:
-    """Raise InputError naming the first contour that no head may print."""
-    missing = np.flatnonzero(~eligible.any(axis=1))
-    if not len(missing):
-        return
-    first = int(missing[0])
-    low = contours.polyline(first).min(axis=0)
-    high = contours.polyline(first).max(axis=0)
-    raise InputError(
-        f"no head of {machine.name} can print contour {first} (tool {contours.tool[first]}, "
-        f"x {low[0]:.2f}..{high[0]:.2f}, y {low[1]:.2f}..{high[1]:.2f}, z up to {high[2]:.2f} mm), "
-        f"{len(missing)} such contours in all",
-        line=int(contours.line[first]) or None,
-        advice="move the print into the heads' reach or choose a machine with that tool",
-    )
+def require_printable(
+    contours: Contours,
+    machine: Machine,
+    eligible: NDArray[np.bool_],
+    *,
+    live: Sequence[int] | None = None,
+) -> None:
+    """Raise InputError naming the first contour that no head may print, and why."""
+    refuse_unprintable(contours, machine, eligible, live=live)

@@ -234,3 +234,13 @@ def test_layers_entered_more_often_are_said_once(tmp_path, capsys):
     assert made.read_text().count("; " + line) == 1
     assert made.read_text().count(";LAYER_CHANGE\n") == 6
     assert run(["verify", str(made), "--source", str(source), "--machine", "paper"]) == 0
+
+
+def test_post_is_named_where_it_could_edit_the_input(tmp_path: Path, capsys):
+    """Whoever names the input as output wants it edited in place."""
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    assert run(["plan", str(source), "-o", str(source)]) == 2
+    assert "use `decmcts post` to edit in place" in capsys.readouterr().err
+    assert run(["launch", str(source), "--plan", str(source)]) == 2
+    assert "decmcts post" not in capsys.readouterr().err

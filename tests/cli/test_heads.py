@@ -65,6 +65,27 @@ def test_a_source_without_end_code_is_written(tmp_path: Path) -> None:
     assert len(outputs.write_heads(planned, tmp_path / "part")) == 2
 
 
+SHUT_OUT = """name = "pair"
+bed = { min = [0, 0], max = [300, 300] }
+heads = [
+  { name = "a", park = [-60, -60, 20], clearance = { radius = 30, rod_height = 40 } },
+  { name = "b", park = [360, 360, 20], clearance = { radius = 30, rod_height = 40 } },
+]
+"""
+
+
+def test_heads_that_shut_each_other_out_are_told_so_before_the_search(tmp_path, capsys):
+    """With file and line, and with advice that helps: reach and tool are right."""
+    source, machine = tmp_path / "in.gcode", tmp_path / "pair.toml"
+    source.write_text(TEXT)
+    machine.write_text(SHUT_OUT)
+    assert run(["launch", str(source), "--machine", str(machine), "--time-limit", "1"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert not any(line.startswith("what one head alone") for line in said)
+    assert f"{source}:12: no head of 'pair' can print contour 0" in said[-1]
+    assert "the others cannot make way for a and b, which reach it; give `slices`" in said[-1]
+
+
 def verify(written: list[str], *more: str) -> int:
     folder = Path(written[0]).parent
     return run(["verify", *written, "--source", str(folder / "in.gcode"), *more])

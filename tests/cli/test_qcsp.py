@@ -64,3 +64,13 @@ def test_what_cannot_be_used_is_one_line(
     assert run(["launch", str(source), "--time-limit", "0.1", *extra]) == 2
     assert word in capsys.readouterr().err.strip().splitlines()[-1]
     assert list(tmp_path.iterdir()) == [source]
+
+
+def test_the_input_is_no_output_and_post_is_no_help(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`post` edits G-code in place; for a .qcsp, as for several files, it was advised too."""
+    source = written(tmp_path)
+    assert run(["launch", str(source), "-o", str(source), "--time-limit", "0.1"]) == 2
+    said = capsys.readouterr().err.strip().splitlines()[-1]
+    assert said.endswith("the output is the input; name another file")

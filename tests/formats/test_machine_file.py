@@ -195,6 +195,11 @@ def test_unknown_machine_lists_the_known():
         ('name = "a"', 'name = "a"\ntools = [-1]', "tool numbers"),
         (
             'name = "a"',
+            'name = "a"\npark = [5, 5, -5]',
+            r"heads\[0\]\.park: z is -5, below the bed",
+        ),
+        (
+            'name = "a"',
             'name = "a"\nbodies = [{ min = [0, 0, 0], max = [1, 0, 1] }]',
             "not below max",
         ),

@@ -59,7 +59,7 @@ def test_contours_beyond_all_heads_are_named():
     dual = load_machine("dual-gantry")
     left_only = replace(dual, heads=dual.heads[:1], rails=())
     with pytest.raises(
-        InputError, match=r"line 20: no head .* contour 1 .*x 250\.0\.\.280\.0.*; 1 "
+        InputError, match=r"line 20: no head .* contour 1 .*x 250\.00\.\.280\.00.*, 1 "
     ):
         check_fits(lines((10.0, 20.0), (250.0, 280.0)), left_only)
 
@@ -68,8 +68,19 @@ def test_each_contour_needs_one_head_for_itself():
     """No head of the dual gantry reaches the whole bed; a contour across it cannot be split."""
     dual = load_machine("dual-gantry")
     check_fits(lines((5.0, 20.0), (250.0, 290.0)), dual)
-    with pytest.raises(InputError, match="beyond reach"):
+    with pytest.raises(InputError, match="no head reaches it; move the print"):
         check_fits(lines((5.0, 290.0)), dual)
+
+
+def test_what_only_a_head_with_another_tool_reaches_is_said_so():
+    """Of the heads, those with the tool count; and each contour has its own reason."""
+    dual = load_machine("dual-gantry")
+    heads = replace(dual.heads[0], tools=(0,)), replace(dual.heads[1], tools=(1,))
+    machine = replace(dual, heads=heads)
+    with pytest.raises(InputError, match=r"no head with tool 0 reaches it; move .*reach"):
+        check_fits(lines((5.0, 20.0), (280.0, 290.0)), machine)
+    with pytest.raises(InputError, match=r"1 such contours in all: no head with tool 1"):
+        check_fits(lines((5.0, 290.0), tool=1), machine)
 
 
 def test_tools_no_head_has_are_refused():
@@ -77,8 +88,9 @@ def test_tools_no_head_has_are_refused():
     paper = load_machine("coreonel")
     machine = replace(paper, heads=(replace(paper.heads[0], tools=(0,)),))
     check_fits(lines((0.0, 9.0)), machine)
-    with pytest.raises(InputError, match="tool 1"):
+    with pytest.raises(InputError, match=r"no head has tool 1; .*`tools`") as error:
         check_fits(lines((0.0, 9.0), tool=1), machine)
+    assert "reach" not in str(error.value)
 
 
 def test_nothing_fits_anywhere():

@@ -44,9 +44,41 @@ def test_one_of_a_collection_is_named_behind_a_colon(tmp_path: Path) -> None:
     path.write_bytes(gzip.compress(json.dumps({"a": TINY}).encode()))
     assert read_qcsp(f"{path}:a").name == "tiny"
     assert is_qcsp(Path(f"{path}:a"))
-    assert not is_qcsp(path)
     with pytest.raises(InputError, match="no instance 'b' among its 1"):
         read_qcsp(f"{path}:b")
+
+
+@pytest.mark.parametrize("name", ["tiny.qcsp", "tiny.qcsp.gz", "TINY.QCSP.GZ", "x.json"])
+def test_packed_or_not_it_is_a_problem(tmp_path: Path, name: str) -> None:
+    """docs/qcsp.md says so; the names with .gz were taken for G-code."""
+    values = {key: value for key, value in TINY.items() if key != "name"}
+    text = json.dumps(values).encode()
+    packed = name.lower().endswith(".gz")
+    (tmp_path / name).write_bytes(gzip.compress(text) if packed else text)
+    assert is_qcsp(tmp_path / name)
+    assert read_qcsp(tmp_path / name).name == name.split(".")[0]
+
+
+def test_a_collection_without_a_name_says_what_to_name(tmp_path: Path) -> None:
+    """With one instance in it that is meant; what holds none is said too."""
+    path = tmp_path / "all.json.gz"
+    path.write_bytes(gzip.compress(json.dumps({"a": TINY, "b": TINY}).encode()))
+    assert is_qcsp(path)
+    with pytest.raises(InputError, match=r"holds 2 instances; name one: all\.json\.gz:a"):
+        read_qcsp(path)
+    path.write_bytes(gzip.compress(json.dumps({"b": TINY}).encode()))
+    assert read_qcsp(path).name == "tiny"
+    path.write_bytes(gzip.compress(b'{"format": "decmcts-plan"}'))
+    with pytest.raises(InputError, match=r"all\.json\.gz: holds no team problem"):
+        read_qcsp(path)
+
+
+@pytest.mark.parametrize("text", ['{"p": [1], "p": [2]}', '{"a": {"t": 1, "t": 2}}'])
+def test_a_key_that_stands_twice_is_refused(tmp_path: Path, text: str) -> None:
+    """Which of the two was meant? plan.json is read as strictly."""
+    (tmp_path / "x.qcsp").write_text(text)
+    with pytest.raises(InputError, match=r"x\.qcsp: the key '.' stands twice"):
+        read_qcsp(tmp_path / "x.qcsp")
 
 
 @pytest.mark.parametrize(

@@ -43,3 +43,13 @@ def test_the_order_is_kept(case: Callable[..., Any], seed: int) -> None:
     for toolpath in shared:
         order[toolpath.turn] = toolpath.order
     assert np.array_equal(order, np.arange(n))
+
+
+@pytest.mark.parametrize(("x", "heads"), [(30.0, [1, 0]), (90.0, [0, 1])])
+def test_of_heads_that_can_do_the_same_the_nearest_does(
+    case_of: Callable[..., Any], x: float, heads: list[int]
+) -> None:
+    """The head that parks farthest away would send all others across the bed and back."""
+    chosen = case_of([(x, 10, 0.5), (x + 5, 10, 0.5)])
+    shared = one_head_toolpaths(chosen.job, chosen.machine, Toolpath.as_sliced(1))
+    assert [len(t) for t in shared] == heads

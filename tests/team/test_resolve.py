@@ -76,7 +76,7 @@ def test_a_dead_head_that_was_needed(case_of: Callable[..., Any]) -> None:
     """What only the dead head reaches can not be printed: say so, do not drop it."""
     chosen = case_of([(112, 10, 0.5), (118, 10, 0.5)], [(30, 10, 0.5), (40, 10, 0.5)])
     problem = build_team_problem(chosen.job, chosen.machine, chosen.graph)
-    with pytest.raises(InputError, match="no head of pair can print contour 0"):
+    with pytest.raises(InputError, match="no head of 'pair' can print contour 0"):
         resolve(problem, {}, [0])
 
 

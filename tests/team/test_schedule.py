@@ -277,7 +277,7 @@ def test_one_order_for_everything_is_shared_out(case_of: Callable[..., Any]) -> 
 def test_out_of_every_heads_reach(case_of: Callable[..., Any]) -> None:
     """A print no head can do is refused with the contour named."""
     chosen = case_of([(50, 10, 0.5), (50, 70, 0.5)])
-    with pytest.raises(InputError, match="no head of pair can print contour 0"):
+    with pytest.raises(InputError, match="no head of 'pair' can print contour 0"):
         schedule(
             chosen.job, chosen.machine, chosen.graph, [Toolpath.as_sliced(1), Toolpath.as_sliced(0)]
         )

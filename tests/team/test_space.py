@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.rooms import meet
-from decmcts.print.machine import Body, Machine, Rail
-from decmcts.team.space import body_boxes, build_space, relation_of
+from decmcts.errors import InputError
+from decmcts.feasibility.digest import problem_digest
+from decmcts.print.machine import Body, Head, Machine, Rail
+from decmcts.print.plan import PlanDocument
+from decmcts.team.problem import build_team_problem
+from decmcts.team.resolve import resolve
+from decmcts.team.schedule import schedule
+from decmcts.team.space import body_boxes, build_space, fleet_of, relation_of, require_printable
+from sim.verify import verify_plan
 
 
 @pytest.fixture
@@ -105,3 +112,90 @@ def test_one_head_has_no_one_in_its_way(case: Callable[..., Any]) -> None:
     chosen = case(0)
     alone = replace(chosen.machine, heads=chosen.machine.heads[:1], rails=())
     assert build_space(chosen.job, alone).eligible.all()
+
+
+BOX = ((-20.0, -20.0, 8.0), (20.0, 20.0, 60.0))
+
+
+def parked_left(case_of: Callable[..., Any], **reach: tuple[float, float, float]) -> Any:
+    """Two heads without a rail, both parked left of a bed of 300 mm, and two far strokes."""
+    shape = case_of([(50, 10, 0.5), (60, 10, 0.5)]).machine.heads[0].slices
+    heads = tuple(
+        Head(name, shape, bodies=(Body("body", *BOX),), park=(-60.0, y, 20.0), **reach)
+        for name, y in (("a", 50.0), ("b", 110.0))
+    )
+    machine = Machine("beside", (0.0, 0.0), (300.0, 300.0), heads)
+    return case_of(
+        [(30, 110, 0.5), (40, 110, 0.5)], [(250, 50, 0.5), (260, 50, 0.5)], machine=machine
+    )
+
+
+@pytest.mark.parametrize("reach", [{}, {"reach_min": (-300.0,) * 3, "reach_max": (600.0,) * 3}])
+def test_heads_step_aside_where_the_judge_lets_them(
+    case_of: Callable[..., Any], reach: dict[str, Any]
+) -> None:
+    """Without a reach, or with a wide one, a head was sent beyond bed, print and its park."""
+    chosen = parked_left(case_of, **reach)
+    fleet = fleet_of(chosen.job, chosen.machine)
+    assert fleet.low.tolist() == [[-60.0, 0.0], [-60.0, 0.0]]
+    assert fleet.high.tolist() == [[300.0, 300.0], [300.0, 300.0]]
+    problem = build_team_problem(chosen.job, chosen.machine, chosen.graph)
+    paths = resolve(problem, {}, [0, 1]).toolpaths
+    plan = schedule(chosen.job, chosen.machine, chosen.graph, paths)
+    document = PlanDocument(
+        problem_digest(chosen.job.contours, chosen.graph, chosen.machine),
+        chosen.machine, chosen.job.contours, chosen.graph.pairs(), plan, {},
+    )  # fmt: skip
+    assert not verify_plan(document, source=chosen.job).faults
+
+
+def test_the_print_and_the_park_are_within_the_limit(case_of: Callable[..., Any]) -> None:
+    """A print beside the bed may be passed over; a reach that is narrower than that counts."""
+    chosen = case_of([(-30, 10, 0.5), (40, 70, 0.5)])  # the bed is 120 x 60 mm
+    fleet = fleet_of(chosen.job, chosen.machine)
+    assert fleet.low.tolist() == [[-20.0, 0.0], [10.0, 0.0]]
+    assert fleet.high.tolist() == [[110.0, 60.0], [140.0, 60.0]]
+    free = replace(chosen.machine, heads=tuple(
+        replace(head, reach_min=(-1e6,) * 3, reach_max=(1e6,) * 3) for head in chosen.machine.heads
+    ))  # fmt: skip
+    fleet = fleet_of(chosen.job, free)
+    assert fleet.low.tolist() == [[-30.0, 0.0], [-30.0, 0.0]]
+    assert fleet.high.tolist() == [[120.0, 70.0], [140.0, 70.0]]
+    edge = replace(free, heads=tuple(
+        replace(head, reach_min=(130.0, 0.0, 0.0)) for head in free.heads
+    ))  # fmt: skip
+    assert fleet_of(chosen.job, edge).low[1].tolist() == [130.0, 0.0]
+
+
+def test_who_cannot_get_out_of_the_way_bars_it(case_of: Callable[..., Any]) -> None:
+    """Eligible is who the others can make way for within the limit, not beyond it."""
+    chosen = case_of([(105, 10, 0.5), (115, 10, 0.5)])
+    wide = Body("beam", (-8.0, -400.0, 5.0), (8.0, 400.0, 9.0))
+    heads = [replace(head, bodies=(wide,), reach_min=(-1e6,) * 3, reach_max=(1e6,) * 3)
+             for head in chosen.machine.heads]  # fmt: skip
+    heads[1] = replace(heads[1], park=(2.0, 30.0, 5.0))  # room is only beyond the bed
+    machine = replace(chosen.machine, heads=tuple(heads), rails=())
+    assert build_space(chosen.job, machine).eligible.tolist() == [[False, True]]
+
+
+def test_why_no_head_can_print_is_said(case_of: Callable[..., Any]) -> None:
+    """Heads whose shapes shut each other out have reach and tool; moving the print is no help."""
+    chosen = case_of([(50, 10, 0.5), (60, 10, 0.5)], [(50, 70, 0.5), (60, 70, 0.5)])
+    near = replace(chosen.machine, head_clearance_mm=1000.0)
+    for machine, contour, why in (
+        (chosen.machine, 1, "no head reaches it; move the print"),
+        (near, 0, "the others cannot make way for left and right, which reach it; .*`slices`"),
+    ):
+        eligible = build_space(chosen.job, machine).eligible
+        with pytest.raises(InputError, match=f"no head of '?pair'? .*contour {contour} .*: {why}"):
+            require_printable(chosen.job.contours, machine, eligible, live=[0, 1])
+
+
+def test_who_is_lost_is_no_reason_of_the_machine(case_of: Callable[..., Any]) -> None:
+    """A head that was lost reaches and has the tool: that it is lost is the reason."""
+    chosen = case_of([(2, 10, 0.5), (8, 10, 0.5)])
+    eligible = build_space(chosen.job, chosen.machine, [1]).eligible
+    with pytest.raises(InputError, match="only left could print it, which is lost"):
+        require_printable(chosen.job.contours, chosen.machine, eligible, live=[1])
+    with pytest.raises(InputError, match="or what could print it is lost"):  # it is not known
+        require_printable(chosen.job.contours, chosen.machine, eligible)
