@@ -21,7 +21,7 @@ from decmcts._kernels.joint import Units
 from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.alone import split
+from decmcts.team.alone import nearest_first, split
 from decmcts.team.order import refuse, sequences_of, units_of
 from decmcts.team.plans import (
     HUNDREDTHS,
@@ -68,7 +68,7 @@ def resolve(
     if not team or team[0] < 0 or team[-1] >= heads:
         raise InputError(f"live heads {list(live)}, expected some of 0..{heads - 1}")
     fleet, eligible = room_of(problem, team)
-    require_printable(problem.job.contours, problem.machine, eligible)
+    require_printable(problem.job.contours, problem.machine, eligible, live=team)
     n = len(problem.job.contours)
     intents = {
         r: decode(np.asarray(plans[r], np.int32), problem.n_macros, n) for r in team if r in plans
@@ -142,7 +142,7 @@ def _one_by_one(
     team: Sequence[int],
 ) -> Resolved:
     """Print everything in one order, one head at a time where that matters."""
-    toolpaths = split(order, eligible, team)
+    toolpaths = split(order, eligible, nearest_first(problem.space, team))
     return _resolved(units_of(problem.visits, fleet, problem.machine, toolpaths), len(toolpaths))
 
 
