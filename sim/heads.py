@@ -16,6 +16,7 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.lines import above_comments
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
@@ -166,7 +167,8 @@ def _match_start(
 
 def _check_end(file: HeadFile, document: GcodeDocument, line: int) -> list[str]:
     """Return what is in force, or retracted, otherwise than where the source's end code begins."""
-    above, end = min(line, len(file.lines)) - 2, document.end
+    begins = above_comments(file.lines.raw, min(line, len(file.lines)) - 1, document.postamble)
+    above, end = begins - 1, document.end
     modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
     words = []
     if abs(owed - end.owed) > OWED_MM or bool(modes[3]) != end.firmware_retracted:

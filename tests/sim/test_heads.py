@@ -299,6 +299,16 @@ def test_e_set_otherwise_than_in_the_end_code_is_a_fault(tmp_path, change):
     assert FaultKind.COMMAND in made.judged().kinds()
 
 
+def test_an_object_may_end_in_the_end_code(tmp_path):
+    """The comment above the first command of the end code belongs to it."""
+    named = LAYERS.replace("G1 E1 ", "; printing object a id:0 copy 0\nG1 E1 ")
+    named = named.replace("G1 E-.6", "; stop printing object a id:0 copy 0\nG1 E-.6")
+    at = named.rindex("; stop")
+    layers, end = named[:at], named[at:].replace("G1 E-.6 F2400", "G1 E-1 F2400") + END
+    end = "".join(line + "\n" for line in end.splitlines() if not line.startswith("G1 X"))
+    assert Made(tmp_path, layers=layers, end=end).judged().faults == ()
+
+
 VERBATIM = [
     "M82\nG92 E0\nG1 E3 F900\nG1 X9 E5 ; purge\nG1 E4\nG92 E0 ; so\n",
     "G91\nG1 Z5 E-1\nG90\nG1 Z.3 E2\nM83\nG1 X2 E.5\ng1 y3 e-.5\n",
