@@ -103,6 +103,11 @@ def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int
     return syncs, rest, loose
 
 
+def axis_moves(file: HeadFile) -> list[int]:
+    """Return the lines (from 1) that move along an axis; homing is none."""
+    return [line for line, code in file.rest if _AXIS_MOVE.match(code)]
+
+
 def command_of_between(lines: Lines, first: int, last: int) -> bool:
     """Tell whether a line first..last - 1 (from 0) commands anything."""
     return any(command_of(lines.raw(k)) for k in range(first, last))

@@ -38,6 +38,7 @@ def verify_heads(
     *,
     parks: Sequence[Point],
     release: Release = "action",
+    read: bool = False,
 ) -> Verdict:
     """Check the files of all heads of a plan, in the plan's order of heads.
 
@@ -49,6 +50,8 @@ def verify_heads(
         Where each head stands before its first action.
     release : "point" or "action"
         Whether the machine's controllers can signal in motion.
+    read : bool
+        Whether the plan was read from these files (`sim.head_plan`).
     """
     try:
         files = [read_head_file(path) for path in paths]
@@ -67,7 +70,7 @@ def verify_heads(
     known = Knowledge([file.syncs for file in files])
     faults += check_sync(files, known, release)
     if not known.stuck and all(walk.complete for walk in walks):
-        faults += check_order(files, plan, known, parts, walks)
+        faults += check_order(files, plan, known, parts, walks, read=read)
     return Verdict(tuple(faults), {"files": float(len(files))})
 
 
