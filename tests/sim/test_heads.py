@@ -309,6 +309,14 @@ def test_an_object_may_end_in_the_end_code(tmp_path):
     assert Made(tmp_path, layers=layers, end=end).judged().faults == ()
 
 
+@pytest.mark.parametrize("moves", ["G1 E-1 F2400\nG1 X9 E9\n", "G1 X9 E9\nG1 X5 E-1 F2400\n"])
+def test_filament_pulled_or_pushed_by_moves_left_out_is_counted(tmp_path, moves):
+    """Of a start code's purge line only half may be left: what is retracted is another's."""
+    assert Made(tmp_path, start=START + moves).judged().faults == ()
+    layers = LAYERS.replace("M400\n", "M400\nG1 X5 E-.7 F2400\nM400\n")  # as in a pause
+    assert Made(tmp_path, layers=layers).judged().faults == ()
+
+
 VERBATIM = [
     "M82\nG92 E0\nG1 E3 F900\nG1 X9 E5 ; purge\nG1 E4\nG92 E0 ; so\n",
     "G91\nG1 Z5 E-1\nG90\nG1 Z.3 E2\nM83\nG1 X2 E.5\ng1 y3 e-.5\n",

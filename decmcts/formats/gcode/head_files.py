@@ -227,8 +227,8 @@ class _HeadFile:
         """Set up and go to the park position, one head after the other."""
         emitter, document = self.emitter, self.document
         preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
+        emitter.owed = owed_after(preamble, 0.0, e=0.0, relative_e=False)  # moves are left out
         if self._is_other(document.start.tool):
-            emitter.owed = owed_after(preamble, 0.0, e=0.0, relative_e=False)
             emitter.firmware_retracted = False
         self.left = emitter.owed
         first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
@@ -344,12 +344,10 @@ class _HeadFile:
             emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
 
     def _take(self, block: Block, text: bytes) -> None:
-        """Take over from a block; what another head's tool has retracted is not this one's."""
+        """Take over from a block; what moves left out have retracted is not this head's."""
         emitter, owed = self.emitter, self.emitter.owed
         pulled = emitter.firmware_retracted
         emitter.take(block.end)
-        if not (self._is_other(block.begin.tool) or self._is_other(block.end.tool)):
-            return
         emitter.owed = owed_after(text, owed, e=block.begin.e, relative_e=block.begin.relative_e)
         if self._is_other(block.end.tool):
             emitter.firmware_retracted = pulled
