@@ -45,7 +45,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
-from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushes
+from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
 from decmcts.formats.gcode.writer import print_contour, with_header
@@ -57,6 +57,7 @@ from decmcts.print.walls import retracts, walls_for
 SIGNAL = "SYNC_SIGNAL N={number}"
 PASSED = "SYNC_PASSED N={number}"
 WAIT = "SYNC_WAIT N={number}"
+PRIMES_MM = 0.1  # of filament; less primes nothing
 LONGEST_DWELL_S = 600.0  # of one G4
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
@@ -157,6 +158,18 @@ def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -
     tools = np.unique(job.contours.tool).tolist()
     for head in machine.heads:
         _refuse_tools(document, head.name, [t for t in tools if not head.tools or t in head.tools])
+
+
+def unprimed_note(document: GcodeDocument) -> str | None:
+    """Return the line to say where start code primes the nozzle by moves, which are left out."""
+    pushed = pushed_by_moves(document.preamble, document.path)
+    if pushed < PRIMES_MM:
+        return None
+    return (
+        f"the source's start code extrudes {pushed:.1f} mm of filament on the bed; heads share the "
+        "bed, so it is left out: prime each head before its file is run, or in the start code by "
+        "E alone"
+    )
 
 
 def _only_tool(document: GcodeDocument, job: PrintJob, head: HeadActions) -> int | None:
