@@ -20,6 +20,8 @@ _SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _SELECTS = re.compile(rb"T\d+\Z", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
+_E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
+_E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
 _LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205")  # their T is no tool
 
 
@@ -101,45 +103,66 @@ def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int
     return syncs, rest, loose
 
 
+def axis_moves(file: HeadFile) -> list[int]:
+    """Return the lines (from 1) that move along an axis; homing is none."""
+    return [line for line, code in file.rest if _AXIS_MOVE.match(code)]
+
+
 def command_of_between(lines: Lines, first: int, last: int) -> bool:
     """Tell whether a line first..last - 1 (from 0) commands anything."""
     return any(command_of(lines.raw(k)) for k in range(first, last))
 
 
 def own_commands(
-    text: bytes, tool: int | None, *, homes: bool, selected: int | None = None
+    text: bytes, tool: int | None, *, homes: bool, relative_e: bool, selected: int | None = None
 ) -> list[bytes]:
     """Return what a head's own controller is to be told of verbatim lines of the source.
 
     No moves along an axis, no homing but in start code (`homes`), no choice of a tool, no
-    command to another head's tool. E set anew is left out: it is counted.
+    command to another head's tool. Where E is absolute, what is left out leaves E set to
+    where it would have led.
 
     Parameters
     ----------
     tool : int | None
         What the head prints with; None: nothing.
+    relative_e : bool
+        How E counts above the lines.
     selected : int | None
         The tool in use above the lines, of a source that has several: filament and hot end
         of another tool are not this head's. None: the source has one tool.
     """
     kept = []
-    for row in text.split(b"\n"):
-        code = command_of(row)
-        words = code.split()
-        if not code or _AXIS_MOVE.match(code) or code.upper().startswith(b"G92 E"):
-            continue
-        name = words[0].upper()
+    for code in filter(None, map(command_of, text.split(b"\n"))):
+        name = code.split()[0].upper()
+        relative_e = _E_COUNTS.get(name, relative_e)
+        others = None not in (selected, tool) and selected != tool
         if _SELECTS.match(name):
             selected = None if selected is None else int(name[1:])
+        elif _AXIS_MOVE.match(code) or (not homes and name in (b"G28", b"G29")):
+            kept += _e_set(code, relative_e)
+        elif (own := _for_tool(code, tool)) is None:
             continue
-        if not homes and name in (b"G28", b"G29"):
-            continue
-        chosen = [word for word in words[1:] if _SELECTS.match(word)]
-        if chosen and name not in _LIMITS:
-            if tool is not None and int(chosen[0][1:]) != tool:
-                continue
-            words.remove(chosen[0])
-        elif None not in (selected, tool) and selected != tool and _OF_TOOL.match(code):
-            continue
-        kept.append(b" ".join(words))
+        elif others and own == code and _OF_TOOL.match(code):
+            kept += _e_set(code, relative_e)
+        else:
+            kept.append(own)
     return kept
+
+
+def _for_tool(code: bytes, tool: int | None) -> bytes | None:
+    """Return a command without the tool it names; None if that is another head's."""
+    words = code.split()
+    chosen = [word for word in words[1:] if _SELECTS.match(word)]
+    if not chosen or words[0].upper() in _LIMITS:
+        return code
+    if tool is not None and int(chosen[0][1:]) != tool:
+        return None
+    words.remove(chosen[0])
+    return b" ".join(words)
+
+
+def _e_set(code: bytes, relative_e: bool) -> list[bytes]:
+    """Return what sets E to where a command that is left out would have led."""
+    word = None if relative_e else _E_WORD.match(code)
+    return [b"G92 E" + word[1]] if word else []

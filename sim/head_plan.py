@@ -28,7 +28,7 @@ from decmcts.print.plan import (
     PlanDocument,
 )
 from sim.faults import Fault
-from sim.head_file import HeadFile
+from sim.head_file import HeadFile, axis_moves
 from sim.head_sync import Knowledge
 from sim.head_walk import SAME_MM
 from sim.inventory import (
@@ -152,9 +152,15 @@ def _segments(file: HeadFile) -> Segments:
 
 
 def _begin(file: HeadFile) -> int:
-    """Return the first move behind the set-up: below the first number that is given."""
+    """Return the first move behind the set-up: below the first number that is given.
+
+    A head that has nobody to give one to goes up, across to its park position, and begins.
+    """
     given = [s.line for s in file.syncs if s.signal]
-    return int(file.motion.before[given[0] - 1]) if given else 0
+    if given:
+        return int(file.motion.before[given[0] - 1])
+    across = axis_moves(file)[1:2]
+    return int(file.motion.before[across[0]]) if across else 0
 
 
 def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Act]:
@@ -166,6 +172,8 @@ def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Ac
     for m in apart:
         line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
         last = acts[-1] if acts else None
+        if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
+            continue  # a wipe back along a bead belongs to it (`sim.head_walk`)
         parted = last is None or any(last.last < at < line for at in _near(syncs, line))
         if parted or last is None or last.contour != key:
             acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
@@ -207,9 +215,25 @@ def _snap(act: _Act, job: PrintJob) -> None:
     line, path = job.contours.polyline(act.contour), np.array(act.path)
     for turned in (False, True):
         way = line[::-1] if turned else line
-        if way.shape == path.shape and np.abs(way - path).max() <= SAME_MM:
+        if (places := _places(way, path)) is not None:
+            act.lines = [act.lines[max(place - 1, 0)] for place in places[1:]]
             act.path, act.turned = list(way), turned
             return
+
+
+def _places(way: Floats, path: Floats) -> list[int] | None:
+    """Return the point of a file's path at which each point of a way is; None: it is another.
+
+    Points so near each other that a file of three decimals has one of them are at one.
+    """
+    places = [0]
+    for point in way[1:]:
+        near = np.abs(path[places[-1] : places[-1] + 2] - point).max(axis=1) <= SAME_MM
+        if not near.any():
+            return None
+        places.append(places[-1] + int(near[-1] and len(near) > 1))
+    same = np.abs(way[0] - path[0]).max() <= SAME_MM and places[-1] == len(path) - 1
+    return places if same else None
 
 
 def _lane(

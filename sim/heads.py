@@ -16,6 +16,7 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.lines import above_comments
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
@@ -37,6 +38,7 @@ def verify_heads(
     *,
     parks: Sequence[Point],
     release: Release = "action",
+    read: bool = False,
 ) -> Verdict:
     """Check the files of all heads of a plan, in the plan's order of heads.
 
@@ -48,6 +50,8 @@ def verify_heads(
         Where each head stands before its first action.
     release : "point" or "action"
         Whether the machine's controllers can signal in motion.
+    read : bool
+        Whether the plan was read from these files (`sim.head_plan`).
     """
     try:
         files = [read_head_file(path) for path in paths]
@@ -66,7 +70,7 @@ def verify_heads(
     known = Knowledge([file.syncs for file in files])
     faults += check_sync(files, known, release)
     if not known.stuck and all(walk.complete for walk in walks):
-        faults += check_order(files, plan, known, parts, walks)
+        faults += check_order(files, plan, known, parts, walks, read=read)
     return Verdict(tuple(faults), {"files": float(len(files))})
 
 
@@ -93,11 +97,14 @@ def _judge_one(
     tools = np.unique(job.contours.tool[lane.contour[lane.kind == ActionKind.PRINT]]).tolist()
     tool = int(tools[0]) if tools else None
     words: list[str] = []
-    start = own_commands(document.preamble, tool, homes=True, selected=_selected(job, 0))
+    start = own_commands(
+        document.preamble, tool, homes=True, relative_e=False, selected=_selected(job, 0)
+    )
     low, parked = _match_start(file, document, start, park, words)
     ending = own_commands(
-        document.postamble, tool, homes=False, selected=_selected(job, document.end.tool)
-    )
+        document.postamble, tool, homes=False, relative_e=document.end.relative_e,
+        selected=_selected(job, document.end.tool),
+    )  # fmt: skip
     high = len(file.rest) - len(ending)
     if high < low or [code for _, code in file.rest[high:]] != ending:
         words.append("the end code is not the source's, command by command")
@@ -109,9 +116,12 @@ def _judge_one(
     part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
     words += _check_end(file, document, end_code)
     theirs = [
-        own_commands(b.text, tool, homes=False, selected=_selected(job, b.begin.tool))
+        own_commands(
+            b.text, tool, homes=False, relative_e=b.begin.relative_e,
+            selected=_selected(job, b.begin.tool),
+        )
         for b in document.blocks
-    ]
+    ]  # fmt: skip
     blocks = _take_blocks(file, document, theirs, low, high, words)
     taken = {line for found in blocks for line in found}
     walk = Walker(file, lane, job, document, part.begin, part.end, taken, let_in).run()
@@ -142,19 +152,13 @@ def _match_start(
     due = [*start, b"G90", mode]
     row = 0
     for wanted in due:
-        while (
-            row < len(file.rest)
-            and file.rest[row][1].startswith(b"G92 E")
-            and (file.rest[row][1] != wanted)
-        ):
-            row += 1
         has = file.rest[row][1] if row < len(file.rest) else b""
         if has != wanted:
             line = file.rest[row][0] if has else len(file.lines)
             words.append(f"line {line}: '{_text(has)}', the start code has '{_text(wanted)}' here")
             return row, line
         row += 1
-    while row < len(file.rest) and file.rest[row][1].startswith(b"G92 E"):
+    while row < len(file.rest) and file.rest[row][1].startswith(b"G92 E"):  # as decmcts writes it
         row += 1
     row += 2  # up, then across
     parked = file.rest[min(row, len(file.rest)) - 1][0]
@@ -166,7 +170,8 @@ def _match_start(
 
 def _check_end(file: HeadFile, document: GcodeDocument, line: int) -> list[str]:
     """Return what is in force, or retracted, otherwise than where the source's end code begins."""
-    above, end = min(line, len(file.lines)) - 2, document.end
+    begins = above_comments(file.lines.raw, min(line, len(file.lines)) - 1, document.postamble)
+    above, end = begins - 1, document.end
     modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
     words = []
     if abs(owed - end.owed) > OWED_MM or bool(modes[3]) != end.firmware_retracted:

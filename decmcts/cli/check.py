@@ -87,7 +87,7 @@ def verify(
             None if freedom is None else freedom.value,
             min_layer_time,
         )
-        if len(result) > 1 or plan is not None:
+        if len(result) > 1 or plan is not None or is_whole_team(result[0]):
             verdict = judge_several(result, source, plan, machine, held, seed=seed, trials=trials)
         else:
             verdict = judge(result[0], source, machine, held, seed=seed, trials=trials)
@@ -144,7 +144,10 @@ def judge_several(
     """Verify the files of all heads together, with the plan they were made from or without."""
     given = source_of(source)
     if plan is None:
-        return judge_heads_alone(results, given, machine, seed=seed, trials=trials)
+        asked = held.named()
+        if "min_layer_time_s" in asked:
+            raise InputError("min_layer_time_s: files alone do not tell", advice="add --plan")
+        return judge_heads_alone(results, given, machine, asked, seed=seed, trials=trials)
     verdict = judge(plan, given, machine, held, seed=seed, trials=trials)
     if is_other_print(verdict.faults):
         return verdict
@@ -164,7 +167,7 @@ def judge(
     trials: int,
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
-    if result.name.lower().endswith((".json", ".json.gz")):
+    if _is_plan(result):
         return judge_plan(result, source, machine, held, seed=seed, trials=trials)
     if asked := held.named():
         raise InputError(
@@ -223,6 +226,15 @@ def judge_plan(
         return verdict
     less = check_stated(document, job, rules or document.rules or usual_rules(document.machine))
     return replace(verdict, faults=(*verdict.faults, *less))
+
+
+def is_whole_team(path: Path) -> bool:
+    """Tell whether this is the one file `launch` wrote for a machine with one head."""
+    return not _is_plan(path) and header_of(load_text(path))[1] == (1, 1)
+
+
+def _is_plan(path: Path) -> bool:
+    return path.name.lower().endswith((".json", ".json.gz"))
 
 
 def refuse_head_file(path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+from decmcts.cli.pipeline import parked_above
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.source_text import load_text
@@ -17,8 +19,14 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.head_file import header_of, read_head_file
 from sim.head_plan import plan_of_files
 from sim.heads import verify_heads
+from sim.order_rules import usual_rules
 from sim.same_print import is_other_print
 from sim.verify import verify_plan
+
+WITHOUT_PLAN = (
+    "no plan was given: files do not say what rules their order was held to, nor what must cool; "
+    "name the rules as for `launch`, or give --plan"
+)
 
 
 def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
@@ -54,12 +62,16 @@ def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verd
 
 
 def judge_heads_alone(
-    paths: Sequence[Path], source: Path, machine: str | None, *, seed: int, trials: int
-) -> Verdict:
-    """Verify the files of all heads by what they do on the machine, without their plan."""
+    paths: Sequence[Path], source: Path, machine: str | None, asked: Mapping[str, Any], *,
+    seed: int, trials: int,
+) -> Verdict:  # fmt: skip
+    """Verify the files of all heads by what they do on the machine, without their plan.
+
+    The order is held to the usual rules, but for those `asked` for.
+    """
     job, document = read_gcode(source)
     chosen = load_machine(machine or "dual-gantry")
-    chosen = replace(chosen, limits=chosen.limits.under(job.limits))
+    chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
     files = [read_head_file(path) for path in paths]
     names = {head.name: k for k, head in enumerate(chosen.heads)}
@@ -67,14 +79,19 @@ def judge_heads_alone(
     if sorted(file.name for file in files) != sorted(names):
         there, due = ", ".join(file.name for file in files), ", ".join(names)
         text = f"there are files of heads {there}; machine {chosen.name} has {due}"
+        text += "" if machine else " (another is named with --machine)"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
     plan, altered = plan_of_files(files, job, chosen)
     if is_other_print(altered):
         return Verdict((*faults, *altered))
-    verdict = verify_plan(plan, source=job, trials=trials, seed=seed)
+    rules = replace(usual_rules(chosen), **asked) if asked else None
+    verdict = verify_plan(plan, source=job, rules=rules, trials=trials, seed=seed)
     parks = [chosen.heads[names[file.name]].park for file in files]
-    more = verify_heads(paths, plan.plan, job, document, parks=parks, release=chosen.release)
-    return Verdict((*faults, *altered, *verdict.faults, *more.faults), verdict.counts)
+    more = verify_heads(
+        paths, plan.plan, job, document, parks=parks, release=chosen.release, read=True
+    )
+    every = (*faults, *altered, *verdict.faults, *more.faults)
+    return Verdict(every, verdict.counts, (verdict.checked[0], WITHOUT_PLAN))
 
 
 def misnamed(paths: Sequence[Path], named: Sequence[str], machine: Machine) -> list[Fault]:

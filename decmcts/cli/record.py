@@ -25,6 +25,7 @@ from decmcts.cli.console import err, out
 from decmcts.errors import InputError
 
 FORMAT = "decmcts-record/1"
+BEGINS = json.dumps({"format": FORMAT})[:-1]
 Keep = Callable[[tuple[AgentStatus, ...]], None]
 
 
@@ -73,22 +74,29 @@ def recording(path: Path | None, bound_s: float) -> Iterator[Keep]:
 
 
 def read_record(path: Path) -> tuple[float, list[tuple[float, tuple[AgentStatus, ...]]]]:
-    """Return the bound and the states of a recording; InputError where it is none."""
+    """Return the bound and the states of a recording; InputError where it is none, or damaged."""
+    text = ""
+    states: list[tuple[float, tuple[AgentStatus, ...]]] = []
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        head = json.loads(lines[0])
+        text = path.read_text(encoding="utf-8")
+        first, *rest = text.splitlines()
+        head = json.loads(first)
         if head["format"] != FORMAT:
             raise InputError(f"format {head['format']!r}, expected {FORMAT}", path=path, line=1)
-        states = [_state(json.loads(line)) for line in lines[1:]]
+        bound_s = float(head["bound_s"])
+        states.extend(_state(json.loads(line)) for line in rest)  # keeps those above a bad one
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", path=path) from error
-    except (ValueError, TypeError, KeyError, IndexError, RecursionError) as error:
-        raise InputError(
-            "is no recording of a launch",
-            path=path,
-            advice="`decmcts launch --record FILE` makes one",
-        ) from error
-    return float(head["bound_s"]), states
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        if not text.startswith(BEGINS):
+            raise InputError(
+                "is no recording of a launch",
+                path=path,
+                advice="`decmcts launch --record FILE` makes one",
+            ) from error
+        at = len(states) + 2 if "\n" in text else 1
+        raise InputError("this recording is damaged (cut off?)", path=path, line=at) from error
+    return bound_s, states
 
 
 def _state(line: dict[str, Any]) -> tuple[float, tuple[AgentStatus, ...]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,12 +41,12 @@ from decmcts.cli.pipeline import (
     search,
     source_plan,
 )
-from decmcts.cli.plan import seam_of
+from decmcts.cli.plan import ONLY_SHOWN, seam_of
 from decmcts.cli.quality import Quality, cooling_line
 from decmcts.cli.record import agents_table, recording
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
-from decmcts.formats.gcode import refuse_for_heads
+from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.qcsp import is_qcsp
@@ -140,6 +141,7 @@ def launch(
     outputs = [*heads, plan_file, report, picture, record]
     refuse_unwritable(outputs, source, *([] if team is None else [team]))
     refuse_other_suffixes(plan_file, report, picture)
+    only_shown = not (as_json or output or plan_file or report or picture or record)
     parameters = {} if team is None else read_parameters(team)
     planned = run_team(
         source,
@@ -149,6 +151,7 @@ def launch(
         quality=Quality(quality, min_layer_time, max_layers_ahead),
         asked=TeamSearch(time_limit, seed, parameters, record, orders),
         writes=output is not None,
+        remark=ONLY_SHOWN if only_shown else "",
     )
     with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
         announce("writing files")
@@ -156,6 +159,8 @@ def launch(
         paths += write_extras(planned, plan=plan_file, report=report, picture=picture)
     with written():
         show_team(planned, paths, as_json=as_json)
+        if only_shown:
+            err.print("nothing was written; `-o STEM` writes the files of all heads")
 
 
 def read_parameters(path: Path) -> Mapping[str, Any]:
@@ -174,10 +179,12 @@ def run_team(
     asked: TeamSearch,
     own_limits: bool = True,
     writes: bool = True,
+    remark: str = "",
 ) -> Planned:
     """Load, let the agents plan and agree, schedule, verify.
 
-    With `writes` what no head's file could hold is refused before the search.
+    With `writes` what no head's file could hold is refused before the search, and noted what
+    it leaves out; the `remark` is made once the input is known to be of use.
     """
     with steps() as (said, _), compilation_announced(said) as announce:
         loaded = load(
@@ -194,11 +201,14 @@ def run_team(
         before = source_plan(loaded)
         if writes:
             refuse_for_heads(loaded.document, loaded.job, loaded.machine)
+            loaded = with_note(loaded, unprimed_note(loaded.document))
         with named(loaded.path):
             eligible = build_space(loaded.job, loaded.machine).eligible
             heads = range(len(loaded.machine.heads))
             require_printable(loaded.job.contours, loaded.machine, eligible, live=heads)
         refuse_unsound(loaded, before, writes=False)
+        if remark:
+            err.print(remark, soft_wrap=True)
         lags = lags_of(loaded, before)
         announce("what one head alone reaches")
         order = search(
@@ -227,6 +237,13 @@ def run_team(
         after = best_of(loaded, lags, result, order, entry, bound, asked)
         history = [] if result is None else _history(result)
         return check(loaded, before, after, history, seconds, announce)
+
+
+def with_note(loaded: Loaded, note: str | None) -> Loaded:
+    """Return what was loaded with one more note on the source, if there is one."""
+    if note is None:
+        return loaded
+    return replace(loaded, job=replace(loaded.job, notes=(*loaded.job.notes, note)))
 
 
 def lags_of(loaded: Loaded, before: PlanDocument) -> Lags:
@@ -296,6 +313,8 @@ def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
     if as_json:
         print_json("decmcts-result/1", figures(planned, paths))
         return
+    for note in planned.loaded.job.notes:
+        err.print(note, soft_wrap=True)
     title = (
         f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
         f"planner {after['planner']}, seed {after['seed']}, verified"

@@ -40,11 +40,16 @@ def planned(tmp_path: Path) -> Planned:
     return planned_of(tmp_path, TEXT, [0, 3, 1], [2, 4])
 
 
-def planned_of(tmp_path: Path, text: str, *orders: list[int]) -> Planned:
+def planned_of(
+    tmp_path: Path, text: str, *orders: list[int], machine: str = "dual-gantry",
+    process_order: str = "keep",
+) -> Planned:  # fmt: skip
     """Return the plan of a source of those lines."""
     source = tmp_path / "in.gcode"
     source.write_text(text)
-    loaded = load(source, "dual-gantry", process_order="keep", options=SliceOptions(), announce=str)
+    loaded = load(
+        source, machine, process_order=process_order, options=SliceOptions(), announce=str
+    )
     never = np.zeros(5, np.bool_)
     paths = [Toolpath.of(np.array(order, np.int32), never[: len(order)]) for order in orders]
     plan = schedule(loaded.job, loaded.machine, loaded.graph, paths)
@@ -126,6 +131,30 @@ def test_one_file_of_two_is_no_whole(written, tmp_path, capsys):
     assert verify(written[:1]) == 2
     assert "name the files of all heads" in " ".join(capsys.readouterr().err.split())
     assert verify(written[:1], "--plan", str(tmp_path / "plan.json")) == 1
+
+
+@pytest.mark.slow
+def test_the_file_of_a_machine_with_one_head_is_whole(tmp_path, capsys):
+    """It was called one of several, "file 1 of 1"."""
+    planned = planned_of(tmp_path, TEXT, [4, 2, 0, 1, 3], machine="mk4s")
+    written = [str(path) for path in outputs.write_heads(planned, tmp_path / "part")]
+    assert verify(written, "--machine", "mk4s") == 0, capsys.readouterr().out
+    assert "no plan was given" in " ".join(capsys.readouterr().err.split())
+    text = Path(written[0]).read_text()
+    Path(written[0]).write_text(text.replace("Y112.000 E", "Y113.000 E", 1))
+    assert verify(written, "--machine", "mk4s") == 1
+
+
+@pytest.mark.slow
+def test_files_alone_are_held_to_the_rules_that_are_named(tmp_path, capsys):
+    """They do not say that `launch` was told to let roles go in any order."""
+    text = TEXT.replace("X90", "X72").replace(";TYPE:Perimeter", ";TYPE:Solid infill", 1)
+    planned = planned_of(tmp_path, text, [1, 0], [2, 3, 4], process_order="free")
+    written = [str(path) for path in outputs.write_heads(planned, tmp_path / "part")]
+    assert verify(written) == 1
+    assert "or give --plan" in " ".join(capsys.readouterr().err.split())
+    assert verify(written, "--process-order", "free", "--no-quality") == 0, capsys.readouterr().out
+    assert verify(written, "--min-layer-time", "5") == 2
 
 
 @pytest.mark.slow

@@ -59,3 +59,17 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(InputError):
         read_record(path)
+
+
+@pytest.mark.parametrize("cut", [40, 60, 400, -2])
+def test_a_recording_that_was_cut_off_is_damaged(tmp_path: Path, cut: int) -> None:
+    """Wherever it was; it was called none where it was cut near its beginning."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path, 100.0) as keep:
+        keep((LEFT,))
+        keep((LEFT, LEFT))
+    whole = path.read_text()
+    path.write_text(whole[:cut])
+    line = whole[:cut].count("\n") + 1
+    with pytest.raises(InputError, match=f"launch.jsonl:{line}: this recording is damaged"):
+        read_record(path)

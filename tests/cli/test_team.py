@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import json
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -36,6 +38,47 @@ def test_agents_that_come_to_no_plan_leave_one_head(
     document = read_plan(plan)
     assert sorted(len(head) > 0 for head in document.plan.heads) == [False, True]
     assert not verify_plan(document).faults
+
+
+@pytest.fixture
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No agents are started: one head prints alone."""
+
+    def no_plan(*_: Any, **__: Any) -> NoReturn:
+        raise LaunchError("no agents here")
+
+    monkeypatch.setattr(team, "launch_agents", no_plan)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("alone")
+def test_launch_says_that_nothing_is_written(capsys: pytest.CaptureFixture[str]) -> None:
+    """Before the search and after it, as `plan` does."""
+    line = ["launch", str(example_path("four_nuts.gcode.gz")), "--time-limit", "0.5"]
+    assert run(line) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "nothing will be written" in said and "nothing was written; `-o STEM`" in said
+    assert run([*line, "--json"]) == 0
+    assert "nothing w" not in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("alone")
+def test_launch_says_that_a_purge_line_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """On the terminal and among the notes; of a plan alone nothing is left out."""
+    source = tmp_path / "in.gcode"
+    with gzip.open(example_path("four_nuts.gcode.gz"), "rt") as file:
+        source.write_text("G28\nM83\nG1 X0 Y0 Z.3\nG1 X60 E9 F1000\n" + file.read())
+    line = ["launch", str(source), "--time-limit", "0.5"]
+    assert run([*line, "-o", str(tmp_path / "part")]) == 0
+    assert "extrudes 9.0 mm of filament on the bed" in " ".join(capsys.readouterr().err.split())
+    assert run([*line, "-o", str(tmp_path / "part"), "--json"]) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert any("prime each head" in note for note in notes)
+    assert run([*line, "--json"]) == 0
+    assert "prime each head" not in capsys.readouterr().out
 
 
 @pytest.mark.slow

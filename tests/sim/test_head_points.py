@@ -15,12 +15,13 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import write_head_gcode
 from decmcts.formats.gcode.dialect import WAIT_MARK
 from decmcts.print.machine import Head, Machine
-from decmcts.print.plan import ACTION_END, After, JointPlan
+from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.experiments.mutants import Mutant, NotHereError
 from sim.experiments.mutants_gcode import HEAD_MUTANTS
 from sim.faults import FaultKind
 from sim.head_file import read_head_file
 from sim.head_plan import plan_of_files
+from sim.heads import verify_heads
 from tests.sim.test_heads import LAYERS, PARKS, Made, cut, moved, signals
 
 PASSED = re.compile(r"SYNC_PASSED N=(\d+)\n")
@@ -237,6 +238,53 @@ def test_points_are_read_back_from_the_files_alone(made: Made) -> None:
         (wanted,) = [edge for edge in due if edge.point != ACTION_END]
         other, theirs = document.plan.heads[1 - h], made.plan.heads[1 - h]
         assert other.contour[partial.action] == theirs.contour[wanted.action]
+
+
+def waiting_twice(plan: JointPlan) -> JointPlan:
+    """The left head also waits for an action that ended before what it waits for anyway."""
+    left, right = plan.heads
+    offsets = left.after_offsets + (np.arange(len(left.after_offsets)) > 8)
+    two = [np.append(edges, edges[-1:]) for edges in (left.after_head, left.after_lag_s)]
+    points = np.append(left.after_point, left.after_point[-1:])
+    first, last = left.after_action
+    more = replace(
+        left, after_offsets=offsets, after_head=two[0], after_lag_s=two[1], after_point=points,
+        after_action=np.array([first, last - 2, last], np.int32),
+    )  # fmt: skip
+    return JointPlan((more, right))
+
+
+def test_a_wait_for_what_is_known_already_is_no_fault_without_the_plan(tmp_path: Path) -> None:
+    """The plan as it is read has no edge for it; the files of `launch` were refused for that."""
+    made = Made(tmp_path, change=waiting_twice)
+    files = [read_head_file(path) for path in made.paths]
+    document, faults = plan_of_files(files, made.job, two_heads(made))
+    read = [len(lane.after_head) for lane in document.plan.heads]
+    assert faults == [] and read[0] < len(made.plan.heads[0].after_head)
+    verdict = verify_heads(
+        made.paths, document.plan, made.job, made.document, parks=PARKS, read=True
+    )
+    assert verdict.faults == ()
+
+
+@pytest.mark.parametrize("move", ["G1 E.01\n", "G1 X{x}.0004 E.01\n", "G1 X{x}.001 E.01\n"])
+def test_points_that_a_file_cannot_tell_apart_are_no_fault_without_the_plan(
+    tmp_path: Path, move: str
+) -> None:
+    """A segment of no length, or of less than a file's last decimal, is one of the contour."""
+    layers = re.sub(r"(G1 X(\d+) E\.5 .*\n)", lambda m: m[1] + move.format(x=m[2]), LAYERS)
+    made = Made(tmp_path, layers=layers)
+    files = [read_head_file(path) for path in made.paths]
+    document, faults = plan_of_files(files, made.job, two_heads(made))
+    assert faults == []
+    for read, lane in zip(document.plan.heads, made.plan.heads, strict=True):
+        for a, b in zip(prints(read), prints(lane), strict=True):
+            assert np.array_equal(read.action_path(a), lane.action_path(b))
+    assert made.judged().faults == ()
+
+
+def prints(lane: HeadActions) -> list[int]:
+    return np.flatnonzero(lane.kind == ActionKind.PRINT).tolist()
 
 
 def two_heads(made: Made) -> Machine:

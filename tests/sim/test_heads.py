@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import direct_actions, read_gcode, write_head_gcode
+from decmcts.formats.gcode.lines import command_of
+from decmcts.formats.gcode.own_lines import own_lines
 from decmcts.print.machine import Release
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
+from sim.head_file import own_commands
 from sim.heads import verify_heads
 
 START = (
@@ -65,12 +68,14 @@ class Made:
         self,
         folder: Path,
         *,
+        start: str = START,
         layers: str = LAYERS,
+        end: str = END,
         change: Callable[[JointPlan], JointPlan] = lambda plan: plan,
         release: Release = "action",
     ) -> None:
         source = folder / "in.gcode"
-        source.write_text(START + layers + END)
+        source.write_text(start + layers + end)
         self.release = release
         self.job, self.document = read_gcode(source)
         assert len(self.job.contours) == 8 and len(self.document.blocks) == 1
@@ -266,3 +271,70 @@ def test_one_file_missing_is_a_fault(made):
 def test_acceleration_of_the_start_code_is_no_tool(made):
     """M204 P T: T is the acceleration of travels; it was left out as tool 900's."""
     assert all("\nM204 P800 T900\n" in path.read_text() for path in made.paths)
+
+
+SET_ANEW = [
+    {"end": "G1 E-2 F2400\nG92 E0\nM84\n"},
+    {"end": "G1 E-2 F2400\ng92 e0 ; set anew\nM107\nG28 X0\nM84\n"},
+    {"end": "M82\nG92 E5\nG1 E3 F2400\nG1 X0 Y9 E2.5\nG1 E1\nG92 E0\nM84\n"},
+    {"start": START + "g92 e0\nG1 E-1 F2400\nG92 E0\nG1 E1 F2400\n"},
+    {"start": START.replace("M83\n", "M82\nG92 E0\n") + "G1 E8 F2400\nG92 E0.0\nM83\n"},
+    {"layers": LAYERS.replace("M400\n", "G92 E0\nM400\nG92 E0\n")},
+]
+
+
+@pytest.mark.parametrize("codes", SET_ANEW)
+def test_e_set_anew_in_start_code_end_code_and_blocks_is_no_fault(tmp_path, codes):
+    """Most end codes of Slic3r do: their files were refused after the whole search."""
+    assert Made(tmp_path, **codes).judged().faults == ()
+
+
+@pytest.mark.parametrize("change", ["", "G92 E1\n", "G92 E0\nG92 E0\n"])
+def test_e_set_otherwise_than_in_the_end_code_is_a_fault(tmp_path, change):
+    """An absolute move behind it would push or pull another length."""
+    made = Made(tmp_path, end="M82\nG1 E-2 F2400\nG92 E0\nG1 E-1 F2400\nM84\n")
+    assert made.judged().ok
+    path = made.paths[0]
+    path.write_text(cut(path.read_text(), nth(path.read_text(), "G92 E0\n", -1), change))
+    assert FaultKind.COMMAND in made.judged().kinds()
+
+
+def test_an_object_may_end_in_the_end_code(tmp_path):
+    """The comment above the first command of the end code belongs to it."""
+    named = LAYERS.replace("G1 E1 ", "; printing object a id:0 copy 0\nG1 E1 ")
+    named = named.replace("G1 E-.6", "; stop printing object a id:0 copy 0\nG1 E-.6")
+    at = named.rindex("; stop")
+    layers, end = named[:at], named[at:].replace("G1 E-.6 F2400", "G1 E-1 F2400") + END
+    end = "".join(line + "\n" for line in end.splitlines() if not line.startswith("G1 X"))
+    assert Made(tmp_path, layers=layers, end=end).judged().faults == ()
+
+
+@pytest.mark.parametrize("moves", ["G1 E-1 F2400\nG1 X9 E9\n", "G1 X9 E9\nG1 X5 E-1 F2400\n"])
+def test_filament_pulled_or_pushed_by_moves_left_out_is_counted(tmp_path, moves):
+    """Of a start code's purge line only half may be left: what is retracted is another's."""
+    assert Made(tmp_path, start=START + moves).judged().faults == ()
+    layers = LAYERS.replace("M400\n", "M400\nG1 X5 E-.7 F2400\nM400\n")  # as in a pause
+    assert Made(tmp_path, layers=layers).judged().faults == ()
+
+
+VERBATIM = [
+    "M82\nG92 E0\nG1 E3 F900\nG1 X9 E5 ; purge\nG1 E4\nG92 E0 ; so\n",
+    "G91\nG1 Z5 E-1\nG90\nG1 Z.3 E2\nM83\nG1 X2 E.5\ng1 y3 e-.5\n",
+    "G28 X0\nM82\nG0 X1 Y1\nG1 X 5 E 2.5\nM73 P5\nG92 E 0\nM104 T0 S0\nM104 S1 T1\n",
+    "T1\nM82\nG1 E-3 F900\nM104 S9\nG10\nT0\nG11\nM104 S8\nG1 E-1\nM204 P5 T900\nM84\n",
+]
+
+
+@pytest.mark.parametrize("text", VERBATIM)
+@pytest.mark.parametrize("tool", [None, 0, 1])
+@pytest.mark.parametrize("selected", [None, 0, 1])
+@pytest.mark.parametrize("relative_e", [False, True])
+def test_judge_and_writer_tell_a_head_the_same(text, tool, selected, relative_e):
+    """Each with its own rules; where they differ an honest file is refused after the search."""
+    used = None if tool is None else selected  # as both are asked
+    written = own_lines(
+        text.encode(), tool, selected=used, keep_homing=False, relative_e=relative_e,
+        newline=b"\n",
+    )  # fmt: skip
+    due = own_commands(text.encode(), tool, homes=False, relative_e=relative_e, selected=used)
+    assert [code for row in written.split(b"\n") if (code := command_of(row))] == due

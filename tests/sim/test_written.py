@@ -69,6 +69,41 @@ def test_each_slip_of_a_writer_is_seen(made, old, new, kind):
     assert kind in judged(made).kinds()
 
 
+STOPS = "; stop printing object b id:1 copy 0\n"
+LABELLED_ENDS = [
+    STOPS + END,
+    "\n" + STOPS + "; note\n" + END,
+    STOPS,
+    END.replace("M104", STOPS + "M104"),
+]
+
+
+@pytest.mark.parametrize("end", LABELLED_ENDS)
+@pytest.mark.parametrize("newline", ["\n", "\r\n"])
+def test_an_object_may_end_in_the_end_code(tmp_path, end, newline):
+    """The label is in force until the end code says so: Slic3r's labels were refused."""
+    towers = TOWERS.replace("G1 X100", "; printing object a id:0 copy 0\nG1 X100")
+    towers = towers.replace(
+        "G1 X150", "; stop printing object a id:0 copy 0\n; printing object b id:1 copy 0\nG1 X150"
+    )
+    towers = towers.replace("; printing object a", STOPS + "; printing object a")
+    towers = towers.replace(STOPS, "", 1).removesuffix("G1 E-1 F2400\n")
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text((START + towers + end).replace("\n", newline), newline="")
+    job, document = read_gcode(source)
+    assert document.postamble.strip().startswith(end.strip()[:9].encode())
+    order = Toolpath.as_sliced(len(job.contours))
+    write_gcode(document, job, direct_actions(job, order), out)
+    assert judged((job, document, out)).faults == ()
+    bare = out.read_bytes().replace(b"; note", b"; another note")
+    head, tail = bare.rsplit(STOPS.strip().encode(), 1)
+    out.write_bytes(head + b"; no label" + tail)  # comments may come and go
+    assert judged((job, document, out)).faults == ()
+    other = head.rsplit(b"; printing object b", 1)
+    out.write_bytes(other[0] + b"; printing object c" + other[1] + STOPS.strip().encode() + tail)
+    assert not judged((job, document, out)).ok
+
+
 def test_a_drag_through_the_print_is_seen(made):
     """A travel the writer made itself is checked as it stands in the file."""
     out = made[2]

@@ -7,7 +7,7 @@ state that the writer puts back.
 from decmcts.formats.gcode.actions import direct_actions
 from decmcts.formats.gcode.compare import ending_faults, same_ending, same_extrusions
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, StateTable
-from decmcts.formats.gcode.head_files import refuse_for_heads, write_head_gcode
+from decmcts.formats.gcode.head_files import refuse_for_heads, unprimed_note, write_head_gcode
 from decmcts.formats.gcode.reader import (
     Motions,
     read_gcode,
@@ -20,5 +20,5 @@ from decmcts.formats.gcode.writer import write_gcode
 __all__ = [
     "Block", "Cursor", "GcodeDocument", "Motions", "StateTable", "direct_actions", "ending_faults",
     "read_gcode", "read_motions", "read_result", "read_written", "refuse_for_heads", "same_ending",
-    "same_extrusions", "write_gcode", "write_head_gcode",
+    "same_extrusions", "unprimed_note", "write_gcode", "write_head_gcode",
 ]  # fmt: skip

@@ -45,7 +45,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
-from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushes
+from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
 from decmcts.formats.gcode.writer import print_contour, with_header
@@ -57,6 +57,7 @@ from decmcts.print.walls import retracts, walls_for
 SIGNAL = "SYNC_SIGNAL N={number}"
 PASSED = "SYNC_PASSED N={number}"
 WAIT = "SYNC_WAIT N={number}"
+PRIMES_MM = 0.1  # of filament; less primes nothing
 LONGEST_DWELL_S = 600.0  # of one G4
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
@@ -159,6 +160,18 @@ def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -
         _refuse_tools(document, head.name, [t for t in tools if not head.tools or t in head.tools])
 
 
+def unprimed_note(document: GcodeDocument) -> str | None:
+    """Return the line to say where start code primes the nozzle by moves, which are left out."""
+    pushed = pushed_by_moves(document.preamble, document.path)
+    if pushed < PRIMES_MM:
+        return None
+    return (
+        f"the source's start code extrudes {pushed:.1f} mm of filament on the bed; heads share the "
+        "bed, so it is left out: prime each head before its file is run, or in the start code by "
+        "E alone"
+    )
+
+
 def _only_tool(document: GcodeDocument, job: PrintJob, head: HeadActions) -> int | None:
     """Return the tool a head prints with; None when it prints nothing."""
     printed = head.contour[head.kind == ActionKind.PRINT]
@@ -227,8 +240,8 @@ class _HeadFile:
         """Set up and go to the park position, one head after the other."""
         emitter, document = self.emitter, self.document
         preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
+        emitter.owed = owed_after(preamble, 0.0, e=0.0, relative_e=False)  # moves are left out
         if self._is_other(document.start.tool):
-            emitter.owed = owed_after(preamble, 0.0, e=0.0, relative_e=False)
             emitter.firmware_retracted = False
         self.left = emitter.owed
         first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
@@ -344,12 +357,10 @@ class _HeadFile:
             emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
 
     def _take(self, block: Block, text: bytes) -> None:
-        """Take over from a block; what another head's tool has retracted is not this one's."""
+        """Take over from a block; what moves left out have retracted is not this head's."""
         emitter, owed = self.emitter, self.emitter.owed
         pulled = emitter.firmware_retracted
         emitter.take(block.end)
-        if not (self._is_other(block.begin.tool) or self._is_other(block.end.tool)):
-            return
         emitter.owed = owed_after(text, owed, e=block.begin.e, relative_e=block.begin.relative_e)
         if self._is_other(block.end.tool):
             emitter.firmware_retracted = pulled

@@ -6,7 +6,9 @@ The scanning itself is `decmcts._kernels.gcode_scan`; this is its typed front.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +45,22 @@ def command_of(line: bytes) -> bytes:
         code = _NUMBERED.sub(rb"\1", code)
     code = b" ".join(code.split())
     return b"" if code[:1] in (b"(", b"") or _PROGRESS.match(code) else code
+
+
+def above_comments(row: Callable[[int], bytes], line: int, text: bytes) -> int:
+    """Return the row at which the comments that `text` begins with begin, above row `line`.
+
+    As many of them as are there, in their order: comments may have come or gone. One of
+    them may end what is in force, so what is in force where `text` begins is so above them.
+    """
+    above = takewhile(lambda row: not command_of(row), text.split(b"\n"))
+    due = [comment.strip() for comment in above if comment.strip()]
+    first = line
+    while due and line > 0 and not command_of(row(line - 1)):
+        line -= 1
+        if (comment := row(line).strip()) in due:
+            due, first = due[: due.index(comment)], line
+    return first
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
+
+from decmcts.formats.gcode.lines import split_lines
+from decmcts.formats.gcode.motion import interpret
 from decmcts.formats.gcode.progress import without_progress
 
 _MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
@@ -74,6 +79,14 @@ def _for_own_tool(line: bytes, tool: int | None, *, others: bool) -> bytes:
     if named or (others and _HOT_END.match(line)):
         return b"; left out, another head's tool: " + line
     return line
+
+
+def pushed_by_moves(text: bytes, path: Path | str) -> float:
+    """Return the filament, mm, that the moves of start code along an axis push: purge lines."""
+    lines = split_lines(text, path)
+    motion = interpret(lines)
+    moves = [bool(_MOVE.match(lines.raw(line))) for line in motion.line.tolist()]
+    return float(motion.extrusion[np.array(moves, np.bool_) & (motion.extrusion > 0.0)].sum())
 
 
 def pushes(text: bytes) -> bool:

@@ -28,7 +28,7 @@ from decmcts.formats.gcode.habits import (
     pulled_gaps,
 )
 from decmcts.formats.gcode.limits import commanded, state_limits, stated_limits
-from decmcts.formats.gcode.lines import Lines, command_of, split_lines
+from decmcts.formats.gcode.lines import Lines, above_comments, command_of, split_lines
 from decmcts.formats.gcode.motion import CHORD_ERROR_MM, Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
@@ -145,6 +145,7 @@ def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Endin
         line = next((k for k in range(line - 1, -1, -1) if command_of(rows[k])), -1)
         if line < 0 or command_of(rows[line]) != wanted:
             raise InputError("the end G-code is not the source's", path=path)
+    line = above_comments(rows.__getitem__, line, document.postamble)
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())

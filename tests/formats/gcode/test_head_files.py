@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode import direct_actions, write_head_gcode
+from decmcts.formats.gcode import direct_actions, unprimed_note, write_head_gcode
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath
 
@@ -123,6 +123,23 @@ def test_moves_no_plan_checked_are_left_out(plan):
 def test_other_tools_are_left_out(plan):
     """A controller with one tool must not be told to heat another's."""
     assert all(any("another head's tool: M104 S200 T1" in x for x in text) for text in files(plan))
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        (START, "9.0 mm"),
+        (
+            START.replace("M83", "M82\nG92 E0").replace("; purge", "\nG1 X5 E8\nG1 X0 E20\nM83"),
+            "21.0 mm",
+        ),
+        (START.replace(" E9", "").replace("M104", "G1 E20\nM104"), None),
+    ],
+)
+def test_a_purge_line_that_is_left_out_is_said(read, start, said):
+    """Heads begin unprimed otherwise, and nobody knows."""
+    note = unprimed_note(read(TEXT + END, start=start)[1])
+    assert note is None if said is None else f"extrudes {said}" in note, note
 
 
 def test_two_tools_on_one_head_are_refused(plan):
