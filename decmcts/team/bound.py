@@ -15,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.bound import longest_chain
+from decmcts._kernels.loops import SLIVER_MM
 from decmcts._kernels.pieces import cut_pieces
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.loops import turned
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
-from decmcts.team.least_time import least_times
+from decmcts.team.least_time import choices, least_times
 from decmcts.team.order import MOST_PIECES, PIECE_MM
 from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.space import build_space
@@ -101,6 +103,8 @@ def _on_rail(
     held = _held(job, machine, parts, rail.axis)
     if entries is not None and machine.release == "point":
         held = _entered_anywhere(held, job.contours, parts, rail.axis, entries)
+    elif entries is not None:
+        held = _whole_from_any(held, job.contours, rail.axis, entries)
     return rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
 
 
@@ -137,7 +141,7 @@ def _entered_anywhere(
     before = np.roll(at, 1)
     ends = np.concatenate([contours.offsets[:-1], contours.offsets[1:] - 1])
     before[ends] = at[ends]  # what is printed through the old gap counts there
-    gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner]
+    gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner] + SLIVER_MM
     rows = moved[owner]
     stays = ~moved[held.way // 2]
     return Held(
@@ -146,6 +150,20 @@ def _entered_anywhere(
         np.concatenate([held.seconds[stays], parts[rows]]),
         np.concatenate([held.way[stays], 2 * owner[rows]]),
     )
+
+
+def _whole_from_any(held: Held, contours: Contours, axis: int, entries: SeamEntries) -> Held:
+    """Return what whole contours hold from every entry: the gap may lie where one reaches out.
+
+    `held` has one piece a contour.
+    """
+    low, high = held.low.copy(), held.high.copy()
+    for entry in choices(entries, len(contours)):
+        run, offsets = turned(contours, entry)
+        at = run.points[:, axis]
+        np.maximum(low, np.minimum.reduceat(at, offsets[:-1]), out=low)
+        np.minimum(high, np.maximum.reduceat(at, offsets[:-1]), out=high)
+    return held._replace(low=low, high=high)
 
 
 def _scaled(

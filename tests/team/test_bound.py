@@ -111,6 +111,39 @@ def test_loops_entered_elsewhere_do_not_beat_the_bound(case_of: Callable[..., An
     assert bound <= min(entered) * (1 + 1e-9)
 
 
+def test_a_gap_moved_to_a_spike_does_not_beat_the_bound(case_of: Callable[..., Any]) -> None:
+    """Entered behind the spike the loop leaves it out, and both heads print at once."""
+    loop = [
+        (20, 10),
+        (40, 10),
+        (40, 20),
+        (41.8, 20.01),
+        (40, 20.02),
+        (40, 40),
+        (20, 40),
+        (20, 13.8),
+    ]
+    stroke = [(64.1, 10), (64.1, 60)]
+    chosen = case_of([(x, y, 0.5) for x, y in loop], [(x, y, 0.5) for x, y in stroke])
+    contours = replace(
+        chosen.job.contours,
+        closed=np.array([True, False]),
+        width=np.full(2, 4.0),
+        extrusion=np.array([0, 20, 10, 1.8, 1.8, 19.98, 20, 26.2, 0, 50]) / 10,
+    )
+    entries = seam_entries(contours)
+    assert 4 in entries.vertices
+    jobs = [
+        replace(chosen.job, contours=enter_at(contours, np.array([at, 0], np.int32)))
+        for at in entries.vertices[:-1]
+    ]
+    entered = [makespan_bound(job, chosen.machine, chosen.graph).bound_s for job in jobs]
+    assert min(entered) < 0.8 * entered[0]
+    job = replace(chosen.job, contours=contours)
+    bound = makespan_bound(job, chosen.machine, chosen.graph, entries=entries).bound_s
+    assert bound <= min(entered) * (1 + 1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_no_plan_is_faster_than_the_bound(case: Callable[..., Any], seed: int) -> None:
