@@ -26,7 +26,7 @@ from decmcts.print.seam import SeamEntries
 from decmcts.team.least_time import choices, least_times
 from decmcts.team.order import MOST_PIECES, PIECE_MM
 from decmcts.team.rail_bound import Held, rail_bound
-from decmcts.team.space import build_space
+from decmcts.team.space import eligibility
 from decmcts.team.window_bound import window_bound, window_of
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
@@ -61,17 +61,15 @@ def makespan_bound(
     entries : SeamEntries | None
         Where loops may be entered besides as sliced; None: nowhere.
     """
-    space = build_space(job, machine)
-    least = least_times(job, machine, space.eligible, entries)
+    eligible = eligibility(job.contours, machine.heads)  # no more: boxes keep out too many
+    least = least_times(job, machine, eligible, entries)
     time, parts = least.contour, least.segment
     if seconds is not None:
         time, parts = seconds, _scaled(job.contours, parts, seconds)
     serial, heads = float(time.sum()), len(machine.heads)
     chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
-    alone = space.eligible.sum(axis=1) == 1
-    exclusive = max(
-        (float(time[alone & space.eligible[:, r]].sum()) for r in range(heads)), default=0.0
-    )
+    alone = eligible.sum(axis=1) == 1
+    exclusive = max((float(time[alone & eligible[:, r]].sum()) for r in range(heads)), default=0.0)
     shared = max(serial / heads, _on_rail(job, machine, parts, entries))
     window = _in_window(job, machine, parts)
     bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
