@@ -5,6 +5,11 @@ The most of five: all printing shared evenly; what heads on one rail can print a
 (`decmcts.team.window_bound`); the longest chain of the dependency graph; what only one
 head can print. Travel is not counted. Each contour takes what the fastest head that may
 print it needs, entered where that takes least (`decmcts.team.least_time`).
+
+Where heads give room back piece by piece (`release` "point") the bound on a rail is proven for
+plans as `decmcts.team.order` makes them: a contour has at most `MOST_PIECES` pieces, each begun
+where its room has shrunk by `PIECE_MM`, and closed ones entered as sliced run as sliced. A plan
+that gives room back at every vertex may be faster; docs/team.md says by how much.
 """
 
 from __future__ import annotations
@@ -41,7 +46,7 @@ class Bound:
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
     window_s: float  # most work where only one head fits at a time
-    bound_s: float  # no plan of these heads prints faster
+    bound_s: float  # no plan of these heads, in such pieces, prints faster
 
 
 def makespan_bound(
@@ -107,7 +112,10 @@ def _on_rail(
 
 
 def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
-    """Return what room along an axis each piece of each contour holds, and for how long."""
+    """Return what room along an axis each piece of each contour holds, and for how long.
+
+    Pieces are those that `decmcts.team.order` makes, of contours it may turn.
+    """
     contours = job.contours
     turns = contours.reversible & ~contours.closed
     most = MOST_PIECES if machine.release == "point" else 1
