@@ -4,7 +4,8 @@ The most of five: all printing shared evenly; what heads on one rail can print a
 (`decmcts.team.rail_bound`); what lies where only one head fits at a time
 (`decmcts.team.window_bound`); the longest chain of the dependency graph; what only one
 head can print. Travel is not counted. Each contour takes what the fastest head that may
-print it needs, entered where that takes least (`decmcts.team.least_time`).
+print it needs, entered where that takes least (`decmcts.team.least_time`),
+for one head less what it may save by not coming to rest at its ends (`decmcts.team.run_on`).
 
 Where heads give room back piece by piece (`release` "point") the bound on a rail is proven for
 plans as `decmcts.team.order` makes them: a contour has at most `MOST_PIECES` pieces, each begun
@@ -31,6 +32,7 @@ from decmcts.print.seam import SeamEntries
 from decmcts.team.least_time import choices, least_times
 from decmcts.team.order import MOST_PIECES, PIECE_MM
 from decmcts.team.rail_bound import Held, rail_bound
+from decmcts.team.run_on import saved_by_running_on
 from decmcts.team.space import eligibility
 from decmcts.team.window_bound import window_bound, window_of
 
@@ -68,7 +70,8 @@ def makespan_bound(
     """
     eligible = eligibility(job.contours, machine.heads)  # no more: boxes keep out too many
     least = least_times(job, machine, eligible, entries)
-    time, parts = least.contour, least.segment
+    saved = saved_by_running_on(job, machine, entries)
+    time, parts = np.maximum(least.contour - saved, 0.0), least.segment
     if seconds is not None:
         time, parts = seconds, _scaled(job.contours, parts, seconds)
     serial, heads = float(time.sum()), len(machine.heads)
