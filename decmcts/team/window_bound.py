@@ -4,6 +4,9 @@ Where any two nozzles in a window are too near to each other, whatever the heads
 one head prints there at every moment. So a plan takes at least as long as all printing
 in that window, whoever does it and however room is released. Shapes are exact, as the
 judge has them, where `decmcts.team.space` takes boxes: round heads fit in diagonally.
+
+A segment's time is taken to lie evenly along it. Heads are slower near its ends, so of
+segments that a window cuts it may count a little more than is spent in it.
 """
 
 from __future__ import annotations
