@@ -321,5 +321,5 @@ def plot_convergence(history: History, minimised: str, bound: float = 0.0) -> go
         top = max(bound, float(points[:, -1].max()))
         room = 0.1 * (top - bound) + 1e-3 * top
         figure.update_yaxes(range=[bound - room, top + room])
-        figure.add_hline(bound, line_dash="dash", annotation_text=f"no plan beats {bound:,.0f} s")
+        figure.add_hline(bound, line_dash="dash", annotation_text=f"proven bound {bound:,.0f} s")
     return figure

@@ -31,7 +31,7 @@ Keep = Callable[[tuple[AgentStatus, ...]], None]
 
 def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
     """Return the table of what each head does, with its best makespan over the bound."""
-    title = f"agents; best: makespan in s; no plan beats {bound_s:,.0f} s"
+    title = f"agents; best: makespan in s; bound {bound_s:,.0f} s"
     table = Table(title=title, title_justify="left", box=SIMPLE, show_edge=False, padding=0)
     names = ("head", "phase", "s", "rounds", "best", "÷ bound", "entropy", "sent", "KiB",
              "heard", "KiB")  # fmt: skip

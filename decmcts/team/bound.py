@@ -4,7 +4,13 @@ The most of five: all printing shared evenly; what heads on one rail can print a
 (`decmcts.team.rail_bound`); what lies where only one head fits at a time
 (`decmcts.team.window_bound`); the longest chain of the dependency graph; what only one
 head can print. Travel is not counted. Each contour takes what the fastest head that may
-print it needs, entered where that takes least (`decmcts.team.least_time`).
+print it needs, entered where that takes least (`decmcts.team.least_time`),
+for one head less what it may save by not coming to rest at its ends (`decmcts.team.run_on`).
+
+Where heads give room back piece by piece (`release` "point") the bound on a rail is proven for
+plans as `decmcts.team.order` makes them: a contour has at most `MOST_PIECES` pieces, each begun
+where its room has shrunk by `PIECE_MM`, and closed ones entered as sliced run as sliced. A plan
+that gives room back at every vertex may be faster; docs/team.md says by how much.
 """
 
 from __future__ import annotations
@@ -15,16 +21,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.bound import longest_chain
+from decmcts._kernels.loops import SLIVER_MM
 from decmcts._kernels.pieces import cut_pieces
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.loops import turned
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
-from decmcts.team.least_time import least_times
+from decmcts.team.least_time import choices, least_times
 from decmcts.team.order import MOST_PIECES, PIECE_MM
 from decmcts.team.rail_bound import Held, rail_bound
-from decmcts.team.space import build_space
+from decmcts.team.run_on import saved_by_running_on
+from decmcts.team.space import eligibility
 from decmcts.team.window_bound import window_bound, window_of
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
@@ -39,7 +48,7 @@ class Bound:
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
     window_s: float  # most work where only one head fits at a time
-    bound_s: float  # no plan of these heads prints faster
+    bound_s: float  # no plan of these heads, in such pieces, prints faster
 
 
 def makespan_bound(
@@ -59,17 +68,16 @@ def makespan_bound(
     entries : SeamEntries | None
         Where loops may be entered besides as sliced; None: nowhere.
     """
-    space = build_space(job, machine)
-    least = least_times(job, machine, space.eligible, entries)
-    time, parts = least.contour, least.segment
+    eligible = eligibility(job.contours, machine.heads)  # no more: boxes keep out too many
+    least = least_times(job, machine, eligible, entries)
+    saved = saved_by_running_on(job, machine, entries)
+    time, parts = np.maximum(least.contour - saved, 0.0), least.segment
     if seconds is not None:
         time, parts = seconds, _scaled(job.contours, parts, seconds)
     serial, heads = float(time.sum()), len(machine.heads)
     chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
-    alone = space.eligible.sum(axis=1) == 1
-    exclusive = max(
-        (float(time[alone & space.eligible[:, r]].sum()) for r in range(heads)), default=0.0
-    )
+    alone = eligible.sum(axis=1) == 1
+    exclusive = max((float(time[alone & eligible[:, r]].sum()) for r in range(heads)), default=0.0)
     shared = max(serial / heads, _on_rail(job, machine, parts, entries))
     window = _in_window(job, machine, parts)
     bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
@@ -101,11 +109,16 @@ def _on_rail(
     held = _held(job, machine, parts, rail.axis)
     if entries is not None and machine.release == "point":
         held = _entered_anywhere(held, job.contours, parts, rail.axis, entries)
+    elif entries is not None:
+        held = _whole_from_any(held, job.contours, rail.axis, entries)
     return rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
 
 
 def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
-    """Return what room along an axis each piece of each contour holds, and for how long."""
+    """Return what room along an axis each piece of each contour holds, and for how long.
+
+    Pieces are those that `decmcts.team.order` makes, of contours it may turn.
+    """
     contours = job.contours
     turns = contours.reversible & ~contours.closed
     most = MOST_PIECES if machine.release == "point" else 1
@@ -137,7 +150,7 @@ def _entered_anywhere(
     before = np.roll(at, 1)
     ends = np.concatenate([contours.offsets[:-1], contours.offsets[1:] - 1])
     before[ends] = at[ends]  # what is printed through the old gap counts there
-    gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner]
+    gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner] + SLIVER_MM
     rows = moved[owner]
     stays = ~moved[held.way // 2]
     return Held(
@@ -146,6 +159,20 @@ def _entered_anywhere(
         np.concatenate([held.seconds[stays], parts[rows]]),
         np.concatenate([held.way[stays], 2 * owner[rows]]),
     )
+
+
+def _whole_from_any(held: Held, contours: Contours, axis: int, entries: SeamEntries) -> Held:
+    """Return what whole contours hold from every entry: the gap may lie where one reaches out.
+
+    `held` has one piece a contour.
+    """
+    low, high = held.low.copy(), held.high.copy()
+    for entry in choices(entries, len(contours)):
+        run, offsets = turned(contours, entry)
+        at = run.points[:, axis]
+        np.maximum(low, np.minimum.reduceat(at, offsets[:-1]), out=low)
+        np.minimum(high, np.maximum.reduceat(at, offsets[:-1]), out=high)
+    return held._replace(low=low, high=high)
 
 
 def _scaled(

@@ -1,6 +1,7 @@
 """The least time printing takes: by the fastest head that may, entered at the best vertex.
 
-For bounds. Travel is not counted; times are those of `decmcts.print.motion`, from rest to rest.
+For bounds. Travel is not counted; times are those of `decmcts.print.motion`, from rest to rest
+(a head alone may run on: `decmcts.team.run_on`).
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def least_times(
     least = LeastTimes(np.full(len(contours), np.inf), np.full(len(contours.points), np.inf))
     limits = [machine.limits_of(head) for head in machine.heads]
     kinds = {own: [k for k, other in enumerate(limits) if other == own] for own in limits}
-    for entry in _choices(entries, len(contours)):
+    for entry in choices(entries, len(contours)):
         run, offsets = turned(contours, entry)
         running = replace(
             contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
@@ -68,7 +69,7 @@ def least_times(
     return least
 
 
-def _choices(entries: SeamEntries | None, n: int) -> Iterator[NDArray[np.int32]]:
+def choices(entries: SeamEntries | None, n: int) -> Iterator[NDArray[np.int32]]:
     """Yield vertices of all contours, (n,), until each contour had all it may be entered at."""
     yield np.zeros(n, np.int32)
     if entries is None:

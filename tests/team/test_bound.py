@@ -14,11 +14,13 @@ from scipy.optimize import linprog
 from decmcts._kernels.bound import chain_behind, longest_chain
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.loops import enter_at
+from decmcts.print.machine import Slice
 from decmcts.print.seam import seam_entries
 from decmcts.team.bound import makespan_bound
 from decmcts.team.problem import build_team_problem
 from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.resolve import resolve
+from decmcts.team.space import build_space
 
 
 def _listed(held: Held, gap: float, n: int) -> float:
@@ -111,6 +113,39 @@ def test_loops_entered_elsewhere_do_not_beat_the_bound(case_of: Callable[..., An
     assert bound <= min(entered) * (1 + 1e-9)
 
 
+def test_a_gap_moved_to_a_spike_does_not_beat_the_bound(case_of: Callable[..., Any]) -> None:
+    """Entered behind the spike the loop leaves it out, and both heads print at once."""
+    loop = [
+        (20, 10),
+        (40, 10),
+        (40, 20),
+        (41.8, 20.01),
+        (40, 20.02),
+        (40, 40),
+        (20, 40),
+        (20, 13.8),
+    ]
+    stroke = [(64.1, 10), (64.1, 60)]
+    chosen = case_of([(x, y, 0.5) for x, y in loop], [(x, y, 0.5) for x, y in stroke])
+    contours = replace(
+        chosen.job.contours,
+        closed=np.array([True, False]),
+        width=np.full(2, 4.0),
+        extrusion=np.array([0, 20, 10, 1.8, 1.8, 19.98, 20, 26.2, 0, 50]) / 10,
+    )
+    entries = seam_entries(contours)
+    assert 4 in entries.vertices
+    jobs = [
+        replace(chosen.job, contours=enter_at(contours, np.array([at, 0], np.int32)))
+        for at in entries.vertices[:-1]
+    ]
+    entered = [makespan_bound(job, chosen.machine, chosen.graph).bound_s for job in jobs]
+    assert min(entered) < 0.8 * entered[0]
+    job = replace(chosen.job, contours=contours)
+    bound = makespan_bound(job, chosen.machine, chosen.graph, entries=entries).bound_s
+    assert bound <= min(entered) * (1 + 1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_no_plan_is_faster_than_the_bound(case: Callable[..., Any], seed: int) -> None:
@@ -141,6 +176,23 @@ def test_what_only_one_head_reaches_bounds_too(case_of: Callable[..., Any]) -> N
     chosen = case_of([(111, 10, 0.5), (119, 10, 0.5)], [(111, 50, 0.5), (119, 50, 0.5)])
     bound = makespan_bound(chosen.job, chosen.machine, chosen.graph)
     assert bound.exclusive_s == pytest.approx(bound.serial_s)
+
+
+def test_whom_only_boxes_keep_out_may_print_too(case_of: Callable[..., Any]) -> None:
+    """By boxes the round head is in the way of one that rests; by exact shapes it is not."""
+    chosen = case_of([(60, 10, 0.5), (64, 10, 0.5)], [(60, 12, 0.5), (64, 12, 0.5)])
+    turn = 2.0 * np.pi * np.arange(16) / 16
+    disc = (Slice(0.0, (20.0 * np.column_stack([np.cos(turn), np.sin(turn)]),)),)
+    left, right = chosen.machine.heads
+    rests = replace(
+        right, name="rests", slices=disc, park=(96.0, 44.0, 5.0),
+        reach_min=(96.0, 44.0, 0.0), reach_max=(96.0, 44.0, 50.0),
+    )  # fmt: skip
+    free = {"reach_min": (0.0, -80.0, 0.0), "park": (60.0, -60.0, 5.0)}
+    heads = (replace(left, slices=disc), replace(right, **free), rests)
+    machine = replace(chosen.machine, heads=heads, rails=())
+    assert build_space(chosen.job, machine).eligible.tolist() == [[False, True, False]] * 2
+    assert makespan_bound(chosen.job, machine, chosen.graph).exclusive_s == 0.0
 
 
 def test_longest_chain_and_chain_behind() -> None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import shapely
+import shapely.affinity
 
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import load_machine
+from decmcts.print.machine import Head, Machine, Slice
 from decmcts.team.bound import makespan_bound
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
@@ -39,9 +44,40 @@ def test_a_window_smaller_than_a_stroke_takes_its_share() -> None:
 
 
 def test_a_presets_window_is_what_its_heads_keep_apart() -> None:
-    """One rail: its separation, however long; gantries: the box of both heads."""
+    """One rail: its separation, however long; gantries: the box of both heads and round corners."""
     assert window_of(load_machine("dual-gantry"), 30.0) == pytest.approx([70.0, np.inf], abs=0.01)
-    assert window_of(load_machine("dueling-zero"), 30.0) == pytest.approx([40.5, 53.5], abs=0.01)
+    zero = load_machine("dueling-zero")
+    corner = window_of(zero, 30.0) - np.array([40.0, 53.0])
+    assert np.hypot(*corner) == pytest.approx(zero.head_clearance_mm, abs=0.01)
+    assert (corner > 0.0).all()
+
+
+def _heads(outline: np.ndarray, gap: float) -> Machine:
+    """Two heads of one slice each, free of each other."""
+    head = Head("a", (Slice(0.0, (outline,)),))
+    return Machine("two", (0.0, 0.0), (200.0, 200.0), (head, replace(head, name="b")),
+                   head_clearance_mm=gap)  # fmt: skip
+
+
+@pytest.mark.parametrize("corners", [3, 4, 5, 6, 16])
+def test_no_two_places_of_a_window_are_clear_of_each_other(corners: int) -> None:
+    """Round heads stand diagonally where their boxes would meet."""
+    turn = 2.0 * np.pi * (np.arange(corners) + 0.2) / corners
+    outline = 20.0 * np.column_stack([np.cos(turn), np.sin(turn)])
+    size = window_of(_heads(outline, 1.0), 30.0)
+    shape = shapely.Polygon(outline)
+    apart = [
+        shape.distance(shapely.affinity.translate(shape, *(size * way)))
+        for way in [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (0, 1)]
+    ]
+    assert max(apart) < 1.0
+    assert size.prod() > 0.3 * np.ptp(outline, axis=0).prod()
+
+
+def test_squares_without_a_gap_hold_their_whole_box() -> None:
+    """What is rectangular is no smaller than before."""
+    outline = np.array([[-8.0, -4.0], [8.0, -4.0], [8.0, 4.0], [-8.0, 4.0]])
+    assert window_of(_heads(outline, 0.0), 30.0) == pytest.approx([16.0, 8.0], abs=0.01)
 
 
 @pytest.mark.slow
