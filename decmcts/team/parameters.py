@@ -49,10 +49,14 @@ class Parameters:
 
     @staticmethod
     def for_contours(n: int) -> Parameters:
-        """Return parameters for a print of n contours: the larger, the fewer samples."""
+        """Return parameters for a print of n contours: the larger, the fewer samples.
+
+        Windows too, each of which takes longer: rounds of a large print stay as short.
+        """
         plans = int(np.clip(40_000 // max(n, 1), 5, 10))
         tries = int(np.clip(200_000 // max(n, 1), 32, 128))
-        return Parameters(plans=plans, samples=plans // 2, tries=tries)
+        windows = int(np.clip(450_000 // max(n, 1), 10, 60))
+        return Parameters(plans=plans, samples=plans // 2, tries=tries, windows=windows)
 
 
 # Least and most of each parameter; those with whole limits are whole numbers.
