@@ -175,7 +175,9 @@ class DecMcts:
         race = self._races[team]
         if race.next() is None:
             return False
-        for _ in range(max(8, AT_ONCE // max(1, len(self.problem.macro)))):
+        # the first round is short: by the longest so far peers judge how long we may be silent
+        work = AT_ONCE if race.makespans else AT_ONCE // 8
+        for _ in range(max(1, work // max(1, len(self.problem.macro)))):
             policy = race.next()
             if policy is None:
                 break
