@@ -17,9 +17,16 @@ from numpy.typing import NDArray
 from decmcts._kernels.jit import apart, inlined, kernel
 from decmcts._kernels.joint import NONE, Heads, Units, Visits, end_of
 from decmcts._kernels.random import below, length_up_to, uniform
-from decmcts._kernels.replay import JointOrder, Marks, finish, link, put_turns, recall, replay
+from decmcts._kernels.replay import JointOrder, Marks, finish, put_turns, replay
 from decmcts._kernels.rooms import Fleet, travel_seconds
-from decmcts._kernels.tails import find_tails
+from decmcts._kernels.windows import (
+    GIVEN_UP,
+    begin_trial,
+    draw_window,
+    keep_tails,
+    take_back,
+    with_lateness,
+)
 
 SHORTEST, LONGEST = 20, 400  # turns of a window
 MARGIN = 20  # turns behind a move that are carried out to judge it
@@ -29,8 +36,6 @@ NEARBY = 0.7  # share of proposals that put a run beside a contour near one of i
 STAYS = 0.05  # share that leave the run on its head, at another turn; the rest go to any head
 BLIND = 0.1  # share tried whatever their travels
 TURNED = 0.1  # share of single contours that are entered at the end farther away
-GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
-FRESH = 4  # windows after which the tails are found anew
 
 
 class Mood(NamedTuple):
@@ -215,13 +220,11 @@ def try_out(
     ended = np.empty(end - begin)
     for k in range(end - begin):
         ended[k] = heads.ended[moves.trial[begin + k]]
-    recall(begin, units, heads, marks)
-    units.used[0] = marks.used[marks.known[0]]
+    begin_trial(begin, units, heads, marks)
     change = put_turns(
         moves.trial, begin, end, begin, top, most, joint, visits, fleet, units, heads, marks
     )
-    for r in range(len(heads.free)):
-        change += mood.even * (heads.free[r] - marks.free[end, r])
+    change = with_lateness(change, mood.even, end, heads, marks)
     for k in range(end - begin):
         heads.ended[moves.trial[begin + k]] = ended[k]
     return change
@@ -340,13 +343,9 @@ def polish(
     """
     n = len(joint.order)
     for turn in range(windows):
-        if turn % FRESH == 0:
-            if not replay(n, joint, visits, fleet, units, heads, marks):
-                return np.inf
-            find_tails(visits, fleet, units, marks)
-        share = uniform(state)
-        width = min(n, max(mood.shortest, int(SHORTEST * (LONGEST / SHORTEST) ** share)))
-        low = min(max(0, below(state, n + width) - width), n - width)
+        if not keep_tails(turn, joint, visits, fleet, units, heads, marks):
+            return np.inf
+        low, width = draw_window(n, SHORTEST, LONGEST, mood.shortest, state)
         high = low + width
         reach = min(n, high + MARGIN)
         if not replay(reach, joint, visits, fleet, units, heads, marks):
@@ -365,9 +364,5 @@ def polish(
         if found < np.inf and found <= makespan - mood.slack * np.log(uniform(state)):
             makespan = found
             continue
-        for k in range(width):
-            c = order[k]
-            joint.order[low + k], joint.head[c], joint.backwards[c] = c, head[k], backwards[k]
-        link(joint, len(fleet.parks))
-        marks.known[0] = min(marks.known[0], low)
+        take_back(low, order, head, backwards, joint, marks)
     return makespan

@@ -30,18 +30,22 @@ from decmcts._kernels.replay import (
     has_room,
     later_by,
     link,
-    recall,
     replay,
 )
 from decmcts._kernels.rooms import Fleet
-from decmcts._kernels.tails import find_tails
+from decmcts._kernels.windows import (
+    GIVEN_UP,
+    begin_trial,
+    draw_window,
+    keep_tails,
+    take_back,
+    with_lateness,
+)
 
 SHORTEST, LONGEST = 100, 1500  # turns of a window
 TRIES = 10  # policies for each
 ALIKE = 0.5  # share of tries in which all heads have the same policy
 EVEN = 0.1  # weight of all heads' lateness beside that of the print
-GIVEN_UP = 1.0  # seconds too late, at which a try is not carried out to its end
-FRESH = 4  # windows after which the tails are found anew
 
 
 class Guide(NamedTuple):
@@ -56,9 +60,7 @@ class Guide(NamedTuple):
 
 
 @inlined
-def draw_policy(
-    contours: NDArray[np.int64], guide: Guide, state: NDArray[np.uint64]
-) -> None:  # fmt: skip
+def draw_policy(contours: NDArray[np.int64], guide: Guide, state: NDArray[np.uint64]) -> None:
     """Write keys of a window's contours, and all weights, by random policies (mutates guide)."""
     alike = uniform(state) < ALIKE
     row = below(state, len(guide.policies))
@@ -107,12 +109,10 @@ def dispatch_window(
     """Dispatch the contours of a window that begins at turn `begin` (mutates units, heads, guide).
 
     Returns by how much later than by the marks the print then ends; infinite if there is no
-    room, or as soon as some head makes it `most` later. Its units are written behind those of
-    the marks and left to be overwritten.
+    room, or as soon as some head makes it `most` later.
     """
     count, end, pool = len(heads.free), begin + len(contours), guide.pool
-    recall(begin, units, heads, marks)
-    units.used[0] = marks.used[marks.known[0]]
+    begin_trial(begin, units, heads, marks)
     open_window(contours, visits, units, heads, guide)
     usual = -np.inf
     for r in range(count):
@@ -134,9 +134,8 @@ def dispatch_window(
         wake(r, start, visits, fleet, guide.policy, heads, pool)
         guide.found[0, turn] = (2 * c + back) * count + r
     later = later_by(end, fleet, heads, marks)
-    for r in range(count):
-        later += EVEN * (heads.free[r] - marks.free[end, r])
-    return later
+    late: float = with_lateness(later, EVEN, end, heads, marks)
+    return late
 
 
 @inlined
@@ -175,12 +174,9 @@ def recreate(
     n, count = len(joint.order), len(fleet.parks)
     guide.pool.put[:] = True
     for drawn in range(windows):
-        if drawn % FRESH == 0:
-            if not replay(n, joint, visits, fleet, units, heads, marks):
-                return np.inf
-            find_tails(visits, fleet, units, marks)
-        width = min(n, int(SHORTEST * (LONGEST / SHORTEST) ** uniform(state)))
-        begin = min(max(0, below(state, n + width) - width), n - width)
+        if not keep_tails(drawn, joint, visits, fleet, units, heads, marks):
+            return np.inf
+        begin, width = draw_window(n, SHORTEST, LONGEST, SHORTEST, state)
         end = begin + width
         if not replay(end, joint, visits, fleet, units, heads, marks):
             return np.inf
@@ -199,9 +195,5 @@ def recreate(
         if found <= makespan:
             makespan = found
             continue
-        for k in range(width):
-            c = order[k]
-            joint.order[begin + k], joint.head[c], joint.backwards[c] = c, head[k], backwards[k]
-        link(joint, count)
-        marks.known[0] = begin
+        take_back(begin, order, head, backwards, joint, marks)
     return makespan

@@ -58,7 +58,7 @@ from decmcts.team.cooling import cooled, find_lags, print_times
 from decmcts.team.entries import Orders, agreed_job, entries_of, first_entries
 from decmcts.team.leaning import lean
 from decmcts.team.parameters import Parameters, changed
-from decmcts.team.space import build_space, require_printable
+from decmcts.team.space import refuse_shut_in
 
 StemOption = Annotated[
     Path | None,
@@ -203,9 +203,7 @@ def run_team(
             refuse_for_heads(loaded.document, loaded.job, loaded.machine)
             loaded = with_note(loaded, unprimed_note(loaded.document))
         with named(loaded.path):
-            eligible = build_space(loaded.job, loaded.machine).eligible
-            heads = range(len(loaded.machine.heads))
-            require_printable(loaded.job.contours, loaded.machine, eligible, live=heads)
+            refuse_shut_in(loaded.job, loaded.machine)
         refuse_unsound(loaded, before, writes=False)
         if remark:
             err.print(remark, soft_wrap=True)

@@ -31,7 +31,7 @@ def check_fits(contours: Contours, machine: Machine) -> None:
     high = np.maximum.reduceat(contours.points, at)
     _check_size(contours, low, high, machine)
     able = [_reaches(head, low, high) & _has_tool(head, contours.tool) for head in machine.heads]
-    refuse_unprintable(contours, machine, np.stack(able, axis=1))
+    require_printable(contours, machine, np.stack(able, axis=1))
 
 
 def _check_size(
@@ -53,7 +53,7 @@ def _check_size(
         )
 
 
-def refuse_unprintable(
+def require_printable(
     contours: Contours,
     machine: Machine,
     able: NDArray[np.bool_],

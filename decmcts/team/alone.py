@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.machine_fit import require_printable
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.space import Space, build_space, require_printable
+from decmcts.team.space import Space, build_space
 
 
 def share_out(

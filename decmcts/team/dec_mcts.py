@@ -143,7 +143,7 @@ class DecMcts:
         return encode(policy, self.problem.n_macros)
 
     def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
-        """Do one outer round: grow the tree and update the distribution, then polish.
+        """Do one outer round: grow the tree and update the distribution, then improve windows.
 
         `spent` is the share of the time for planning that is over, 0..1; windows of the best
         joint order are improved from `Parameters.first` on: recreated till

@@ -20,11 +20,12 @@ from decmcts._kernels.rooms import Fleet
 from decmcts._kernels.waits import find_waits, first_later
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.machine_fit import require_printable
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.space import Space, printing_times, require_printable
+from decmcts.team.space import Space, printing_times
 
 PIECE_MM = 4.0  # a piece of a contour begins where the room still needed has shrunk so far
 MOST_PIECES = 16  # of one contour

@@ -17,10 +17,10 @@ def keys_of(problem: TeamProblem, weights: Floats) -> Floats:
 
     `weights` (heads, 6) are rows of `POLICIES`, or like them.
     """
-    n, wishes = len(problem.macro), problem.wishes()
-    keys = np.empty((len(weights), n))
+    everything, wishes = np.arange(len(problem.macro)), problem.wishes()
+    keys = np.empty((len(weights), len(everything)))
     for r, row in enumerate(weights):
-        write_keys(r, row, np.arange(n), wishes, keys)
+        write_keys(r, row, everything, wishes, keys)
     return keys
 
 

@@ -9,6 +9,7 @@ at once.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,13 +53,12 @@ class Polish:
         """Begin with an order that `live` heads can carry out; None: all heads."""
         n, heads = len(problem.macro), len(problem.machine.heads)
         self._problem, self._state = problem, seeded(seed)
-        self._fleet, eligible = room_of(problem, range(heads) if live is None else live)
-        self._moves = _moves(problem, eligible)
+        self._fleet, self._eligible = room_of(problem, range(heads) if live is None else live)
+        self._moves = _moves(problem, self._eligible)
         self._joint = _joint_of(stated, heads)
         self._heads = all_parked(n, self._fleet)
         self._units = new_units(8 * n + 64 * heads * (heads + 2))
         self._marks = _marks(n, self._heads)
-        self._guide = _guide(problem, eligible)
         self.began_s = self.makespan_s = self._finish(0)
         self.best, self.best_s = stated, self.makespan_s
 
@@ -80,6 +80,11 @@ class Polish:
             self._units, self._heads, self._marks, self._guide, self._state,
         )  # fmt: skip
         self._keep()
+
+    @cached_property
+    def _guide(self) -> Guide:
+        """Policies, and room to try them: many orders are polished and never recreated."""
+        return _guide(self._problem, self._eligible)
 
     def _anneal(self, sweeps: int) -> None:
         """Anneal a small order as a whole, from hot to cold; it may end worse than it began."""

@@ -20,6 +20,7 @@ from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.machine_fit import require_printable
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.bottleneck import bottleneck
@@ -30,7 +31,6 @@ from decmcts.team.space import (
     build_space,
     fleet_of,
     printing_times,
-    require_printable,
 )
 
 

@@ -20,6 +20,7 @@ from decmcts._kernels.dispatch import dispatch
 from decmcts._kernels.joint import Units
 from decmcts._kernels.rooms import Fleet
 from decmcts.errors import InputError
+from decmcts.formats.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.alone import nearest_first, split
 from decmcts.team.order import refuse, sequences_of, units_of
@@ -32,7 +33,7 @@ from decmcts.team.plans import (
 )
 from decmcts.team.policy import keys_of, policy_of
 from decmcts.team.problem import TeamProblem
-from decmcts.team.space import build_space, fleet_of, require_printable
+from decmcts.team.space import build_space, fleet_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from decmcts._kernels.joint import Visits
 from decmcts._kernels.lags import no_lags
 from decmcts._kernels.pieces import cut_pieces
 from decmcts._kernels.rooms import Fleet
-from decmcts.formats.machine_fit import refuse_unprintable
+from decmcts.formats.machine_fit import require_printable
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
@@ -181,29 +181,40 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
     A contour is eligible for a head that reaches it, has its tool and can be let in: while
     the others are parked, or aside, if they are live.
     """
-    contours = job.contours
-    boxes, eligible = contour_boxes(contours), eligibility(contours, machine.heads)
+    eligible = eligibility(job.contours, machine.heads)
     if live is not None:
         eligible[:, [r for r in range(len(machine.heads)) if r not in live]] = False
-    if len(machine.heads) > 1 and len(contours):
-        ends = np.stack([contours.start, contours.end], axis=1)
-        whole = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
-        none = np.zeros(len(contours) + 1, np.int64)
-        visits = Visits(
-            ends, np.zeros((len(machine.heads), len(contours))), contours.reversible, whole, none,
-            np.empty(0, np.int32), no_lags(len(contours)),
-        )  # fmt: skip
-        eligible = eligible_heads(eligible, visits, fleet_of(job, machine, live))
     parks = np.array([head.park for head in machine.heads], np.float64)
-    return Space(boxes, parks, eligible)
+    return Space(contour_boxes(job.contours), parks, _let_in(eligible, job, machine, live))
 
 
-def require_printable(
-    contours: Contours,
-    machine: Machine,
-    eligible: NDArray[np.bool_],
-    *,
-    live: Sequence[int] | None = None,
-) -> None:
-    """Raise InputError naming the first contour that no head may print, and why."""
-    refuse_unprintable(contours, machine, eligible, live=live)
+def refuse_shut_in(job: PrintJob, machine: Machine) -> None:
+    """Raise InputError unless some head may print each contour.
+
+    Asks no more heads than it must, which of many heads is far less work than `build_space`.
+    """
+    reached = eligibility(job.contours, machine.heads)
+    able = np.zeros_like(reached)
+    for r in range(len(machine.heads)):
+        asked = np.zeros_like(reached)
+        asked[:, r] = reached[:, r] & ~able.any(axis=1)
+        if asked.any():
+            able |= _let_in(asked, job, machine, None)
+    require_printable(job.contours, machine, able, live=range(len(machine.heads)))
+
+
+def _let_in(
+    reached: NDArray[np.bool_], job: PrintJob, machine: Machine, live: Sequence[int] | None
+) -> NDArray[np.bool_]:
+    """Return which of the heads that reach each contour can be let in, (n, heads)."""
+    contours = job.contours
+    if len(machine.heads) < 2 or not len(contours):
+        return reached
+    ends = np.stack([contours.start, contours.end], axis=1)
+    whole = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
+    none = np.zeros(len(contours) + 1, np.int64)
+    visits = Visits(
+        ends, np.zeros((len(machine.heads), len(contours))), contours.reversible, whole, none,
+        np.empty(0, np.int32), no_lags(len(contours)),
+    )  # fmt: skip
+    return eligible_heads(reached, visits, fleet_of(job, machine, live))

@@ -12,12 +12,13 @@ import pytest
 from decmcts._kernels.rooms import meet
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
+from decmcts.formats.machine_fit import require_printable
 from decmcts.print.machine import Body, Head, Machine, Rail
 from decmcts.print.plan import PlanDocument
 from decmcts.team.problem import build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
-from decmcts.team.space import body_boxes, build_space, fleet_of, relation_of, require_printable
+from decmcts.team.space import body_boxes, build_space, fleet_of, relation_of
 from sim.verify import verify_plan
 
 
