@@ -1,8 +1,9 @@
 """Watches the agents of one launch until they released one plan.
 
 Decides who is fenced: an agent whose process ended, or one the others could
-not reach, after its process was killed and waited for. A plan counts only when
-every agent that is not fenced released the same digest. No planning here.
+not reach, after its process was killed and waited for. Of two groups that miss
+each other the larger goes on. A plan counts only when every agent that is not
+fenced released the same digest. No planning here.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ because an agent in a long round on a busy machine is silent too."""
 FOLLOW_LIMIT_S = 5.0
 """From the first release to the last: by then every live head has agreed, so one
 that says nothing any more is dead or stopped."""
+
+GRACE_S = 2.0
+"""From the first word that heads are missing to a fence: twice the lease. An agent
+that stood still loses all its peers at once, and has them back within this time."""
 
 _POLL_S = 0.1
 
@@ -95,6 +100,9 @@ class Supervisor:
         self._released: dict[int, dict[str, Any]] = {}
         self._released_since: float | None = None  # by the first agent
         self._ready: set[int] = set()
+        self._misses: dict[int, float] = {}  # head that misses others -> since when
+        self._heard_at: dict[int, float] = {}  # head -> when it last said something
+        self._gap_s: dict[int, float] = {}  # head -> its longest silence yet
         self._limit_s, self._on_progress = time_limit_s, on_progress
         self._should_stop, self._stopping = should_stop, False
         self._clock = clock
@@ -177,9 +185,17 @@ class Supervisor:
         if said.line is None:
             self.fence(said.head, "its process ended")
         elif said.head not in self.fenced:
+            self._note_time(said.head)
             self._hear(said.head, said.line)
         if self._on_progress is not None:
             self._on_progress(tuple(self.status))
+
+    def _note_time(self, head: int) -> None:
+        now = self._clock()
+        if self.status[head].rounds:  # loading and compiling say nothing of rounds
+            gap_s = now - self._heard_at[head]
+            self._gap_s[head] = max(gap_s, self._gap_s.get(head, 0.0))
+        self._heard_at[head] = now
 
     def _hear(self, head: int, line: dict[str, Any]) -> None:
         match line:
@@ -232,18 +248,55 @@ class Supervisor:
         self._tell_all(self._fence_command(head))
 
     def _miss(self, head: int, missing: Sequence[int]) -> None:
-        """Fence the heads one agent misses; tell it again of those that are fenced already."""
-        for other in missing:
-            if other in self.fenced:
-                self._agents[head].tell(self._fence_command(other))
-            else:
-                self.fence(other, f"{self._names[head]} does not hear it")
+        """Note that an agent misses heads; tell it again of those that are fenced already."""
+        self._update(head, live=tuple(sorted(set(self._unfenced()) - set(missing))))
+        for other in self.fenced.intersection(missing):
+            self._agents[head].tell(self._fence_command(other))
+        if not self.fenced.issuperset(missing):
+            self._misses.setdefault(head, self._clock())
+
+    def _settle_misses(self, now: float) -> None:
+        """Fence one side once an agent has missed others for a while."""
+        self._misses = {h: at for h, at in self._misses.items() if self._missing(h)}
+        overdue = [
+            head
+            for head, at in self._misses.items()
+            if now - at >= GRACE_S and not self._is_silent(head, now)
+        ]
+        if not overdue:
+            return
+        accuser = min(overdue, key=lambda head: _rank(self._group(head)))
+        group, missing = self._group(accuser), sorted(self._missing(accuser))
+        # One that cannot hear the rest must not end them all; alike, the lowest head's side stays.
+        stronger = [
+            head
+            for head in missing
+            if not self._is_silent(head, now) and _rank(self._group(head) - group) < _rank(group)
+        ]
+        if any(self._heard_at[head] > self._misses[accuser] for head in stronger):
+            self.fence(accuser, "it hears too few of the others")
+        elif not stronger:  # else one may be in a long round: its word comes, or it is silent
+            for head in missing:
+                self.fence(head, f"{self._names[accuser]} does not hear it")
+
+    def _group(self, head: int) -> set[int]:
+        """Return who plans together, as one head last said."""
+        return set(self.status[head].live) - self.fenced
+
+    def _missing(self, head: int) -> set[int]:
+        return set() if head in self.fenced else set(self._unfenced()) - self._group(head)
+
+    def _is_silent(self, head: int, now: float) -> bool:
+        """Whether an agent says nothing for much longer than it ever did."""
+        longest_s = max(GRACE_S, 2.0 * self._gap_s.get(head, 0.0))
+        return now - self._heard_at.get(head, -float("inf")) > longest_s
 
     def _fence_command(self, head: int) -> dict[str, Any]:
         return {"command": "fence", "head": head, "epoch": self._epoch}
 
     def _enforce_limits(self) -> None:
         now, waiting = self._clock(), set(self._unfenced()) - self._ready
+        self._settle_misses(now)
         if waiting and now - self._started > START_LIMIT_S:
             for head in waiting:
                 self.fence(head, f"not ready after {START_LIMIT_S:g} s")
@@ -255,3 +308,8 @@ class Supervisor:
     def _fence_silent(self, why: str) -> None:
         for head in sorted(set(self._unfenced()) - self._released.keys()):
             self.fence(head, why)
+
+
+def _rank(group: set[int]) -> tuple[int, int]:
+    """Order groups of heads by which should go on: the largest first, then the lowest head's."""
+    return -len(group), min(group, default=0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 from typing import Any
 
+import numpy as np
 import pytest
 
 from agents.processes import Said
@@ -16,7 +17,6 @@ from agents.supervisor import (
     Supervisor,
 )
 
-NAMES = ("left", "right")
 PROGRESS = {
     "event": "progress",
     "phase": "planning",
@@ -50,28 +50,39 @@ class FakeChild:
 
 
 class Scene:
-    """A supervisor over two fake agents whose lines are known beforehand."""
+    """A supervisor over fake agents whose lines are known beforehand."""
 
-    def __init__(self) -> None:
-        self.children = {0: FakeChild(), 1: FakeChild()}
+    def __init__(self, heads: int = 2, step_s: float = 10.0) -> None:
+        self.children = {head: FakeChild() for head in range(heads)}
+        self.names = tuple(f"head {head}" for head in range(heads))
         self.heard: queue.Queue[Said] = queue.Queue()
-        self.now = 0.0
+        self.now, self.step_s = 0.0, step_s
+        self.due: list[tuple[float, int, dict[str, Any]]] = []
         self.seen: list[tuple[AgentStatus, ...]] = []
 
     def says(self, head: int, line: dict[str, Any] | None) -> None:
         self.heard.put(Said(head, line))
+
+    def keeps_saying(self, head: int, line: dict[str, Any], *, since: float, until: float) -> None:
+        times = np.arange(since, until, 0.5)
+        self.due += [(at, head, line) for at in times.tolist()]
+        self.due.sort(key=lambda due: due[0])
 
     def released(self, head: int, digest: str) -> None:
         self.says(head, {"event": "released", "digest": digest})
 
     def run(self, should_stop: Any = None) -> dict[str, Any]:
         def clock() -> float:
-            self.now += 10.0 if self.heard.empty() else 0.0
+            if self.heard.empty():
+                self.now += self.step_s
+                for _, head, line in (due for due in self.due if due[0] <= self.now):
+                    self.says(head, line)
+                self.due = [due for due in self.due if due[0] > self.now]
             return self.now
 
         supervisor = Supervisor(
             self.children,
-            NAMES,
+            self.names,
             self.heard,
             time_limit_s=5.0,
             epoch=7,
@@ -101,17 +112,102 @@ def test_a_plan_counts_when_all_released_it(scene: Scene) -> None:
     assert scene.seen[3][1].history == ((1.0, 9.0),)
 
 
-def test_an_unreachable_agent_is_killed_before_the_others_hear_that_it_is_off(
-    scene: Scene,
-) -> None:
+def agreeing(*live: int) -> dict[str, Any]:
+    return {**PROGRESS, "phase": "agreeing", "live": list(live)}
+
+
+def team(heads: int) -> Scene:
+    """All plan together, then some end planning; time passes by tenths of seconds."""
+    made = Scene(heads, step_s=0.1)
+    for head in range(heads):
+        made.says(head, {"event": "ready"})
+        made.says(head, {**PROGRESS, "live": list(range(heads))})
+    return made
+
+
+def test_an_unreachable_agent_is_killed_before_the_others_hear_that_it_is_off() -> None:
     """Told the other way round, they would release while it still moves."""
+    scene = team(2)
     scene.says(0, {"event": "unfenced", "heads": [1]})
+    scene.keeps_saying(0, agreeing(0), since=0.5, until=6.0)
     order: list[str] = []
     scene.children[1].kill = lambda: order.append("killed")  # type: ignore[method-assign]
     scene.children[0].tell = lambda command: order.append(str(command))  # type: ignore[method-assign]
-    scene.released(0, "bb")
+    scene.due.append((6.0, 0, {"event": "released", "digest": "bb"}))
     assert scene.run()["digest"] == "bb"
     assert order == ["killed", "{'command': 'fence', 'head': 1, 'epoch': 7}"]
+
+
+@pytest.mark.parametrize("told", [(0, 1, 2), (0, 2)])
+def test_one_that_hears_nobody_does_not_end_the_others(told: tuple[int, ...]) -> None:
+    """It agrees with itself at once and says so first; the others were killed for it."""
+    scene = team(3)
+    scene.says(1, {"event": "unfenced", "heads": [0, 2]})
+    for head, live in ((0, told), (1, (1,)), (2, told)):
+        scene.keeps_saying(head, agreeing(*live), since=0.5, until=6.0)
+    for head in (0, 2):
+        scene.due.append((6.0, head, {"event": "released", "digest": "bb"}))
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(3)] == [False, True, False]
+
+
+def test_one_that_has_the_others_back_ends_nobody() -> None:
+    """It stood still, lost all links at once, and was greeted again a moment later."""
+    scene = team(3)
+    scene.says(1, {"event": "unfenced", "heads": [0, 2]})
+    for head in range(3):
+        scene.keeps_saying(head, agreeing(0, 1, 2), since=1.0, until=6.0)
+        scene.due.append((6.0, head, {"event": "released", "digest": "bb"}))
+    assert scene.run()["digest"] == "bb"
+    assert not any(child.killed for child in scene.children.values())
+
+
+def test_one_that_is_left_over_ends_all_that_are_hung() -> None:
+    """They were the larger group; but they say nothing any more."""
+    scene = team(3)
+    scene.due.append((3.0, 2, {"event": "unfenced", "heads": [0, 1]}))
+    scene.keeps_saying(2, agreeing(2), since=0.5, until=9.0)
+    scene.due.append((9.0, 2, {"event": "released", "digest": "bb"}))
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(3)] == [True, True, False]
+
+
+def test_a_hung_head_does_not_win_by_its_number() -> None:
+    """Slow to load, it may be silent for long; but it has said nothing since it was missed."""
+    scene = Scene(2, step_s=0.1)
+    for head in (0, 1):
+        scene.due.append((5.0 * (1 - head), head, {"event": "ready"}))
+        scene.keeps_saying(head, PROGRESS, since=9.0, until=10.0 + head)
+    scene.due.append((11.0, 1, {"event": "unfenced", "heads": [0]}))
+    scene.keeps_saying(1, agreeing(1), since=11.5, until=29.0)
+    scene.due.append((29.0, 1, {"event": "released", "digest": "bb"}))
+    scene.due.sort(key=lambda due: due[0])
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(2)] == [True, False]
+
+
+def test_an_agent_that_hangs_after_it_missed_another_ends_nobody() -> None:
+    """Its word stands, but it is the one that is lost."""
+    scene = team(2)
+    scene.says(0, {"event": "unfenced", "heads": [1]})
+    scene.keeps_saying(1, agreeing(1), since=0.5, until=9.0)
+    scene.due.append((3.0, 1, {"event": "unfenced", "heads": [0]}))
+    scene.due.append((9.0, 1, {"event": "released", "digest": "bb"}))
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(2)] == [True, False]
+
+
+def test_of_two_that_cannot_hear_each_other_beside_a_third_one_is_ended() -> None:
+    """Both would wait for ever for a plan of all three."""
+    scene = team(3)
+    for head, live in ((0, (0, 2)), (1, (1, 2)), (2, (0, 1, 2))):
+        if missing := sorted({0, 1, 2} - set(live)):
+            scene.says(head, {"event": "unfenced", "heads": missing})
+        scene.keeps_saying(head, agreeing(*live), since=0.5, until=6.0)
+    for head in (0, 2):
+        scene.due.append((6.0, head, {"event": "released", "digest": "bb"}))
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(3)] == [False, True, False]
 
 
 def test_a_fence_is_said_again_to_who_misses_the_head(scene: Scene) -> None:

@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -15,19 +14,9 @@ from agents.extruder import main
 from tests.agents.toy import ToyPlanner
 
 
-class Sticky(ToyPlanner):
-    """Does not return from the round after SIGUSR1; the network's threads go on."""
-
-    stuck = False
-
-    def iterate(self, live: Sequence[int], spent: float) -> None:
-        if self.stuck:
-            time.sleep(3600.0)
-        super().iterate(live, spent)
-
-
 def get_stuck(*_: object) -> None:
-    Sticky.stuck = True
+    """What plans does nothing any more from here on; the network's threads go on."""
+    time.sleep(3600.0)
 
 
 if __name__ == "__main__":
@@ -36,7 +25,7 @@ if __name__ == "__main__":
     odd = os.environ.get("TOY_ODD_HEAD", "")  # this head holds another problem
     sys.exit(
         main(
-            make_planner=lambda given: Sticky(
+            make_planner=lambda given: ToyPlanner(
                 given.head,
                 names=names,
                 jobs=41 if str(given.head) == odd else 40,
