@@ -17,9 +17,10 @@ same plan. Then three stages, each a `Commit` for (L, digest):
                term, and every head outside L is fenced
 
 A change of L starts over with new proposals. A commit to a digest we lack is
-answered by a `PlanRequest`. Every message is stated again on each tick until
-its answer came; receivers keep only the sender's latest, so loss, delay,
-reordering and repetition cost time, never agreement, and nothing is latched.
+answered by a `PlanRequest`. Every message is stated again on each tick, long
+plans every few ticks, until its answer came; receivers keep only the sender's
+latest, so loss, delay, reordering and repetition cost time, never agreement, and
+nothing is latched.
 
 *Serial order.* The same plans may resolve differently on two hosts (another
 processor, another library). Then each takes the other's proposal for a lie and
@@ -75,6 +76,13 @@ _TERMS = 2**20
 STALLED_TICKS = 50
 """Ticks of agreeing after which the heads that are missing are named: 5 s."""
 
+LONG_PLAN = 2048
+"""Numbers in plans for which one tick's pause stands before they are said again: about
+8 KiB, so that repeating costs an agent at most some 80 KiB a second."""
+
+LONGEST_PAUSE_TICKS = 30
+"""No plan is said again later than this: lost words must not hold up a release."""
+
 
 def is_droppable(message: Message) -> bool:
     """Whether a message is soon out of date; all else must arrive."""
@@ -111,9 +119,10 @@ class Agreement:
         self._own: Commit | None = None
         self._adopting: Commit | None = None  # released by others, to be followed
         self._may_ask = True  # one round of plan requests a tick
+        self._answered: set[tuple[int, Key]] = set()  # plans sent again since the last pause
         self._may_resolve = len(roster.names)  # so many plans of others a tick
         self._serial = False  # we propose the explicit order
-        self._ticks = 0  # of agreeing
+        self._ticks = self._agreeing_ticks = 0
         self._unfenced_told: tuple[int, ...] = ()
 
     @property
@@ -169,8 +178,10 @@ class Agreement:
             self._follow(self._own)
 
     def _answer(self, head: int, request: PlanRequest) -> None:
-        known = self._ballot.verified.get((request.live, request.digest))
-        if request.target == self.head and known is not None:
+        key = request.live, request.digest
+        known = self._ballot.verified.get(key)
+        if request.target == self.head and known is not None and (head, key) not in self._answered:
+            self._answered.add((head, key))
             self._send(PlanReply(head, known))
 
     # Agreeing ---------------------------------------------------------------
@@ -325,23 +336,34 @@ class Agreement:
     # Time, leaving, output ------------------------------------------------------
 
     def tick(self) -> None:
-        """Say again what may have been lost."""
-        self._may_ask = True
+        """Say again what may have been lost; long plans now and then only."""
+        self._ticks += 1
         self._may_resolve = len(self._roster.names)
+        if self._may_send_plans():
+            self._may_ask = True
+            self._answered.clear()
         if self.phase is Phase.RELEASED and not self.settled:
             self._say_own()
         if self.phase is not Phase.AGREEING:
             return
-        self._ticks += 1
-        if self._ticks % STALLED_TICKS == 0:
+        self._agreeing_ticks += 1
+        if self._agreeing_ticks % STALLED_TICKS == 0:
             self._tell_unfenced(self._roster.missing(self.live))
         if self._adopting is None:
             self._repeat()
 
+    def _may_send_plans(self) -> bool:
+        """Whether plans may be said again, or asked for again, in this tick."""
+        mine = self._ballot.proposal(self.head)
+        length = sum(map(len, mine.plans.values())) if mine is not None else 0
+        pause = min(1 + length // LONG_PLAN, LONGEST_PAUSE_TICKS)
+        return self._ticks % pause == 0
+
     def _repeat(self) -> None:
         """Say again what peers who are not with us may have missed."""
         own, mine = self._own, self._ballot.proposal(self.head)
-        if mine is not None and self._known and self._lowest() < Stage.COMMITTED:
+        due = self._known and self._may_send_plans()
+        if mine is not None and due and self._lowest() < Stage.COMMITTED:
             self._send(mine)
         self._say_own()
         for head in self._known:

@@ -336,6 +336,25 @@ def test_what_may_be_lost_is_said_again_until_answered(protocol: Protocol, peer:
     assert protocol.handle(Tick()) == []
 
 
+@pytest.mark.parametrize(("numbers", "most"), [(1, 60), (40_000, 3), (100_000, 2)])
+def test_long_plans_are_said_again_now_and_then_only(
+    protocol: Protocol, peer: Peer, numbers: int, most: int
+) -> None:
+    """Eight busy agents sent each other 263 MB while they waited for the slowest."""
+    plans = {0: np.zeros(numbers, np.int32), 1: np.int32([1])}
+    protocol.handle(PlanningEnded())
+    protocol.handle(Proposed(BOTH, plans, 5.0, GOOD))
+    peer.says(theirs(BAD, 9.0))
+    proposals = replies = 0
+    for _ in range(60):
+        effects = protocol.handle(Tick())
+        proposals += len(sent(effects, Proposal))
+        for _ in range(3):  # a peer whose request is answered late asks again
+            replies += len(sent(peer.says(PlanRequest(0, BOTH, GOOD)), PlanReply))
+    assert proposals == most  # fewer were never said again, more cost others their time
+    assert most <= replies <= most + 1
+
+
 @pytest.mark.parametrize("event", [PlanningEnded(), Tick(), Leave("x"), Fenced(1, 1), Fenced(7, 1)])
 def test_nothing_follows_after_leaving(protocol: Protocol, event: Event) -> None:
     """A head that left must not act."""
