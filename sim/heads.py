@@ -170,7 +170,7 @@ def _match_start(
 
 def _check_end(file: HeadFile, document: GcodeDocument, line: int) -> list[str]:
     """Return what is in force, or retracted, otherwise than where the source's end code begins."""
-    begins = above_comments(file.lines.raw, min(line, len(file.lines)) - 1, document.postamble)
+    begins = above_comments(file.lines.raw, line - 1, document.postamble)
     above, end = begins - 1, document.end
     modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
     words = []

@@ -309,6 +309,16 @@ def test_an_object_may_end_in_the_end_code(tmp_path):
     assert Made(tmp_path, layers=layers, end=end).judged().faults == ()
 
 
+NO_END = ["", "\n", "; end\n", "\n; end\n\n", "; stop printing object a id:0 copy 0\n", "M84\n"]
+
+
+@pytest.mark.parametrize("end", NO_END)
+def test_a_source_may_end_with_its_last_extrusion(tmp_path, end):
+    """What was in force above the file's last line was compared: refused after the search."""
+    layers = LAYERS[: LAYERS.rindex("G1 E-.6")]
+    assert Made(tmp_path, layers=layers, end=end).judged().faults == ()
+
+
 @pytest.mark.parametrize("moves", ["G1 E-1 F2400\nG1 X9 E9\n", "G1 X9 E9\nG1 X5 E-1 F2400\n"])
 def test_filament_pulled_or_pushed_by_moves_left_out_is_counted(tmp_path, moves):
     """Of a start code's purge line only half may be left: what is retracted is another's."""
