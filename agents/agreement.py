@@ -77,8 +77,8 @@ STALLED_TICKS = 50
 """Ticks of agreeing after which the heads that are missing are named: 5 s."""
 
 LONG_PLAN = 2048
-"""Numbers in plans for which one tick's pause stands before they are said again: about
-8 KiB, so that repeating costs an agent at most some 80 KiB a second."""
+"""Numbers in plans that one tick's pause stands for before they are said again. So an
+agent repeats its own plan at 20 480 numbers a second at most, however long it is."""
 
 LONGEST_PAUSE_TICKS = 30
 """No plan is said again later than this: lost words must not hold up a release."""
@@ -339,7 +339,8 @@ class Agreement:
         """Say again what may have been lost; long plans now and then only."""
         self._ticks += 1
         self._may_resolve = len(self._roster.names)
-        if self._may_send_plans():
+        plans_too = self._may_send_plans()
+        if plans_too:
             self._may_ask = True
             self._answered.clear()
         if self.phase is Phase.RELEASED and not self.settled:
@@ -350,7 +351,7 @@ class Agreement:
         if self._agreeing_ticks % STALLED_TICKS == 0:
             self._tell_unfenced(self._roster.missing(self.live))
         if self._adopting is None:
-            self._repeat()
+            self._repeat(plans_too=plans_too)
 
     def _may_send_plans(self) -> bool:
         """Whether plans may be said again, or asked for again, in this tick."""
@@ -359,11 +360,10 @@ class Agreement:
         pause = min(1 + length // LONG_PLAN, LONGEST_PAUSE_TICKS)
         return self._ticks % pause == 0
 
-    def _repeat(self) -> None:
+    def _repeat(self, *, plans_too: bool) -> None:
         """Say again what peers who are not with us may have missed."""
         own, mine = self._own, self._ballot.proposal(self.head)
-        due = self._known and self._may_send_plans()
-        if mine is not None and due and self._lowest() < Stage.COMMITTED:
+        if mine is not None and plans_too and self._known and self._lowest() < Stage.COMMITTED:
             self._send(mine)
         self._say_own()
         for head in self._known:

@@ -29,7 +29,8 @@ that says nothing any more is dead or stopped."""
 
 GRACE_S = 2.0
 """From the first word that heads are missing to a fence: twice the lease. An agent
-that stood still loses all its peers at once, and has them back within this time."""
+that stood still loses all its peers at once, and has them back within this time.
+Also how long any agent may say nothing to the launcher without being silent."""
 
 _POLL_S = 0.1
 
@@ -284,6 +285,7 @@ class Supervisor:
         return set(self.status[head].live) - self.fenced
 
     def _missing(self, head: int) -> set[int]:
+        """Return whom an agent is without who is not fenced; nobody if it is fenced itself."""
         return set() if head in self.fenced else set(self._unfenced()) - self._group(head)
 
     def _is_silent(self, head: int, now: float) -> bool:

@@ -57,26 +57,28 @@ class Scene:
         self.names = tuple(f"head {head}" for head in range(heads))
         self.heard: queue.Queue[Said] = queue.Queue()
         self.now, self.step_s = 0.0, step_s
-        self.due: list[tuple[float, int, dict[str, Any]]] = []
+        self.due: list[tuple[float, Said]] = []  # when, what
         self.seen: list[tuple[AgentStatus, ...]] = []
 
-    def says(self, head: int, line: dict[str, Any] | None) -> None:
-        self.heard.put(Said(head, line))
+    def says(self, head: int, line: dict[str, Any] | None, *, at: float = 0.0) -> None:
+        if at > self.now:
+            self.due.append((at, Said(head, line)))
+        else:
+            self.heard.put(Said(head, line))
 
     def keeps_saying(self, head: int, line: dict[str, Any], *, since: float, until: float) -> None:
-        times = np.arange(since, until, 0.5)
-        self.due += [(at, head, line) for at in times.tolist()]
-        self.due.sort(key=lambda due: due[0])
+        for at in np.arange(since, until, 0.5).tolist():
+            self.says(head, line, at=at)
 
-    def released(self, head: int, digest: str) -> None:
-        self.says(head, {"event": "released", "digest": digest})
+    def released(self, head: int, digest: str, *, at: float = 0.0) -> None:
+        self.says(head, {"event": "released", "digest": digest}, at=at)
 
     def run(self, should_stop: Any = None) -> dict[str, Any]:
         def clock() -> float:
             if self.heard.empty():
                 self.now += self.step_s
-                for _, head, line in (due for due in self.due if due[0] <= self.now):
-                    self.says(head, line)
+                for _, said in (due for due in self.due if due[0] <= self.now):
+                    self.heard.put(said)
                 self.due = [due for due in self.due if due[0] > self.now]
             return self.now
 
@@ -133,7 +135,7 @@ def test_an_unreachable_agent_is_killed_before_the_others_hear_that_it_is_off() 
     order: list[str] = []
     scene.children[1].kill = lambda: order.append("killed")  # type: ignore[method-assign]
     scene.children[0].tell = lambda command: order.append(str(command))  # type: ignore[method-assign]
-    scene.due.append((6.0, 0, {"event": "released", "digest": "bb"}))
+    scene.released(0, "bb", at=6.0)
     assert scene.run()["digest"] == "bb"
     assert order == ["killed", "{'command': 'fence', 'head': 1, 'epoch': 7}"]
 
@@ -146,7 +148,7 @@ def test_one_that_hears_nobody_does_not_end_the_others(told: tuple[int, ...]) ->
     for head, live in ((0, told), (1, (1,)), (2, told)):
         scene.keeps_saying(head, agreeing(*live), since=0.5, until=6.0)
     for head in (0, 2):
-        scene.due.append((6.0, head, {"event": "released", "digest": "bb"}))
+        scene.released(head, "bb", at=6.0)
     assert scene.run()["digest"] == "bb"
     assert [scene.children[head].killed for head in range(3)] == [False, True, False]
 
@@ -157,7 +159,7 @@ def test_one_that_has_the_others_back_ends_nobody() -> None:
     scene.says(1, {"event": "unfenced", "heads": [0, 2]})
     for head in range(3):
         scene.keeps_saying(head, agreeing(0, 1, 2), since=1.0, until=6.0)
-        scene.due.append((6.0, head, {"event": "released", "digest": "bb"}))
+        scene.released(head, "bb", at=6.0)
     assert scene.run()["digest"] == "bb"
     assert not any(child.killed for child in scene.children.values())
 
@@ -165,9 +167,9 @@ def test_one_that_has_the_others_back_ends_nobody() -> None:
 def test_one_that_is_left_over_ends_all_that_are_hung() -> None:
     """They were the larger group; but they say nothing any more."""
     scene = team(3)
-    scene.due.append((3.0, 2, {"event": "unfenced", "heads": [0, 1]}))
+    scene.says(2, {"event": "unfenced", "heads": [0, 1]}, at=3.0)
     scene.keeps_saying(2, agreeing(2), since=0.5, until=9.0)
-    scene.due.append((9.0, 2, {"event": "released", "digest": "bb"}))
+    scene.released(2, "bb", at=9.0)
     assert scene.run()["digest"] == "bb"
     assert [scene.children[head].killed for head in range(3)] == [True, True, False]
 
@@ -176,12 +178,11 @@ def test_a_hung_head_does_not_win_by_its_number() -> None:
     """Slow to load, it may be silent for long; but it has said nothing since it was missed."""
     scene = Scene(2, step_s=0.1)
     for head in (0, 1):
-        scene.due.append((5.0 * (1 - head), head, {"event": "ready"}))
+        scene.says(head, {"event": "ready"}, at=5.0 * (1 - head))
         scene.keeps_saying(head, PROGRESS, since=9.0, until=10.0 + head)
-    scene.due.append((11.0, 1, {"event": "unfenced", "heads": [0]}))
+    scene.says(1, {"event": "unfenced", "heads": [0]}, at=11.0)
     scene.keeps_saying(1, agreeing(1), since=11.5, until=29.0)
-    scene.due.append((29.0, 1, {"event": "released", "digest": "bb"}))
-    scene.due.sort(key=lambda due: due[0])
+    scene.released(1, "bb", at=29.0)
     assert scene.run()["digest"] == "bb"
     assert [scene.children[head].killed for head in range(2)] == [True, False]
 
@@ -191,8 +192,8 @@ def test_an_agent_that_hangs_after_it_missed_another_ends_nobody() -> None:
     scene = team(2)
     scene.says(0, {"event": "unfenced", "heads": [1]})
     scene.keeps_saying(1, agreeing(1), since=0.5, until=9.0)
-    scene.due.append((3.0, 1, {"event": "unfenced", "heads": [0]}))
-    scene.due.append((9.0, 1, {"event": "released", "digest": "bb"}))
+    scene.says(1, {"event": "unfenced", "heads": [0]}, at=3.0)
+    scene.released(1, "bb", at=9.0)
     assert scene.run()["digest"] == "bb"
     assert [scene.children[head].killed for head in range(2)] == [True, False]
 
@@ -205,7 +206,7 @@ def test_of_two_that_cannot_hear_each_other_beside_a_third_one_is_ended() -> Non
             scene.says(head, {"event": "unfenced", "heads": missing})
         scene.keeps_saying(head, agreeing(*live), since=0.5, until=6.0)
     for head in (0, 2):
-        scene.due.append((6.0, head, {"event": "released", "digest": "bb"}))
+        scene.released(head, "bb", at=6.0)
     assert scene.run()["digest"] == "bb"
     assert [scene.children[head].killed for head in range(3)] == [False, True, False]
 
