@@ -209,6 +209,7 @@ class Agent:
             self._planner.offer(joint.plans, self._live)
         except MessageError as error:
             self.drop(f"joint plan of head {head} does not fit", str(error))
+        self._offers.judged(now, self._clock())
 
     def _share(self, now: float) -> None:
         if now - self._shared >= SHARE_S:

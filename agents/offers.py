@@ -12,6 +12,9 @@ from agents.messages import Joint
 JUDGE_S = 0.5
 """At most so often a told plan is judged: twice a second."""
 
+JUDGING = 0.2
+"""At most this share of the time goes into judging: of a large print a plan takes a second."""
+
 TELL_S = 1.0
 """At most so often our own best is told."""
 
@@ -24,7 +27,7 @@ class Offers:
 
     def __init__(self) -> None:
         self._waiting: dict[int, Joint] = {}
-        self._judged_s = self._told_s = float("-inf")
+        self._judge_from = self._told_s = float("-inf")
         self._told = Joint((0,), {}, 0.0)
 
     def add(self, head: int, joint: Joint) -> None:
@@ -33,7 +36,7 @@ class Offers:
 
     def next(self, best_s: float, live: tuple[int, ...], now_s: float) -> tuple[int, Joint] | None:
         """Return the plan to judge now, with who told it, and drop what is no better than ours."""
-        if now_s - self._judged_s < JUDGE_S or not self._waiting:
+        if now_s < self._judge_from or not self._waiting:
             return None
         better = {
             h: j for h, j in self._waiting.items() if j.live == live and j.makespan_s < best_s
@@ -41,9 +44,13 @@ class Offers:
         self._waiting = {}
         if not better:
             return None
-        self._judged_s = now_s
+        self._judge_from = now_s + JUDGE_S
         head = min(better, key=lambda h: (better[h].makespan_s, h))
         return head, better[head]
+
+    def judged(self, began_s: float, now_s: float) -> None:
+        """Note how long judging the last one took."""
+        self._judge_from = max(self._judge_from, began_s + (now_s - began_s) / JUDGING)
 
     def is_worth_telling(self, joint: Joint, now_s: float) -> bool:
         """Whether to tell this plan now; if so it counts as told."""

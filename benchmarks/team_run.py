@@ -33,6 +33,7 @@ from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.bound import makespan_bound
 from decmcts.team.dec_mcts import DecMcts, Parameters, Proposal
 from decmcts.team.parameters import changed
+from decmcts.team.plan import take_turn
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
@@ -153,11 +154,12 @@ def by_variant(
     for agent in team:
         agent.best(heads)
     began, rounds = time.process_time(), 0
+    best: Proposal | None = None
     history: list[tuple[float, float]] = []
     entropy: list[tuple[float, float]] = []
     while time.process_time() - began < cpu_s or not rounds:
         spent = (time.process_time() - began) / cpu_s if cpu_s > 0.0 else 1.0
-        best = one_round(team, heads, spent, messages=variant != "no messages")
+        best = one_round(team, spent, best, messages=variant != "no messages")
         rounds += 1
         at = round(time.process_time() - began, 2)
         if not history or best.makespan_s < history[-1][1]:
@@ -165,6 +167,7 @@ def by_variant(
         mean = sum(agent.distribution.entropy for agent in team) / len(team)
         entropy.append((at, round(mean, 4)))
     spent = time.process_time() - began
+    assert best is not None
     return resolve(problem, best.plans, heads).toolpaths, {
         "spent_s": round(spent, 2),
         "rounds": rounds,
@@ -173,16 +176,20 @@ def by_variant(
     }
 
 
-def one_round(team: list[DecMcts], heads: list[int], spent: float, *, messages: bool) -> Proposal:
-    """Let every head plan once and tell the others, as `plan_team` does; return the best."""
+def one_round(
+    team: list[DecMcts], spent: float, best: Proposal | None, *, messages: bool
+) -> Proposal:
+    """Let every head take a turn, as in `plan_team`; return the best joint plan so far."""
     for agent in team:
-        agent.iterate(heads, spent)
-        told = agent.best(heads)
-        for other in team if messages else []:
-            other.take(agent.head, agent.distribution)
-            if told.makespan_s < other.best(heads).makespan_s:
-                other.take_joint(told.plans, heads)
-    return min((agent.best(heads) for agent in team), key=lambda found: found.makespan_s)
+        if messages:
+            best = take_turn(agent, team, spent, best)
+        else:
+            agent.iterate(range(len(team)), spent)
+    if messages:
+        assert best is not None
+        return best
+    live = range(len(team))
+    return min((agent.best(live) for agent in team), key=lambda found: found.makespan_s)
 
 
 def in_own_process(key: Figures, timeout_s: float = 7200.0) -> Figures:

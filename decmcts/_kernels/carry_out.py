@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.aside import print_next, return_all, way_from_parks
-from decmcts._kernels.jit import kernel
+from decmcts._kernels.aside import print_next, return_all, room_for, way_from_parks
+from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.joint import NONE, Units, Visits, all_parked, new_units
 from decmcts._kernels.rooms import Fleet, travel_seconds
 
@@ -113,12 +113,52 @@ def soonest(
     return found
 
 
+@inlined
+def rail_axis(fleet: Fleet) -> int:
+    """Axis of the one rail that all heads are on; NONE: there is none, or no other head."""
+    if fleet.lined:
+        for row in fleet.relation:
+            for side in range(6):
+                if np.isfinite(row[side]):
+                    return side // 2
+    return NONE
+
+
+@inlined
+def is_let_in(
+    r: int, c: int, axis: int, known: NDArray[np.float64], visits: Visits, fleet: Fleet
+) -> bool:  # fmt: skip
+    """`way_from_parks` on a rail, where most answers follow from earlier ones (mutates known).
+
+    Heads before r must make way for where its room begins, those behind it for where it
+    ends, and neither depends on the other. `known` has the least begin and the greatest end
+    that were possible, and the greatest begin and the least end that were not.
+    """
+    room = room_for(r, c, False, fleet.parks, visits, fleet)
+    begin, end = room[2 * axis], room[2 * axis + 1]
+    if begin <= known[2] or end >= known[3]:
+        return False
+    if begin >= known[0] and end <= known[1]:
+        return True
+    if way_from_parks(r, c, visits, fleet):
+        known[0], known[1] = min(known[0], begin), max(known[1], end)
+        return True
+    if begin >= known[0]:
+        known[3] = end
+    elif end <= known[1]:
+        known[2] = begin
+    return False
+
+
 @kernel
 def eligible_heads(reached: NDArray[np.bool_], visits: Visits, fleet: Fleet) -> NDArray[np.bool_]:
     """Of the heads that reach each contour, those the others can make way for, (n, heads)."""
-    from_parks = reached.copy()
-    for c in range(reached.shape[0]):
-        for r in range(reached.shape[1]):
-            if reached[c, r]:
+    from_parks, axis = reached.copy(), rail_axis(fleet)
+    for r in range(reached.shape[1]):
+        known = np.array([np.inf, -np.inf, -np.inf, np.inf])
+        for c in range(reached.shape[0]):
+            if reached[c, r] and axis == NONE:
                 from_parks[c, r] = way_from_parks(r, c, visits, fleet)
+            elif reached[c, r]:
+                from_parks[c, r] = is_let_in(r, c, axis, known, visits, fleet)
     return from_parks

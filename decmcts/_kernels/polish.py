@@ -21,9 +21,13 @@ from decmcts._kernels.replay import JointOrder, Marks, finish, put_turns, replay
 from decmcts._kernels.rooms import Fleet, travel_seconds
 from decmcts._kernels.windows import (
     GIVEN_UP,
+    batch_of,
     begin_trial,
-    draw_window,
-    keep_tails,
+    draw_windows,
+    go_back,
+    keep,
+    know_tails,
+    latest_end,
     take_back,
     with_lateness,
 )
@@ -331,6 +335,34 @@ def move_run(
     return replay(end, joint, visits, fleet, units, heads, marks)
 
 
+@inlined
+def polish_window(
+    low: int, high: int, mood: Mood, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet,
+    units: Units, heads: Heads, marks: Marks, state: NDArray[np.uint64],
+) -> tuple[bool, float]:  # fmt: skip
+    """Polish turns low..high - 1, judged a little behind; False: no room.
+
+    Returns how much later the print may be for it, too; what makes it later than that is undone.
+    """
+    reach = min(len(joint.order), high + MARGIN)
+    if not replay(reach, joint, visits, fleet, units, heads, marks):
+        return False, 0.0
+    before = latest_end(reach, fleet, marks)
+    order = joint.order[low:high].copy()
+    head, backwards = joint.head[order], joint.backwards[order]
+    there = True
+    for _ in range(PROPOSALS * (high - low)):
+        there = there and move_run(
+            low, high, reach, joint, moves, visits, fleet, units, heads, marks, mood, state
+        )
+    allowed = -mood.slack * np.log(uniform(state))
+    there = there and replay(reach, joint, visits, fleet, units, heads, marks)
+    if not there or latest_end(reach, fleet, marks) > before + allowed:
+        take_back(low, order, head, backwards, joint, marks)
+        return True, 0.0
+    return True, allowed
+
+
 @kernel
 def polish(
     makespan: float, windows: int, mood: Mood, joint: JointOrder,
@@ -341,28 +373,27 @@ def polish(
 
     `makespan` is that of the order now. What makes it much later is undone.
     """
-    n = len(joint.order)
-    for turn in range(windows):
-        if not keep_tails(turn, joint, visits, fleet, units, heads, marks):
+    n, left = len(joint.order), windows
+    while left > 0:
+        if not know_tails(joint, visits, fleet, units, heads, marks):
             return np.inf
-        low, width = draw_window(n, SHORTEST, LONGEST, mood.shortest, state)
-        high = low + width
-        reach = min(n, high + MARGIN)
-        if not replay(reach, joint, visits, fleet, units, heads, marks):
-            return np.inf
-        order = joint.order[low:high].copy()
-        head, backwards = joint.head[order], joint.backwards[order]
-        there = True
-        for _ in range(PROPOSALS * width):
-            there = there and move_run(
-                low, high, reach, joint, moves, visits, fleet, units, heads, marks, mood,
-                state,
-            )  # fmt: skip
+        count = batch_of(n, left)
+        left -= count
+        kept, allowed, there = keep(joint), 0.0, True
+        drawn = draw_windows(count, n, SHORTEST, LONGEST, mood.shortest, state)
+        for k in range(count):
+            if there:
+                there, more = polish_window(
+                    drawn[k, 0], drawn[k, 1], mood, joint, moves, visits, fleet, units, heads,
+                    marks, state,
+                )  # fmt: skip
+                allowed += more
         found = np.inf
-        if there and replay(reach, joint, visits, fleet, units, heads, marks):
-            found = finish(reach, joint, visits, fleet, units, heads, marks)
-        if found < np.inf and found <= makespan - mood.slack * np.log(uniform(state)):
+        if there:
+            end = min(n, drawn[count - 1, 1] + MARGIN)
+            found = finish(end, joint, visits, fleet, units, heads, marks)
+        if found < np.inf and found <= makespan + allowed:
             makespan = found
-            continue
-        take_back(low, order, head, backwards, joint, marks)
+        else:
+            go_back(kept, drawn[0, 0], joint, marks)
     return makespan

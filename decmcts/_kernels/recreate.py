@@ -35,9 +35,10 @@ from decmcts._kernels.replay import (
 from decmcts._kernels.rooms import Fleet
 from decmcts._kernels.windows import (
     GIVEN_UP,
+    batch_of,
     begin_trial,
-    draw_window,
-    keep_tails,
+    draw_windows,
+    know_tails,
     take_back,
     with_lateness,
 )
@@ -162,6 +163,19 @@ def best_of_tries(
     return least < 0.0
 
 
+@inlined
+def take_found(begin: int, end: int, joint: JointOrder, marks: Marks, guide: Guide) -> None:
+    """Put the best dispatch of turns begin..end - 1 in their place (mutates joint, marks)."""
+    count = marks.free.shape[1]
+    for turn in range(begin, end):
+        visit = guide.found[1, turn] // count
+        c = visit // 2
+        joint.order[turn], joint.backwards[c] = c, visit % 2 == 1
+        joint.head[c] = guide.found[1, turn] % count
+    link(joint, count)
+    marks.known[0] = begin
+
+
 @kernel
 def recreate(
     makespan: float, windows: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units,
@@ -171,29 +185,25 @@ def recreate(
 
     Mutates all but visits, fleet. `makespan` is that of the order now.
     """
-    n, count = len(joint.order), len(fleet.parks)
+    n, left = len(joint.order), windows
     guide.pool.put[:] = True
-    for drawn in range(windows):
-        if not keep_tails(drawn, joint, visits, fleet, units, heads, marks):
+    while left > 0:
+        if not know_tails(joint, visits, fleet, units, heads, marks):
             return np.inf
-        begin, width = draw_window(n, SHORTEST, LONGEST, SHORTEST, state)
-        end = begin + width
-        if not replay(end, joint, visits, fleet, units, heads, marks):
-            return np.inf
-        order = joint.order[begin:end].copy()
-        if not best_of_tries(begin, order, visits, fleet, units, heads, marks, guide, state):
-            continue
-        head, backwards = joint.head[order], joint.backwards[order]
-        for turn in range(begin, end):
-            visit = guide.found[1, turn] // count
-            c = visit // 2
-            joint.order[turn], joint.backwards[c] = c, visit % 2 == 1
-            joint.head[c] = guide.found[1, turn] % count
-        link(joint, count)
-        marks.known[0] = begin
-        found = finish(end, joint, visits, fleet, units, heads, marks)
-        if found <= makespan:
-            makespan = found
-            continue
-        take_back(begin, order, head, backwards, joint, marks)
+        drawn = draw_windows(batch_of(n, left), n, SHORTEST, LONGEST, SHORTEST, state)
+        left -= len(drawn)
+        for k in range(len(drawn)):
+            begin, end = drawn[k]
+            if not replay(end, joint, visits, fleet, units, heads, marks):
+                return np.inf
+            order = joint.order[begin:end].copy()
+            if not best_of_tries(begin, order, visits, fleet, units, heads, marks, guide, state):
+                continue
+            head, backwards = joint.head[order], joint.backwards[order]
+            take_found(begin, end, joint, marks, guide)
+            found = finish(end, joint, visits, fleet, units, heads, marks)
+            if found <= makespan:
+                makespan = found
+            else:
+                take_back(begin, order, head, backwards, joint, marks)
     return makespan

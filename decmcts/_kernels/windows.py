@@ -5,45 +5,97 @@ Where they look, how what they try is judged, and how it is taken back.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.jit import inlined
+from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.joint import Heads, Units, Visits
 from decmcts._kernels.random import below, uniform
 from decmcts._kernels.replay import JointOrder, Marks, link, recall, replay
-from decmcts._kernels.rooms import Fleet
+from decmcts._kernels.rooms import Fleet, travel_seconds
 from decmcts._kernels.tails import find_tails
 
 GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
-FRESH = 4  # windows after which the tails are found anew
+TOGETHER = 1_000  # contours of an order for each window of a batch
+LEAST, MOST = 4, 32  # windows of a batch
+
+
+class Kept(NamedTuple):
+    """A joint order as it was."""
+
+    order: NDArray[np.int64]
+    head: NDArray[np.int64]
+    backwards: NDArray[np.bool_]
 
 
 @inlined
-def draw_window(
-    n: int, shortest: int, longest: int, least: int, state: NDArray[np.uint64]
-) -> tuple[int, int]:
-    """Draw the first turn of a window and how many it has: `least` at least, all of a small order.
+def batch_of(n: int, windows: int) -> int:
+    """How many of `windows` windows of an order of n contours are searched together.
 
-    Lengths are log-uniform; each turn is as likely to be in it.
+    Tails and makespan are found once a batch, which takes longer the longer the order is.
     """
-    drawn = int(shortest * (longest / shortest) ** uniform(state))
-    width = min(n, max(least, drawn))
-    return min(max(0, below(state, n + width) - width), n - width), width
+    return int(min(windows, max(LEAST, min(MOST, n // TOGETHER))))
+
+
+@kernel
+def draw_windows(
+    count: int, n: int, shortest: int, longest: int, least: int, state: NDArray[np.uint64]
+) -> NDArray[np.int64]:
+    """Draw `count` windows, first turn and end, by first turn, (count, 2).
+
+    Of at least `least` turns, all of a small order. Lengths are log-uniform; each turn is as
+    likely to be in one. In this order no window changes what the tails behind it are made of.
+    """
+    drawn = np.empty((count, 2), np.int64)
+    for k in range(count):
+        length = int(shortest * (longest / shortest) ** uniform(state))
+        width = min(n, max(least, length))
+        low = min(max(0, below(state, n + width) - width), n - width)
+        at = k
+        while at > 0 and drawn[at - 1, 0] > low:
+            drawn[at, 0], drawn[at, 1] = drawn[at - 1, 0], drawn[at - 1, 1]
+            at -= 1
+        drawn[at, 0], drawn[at, 1] = low, low + width
+    return drawn
 
 
 @inlined
-def keep_tails(
-    drawn: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
-    marks: Marks,
-) -> bool:  # fmt: skip
-    """Find the tails anew before every FRESH-th window (mutates marks); False: no room."""
-    if drawn % FRESH:
-        return True
+def know_tails(
+    joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks
+) -> bool:
+    """Mark all turns and find their tails (mutates units, heads, marks); False: no room."""
     if not replay(len(joint.order), joint, visits, fleet, units, heads, marks):
         return False
     find_tails(visits, fleet, units, marks)
     return True
+
+
+@inlined
+def latest_end(turn: int, fleet: Fleet, marks: Marks) -> float:
+    """When the print ends, judged by heads and tails at a marked turn."""
+    latest = -np.inf
+    for r in range(marks.free.shape[1]):
+        tail = marks.tail[turn, r]
+        if turn == len(marks.used) - 1:
+            tail = travel_seconds(marks.at[turn, r], fleet.parks[r], fleet.travel[r])
+        latest = max(latest, marks.free[turn, r] + tail)
+    return latest
+
+
+@inlined
+def keep(joint: JointOrder) -> Kept:
+    """Return the order as it is."""
+    return Kept(joint.order.copy(), joint.head.copy(), joint.backwards.copy())
+
+
+@inlined
+def go_back(kept: Kept, begin: int, joint: JointOrder, marks: Marks) -> None:
+    """Let all be as it was; it differs from turn `begin` on (mutates joint, marks)."""
+    joint.order[:], joint.head[:], joint.backwards[:] = kept.order, kept.head, kept.backwards
+    link(joint, marks.free.shape[1])
+    marks.known[0] = min(marks.known[0], begin)
 
 
 @inlined

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from decmcts.errors import InputError
+from decmcts.formats.machine_fit import require_printable
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.candidates import Candidates
@@ -119,6 +120,11 @@ class DecMcts:
             self._keep_polished(self._line)
             self._follow(stated, self._values.makespan(told, team), team)
 
+    def knows_less_than(self, told: Proposal, live: Sequence[int]) -> bool:
+        """Whether a told joint plan claims to be better than all known here."""
+        known = self._values.best.get(_team(live))
+        return known is not None and told.makespan_s < known.makespan_s
+
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""
         self._others.pop(head, None)
@@ -154,7 +160,8 @@ class DecMcts:
         if team == (self.head,):
             self._plan_alone(team)
             return
-        self.best(team)  # raises where these heads can not print everything
+        eligible = room_of(self.problem, team)[1]
+        require_printable(self.problem.job.contours, self.problem.machine, eligible, live=team)
         if self._try_policies(team):
             return  # heads tell each other the best policy before they polish
         polished = self.parameters.windows > 0 and self.parameters.share < 1.0
@@ -189,10 +196,11 @@ class DecMcts:
         return True
 
     def _search(self, team: Team, work: int) -> None:
-        """Grow the tree and move q until so many contours are put."""
+        """Grow the tree and move q until so many contours are put; what is left is kept."""
         self._credit += work
-        least = (len(self.problem.macro) + EACH) // 4  # what a step costs that resolves nothing
-        while self._credit > 0:
+        each = len(self.problem.macro) + EACH
+        least = each // 4  # what a step costs that resolves nothing
+        while self._credit >= each:
             before = self._values.put
             if self._steps % (self.parameters.samples + 1) < self.parameters.samples:
                 self._sample(team)
@@ -297,7 +305,7 @@ class DecMcts:
         """Recreate windows of the best joint order, or polish it; go over to a better start."""
         start, line = self._values.starts[team], self._line
         if line is None or line.team != team or line.outdone_by(start):
-            stated = StatedOrder.of(resolve(self.problem, start.plans, team).toolpaths)
+            stated = StatedOrder.of(self._values.start_paths[team])
             line = self._line = self._new_line(stated, team)
         if recreate and len(self.problem.macro) > FEW:
             line.polish.recreate(self.parameters.windows)

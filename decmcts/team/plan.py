@@ -6,7 +6,7 @@ For tests and benchmarks; real agents are processes of their own (`agents`).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from decmcts.team.dec_mcts import DecMcts, Parameters, Proposal
 from decmcts.team.problem import TeamProblem
@@ -33,9 +33,10 @@ def plan_team(
     progress : Callable[[int, float], None] | None
         Called after each round with its number and the best makespan.
     """
-    heads = range(len(problem.machine.heads))
-    team = [DecMcts(problem, r, seed=seed, parameters=parameters) for r in heads]
+    live = range(len(problem.machine.heads))
+    team = [DecMcts(problem, r, seed=seed, parameters=parameters) for r in live]
     started, rounds = clock(), 0
+    best: Proposal | None = None
 
     def spent() -> float:
         by_time = (clock() - started) / time_limit_s if time_limit_s > 0.0 else 1.0
@@ -45,15 +46,27 @@ def plan_team(
         for agent in team:
             if rounds and spent() >= 1.0:
                 break  # a round of many heads takes long
-            agent.iterate(list(heads), spent())
-            told = agent.best(list(heads))
-            for other in team:
-                other.take(agent.head, agent.distribution)
-                if told.makespan_s < other.best(list(heads)).makespan_s:
-                    other.take_joint(told.plans, list(heads))
+            best = take_turn(agent, team, spent(), best)
         rounds += 1
-        best = min((agent.best(list(heads)) for agent in team), key=lambda found: found.makespan_s)
+        assert best is not None
         if progress is not None:
             progress(rounds, best.makespan_s)
         if spent() >= 1.0:
             return best
+
+
+def take_turn(
+    agent: DecMcts, team: Sequence[DecMcts], spent: float, best: Proposal | None
+) -> Proposal:
+    """Let one head hear the best joint plan, plan a round and tell the others.
+
+    Returns the best joint plan from now on; `best` is that of all turns before, if any.
+    """
+    live = range(len(team))
+    if best is not None and agent.knows_less_than(best, live):
+        agent.take_joint(best.plans, live)
+    agent.iterate(live, spent)
+    for other in team:
+        other.take(agent.head, agent.distribution)
+    found = agent.best(live)
+    return found if best is None or found.makespan_s < best.makespan_s else best

@@ -33,7 +33,7 @@ SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much
 LEAST_SWEEPS = 6
 HOT = 0.5  # temperature at first, in mean contours
 COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
-MOST_STRETCHES = 16  # tried one by one when two orders are joined
+MOST_STRETCHES, JOINING = 16, 160_000  # tried one by one when two orders are joined; in contours
 
 
 class Polish:
@@ -199,5 +199,6 @@ def _differences(mine: StatedOrder, other: StatedOrder) -> list[tuple[int, int]]
     differs |= mine.backwards != other.backwards
     unlike = np.add.reduceat(differs, begins) > 0 if n else np.empty(0, np.bool_)
     rows = np.flatnonzero(unlike)
-    groups = np.array_split(rows, min(MOST_STRETCHES, max(1, len(rows))))
+    most = max(2, min(MOST_STRETCHES, JOINING // max(1, n)))
+    groups = np.array_split(rows, min(most, max(1, len(rows))))
     return [(int(begins[g[0]]), int(ends[g[-1]])) for g in groups if len(g)]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.print.toolpath import Toolpath
 from decmcts.team.plans import StatedOrder, decode
 from decmcts.team.problem import TeamProblem
 from decmcts.team.resolve import resolve
@@ -37,8 +38,8 @@ class JointValues:
     """Makespans of joint plans.
 
     `best` has the best joint plan of each team and `starts` the best without a stated
-    order; `put` counts the contours that all evaluations together have put, EACH for the rest
-    of each.
+    order, `start_paths` what that resolves to; `put` counts the contours that all
+    evaluations together have put, EACH for the rest of each.
     """
 
     def __init__(self, problem: TeamProblem) -> None:
@@ -48,6 +49,7 @@ class JointValues:
         self._serial_s = float(problem.visits.seconds.max(axis=0).sum())
         self.best: dict[Team, Proposal] = {}
         self.starts: dict[Team, Proposal] = {}
+        self.start_paths: dict[Team, tuple[Toolpath, ...]] = {}
         self.put = 0
 
     def knows(self, plans: Mapping[int, Plan], team: Team) -> bool:
@@ -83,17 +85,18 @@ class JointValues:
 
     def _resolved(self, plans: Mapping[int, Plan], team: Team) -> float:
         try:
-            makespan = resolve(self._problem, plans, team).makespan_s
+            resolved = resolve(self._problem, plans, team)
         except InputError:
             self._unable.add(team)
             return np.inf
         self.put += len(self._problem.macro) + EACH
+        makespan = resolved.makespan_s
         found = Proposal(dict(plans), makespan)
         if team not in self.best or makespan <= self.best[team].makespan_s:
             self.best[team] = found
         worse = team in self.starts and makespan > self.starts[team].makespan_s
         if not worse and self.stated(plans) is None:
-            self.starts[team] = found
+            self.starts[team], self.start_paths[team] = found, resolved.toolpaths
         return makespan
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agents.messages import Joint
-from agents.offers import JUDGE_S, REPEAT_S, TELL_S, Offers
+from agents.offers import JUDGE_S, JUDGING, REPEAT_S, TELL_S, Offers
 
 LIVE = (0, 1, 2)
 
@@ -57,3 +57,13 @@ def test_a_new_live_set_is_news() -> None:
     offers = Offers()
     offers.is_worth_telling(joint(5.0), 0.0)
     assert offers.is_worth_telling(joint(9.0, live=(0, 1)), TELL_S)
+
+
+def test_a_plan_that_took_long_to_judge_puts_off_the_next() -> None:
+    offers = Offers()
+    offers.add(1, joint(8.0))
+    assert offers.next(9.0, LIVE, 0.0) is not None
+    offers.judged(0.0, 1.0)
+    offers.add(1, joint(7.0))
+    assert offers.next(9.0, LIVE, 0.9 / JUDGING) is None
+    assert offers.next(9.0, LIVE, 1.0 / JUDGING) is not None

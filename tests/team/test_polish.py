@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts._kernels.random import seeded
+from decmcts._kernels.windows import batch_of, draw_windows
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.machine_file import load_machine
 from decmcts.team.plans import StatedOrder, encode, encode_stated
@@ -137,3 +139,22 @@ def test_printing_that_takes_no_time_is_polished() -> None:
     polish = Polish(problem, stated, seed=1)
     polish.improve(5)
     assert polish.best_s <= polish.began_s
+
+
+@pytest.mark.parametrize("n", [3, 150, 5000])
+def test_windows_of_a_batch_come_in_order_and_all_over_the_print(n: int) -> None:
+    """No window may change what the tails behind an earlier one are made of."""
+    state, seen = seeded(1), np.zeros(n)
+    for _ in range(200):
+        drawn = draw_windows(8, n, 20, 400, 20, state)
+        first, end = drawn.T
+        assert (np.diff(first) >= 0).all() and first[0] >= 0 and end.max() <= n
+        assert (end - first >= min(n, 20)).all() and (end - first <= min(n, 400)).all()
+        for begin, stop in drawn:
+            seen[begin:stop] += 1
+    assert seen.min() > 0.4 * seen.mean()
+
+
+def test_batches_grow_with_the_print_but_not_beyond_what_is_asked_for() -> None:
+    assert [batch_of(n, 60) for n in (50, 6_000, 40_000)] == [4, 6, 32]
+    assert batch_of(40_000, 3) == 3

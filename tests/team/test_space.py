@@ -9,16 +9,24 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts._kernels.aside import way_from_parks
+from decmcts._kernels.carry_out import eligible_heads
+from decmcts._kernels.joint import Visits
+from decmcts._kernels.lags import no_lags
+from decmcts._kernels.pieces import cut_pieces
 from decmcts._kernels.rooms import meet
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
+from decmcts.formats.machine_file import load_machine
 from decmcts.formats.machine_fit import require_printable
+from decmcts.formats.rail_family import rail_machine
 from decmcts.print.machine import Body, Head, Machine, Rail
 from decmcts.print.plan import PlanDocument
 from decmcts.team.problem import build_team_problem
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
 from decmcts.team.space import body_boxes, build_space, fleet_of, relation_of
+from decmcts.team.warm_up import smallest_job
 from sim.verify import verify_plan
 
 
@@ -200,3 +208,29 @@ def test_who_is_lost_is_no_reason_of_the_machine(case_of: Callable[..., Any]) ->
         require_printable(chosen.job.contours, chosen.machine, eligible, live=[1])
     with pytest.raises(InputError, match="or what could print it is lost"):  # it is not known
         require_printable(chosen.job.contours, chosen.machine, eligible)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_on_a_rail_earlier_answers_tell_who_is_let_in(seed: int) -> None:
+    """Where heads can hardly get out of the way: as if each contour were asked about alone."""
+    rng = np.random.default_rng(seed)
+    heads, n = int(rng.integers(2, 7)), 300
+    machine = rail_machine(load_machine("dual-gantry"), heads, 150.0 * heads)
+    start = rng.uniform([0, 0, 0.2], [150.0 * heads, 200, 40], (n, 3))
+    end = start + rng.uniform(-60, 60, (n, 3)) * [1, 1, 0]
+    points = np.stack([start, end], axis=1).reshape(-1, 3)
+    offsets = np.arange(0, 2 * n + 1, 2, dtype=np.int64)
+    turns = np.ones(n, np.bool_)
+    visits = Visits(
+        points.reshape(n, 2, 3), np.zeros((heads, n)), turns,
+        cut_pieces(points, offsets, turns, 1.0, 1), np.zeros(n + 1, np.int64),
+        np.empty(0, np.int32), no_lags(n),
+    )  # fmt: skip
+    fleet = fleet_of(smallest_job(), machine)
+    width = rng.uniform(0.1, 0.9) * 150.0
+    fleet = fleet._replace(low=fleet.parks[:, :2] - width, high=fleet.parks[:, :2] + width)
+    assert fleet.lined
+    found = eligible_heads(np.ones((n, heads), np.bool_), visits, fleet)
+    asked = [[way_from_parks(r, c, visits, fleet) for r in range(heads)] for c in range(n)]
+    assert np.array_equal(found, asked)
+    assert 0.0 < found.mean() < 1.0
