@@ -1,6 +1,6 @@
 """Refines one joint order by local search, and joins what two heads made of the same one.
 
-Front of `decmcts._kernels.recreate` and `.polish`. A head improves the best joint order it
+Front of `decmcts._kernels.recreate`, `.polish` and `.join`. A head improves the best joint order it
 knows and tells the team; of what it is told it takes the stretches that are better than its
 own (partition crossover, Whitley, Hains & Howe 2009), so that heads improve different places
 at once.
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts._kernels.dispatch import new_pool
+from decmcts._kernels.join import join
 from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
 from decmcts._kernels.polish import RUN, SHORTEST, Mood, Moves, polish
 from decmcts._kernels.random import seeded
@@ -33,7 +34,6 @@ SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much
 LEAST_SWEEPS = 6
 HOT = 0.5  # temperature at first, in mean contours
 COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
-MOST_STRETCHES, JOINING = 16, 160_000  # tried one by one when two orders are joined; in contours
 
 
 class Polish:
@@ -104,14 +104,13 @@ class Polish:
 
     def take(self, other: StatedOrder) -> None:
         """Take from another joint order the stretches in which it is better."""
-        mine = self._stated()
-        for begin, end in _differences(mine, other):
-            self._put(other, begin, end)
-            found = self._finish(begin)
-            if found < self.makespan_s:
-                self.makespan_s = found
-            else:
-                self._put(mine, begin, end)
+        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
+            return
+        self.makespan_s = join(
+            self.makespan_s, _differences(self._stated(), other), other.order.astype(np.int64),
+            other.head.astype(np.int64), other.backwards, self._joint, self._problem.visits,
+            self._fleet, self._units, self._heads, self._marks,
+        )  # fmt: skip
         self._keep()
 
     def _stated(self) -> StatedOrder:
@@ -123,15 +122,6 @@ class Polish:
     def _keep(self) -> None:
         if self.makespan_s < self.best_s:
             self.best, self.best_s = self._stated(), self.makespan_s
-
-    def _put(self, source: StatedOrder, begin: int, end: int) -> None:
-        """Use a stretch of another order, of the same contours."""
-        joint, order = self._joint, source.order[begin:end]
-        joint.order[begin:end] = order
-        joint.head[order] = source.head[begin:end]
-        joint.backwards[order] = source.backwards[begin:end]
-        link(joint, len(self._heads.free))
-        self._marks.known[0] = min(self._marks.known[0], begin)
 
     def _finish(self, begin: int) -> float:
         args = (self._joint, self._problem.visits, self._fleet, self._units)
@@ -187,8 +177,8 @@ def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
     return Guide(POLICIES, problem.wishes(), row, policy, pool, np.zeros((2, n), np.int64))
 
 
-def _differences(mine: StatedOrder, other: StatedOrder) -> list[tuple[int, int]]:
-    """Return stretches of the same contours in which two orders differ, a few at most."""
+def _differences(mine: StatedOrder, other: StatedOrder) -> NDArray[np.int64]:
+    """Return first turn and end of all stretches of the same contours that differ, (k, 2)."""
     n = len(mine.order)
     turn = np.empty(n, np.int64)
     turn[other.order] = np.arange(n)
@@ -197,8 +187,5 @@ def _differences(mine: StatedOrder, other: StatedOrder) -> list[tuple[int, int]]
     begins = np.concatenate([[0], ends[:-1]]).astype(np.int64)
     differs = (mine.order != other.order) | (mine.head != other.head)
     differs |= mine.backwards != other.backwards
-    unlike = np.add.reduceat(differs, begins) > 0 if n else np.empty(0, np.bool_)
-    rows = np.flatnonzero(unlike)
-    most = max(2, min(MOST_STRETCHES, JOINING // max(1, n)))
-    groups = np.array_split(rows, min(most, max(1, len(rows))))
-    return [(int(begins[g[0]]), int(ends[g[-1]])) for g in groups if len(g)]
+    unlike = np.add.reduceat(differs, begins) > 0
+    return np.ascontiguousarray(np.stack([begins, ends], axis=1)[unlike])
