@@ -108,8 +108,8 @@ class Polish:
             return
         self.makespan_s = join(
             self.makespan_s, _differences(self._stated(), other), other.order.astype(np.int64),
-            other.head.astype(np.int64), other.backwards, self._joint, self._problem.visits,
-            self._fleet, self._units, self._heads, self._marks,
+            other.head.astype(np.int64), np.ascontiguousarray(other.backwards),
+            self._joint, self._problem.visits, self._fleet, self._units, self._heads, self._marks,
         )  # fmt: skip
         self._keep()
 

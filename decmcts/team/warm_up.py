@@ -64,6 +64,8 @@ def compile_rounds(problem: TeamProblem | None = None) -> list[DecMcts]:
             other.take(head, agent.distribution)
             other.take_joint(agent.best(HEADS).plans, HEADS)
     stated = StatedOrder.of(resolve(made, {}, HEADS).toolpaths)
-    Polish(made, stated, seed=0).recreate(1)  # as larger orders are
+    larger = Polish(made, stated, seed=0)
+    larger.recreate(1)  # as orders of more contours are
+    larger.take(stated)
     resolve(made, {0: encode_stated(stated, len(HEADS), made.n_macros)}, HEADS)
     return team
