@@ -60,7 +60,7 @@ class Parameters:
         tries = int(np.clip(200_000 // max(n, 1), 32, 128))
         windows = int(np.clip(900_000 // max(n, 1), 20, 60))
         usual = Parameters(plans=plans, samples=plans // 2, tries=tries, windows=windows)
-        return replace(usual, tries=8, first=0.1, recreate=0.0) if n > LARGE else usual
+        return replace(usual, tries=8, first=0.1, recreate=0.25) if n > LARGE else usual
 
 
 # Least and most of each parameter; those with whole limits are whole numbers.
