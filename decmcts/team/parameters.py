@@ -17,8 +17,6 @@ import numpy as np
 from decmcts.formats.fields import Fields, shown
 from decmcts.team.plans import POLICIES
 
-LARGE = 20_000  # contours of a print that is planned by windows nearly all the time
-
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
@@ -53,14 +51,12 @@ class Parameters:
     def for_contours(n: int) -> Parameters:
         """Return parameters for a print of n contours: the larger, the fewer samples.
 
-        Windows too, each of which takes longer: rounds of a large print stay as short. Of the
-        largest a joint order takes a second, and windows gain more than anything else.
+        Windows too, each of which takes longer: rounds of a large print stay as short.
         """
         plans = int(np.clip(40_000 // max(n, 1), 5, 10))
         tries = int(np.clip(200_000 // max(n, 1), 32, 128))
         windows = int(np.clip(900_000 // max(n, 1), 20, 60))
-        usual = Parameters(plans=plans, samples=plans // 2, tries=tries, windows=windows)
-        return replace(usual, tries=8, first=0.1, recreate=0.25) if n > LARGE else usual
+        return Parameters(plans=plans, samples=plans // 2, tries=tries, windows=windows)
 
 
 # Least and most of each parameter; those with whole limits are whole numbers.
