@@ -180,16 +180,15 @@ def one_round(
     team: list[DecMcts], spent: float, best: Proposal | None, *, messages: bool
 ) -> Proposal:
     """Let every head take a turn, as in `plan_team`; return the best joint plan so far."""
-    for agent in team:
-        if messages:
-            best = take_turn(agent, team, spent, best)
-        else:
-            agent.iterate(range(len(team)), spent)
-    if messages:
-        assert best is not None
-        return best
     live = range(len(team))
-    return min((agent.best(live) for agent in team), key=lambda found: found.makespan_s)
+    if not messages:
+        for agent in team:
+            agent.iterate(live, spent)
+        return min((agent.best(live) for agent in team), key=lambda found: found.makespan_s)
+    for agent in team:
+        best = take_turn(agent, team, spent, best)
+    assert best is not None
+    return best
 
 
 def in_own_process(key: Figures, timeout_s: float = 7200.0) -> Figures:

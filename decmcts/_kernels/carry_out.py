@@ -127,7 +127,7 @@ def rail_axis(fleet: Fleet) -> int:
 @inlined
 def is_let_in(
     r: int, c: int, axis: int, known: NDArray[np.float64], visits: Visits, fleet: Fleet
-) -> bool:  # fmt: skip
+) -> bool:
     """`way_from_parks` on a rail, where most answers follow from earlier ones (mutates known).
 
     Heads before r must make way for where its room begins, those behind it for where it

@@ -14,9 +14,15 @@ from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.joint import Heads, Units, Visits
 from decmcts._kernels.replay import JointOrder, Marks, finish, link, replay
 from decmcts._kernels.rooms import Fleet
-from decmcts._kernels.windows import go_back, keep, know_tails, latest_end
-
-EVEN = 0.1  # weight of all heads' lateness beside that of the print
+from decmcts._kernels.windows import (
+    EVEN,
+    Stretch,
+    keep,
+    know_tails,
+    latest_end,
+    put_stretch,
+    take_back,
+)
 
 
 @inlined
@@ -24,18 +30,6 @@ def lateness(turn: int, fleet: Fleet, marks: Marks) -> float:
     """When the print ends by what is marked at a turn, and a little of when each head is free."""
     late: float = latest_end(turn, fleet, marks) + EVEN * marks.free[turn].sum()
     return late
-
-
-@inlined
-def put_stretch(
-    begin: int, order: NDArray[np.int64], head: NDArray[np.int64], backwards: NDArray[np.bool_],
-    joint: JointOrder, marks: Marks,
-) -> None:  # fmt: skip
-    """Write turns from `begin` on (mutates joint, but for its links, and marks)."""
-    for k in range(len(order)):
-        c = order[k]
-        joint.order[begin + k], joint.head[c], joint.backwards[c] = c, head[k], backwards[k]
-    marks.known[0] = min(marks.known[0], begin)
 
 
 @kernel
@@ -51,23 +45,23 @@ def join(
     """
     if not know_tails(joint, visits, fleet, units, heads, marks):
         return np.inf
-    kept, there, count = keep(joint), True, marks.free.shape[1]
+    kept, there = keep(0, len(joint.order), joint), True
     for begin, end in stretches:
         there = there and replay(end, joint, visits, fleet, units, heads, marks)
         if not there:
             break
         before = lateness(end, fleet, marks)
-        mine = joint.order[begin:end].copy()
-        my_head, my_backwards = joint.head[mine], joint.backwards[mine]
-        put_stretch(begin, order[begin:end], head[begin:end], backwards[begin:end], joint, marks)
+        mine = keep(begin, end, joint)
+        other = Stretch(order[begin:end], head[begin:end], backwards[begin:end])
+        put_stretch(begin, other, joint, marks)
         better = replay(end, joint, visits, fleet, units, heads, marks)
         if not better or lateness(end, fleet, marks) >= before:
-            put_stretch(begin, mine, my_head, my_backwards, joint, marks)
+            put_stretch(begin, mine, joint, marks)
     found = np.inf
     if there:
-        link(joint, count)
+        link(joint, marks.free.shape[1])
         found = finish(marks.known[0], joint, visits, fleet, units, heads, marks)
     if found <= makespan:
         return found
-    go_back(kept, 0, joint, marks)
+    take_back(0, kept, joint, marks)
     return makespan

@@ -24,7 +24,6 @@ from decmcts._kernels.windows import (
     batch_of,
     begin_trial,
     draw_windows,
-    go_back,
     keep,
     know_tails,
     latest_end,
@@ -348,9 +347,7 @@ def polish_window(
     if not replay(reach, joint, visits, fleet, units, heads, marks):
         return False, 0.0
     before = latest_end(reach, fleet, marks)
-    order = joint.order[low:high].copy()
-    head, backwards = joint.head[order], joint.backwards[order]
-    there = True
+    kept, there = keep(low, high, joint), True
     for _ in range(PROPOSALS * (high - low)):
         there = there and move_run(
             low, high, reach, joint, moves, visits, fleet, units, heads, marks, mood, state
@@ -358,7 +355,7 @@ def polish_window(
     allowed = -mood.slack * np.log(uniform(state))
     there = there and replay(reach, joint, visits, fleet, units, heads, marks)
     if not there or latest_end(reach, fleet, marks) > before + allowed:
-        take_back(low, order, head, backwards, joint, marks)
+        take_back(low, kept, joint, marks)
         return True, 0.0
     return True, allowed
 
@@ -379,8 +376,9 @@ def polish(
             return np.inf
         count = batch_of(n, left)
         left -= count
-        kept, allowed, there = keep(joint), 0.0, True
         drawn = draw_windows(count, n, SHORTEST, LONGEST, mood.shortest, state)
+        first = drawn[0, 0]
+        kept, allowed, there = keep(first, n, joint), 0.0, True
         for k in range(count):
             if there:
                 there, more = polish_window(
@@ -390,10 +388,9 @@ def polish(
                 allowed += more
         found = np.inf
         if there:
-            end = min(n, drawn[count - 1, 1] + MARGIN)
-            found = finish(end, joint, visits, fleet, units, heads, marks)
+            found = finish(marks.known[0], joint, visits, fleet, units, heads, marks)
         if found < np.inf and found <= makespan + allowed:
             makespan = found
         else:
-            go_back(kept, drawn[0, 0], joint, marks)
+            take_back(first, kept, joint, marks)
     return makespan

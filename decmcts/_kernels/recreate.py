@@ -34,10 +34,12 @@ from decmcts._kernels.replay import (
 )
 from decmcts._kernels.rooms import Fleet
 from decmcts._kernels.windows import (
+    EVEN,
     GIVEN_UP,
     batch_of,
     begin_trial,
     draw_windows,
+    keep,
     know_tails,
     take_back,
     with_lateness,
@@ -46,7 +48,6 @@ from decmcts._kernels.windows import (
 SHORTEST, LONGEST = 100, 1500  # turns of a window
 TRIES = 10  # policies for each
 ALIKE = 0.5  # share of tries in which all heads have the same policy
-EVEN = 0.1  # weight of all heads' lateness beside that of the print
 
 
 class Guide(NamedTuple):
@@ -196,14 +197,15 @@ def recreate(
             begin, end = drawn[k]
             if not replay(end, joint, visits, fleet, units, heads, marks):
                 return np.inf
-            order = joint.order[begin:end].copy()
-            if not best_of_tries(begin, order, visits, fleet, units, heads, marks, guide, state):
+            kept = keep(begin, end, joint)
+            if not best_of_tries(
+                begin, kept.order, visits, fleet, units, heads, marks, guide, state
+            ):
                 continue
-            head, backwards = joint.head[order], joint.backwards[order]
             take_found(begin, end, joint, marks, guide)
             found = finish(end, joint, visits, fleet, units, heads, marks)
             if found <= makespan:
                 makespan = found
             else:
-                take_back(begin, order, head, backwards, joint, marks)
+                take_back(begin, kept, joint, marks)
     return makespan

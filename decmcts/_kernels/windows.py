@@ -20,13 +20,14 @@ from decmcts._kernels.tails import find_tails
 GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
 TOGETHER = 1_000  # contours of an order for each window of a batch
 LEAST, MOST = 4, 32  # windows of a batch
+EVEN = 0.1  # weight of all heads' lateness beside that of the print
 
 
-class Kept(NamedTuple):
-    """A joint order as it was."""
+class Stretch(NamedTuple):
+    """Some turns of a joint order, one after the other."""
 
-    order: NDArray[np.int64]
-    head: NDArray[np.int64]
+    order: NDArray[np.int64]  # contours
+    head: NDArray[np.int64]  # aligned with order, here and below
     backwards: NDArray[np.bool_]
 
 
@@ -85,17 +86,30 @@ def latest_end(turn: int, fleet: Fleet, marks: Marks) -> float:
 
 
 @inlined
-def keep(joint: JointOrder) -> Kept:
-    """Return the order as it is."""
-    return Kept(joint.order.copy(), joint.head.copy(), joint.backwards.copy())
+def keep(begin: int, end: int, joint: JointOrder) -> Stretch:
+    """Return turns begin..end - 1 as they are."""
+    order = joint.order[begin:end].copy()
+    return Stretch(order, joint.head[order], joint.backwards[order])
 
 
 @inlined
-def go_back(kept: Kept, begin: int, joint: JointOrder, marks: Marks) -> None:
-    """Let all be as it was; it differs from turn `begin` on (mutates joint, marks)."""
-    joint.order[:], joint.head[:], joint.backwards[:] = kept.order, kept.head, kept.backwards
-    link(joint, marks.free.shape[1])
+def put_stretch(begin: int, stretch: Stretch, joint: JointOrder, marks: Marks) -> None:
+    """Write turns from `begin` on, of the same contours (mutates joint, marks).
+
+    Turns and neighbours of contours are found anew by `link`.
+    """
+    for k in range(len(stretch.order)):
+        c = stretch.order[k]
+        joint.order[begin + k] = c
+        joint.head[c], joint.backwards[c] = stretch.head[k], stretch.backwards[k]
     marks.known[0] = min(marks.known[0], begin)
+
+
+@inlined
+def take_back(begin: int, kept: Stretch, joint: JointOrder, marks: Marks) -> None:
+    """Let turns from `begin` on be as they were (mutates joint, marks)."""
+    put_stretch(begin, kept, joint, marks)
+    link(joint, marks.free.shape[1])
 
 
 @inlined
@@ -114,16 +128,3 @@ def with_lateness(later: float, weight: float, turn: int, heads: Heads, marks: M
     for r in range(len(heads.free)):
         later += weight * (heads.free[r] - marks.free[turn, r])
     return later
-
-
-@inlined
-def take_back(
-    low: int, order: NDArray[np.int64], head: NDArray[np.int64], backwards: NDArray[np.bool_],
-    joint: JointOrder, marks: Marks,
-) -> None:  # fmt: skip
-    """Let turns from `low` on be as they were (mutates joint, marks)."""
-    for k in range(len(order)):
-        c = order[k]
-        joint.order[low + k], joint.head[c], joint.backwards[c] = c, head[k], backwards[k]
-    link(joint, marks.free.shape[1])
-    marks.known[0] = min(marks.known[0], low)

@@ -160,8 +160,6 @@ class DecMcts:
         if team == (self.head,):
             self._plan_alone(team)
             return
-        eligible = room_of(self.problem, team)[1]
-        require_printable(self.problem.job.contours, self.problem.machine, eligible, live=team)
         if self._try_policies(team):
             return  # heads tell each other the best policy before they polish
         polished = self.parameters.windows > 0 and self.parameters.share < 1.0
@@ -176,6 +174,8 @@ class DecMcts:
     def _try_policies(self, team: Team) -> bool:
         """Try some policies for all heads at once; False when this head has tried all its own."""
         if team not in self._races:
+            eligible = room_of(self.problem, team)[1]
+            require_printable(self.problem.job.contours, self.problem.machine, eligible, live=team)
             p = self.parameters
             turn = team.index(self.head)
             self._races[team] = Race(turn, len(team), policies=p.policies, tries=p.tries)
@@ -196,11 +196,10 @@ class DecMcts:
         return True
 
     def _search(self, team: Team, work: int) -> None:
-        """Grow the tree and move q until so many contours are put; what is left is kept."""
+        """Grow the tree and move q until so many contours are put."""
         self._credit += work
-        each = len(self.problem.macro) + EACH
-        least = each // 4  # what a step costs that resolves nothing
-        while self._credit >= each:
+        least = (len(self.problem.macro) + EACH) // 4  # what a step costs that resolves nothing
+        while self._credit > 0:
             before = self._values.put
             if self._steps % (self.parameters.samples + 1) < self.parameters.samples:
                 self._sample(team)
