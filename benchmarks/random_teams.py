@@ -31,6 +31,7 @@ from common import Rows, arguments, grouped, markdown, run_missing, setting
 
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import load_machine, preset_names
+from decmcts.team.bound import makespan_bound
 from decmcts.team.problem import TeamProblem
 from sim.experiments.random_teams import KINDS, outcome, problem_of, problem_on, random_plans
 
@@ -72,6 +73,9 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
         alone[kind] += kind not in ASKED and found.shared_s == 0.0
         makespan.append(found.plan.makespan_s)
     machine = problem.machine
+    bound = makespan_bound(problem.job, machine, problem.graph).bound_s
+    if min(makespan, default=bound) < bound:
+        faults.append(f"a plan of {min(makespan):.3f} s beats the bound of {bound:.3f} s")
     return key | {
         "kind": machine.name.partition("(")[2].rstrip(")") or "preset",
         "heads": len(machine.heads),
@@ -82,6 +86,7 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
         "shares": int(shared > 0),
         "serial": alone.total() if shared else 0,
         "serial_kinds": told(alone) if shared else "",
+        "bound_s": round(bound, 1),
         "best_s": round(min(makespan, default=0.0), 1),
         "worst_s": round(max(makespan, default=0.0), 1),
         "cpu_s": round(time.process_time() - began, 1),
@@ -124,7 +129,8 @@ def report(rows: list[dict[str, str]], options: str, said: str) -> str:
     text += "head. Each resolves to a joint order, is scheduled and judged by `sim`, nominal, at "
     text += "random and adversarial times. Serial: no two heads ever print at once, though nobody "
     text += "asked for one order and others of the machine's plans have two heads print at once. "
-    text += "Machines that share: two heads print at once in some plan.\n\n"
+    text += "Machines that share: two heads print at once in some plan. A plan faster than the "
+    text += "proven bound is a fault.\n\n"
     plans = sum(int(row["plans"]) for row in fine)
     bad = plans - sum(int(row["accepted"]) for row in fine)
     serial = sum(int(row["serial"]) for row in fine)
@@ -134,7 +140,7 @@ def report(rows: list[dict[str, str]], options: str, said: str) -> str:
     text += serial_said(fine)
     groups = sorted(grouped(rows, "kind", "heads").items(), key=lambda g: (g[0][0], int(g[0][1])))
     head = ["machines", "heads", "machines tried", "that share", "plans", "accepted", "serial",
-            "slowest ÷ fastest plan, most"]  # fmt: skip
+            "slowest ÷ fastest plan, most", "fastest plan ÷ bound, least"]  # fmt: skip
     text += markdown([line(key, group) for key, group in groups], head)
     return text + "".join(f"- {r['machine']}: {r['fault']}\n" for r in fine if r["fault"])
 
@@ -157,7 +163,8 @@ def line(key: tuple[str, ...], group: list[dict[str, str]]) -> list[str]:
         for name in ("shares", "plans", "accepted", "serial")
     ]
     worst = max(float(row["worst_s"]) / max(float(row["best_s"]), 1e-9) for row in group)
-    return [*key, str(len(group)), *total, f"{worst:.1f}"]
+    least = min(float(row["best_s"]) / max(float(row["bound_s"]), 1e-9) for row in group)
+    return [*key, str(len(group)), *total, f"{worst:.1f}", f"{least:.3f}"]
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Longest chains of a dependency graph, on bare arrays."""
+"""Chains of a dependency graph: the longest, and who is whose ancestor; on bare arrays."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
+
+UNRELATED, COVERED, FAR = 0, 1, 2  # what an earlier contour is to a later one
 
 
 @kernel
@@ -36,3 +38,45 @@ def chain_behind(
             longest = max(longest, behind[succs[k]])
         behind[i] += longest
     return behind
+
+
+@kernel
+def ancestry(
+    offsets: NDArray[np.int64],
+    earlier: NDArray[np.int32],
+    pred_offsets: NDArray[np.int64],
+    preds: NDArray[np.int32],
+) -> NDArray[np.int8]:
+    """Tell what contours are to later ones, (m,): UNRELATED, COVERED or FAR.
+
+    Contour b is asked about earlier[offsets[b]:offsets[b + 1]], all of them before it in the
+    linear extension. COVERED are predecessors with nothing forced between the two, FAR the
+    other ancestors. Walks those ancestors of b that are not before all it is asked about.
+    """
+    n = len(offsets) - 1
+    found = np.zeros(len(earlier), np.int8)
+    seen, kind = np.full(n, -1, np.int64), np.zeros(n, np.int8)
+    stack = np.empty(n, np.int32)
+    for b in range(n):
+        if offsets[b] == offsets[b + 1]:
+            continue
+        low = earlier[offsets[b] : offsets[b + 1]].min()
+        seen[b], kind[b], stack[0] = b, UNRELATED, b
+        high = 1
+        while high:
+            high -= 1
+            x = stack[high]
+            reached = COVERED if x == b else FAR
+            for k in range(pred_offsets[x], pred_offsets[x + 1]):
+                a = preds[k]
+                if a < low:
+                    continue
+                if seen[a] != b:
+                    seen[a], kind[a], stack[high] = b, reached, a
+                    high += 1
+                elif reached == FAR:
+                    kind[a] = FAR
+        for k in range(offsets[b], offsets[b + 1]):
+            if seen[earlier[k]] == b:
+                found[k] = kind[earlier[k]]
+    return found

@@ -3,9 +3,11 @@
 The most of five: all printing shared evenly; what heads on one rail can print at once
 (`decmcts.team.rail_bound`); what lies where only one head fits at a time
 (`decmcts.team.window_bound`); the longest chain of the dependency graph; what only one
-head can print. Travel is not counted. Each contour takes what the fastest head that may
-print it needs, entered where that takes least (`decmcts.team.least_time`),
-for one head less what it may save by not coming to rest at its ends (`decmcts.team.run_on`).
+head can print. Each contour takes what the fastest head that may print it needs, entered
+where that takes least (`decmcts.team.least_time`), for one head less what it may save by not
+coming to rest at its ends (`decmcts.team.run_on`). For several heads each contour but the first
+and last of a head has its shares of the travels to and from it besides
+(`decmcts.team.least_travel`); the chain has none, for others may print what comes next in it.
 
 Where heads give room back piece by piece (`release` "point") the bound on a rail is proven for
 plans as `decmcts.team.order` makes them: a contour has at most `MOST_PIECES` pieces, each begun
@@ -30,6 +32,7 @@ from decmcts.print.loops import turned
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
 from decmcts.team.least_time import choices, least_times
+from decmcts.team.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.order import MOST_PIECES, PIECE_MM
 from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.run_on import saved_by_running_on
@@ -44,6 +47,7 @@ class Bound:
     """Lower bounds on the makespan, in seconds."""
 
     serial_s: float  # W: all printing one after the other, without travel
+    travel_s: float  # what heads spend at least between contours, all together
     shared_s: float  # all printing, shared as well as the heads' room allows
     chain_s: float  # longest chain of the dependency graph
     exclusive_s: float  # most work that only one head can do
@@ -58,6 +62,7 @@ def makespan_bound(
     *,
     seconds: NDArray[np.float64] | None = None,
     entries: SeamEntries | None = None,
+    travel: bool = True,
 ) -> Bound:
     """Return the conflict-aware bound for all heads of the machine.
 
@@ -67,6 +72,8 @@ def makespan_bound(
         Printing time of each contour, whoever prints it; None: by the time model.
     entries : SeamEntries | None
         Where loops may be entered besides as sliced; None: nowhere.
+    travel : bool
+        Whether to count travel.
     """
     eligible = eligibility(job.contours, machine.heads)  # no more: boxes keep out too many
     least = least_times(job, machine, eligible, entries)
@@ -75,13 +82,23 @@ def makespan_bound(
     if seconds is not None:
         time, parts = seconds, _scaled(job.contours, parts, seconds)
     serial, heads = float(time.sum()), len(machine.heads)
+    shares = no_shares(len(time))
+    if travel and heads > 1:
+        shares = travel_shares(job, machine, graph, time, entries)
+    between = shares.leaving + shares.entering
+    travelled = max(float(between.sum()) - shares.without(heads), 0.0)
     chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
     alone = eligible.sum(axis=1) == 1
-    exclusive = max((float(time[alone & eligible[:, r]].sum()) for r in range(heads)), default=0.0)
-    shared = max(serial / heads, _on_rail(job, machine, parts, entries))
+    exclusive = 0.0
+    for r in range(heads):
+        mine = alone & eligible[:, r]
+        moved = max(float(between[mine].sum()) - shares.without(1), 0.0)
+        exclusive = max(exclusive, float(time[mine].sum()) + moved)
+    even = (serial + travelled) / heads
+    shared = max(even, _on_rail(job, machine, parts, entries, shares))
     window = _in_window(job, machine, parts)
     bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
-    return Bound(serial, shared, chain, exclusive, window, bound)
+    return Bound(serial, travelled, shared, chain, exclusive, window, bound)
 
 
 def _in_window(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> float:
@@ -99,7 +116,11 @@ def _in_window(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> f
 
 
 def _on_rail(
-    job: PrintJob, machine: Machine, parts: NDArray[np.float64], entries: SeamEntries | None
+    job: PrintJob,
+    machine: Machine,
+    parts: NDArray[np.float64],
+    entries: SeamEntries | None,
+    shares: TravelShares,
 ) -> float:
     """Return the bound of heads that are all in order along one rail; 0 where they are not."""
     names = {head.name for head in machine.heads}
@@ -111,7 +132,39 @@ def _on_rail(
         held = _entered_anywhere(held, job.contours, parts, rail.axis, entries)
     elif entries is not None:
         held = _whole_from_any(held, job.contours, rail.axis, entries)
-    return rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
+    if shares.leaving.any() or shares.entering.any():
+        held = _with_travels(held, job.contours, rail.axis, entries, shares)
+    found = rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
+    return found - shares.without(len(names))
+
+
+def _with_travels(
+    held: Held, contours: Contours, axis: int, entries: SeamEntries | None, shares: TravelShares
+) -> Held:
+    """Return what is held with the shares of travels besides.
+
+    A head is no farther from where it ended a contour, or begins one, than it gets in that time.
+    """
+    way = np.unique(held.way)
+    contour, back = way // 2, way % 2 == 1
+    turns = np.isin(contour, contour[back])  # others may be left, or entered, at any of their ends
+    first, last = contours.start[contour, axis], contours.end[contour, axis]
+    outs, ins = ends_of(contours, entries)
+    low, high, seconds = [held.low], [held.high], [held.seconds]
+    for share, ends, own in (
+        (shares.leaving, outs, np.where(back, first, last)),
+        (shares.entering, ins, np.where(back, last, first)),
+    ):
+        least, most = np.full(len(contours), np.inf), np.full(len(contours), -np.inf)
+        np.minimum.at(least, ends.contour, ends.points[:, axis])
+        np.maximum.at(most, ends.contour, ends.points[:, axis])
+        reach = shares.pace.reach(share)[contour]
+        low.append(np.where(turns, own, most[contour]) + reach)
+        high.append(np.where(turns, own, least[contour]) - reach)
+        seconds.append(share[contour])
+    travels = np.arange(len(held.way) + 2 * len(way)) >= len(held.way)
+    ways = np.concatenate([held.way, way, way])
+    return Held(np.concatenate(low), np.concatenate(high), np.concatenate(seconds), ways, travels)
 
 
 def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:

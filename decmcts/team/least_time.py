@@ -1,7 +1,7 @@
 """The least time printing takes: by the fastest head that may, entered at the best vertex.
 
-For bounds. Travel is not counted; times are those of `decmcts.print.motion`, from rest to rest
-(a head alone may run on: `decmcts.team.run_on`).
+For bounds. Travel is `decmcts.team.least_travel`'s. Times are those of `decmcts.print.motion`,
+from rest to rest (a head alone may run on: `decmcts.team.run_on`).
 """
 
 from __future__ import annotations

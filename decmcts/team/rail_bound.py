@@ -10,6 +10,10 @@ Of two heads that print side by side one began later. It began only once the oth
 nothing any more of the room of its *whole* contour, for a head that prints never waits. So
 of two neighbours one is as wide as what it still holds and one as wide as its whole contour.
 
+A head that travels is as narrow as the place it is at; between contours it may be anywhere it can
+have got to, so it holds less than nothing: what it holds wherever it is. No whole contour counts
+for it.
+
 Positions are rounded to cells so that heads fit more easily than in truth. Work is the
 pieces of contours, each with the room its head still holds while it prints it; where a
 contour may be run from either end, that way counts in which it is worth less.
@@ -38,6 +42,7 @@ class Held(NamedTuple):
     high: Floats  # (k,)
     seconds: Floats  # (k,)
     way: Ints  # (k,) the way through a contour it belongs to: 2 c along contour c, 2 c + 1 back
+    travels: NDArray[np.bool_] | None = None  # (k,) what is no print; None: nothing
 
 
 def rail_bound(held: Held, *, separation_mm: float, heads: int) -> float:
@@ -86,9 +91,12 @@ def _edges(held: Held) -> Floats:
     _, way = np.unique(held.way, return_inverse=True)
     way = way.reshape(-1)
     whole_low, whole_high = np.full(way.max() + 1, np.inf), np.full(way.max() + 1, -np.inf)
-    np.minimum.at(whole_low, way, held.low)
-    np.maximum.at(whole_high, way, held.high)
+    prints = slice(None) if held.travels is None else ~held.travels
+    np.minimum.at(whole_low, way[prints], held.low[prints])
+    np.maximum.at(whole_high, way[prints], held.high[prints])
     edges = np.column_stack([held.low, held.high, whole_low[way], whole_high[way]])
+    if held.travels is not None:
+        edges[held.travels, 2:] = edges[held.travels, :2]
     return np.asarray(edges - edges.min())  # loops may hold less than nothing: any is the least
 
 

@@ -25,9 +25,13 @@ from decmcts.team.space import build_space
 
 def _listed(held: Held, gap: float, n: int) -> float:
     """The same programme with every set of pieces that n heads can print at once listed."""
-    low, high, seconds, way = held
-    whole_low = [low[way == k].min() for k in way]
-    whole_high = [high[way == k].max() for k in way]
+    low, high, seconds, way, travels = held
+    moves = np.zeros(len(low), np.bool_) if travels is None else travels
+    prints = ~moves
+    whole_low, whole_high = low.copy(), high.copy()
+    for i in np.flatnonzero(prints):
+        mine = prints & (way == way[i])
+        whole_low[i], whole_high[i] = low[mine].min(), high[mine].max()
 
     def fits(i: int, j: int) -> bool:
         """One of two neighbours began later, with room for its whole contour."""
@@ -74,6 +78,28 @@ def test_pieces_stand_beside_whole_contours_only(seed: int, heads: int) -> None:
     found = rail_bound(held, separation_mm=30.0, heads=heads)
     listed = _listed(held, 30.0, heads)
     assert 0.95 * listed <= found <= listed * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("heads", [2, 3])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_head_that_travels_stands_beside_what_is_left_of_a_contour(seed: int, heads: int) -> None:
+    """Contours in two pieces each, and between them heads that are somewhere within some mm."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for k in range(4):
+        low, high, reach = rng.uniform(0, 60), rng.uniform(70, 120), rng.uniform(0, 5, 2)
+        rows.append((low, high, rng.uniform(1, 5), 2 * k, 0))
+        rows.append((high - 10, high, rng.uniform(1, 5), 2 * k, 0))
+        rows.append((low + reach[0], low - reach[0], rng.uniform(1, 3), 2 * k, 1))
+        rows.append((high + reach[1], high - reach[1], rng.uniform(1, 3), 2 * k, 1))
+    columns = np.array(rows).T
+    held = Held(*columns[:3], columns[3].astype(np.int64), columns[4] > 0)
+    found = rail_bound(held, separation_mm=30.0, heads=heads)
+    listed = _listed(held, 30.0, heads)
+    assert 0.94 * listed <= found <= listed * (1 + 1e-9)
+    prints = Held(*(column[~held.travels] for column in held[:4]))
+    assert rail_bound(prints, separation_mm=30.0, heads=heads) < found
+    assert found <= rail_bound(held._replace(travels=None), separation_mm=30.0, heads=heads)
 
 
 @pytest.mark.parametrize(("separation", "wanted"), [(0.0, 2.5), (0.05, 3.0), (70.0, 5.0)])
