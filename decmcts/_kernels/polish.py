@@ -377,7 +377,7 @@ def polish(
         count = batch_of(n, left)
         left -= count
         drawn = draw_windows(count, n, SHORTEST, LONGEST, mood.shortest, state)
-        first = drawn[0, 0]
+        first = drawn[:, 0].min()
         kept, allowed, there = keep(first, n, joint), 0.0, True
         for k in range(count):
             if there:

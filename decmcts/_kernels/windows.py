@@ -44,10 +44,11 @@ def batch_of(n: int, windows: int) -> int:
 def draw_windows(
     count: int, n: int, shortest: int, longest: int, least: int, state: NDArray[np.uint64]
 ) -> NDArray[np.int64]:
-    """Draw `count` windows, first turn and end, by first turn, (count, 2).
+    """Draw `count` windows, first turn and end, by their ends, (count, 2).
 
     Of at least `least` turns, all of a small order. Lengths are log-uniform; each turn is as
-    likely to be in one. In this order no window changes what the tails behind it are made of.
+    likely to be in one. In this order no window changes what the tails behind a later one are
+    made of.
     """
     drawn = np.empty((count, 2), np.int64)
     for k in range(count):
@@ -55,7 +56,7 @@ def draw_windows(
         width = min(n, max(least, length))
         low = min(max(0, below(state, n + width) - width), n - width)
         at = k
-        while at > 0 and drawn[at - 1, 0] > low:
+        while at > 0 and drawn[at - 1, 1] > low + width:
             drawn[at, 0], drawn[at, 1] = drawn[at - 1, 0], drawn[at - 1, 1]
             at -= 1
         drawn[at, 0], drawn[at, 1] = low, low + width
@@ -66,9 +67,14 @@ def draw_windows(
 def know_tails(
     joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks
 ) -> bool:
-    """Mark all turns and find their tails (mutates units, heads, marks); False: no room."""
-    if not replay(len(joint.order), joint, visits, fleet, units, heads, marks):
+    """Mark all turns and find their tails (mutates units, heads, marks); False: no room.
+
+    Units that a trial left behind those of the marks are no part of the order.
+    """
+    n = len(joint.order)
+    if not replay(n, joint, visits, fleet, units, heads, marks):
         return False
+    recall(n, units, heads, marks)
     find_tails(visits, fleet, units, marks)
     return True
 

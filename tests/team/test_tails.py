@@ -68,3 +68,19 @@ def test_a_delay_costs_what_the_tail_says(case: Callable[..., Any], seed: int) -
     assert critical.any() and free.any()
     assert costs[critical] == pytest.approx(delay_s)
     assert costs[free] == pytest.approx(0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("improve", [Polish.recreate, Polish.improve])
+def test_tails_are_those_of_the_order_and_not_of_what_was_tried(
+    case: Callable[..., Any], improve: Callable[..., None], seed: int
+) -> None:
+    """After windows that gained nothing units of trials were taken for those of the order."""
+    problem, polish = _told(case, seed)
+    for _ in range(6):
+        improve(polish, 4)
+        polish.take(polish._stated())  # nothing to take, but the tails are found
+        fresh = Polish(problem, polish._stated(), seed=1)
+        fresh.take(fresh._stated())
+        assert polish._marks.tail == pytest.approx(fresh._marks.tail)
