@@ -16,11 +16,13 @@ same plan. Then three stages, each a `Commit` for (L, digest):
     RELEASED   every other head of L is AGREED and says it heard my present
                term, and every head outside L is fenced
 
-A change of L starts over with new proposals. A commit to a digest we lack is
-answered by a `PlanRequest`. Every message is stated again on each tick, long
-plans every few ticks, until its answer came; receivers keep only the sender's
-latest, so loss, delay, reordering and repetition cost time, never agreement, and
-nothing is latched.
+A change of L starts over with new proposals. A head may start over for a change of L that
+the others never saw; those do not propose again. But they still say what they committed to:
+the winner of all proposals then, theirs included. So a commit stands in for a proposal that
+we lack. A commit to a digest we lack is answered by a `PlanRequest`. Every message is stated
+again on each tick, long plans every few ticks, until its answer came; receivers keep only
+the sender's latest, so loss, delay, reordering and repetition cost time, never agreement,
+and nothing is latched.
 
 *Serial order.* The same plans may resolve differently on two hosts (another
 processor, another library). Then each takes the other's proposal for a lie and
@@ -197,6 +199,8 @@ class Agreement:
         self._own = None
         self._serial = False
         self._unfenced_told = ()
+        if self._adopting is not None and not self._may_adopt(key_of(self._adopting)):
+            self._adopting = None  # who released it is gone, and nobody else has the plan
         if self._adopting is None:
             self._ballot.drop(self.head)
             self._out.append(Propose(self.live))
@@ -326,6 +330,11 @@ class Agreement:
             self._resolve(plan)
         else:
             self._ask_for(key)
+
+    def _may_adopt(self, key: Key) -> bool:
+        """Whether we have a plan, or somebody who is here does."""
+        ballot = self._ballot
+        return ballot.find(key) is not None or ballot.is_pending(key) or bool(ballot.holders(key))
 
     def _ask_for(self, key: Key) -> None:
         if self._may_ask and not self._ballot.is_pending(key):

@@ -47,13 +47,14 @@ class Ballot:
         self.commits.pop(head, None)
 
     def best(self, live: tuple[int, ...]) -> Proposal | None:
-        """Return the winner, or None while a live head's proposal is missing.
+        """Return the winner, or None while a live head neither proposed nor committed.
 
         Smallest makespan, ties by digest: every head that knows the same
         proposals picks the same. Once one head proposes a serial order, only
         serial orders count.
         """
-        stated = [p for p in map(self._proposals.get, live) if p is not None and p.live == live]
+        words = (self._word(head, live) for head in live)
+        stated = [proposal for proposal in words if proposal is not None]
         if len(stated) < len(live):
             return None
         fetched = [p for (of, _), p in self.verified.items() if of == live]
@@ -61,6 +62,15 @@ class Ballot:
         if any(p.serial for p in stated):
             taken = [p for p in taken if p.serial]
         return min(taken, key=lambda p: (p.makespan_s, p.digest), default=None)
+
+    def _word(self, head: int, live: tuple[int, ...]) -> Proposal | None:
+        """Return what a head proposes for a live set, or else what it stands by."""
+        proposal, commit = self._proposals.get(head), self.commits.get(head)
+        if proposal is not None and proposal.live == live:
+            return proposal
+        if commit is not None and commit.live == live:
+            return self.find(key_of(commit))
+        return None
 
     def find(self, key: Key) -> Proposal | None:
         """Return the proposal behind a plan, if some head stated it."""

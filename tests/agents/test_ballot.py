@@ -70,3 +70,17 @@ def test_an_agreement_counts_only_for_the_term_it_heard() -> None:
     assert not ballot.has_agreed(1, own, 0)
     assert ballot.heard((LIVE, A)) == (0, 3)
     assert ballot.heard((LIVE, B)) == (0, 0)
+
+
+def test_a_commit_stands_in_for_a_proposal_that_is_missing() -> None:
+    """A head that started over forgot the others' proposals; they do not propose again."""
+    ballot = Ballot()
+    ballot.propose(0, proposal(B, 5.0), verified=True)
+    ballot.commits[1] = Commit(LIVE, A, Stage.COMMITTED, 3, (0, 0))
+    assert ballot.best(LIVE) is None  # nobody has shown us plan A
+    assert ballot.begin_resolving(proposal(A, 4.0)) is not None
+    assert ballot.end_resolving((LIVE, A), A, 4.0)
+    won = ballot.best(LIVE)
+    assert won is not None and won.digest == A
+    ballot.commits[1] = Commit((1,), A, Stage.COMMITTED, 3, (0,))
+    assert ballot.best(LIVE) is None

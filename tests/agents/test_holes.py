@@ -8,7 +8,7 @@ import pytest
 from agents.agent import TICK_S
 from agents.agreement import STALLED_TICKS
 from agents.codec import encode, kind_of
-from agents.events import Fenced, Note, Refused, Release, Unfenced
+from agents.events import Fenced, Note, Phase, Refused, Release, Unfenced
 from agents.memory import Weather
 from agents.messages import VERSION, Envelope, Hello, Joint, Message, PlanReply, Proposal
 from agents.transport import Packet, Presence
@@ -231,3 +231,55 @@ def test_any_number_of_heads_agrees(heads: int) -> None:
     team = Team(heads, STORM if heads > 1 else Weather(), limit_s=0.5)
     team.run(12.0)
     assert the_release(team).live == tuple(range(heads))
+
+
+def until_agreeing(team: Team, head: int) -> None:
+    """Run until a head began to agree."""
+    while team.agents[head].protocol.phase is Phase.PLANNING:
+        team.run(0.02)
+
+
+@pytest.mark.parametrize("stall_s", [0.5, 1.2, 1.6])
+@pytest.mark.parametrize("steps", [0, 1, 2])
+@pytest.mark.parametrize("heads", [2, 3])
+def test_a_head_that_stands_still_while_it_agrees_is_no_dead_end(
+    heads: int, steps: int, stall_s: float
+) -> None:
+    """Its peer forgot what it had proposed; it saw nothing of that and never said it again."""
+    team = Team(heads, Weather(delay_s=(0.02, 0.02)), seed=1, silence_s=1.0)
+    until_agreeing(team, 1)
+    team.run(0.02 * steps)
+    assert not team.releases()
+    team.stuck = {1}
+    team.run(stall_s)
+    team.stuck = set()
+    team.run(5.0)
+    the_release(team)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_heads_that_stand_still_at_random_in_a_storm_agree_in_the_end(seed: int) -> None:
+    """Whenever one stalls, for longer than it promised or not, whatever is lost then."""
+    rng = np.random.default_rng(seed)
+    team = Team(2 + seed % 3, STORM, seed=seed, silence_s=1.0)
+    team.run(rng.uniform(0.5, 1.5))
+    for _ in range(6):
+        team.stuck = {int(rng.integers(len(team.agents)))}
+        team.run(rng.uniform(0.1, 1.8))
+        team.stuck = set()
+        team.run(rng.uniform(0.0, 0.6))
+    team.run(12.0)
+    the_release(team)
+
+
+def test_a_release_that_died_with_its_only_holder_is_not_waited_for() -> None:
+    """A head that began anew heard of the plan but never got it, and waited for it for ever."""
+    team = Team(2, Weather(delay_s=(0.02, 0.02)), seed=3)
+    while not team.agents[0].released:
+        team.run(0.02)
+    team.kill(1)
+    team.add(1, epoch=2)
+    until_agreeing(team, 1)
+    team.fence(0)
+    team.run(5.0)
+    assert team.releases()[1].live == (1,)
