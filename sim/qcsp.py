@@ -93,7 +93,7 @@ def _wrong_moves(problem: QcspProblem, v: int, way: Way, slack: float) -> Iterat
     """Yield what a crane does before it is ready, and moves that are too fast."""
     start, ready = float(problem.start[v]), float(problem.ready[v])
     for time in [0.0, ready, *(t for t, _ in way if t < ready)]:
-        if abs(position(way, time) - start) > TOLERANCE:
+        if abs(position(way, time) - start) > TOLERANCE + slack / problem.travel:
             yield f"crane {v + 1} is not at bay {start:g} at {time:g}, ready from {ready:g} on"
     for (t0, x0), (t1, x1) in pairwise(way):
         if abs(x1 - x0) * problem.travel > t1 - t0 + slack:

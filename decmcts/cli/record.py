@@ -7,6 +7,7 @@ agents whenever it was shown.
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -87,7 +88,14 @@ def read_record(path: Path) -> tuple[float, list[tuple[float, tuple[AgentStatus,
         states.extend(_state(json.loads(line)) for line in rest)  # keeps those above a bad one
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", path=path) from error
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         if not text.startswith(BEGINS):
             raise InputError(
                 "is no recording of a launch",
@@ -100,9 +108,16 @@ def read_record(path: Path) -> tuple[float, list[tuple[float, tuple[AgentStatus,
 
 
 def _state(line: dict[str, Any]) -> tuple[float, tuple[AgentStatus, ...]]:
+    """Return one state; what cannot be shown raises ValueError, TypeError or KeyError."""
     known = {field.name for field in fields(AgentStatus)}
-    agents = [AgentStatus(**{k: v for k, v in a.items() if k in known}) for a in line["agents"]]
-    return float(line["at_s"]), tuple(agents)
+    agents = tuple(
+        AgentStatus(**{k: v for k, v in a.items() if k in known}) for a in line["agents"]
+    )
+    at_s = float(line["at_s"])
+    if not math.isfinite(at_s):
+        raise ValueError(f"at_s is {at_s}")
+    agents_table(agents, 1.0)
+    return at_s, agents
 
 
 @app.command()

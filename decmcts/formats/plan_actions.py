@@ -78,7 +78,7 @@ def actions_from_dicts(
         head=own,
         kind=np.array(kinds, np.int8),
         contour=np.array(contours, np.int32),
-        reversed=np.array([row.flag("reversed") for row in rows], np.bool_),
+        reversed=np.array([_reversed(r, c) for r, c in zip(rows, contours, strict=True)], np.bool_),
         entry=np.array(
             [_entry(r, c, sizes) for r, c in zip(rows, contours, strict=True)], np.int32
         ),
@@ -120,6 +120,12 @@ def _path(row: Fields) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
     if not len(path):
         row.fail("path", "empty", "a head that rests has its place as the one point")
     return path
+
+
+def _reversed(row: Fields, contour: int) -> bool:
+    if row.flag("reversed") and contour == NO_CONTOUR:
+        row.fail("reversed", "true, but nothing is printed")
+    return row.flag("reversed")
 
 
 def _entry(row: Fields, contour: int, sizes: Sequence[int]) -> int:

@@ -88,7 +88,8 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
     """Return the contours of the rows; raises InputError naming the first wrong one."""
     polylines = [_polyline(table, i) for i, table in enumerate(tables)]
     sizes = [len(p) for p in polylines]
-    _check_heads(tables, machine)
+    tools = _integers(tables, "tool", _INT16_END).astype(np.int16)
+    _check_heads(tables, tools, machine)
     return Contours(
         points=np.concatenate([np.empty((0, 3)), *polylines]),
         offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
@@ -99,7 +100,7 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
         role=np.array([_role(t) for t in tables], np.int8),
         closed=np.array([t.flag("closed") for t in tables], np.bool_),
         layer=_integers(tables, "layer", _INT32_END),
-        tool=_integers(tables, "tool", _INT16_END).astype(np.int16),
+        tool=tools,
         reversible=np.array([t.flag("reversible") for t in tables], np.bool_),
         epoch=_integers(tables, "epoch", _INT32_END),
         line=_integers(tables, "line", _INT32_END),
@@ -160,9 +161,10 @@ def _role(table: Fields) -> int:
     return int(_ROLES[name])
 
 
-def _check_heads(tables: list[Fields], machine: Machine) -> None:
-    known = {None, *(head.name for head in machine.heads)}
-    for table in tables:
-        head = table.need("head")
-        if not isinstance(head, str | None) or head not in known:
-            table.fail("head", f"{shown(head)} is no head of the machine")
+def _check_heads(tables: list[Fields], tools: NDArray[np.int16], machine: Machine) -> None:
+    """Refuse a head that does not follow from the tool: nothing else is judged by it."""
+    for table, tool in zip(tables, tools.tolist(), strict=True):
+        head, only = table.need("head"), only_head(machine, tool)
+        if head != only:
+            what = f"{shown(head)}, expected {'null' if only is None else shown(only)}"
+            table.fail("head", what, f"the name of the only head with tool {tool}, or null")

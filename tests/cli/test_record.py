@@ -73,3 +73,28 @@ def test_a_recording_that_was_cut_off_is_damaged(tmp_path: Path, cut: int) -> No
     line = whole[:cut].count("\n") + 1
     with pytest.raises(InputError, match=f"launch.jsonl:{line}: this recording is damaged"):
         read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("said", "instead"),
+    [
+        ('"entropy": 0.4', '"entropy": "x"'),
+        ('"best_makespan_s": 120.0', '"best_makespan_s": null'),
+        ('"best_makespan_s": 120.0', '"best_makespan_s": ' + "9" * 400),
+        ('"sent": {', '"sent": {"hello": null, '),
+        ('"at_s": ', '"at_s": Infinity, "was": '),
+        ('"agents": [', '"agents": [3, '),
+    ],
+)
+def test_a_recording_whose_figures_are_none_is_damaged(
+    tmp_path: Path, said: str, instead: str
+) -> None:
+    """It ended in an internal error when it was shown."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path, 100.0) as keep:
+        keep((LEFT,))
+    whole = path.read_text()
+    assert said in whole
+    path.write_text(whole.replace(said, instead))
+    with pytest.raises(InputError, match="launch.jsonl:2: this recording is damaged"):
+        read_record(path)
