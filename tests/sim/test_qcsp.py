@@ -82,3 +82,14 @@ def test_cranes_too_near_at_first_may_not_come_nearer() -> None:
     assert (
         "5 are needed" in faults_of(problem, dataclasses.replace(one, ways=(one.ways[0], back)))[0]
     )
+
+
+def test_what_rounding_moves_is_no_fault() -> None:
+    """A crane that goes 1000 bays a second is a little away where it leaves a hair too early."""
+    problem = problem_of({"t": 1e-3, "s": 1, "p": [4], "l": [2], "r": [1], "l0": [1], "Phi": []})
+    hair = 1e-8
+    way = np.array([[0.0, 1.0], [1.0 - hair, 1.0], [1.001 - hair, 2.0], [5.001, 2.0]])
+    left = QcspSchedule(np.array([0]), np.array([1.001]), (way,), 5.001)
+    assert faults_of(problem, left) == []
+    way[1:3, 0] -= 1e-4
+    assert "crane 1 is not at bay 1 at 1" in faults_of(problem, left)[0]
