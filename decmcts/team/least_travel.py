@@ -63,8 +63,8 @@ class Pace:
             rate = max(rate, limits.acceleration if wipes else 0.0)
             if limits.junction_deviation <= 0.0:
                 corner = max(corner, float(np.linalg.norm(limits.jerk[:3])))
-            pull, push = habit.pull_mm / habit.pull_feed, habit.push_mm / habit.push_feed
-            retraction = min(retraction, pull + push)
+            pushed = ((habit.pull_mm, habit.pull_feed), (habit.push_mm, habit.push_feed))
+            retraction = min(retraction, sum(mm / feed for mm, feed in pushed if feed > 0.0))
         inside = settings.bare_inside_mm
         inside = float(np.hypot(inside, settings.bare_climb_mm + SAME_Z_MM)) if inside > 0 else 0.0
         bare = max(settings.retract_min_travel_mm, inside)
