@@ -96,5 +96,5 @@ def test_a_recording_whose_figures_are_none_is_damaged(
     whole = path.read_text()
     assert said in whole
     path.write_text(whole.replace(said, instead))
-    with pytest.raises(InputError, match="launch.jsonl:2: this recording is damaged"):
+    with pytest.raises(InputError, match=r"launch\.jsonl:2: this recording is damaged"):
         read_record(path)
