@@ -37,6 +37,7 @@ from decmcts.team.timing import habit_of
 NEAR = 100  # ends of contours that are looked at from each end
 MOST_PAIRS = 2_000_000  # of ends; of large prints fewer ends are looked at from each
 LEAST_NEAR = 8
+MOST_ROWS = 1_000_000  # of the programme
 ROUNDING = 1e-9  # mm
 Floats = NDArray[np.float64]
 
@@ -246,14 +247,16 @@ def _dual(
     Whatever the solver's tolerance they keep to `least` and to what is the most for each.
     """
     n, m = len(most_leaving), len(tail)
-    most = np.concatenate([most_leaving, most_entering])
-    leaving = np.zeros(n)
-    rows = np.tile(np.arange(m), 2)
-    matrix = sparse.csr_matrix((np.ones(2 * m), (rows, np.append(tail, n + head))), (m, 2 * n))
-    bounds = np.column_stack([np.zeros(2 * n), most])
-    found = linprog(-np.ones(2 * n), A_ub=matrix, b_ub=least, bounds=bounds, method="highs-ipm")
-    if found.x is not None:
-        leaving = np.clip(found.x, 0.0, most)[:n]
+    leaving = most_leaving.copy()
+    np.minimum.at(leaving, tail, 0.5 * least)  # next to what the programme finds
+    if m <= MOST_ROWS:
+        most = np.concatenate([most_leaving, most_entering])
+        rows = np.tile(np.arange(m), 2)
+        matrix = sparse.csr_matrix((np.ones(2 * m), (rows, np.append(tail, n + head))), (m, 2 * n))
+        bounds = np.column_stack([np.zeros(2 * n), most])
+        found = linprog(-np.ones(2 * n), A_ub=matrix, b_ub=least, bounds=bounds, method="highs-ipm")
+        if found.x is not None:
+            leaving = np.clip(found.x, 0.0, most)[:n]
     np.minimum.at(leaving, tail, least)
     entering = most_entering.copy()
     np.minimum.at(entering, head, least - leaving[tail])

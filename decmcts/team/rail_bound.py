@@ -31,6 +31,7 @@ from scipy.optimize import linprog
 CELLS = 100  # of a separation; more are tighter and slower
 MOST_CELLS = 960  # along the rail
 MOST_PLACES = 20_000  # different ones; cells double until there are no more
+COARSEST = 16  # cells that those of travels grow to before
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -77,13 +78,20 @@ def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
     """Return the different places, the place of each piece, and the separation in cells."""
     edges = _edges(held)
     cell = max(separation_mm / CELLS, float(np.ptp(edges)) / MOST_CELLS) or 1.0
+    travels = np.zeros(len(edges), np.bool_) if held.travels is None else held.travels
+    coarse = 1  # travels are less of the work: theirs is the first room to be rounded more
     while True:
-        first, last = np.ceil(edges[:, 0::2] / cell), edges[:, 1::2] // cell
+        grain = np.where(travels, coarse, 1)[:, None]
+        first = np.ceil(edges[:, 0::2] / (cell * grain)) * grain
+        last = edges[:, 1::2] // (cell * grain) * grain
         cells = np.stack([first, last], axis=2).reshape(-1, 4).astype(np.int64)
         places, place = np.unique(cells, axis=0, return_inverse=True)
         if len(places) <= MOST_PLACES:
             return _Places(*places.T), place.reshape(-1), int(separation_mm / cell)
-        cell *= 2.0
+        if travels.any() and coarse < COARSEST:
+            coarse *= 2
+        else:
+            cell *= 2.0
 
 
 def _edges(held: Held) -> Floats:
