@@ -62,18 +62,18 @@ def ancestry(
             continue
         low = earlier[offsets[b] : offsets[b + 1]].min()
         seen[b], kind[b], stack[0] = b, UNRELATED, b
-        high = 1
-        while high:
-            high -= 1
-            x = stack[high]
+        waiting = 1
+        while waiting:
+            waiting -= 1
+            x = stack[waiting]
             reached = COVERED if x == b else FAR
             for k in range(pred_offsets[x], pred_offsets[x + 1]):
                 a = preds[k]
                 if a < low:
                     continue
                 if seen[a] != b:
-                    seen[a], kind[a], stack[high] = b, reached, a
-                    high += 1
+                    seen[a], kind[a], stack[waiting] = b, reached, a
+                    waiting += 1
                 elif reached == FAR:
                     kind[a] = FAR
         for k in range(offsets[b], offsets[b + 1]):

@@ -123,9 +123,10 @@ def _path(row: Fields) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 def _reversed(row: Fields, contour: int) -> bool:
-    if row.flag("reversed") and contour == NO_CONTOUR:
+    backwards = row.flag("reversed")
+    if backwards and contour == NO_CONTOUR:
         row.fail("reversed", "true, but nothing is printed")
-    return row.flag("reversed")
+    return backwards
 
 
 def _entry(row: Fields, contour: int, sizes: Sequence[int]) -> int:

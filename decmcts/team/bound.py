@@ -85,15 +85,13 @@ def makespan_bound(
     shares = no_shares(len(time))
     if travel and heads > 1:
         shares = travel_shares(job, machine, graph, time, entries)
-    between = shares.leaving + shares.entering
-    travelled = max(float(between.sum()) - shares.without(heads), 0.0)
+    travelled = shares.spent(heads)
     chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
     alone = eligible.sum(axis=1) == 1
     exclusive = 0.0
     for r in range(heads):
         mine = alone & eligible[:, r]
-        moved = max(float(between[mine].sum()) - shares.without(1), 0.0)
-        exclusive = max(exclusive, float(time[mine].sum()) + moved)
+        exclusive = max(exclusive, float(time[mine].sum()) + shares.spent(1, mine))
     even = (serial + travelled) / heads
     shared = max(even, _on_rail(job, machine, parts, entries, shares))
     window = _in_window(job, machine, parts)

@@ -18,6 +18,7 @@ meanwhile: then their time counts.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +110,11 @@ class TravelShares:
         """Return what the first and the last contours of so many heads may go without."""
         return heads * float(self.leaving.max(initial=0.0) + self.entering.max(initial=0.0))
 
+    def spent(self, heads: int, contours: NDArray[np.bool_] | slice = slice(None)) -> float:
+        """Return what so many heads spend at least between contours of these."""
+        both = self.leaving[contours] + self.entering[contours]
+        return max(float(both.sum()) - self.without(heads), 0.0)
+
 
 def no_shares(contours: int) -> TravelShares:
     """Return shares of nothing."""
@@ -136,7 +142,7 @@ def travel_shares(
     """
     n, pace, heads = len(job.contours), Pace.of(job, machine), len(machine.heads)
     if n < 2:
-        return TravelShares(np.zeros(n), np.zeros(n), pace)
+        return no_shares(n)
     outs, ins = ends_of(job.contours, entries)
     pairs = _near_pairs(outs, ins, n, pace)
     kept, wait = _possible(pairs, graph, seconds)
@@ -189,23 +195,32 @@ def _near_pairs(outs: Ends, ins: Ends, n: int, pace: Pace) -> _Pairs:
     """
     count = max(LEAST_NEAR, min(NEAR, MOST_PAIRS // len(ins.points)))
     count = min(count, len(ins.points))
-    tails, heads, lengths, most = [], [], [], []
-    for mine, others in ((outs, ins), (ins, outs)):
-        length, found = cKDTree(others.points).query(mine.points, np.arange(count) + 1, workers=-1)
-        nearest = np.full(n, np.inf)
-        np.minimum.at(nearest, mine.contour, length[:, -1])
-        most.append(0.5 * pace.seconds(nearest))
-        both = [np.repeat(mine.contour, count), others.contour[found].ravel()]
-        tails.append(both[mine is ins])
-        heads.append(both[mine is outs])
-        lengths.append(length.ravel())
-    tail, head, seconds = np.concatenate(tails), np.concatenate(heads), np.concatenate(lengths)
-    seconds = pace.seconds(seconds)
-    binds = np.flatnonzero((seconds < most[0][tail] + most[1][head]) & (tail != head))
+    far, after = _nearest(outs, ins, count)
+    back, before = _nearest(ins, outs, count)
+    leaving = 0.5 * pace.seconds(_least_of(outs.contour, far[:, -1], n))
+    entering = 0.5 * pace.seconds(_least_of(ins.contour, back[:, -1], n))
+    tail = np.concatenate([np.repeat(outs.contour, count), before.ravel()])
+    head = np.concatenate([after.ravel(), np.repeat(ins.contour, count)])
+    seconds = pace.seconds(np.concatenate([far.ravel(), back.ravel()]))
+    binds = np.flatnonzero((seconds < leaving[tail] + entering[head]) & (tail != head))
     tail, head, seconds = tail[binds], head[binds], seconds[binds]
     order = np.lexsort((seconds, tail * n + head))
     first = order[np.diff((tail * n + head)[order], prepend=-1) != 0]
-    return _Pairs(tail[first], head[first], seconds[first], most[0], most[1])
+    return _Pairs(tail[first], head[first], seconds[first], leaving, entering)
+
+
+def _nearest(ends: Ends, others: Ends, count: int) -> tuple[Floats, NDArray[np.int64]]:
+    """Return how far the nearest others are from each end, mm, and their contours, (k, count)."""
+    wanted = np.arange(count) + 1
+    length, found = cKDTree(others.points).query(ends.points, wanted, workers=-1)
+    return np.asarray(length), others.contour[found]
+
+
+def _least_of(contour: NDArray[Any], values: Floats, n: int) -> Floats:
+    """Return the least of the values of each contour, infinite where it has none, (n,)."""
+    least = np.full(n, np.inf)
+    np.minimum.at(least, contour, values)
+    return least
 
 
 def _possible(
@@ -225,10 +240,9 @@ def _possible(
         offsets, earlier[order].astype(np.int32), graph.pred_offsets, graph.preds
     )
     forwards = pairs.tail == earlier
-    behind, before = np.full(n, np.inf), np.full(n, np.inf)
     first, second = graph.pairs().T
-    np.minimum.at(behind, first, seconds[second])
-    np.minimum.at(before, second, seconds[first])
+    behind = _least_of(first, seconds[second], n)
+    before = _least_of(second, seconds[first], n)
     wait = np.maximum(behind[pairs.tail], before[pairs.head])
     return forwards | (kind == UNRELATED), np.where(kind == FAR, wait, 0.0)
 

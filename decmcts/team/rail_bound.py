@@ -76,9 +76,9 @@ class _Places(NamedTuple):
 
 def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
     """Return the different places, the place of each piece, and the separation in cells."""
-    edges = _edges(held)
+    travels = np.zeros(len(held.way), np.bool_) if held.travels is None else held.travels
+    edges = _edges(held, travels)
     cell = max(separation_mm / CELLS, float(np.ptp(edges)) / MOST_CELLS) or 1.0
-    travels = np.zeros(len(edges), np.bool_) if held.travels is None else held.travels
     coarse = 1  # travels are less of the work: theirs is the first room to be rounded more
     while True:
         grain = np.where(travels, coarse, 1)[:, None]
@@ -94,17 +94,15 @@ def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
             cell *= 2.0
 
 
-def _edges(held: Held) -> Floats:
+def _edges(held: Held, travels: NDArray[np.bool_]) -> Floats:
     """Return where each piece and its whole contour begin and end, mm from the least, (k, 4)."""
     _, way = np.unique(held.way, return_inverse=True)
     way = way.reshape(-1)
     whole_low, whole_high = np.full(way.max() + 1, np.inf), np.full(way.max() + 1, -np.inf)
-    prints = slice(None) if held.travels is None else ~held.travels
-    np.minimum.at(whole_low, way[prints], held.low[prints])
-    np.maximum.at(whole_high, way[prints], held.high[prints])
+    np.minimum.at(whole_low, way[~travels], held.low[~travels])
+    np.maximum.at(whole_high, way[~travels], held.high[~travels])
     edges = np.column_stack([held.low, held.high, whole_low[way], whole_high[way]])
-    if held.travels is not None:
-        edges[held.travels, 2:] = edges[held.travels, :2]
+    edges[travels, 2:] = edges[travels, :2]
     return np.asarray(edges - edges.min())  # loops may hold less than nothing: any is the least
 
 
