@@ -1,7 +1,7 @@
-"""Two heads on the eight large plates: makespan against one head and the bound.
+"""Two heads on eight large plates, or other prints: makespan against one head and the bound.
 
     python benchmarks/two_heads.py [--time-limit 60] [--seeds 0,1,2] [--plates a,b]
-    python benchmarks/two_heads.py --machine dueling-zero
+    python benchmarks/two_heads.py --machine dueling-zero   # prints that fit on its bed
     python benchmarks/two_heads.py --plates four_nuts,…   # also single parts of the corpus
 
 Real processes over real zenoh sessions. Every plan is verified for every timing
@@ -12,12 +12,14 @@ Writes docs/results/two_heads.csv (resumable) and two_heads.md.
 from __future__ import annotations
 
 import argparse
+import statistics
 import tempfile
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from common import (
     RESULTS,
     Rows,
@@ -30,8 +32,26 @@ from common import (
     setting,
     spread,
 )
-from team_prints import PLATES, plate_path
+from team_prints import PLATES, plate_path, taken
 
+from decmcts.feasibility.rules import order_rules
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.machine_file import load_machine
+from decmcts.formats.plan_json import read_plan
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind
+from decmcts.search.planners import plan_order
+from decmcts.search.problem import OrderProblem
+from decmcts.team.alone import lone_machine
+from decmcts.team.bound import makespan_bound
+from decmcts.team.schedule import schedule
+
+SMALL = ("gf_chess_plate_6", "hourglass_chess_6", "koch_brackets_4", "moveo_covers_4",
+         "nishapur_chess_16", "playblock_chess_16", "strong_brackets_8",
+         "trashcan_chess_8")  # fmt: skip
+USUAL = {"dueling-zero": SMALL}  # prints of a machine; of others the plates
+LONE_S = 20.0  # for the busiest head's contours alone
 KEY = ("machine", "plate", "limit_s", "seed")
 
 
@@ -42,20 +62,21 @@ def run(path: Path, key: dict[str, Any], trials: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         plan = f"{folder}/plan.json.gz"
         two = measured(["launch", str(path), *machine, *limit, "--no-quality", "--plan", plan])
-        replay: dict[str, Any] = {"faults": ["not planned"]}
-        if not two["exit"]:
-            replay = measured(["verify", plan, "--source", str(path), "--trials", str(trials)])
-    return {**key, **figures_of(path, key["machine"], two, replay)}
+        if two["exit"]:
+            return {**key, **dict.fromkeys(FIGURES, ""), "error": two["error"]}
+        replay = measured(["verify", plan, "--source", str(path), "--trials", str(trials)])
+        lone_s = busiest_alone(path, key["machine"], plan, key["seed"])
+    return {**key, **figures_of(path, key["machine"], two, replay), "lone_s": round(lone_s, 1)}
 
 
 def figures_of(
     path: Path, machine: str, two: dict[str, Any], replay: dict[str, Any]
 ) -> dict[str, Any]:
-    if two["exit"]:
-        return dict.fromkeys(FIGURES, "") | {"error": two["error"]}
     after = two["after"]
     alone, bound = after["one_head_s"], after["bound"]
     agents = after["agents"]
+    prints, travels = after["printing_s_per_head"], after["travelling_s_per_head"]
+    busiest = max(range(len(prints)), key=lambda r: prints[r] + travels[r])
     return {
         "contours": after["contours"],
         "one_head_s": alone,
@@ -65,6 +86,8 @@ def figures_of(
         "over_bound": round(after["makespan_s"] / bound["bound_s"], 3),
         "whole_s": round(whole_bound(path, machine), 1),
         "over_whole": round(after["makespan_s"] / whole_bound(path, machine), 3),
+        "prints_s": round(prints[busiest], 1),
+        "travels_s": round(travels[busiest], 1),
         "messages": sum(agent["sent"] for agent in agents),
         "bytes": sum(agent["sent_bytes"] for agent in agents),
         "planner": after["planner"],
@@ -75,23 +98,43 @@ def figures_of(
     }
 
 
+def busiest_alone(path: Path, name: str, plan: str, seed: int) -> float:
+    """Return how long the busiest head takes for its contours with nobody else there.
+
+    In the best order `hybrid` finds in LONE_S, none of the other heads' contours to wait for.
+    """
+    job, machine = loaded(path, name)
+    heads = read_plan(plan).plan.heads
+    busiest = max(heads, key=lambda head: float((head.end_s - head.begin_s).sum()))
+    rows = np.sort(busiest.contour[busiest.kind == ActionKind.PRINT]).astype(np.int64)
+    part, lone = replace(job, contours=taken(job.contours, rows)), lone_machine(machine)
+    graph = order_rules(part, lone)
+    order = plan_order(
+        OrderProblem.from_job(part, graph, "reversible"), planner="hybrid", time_limit_s=LONE_S,
+        seed=seed,
+    )  # fmt: skip
+    return schedule(part, lone, graph, [order.toolpath]).makespan_s
+
+
+@cache
+def loaded(path: Path, name: str) -> tuple[PrintJob, Machine]:
+    """Return a print and a machine with the limits that hold for both."""
+    job, _ = read_gcode(path)
+    machine = load_machine(name)
+    return job, replace(machine, limits=machine.limits.under(job.limits))
+
+
 @cache
 def whole_bound(path: Path, name: str) -> float:
     """Return the bound for heads that hold a contour's whole room, without travel: W - M."""
-    from decmcts.feasibility.rules import order_rules
-    from decmcts.formats.gcode import read_gcode
-    from decmcts.formats.machine_file import load_machine
-    from decmcts.team.bound import makespan_bound
-
-    machine = replace(load_machine(name), release="action")
-    job, _ = read_gcode(path)
-    machine = replace(machine, limits=machine.limits.under(job.limits))
+    job, machine = loaded(path, name)
+    machine = replace(machine, release="action")
     return makespan_bound(job, machine, order_rules(job, machine), travel=False).bound_s
 
 
 FIGURES = ("contours", "one_head_s", "two_heads_s", "speedup", "bound_s", "over_bound",
-           "whole_s", "over_whole", "messages", "bytes", "planner", "faults", "plan_s",
-           "peak_mib", "error")  # fmt: skip
+           "whole_s", "over_whole", "prints_s", "travels_s", "lone_s", "messages", "bytes",
+           "planner", "faults", "plan_s", "peak_mib", "error")  # fmt: skip
 
 
 def of_prints(rows: list[dict[str, str]]) -> str:
@@ -111,6 +154,9 @@ def of_prints(rows: list[dict[str, str]]) -> str:
                 f"{median(mine, 'over_bound'):.3f}",
                 f"{median(mine, 'whole_s'):.0f}",
                 f"{median(mine, 'over_whole'):.3f} ({min(over):.3f} to {max(over):.3f})",
+                quotient(mine, "prints_s", "two_heads_s"),
+                quotient(mine, "travels_s", "two_heads_s"),
+                quotient(mine, "lone_s", "whole_s"),
                 f"{median(mine, 'messages'):.0f}",
                 f"{median(mine, 'bytes') / 1024:.0f}",
                 str(sum(int(r["faults"]) for r in mine)),
@@ -118,9 +164,15 @@ def of_prints(rows: list[dict[str, str]]) -> str:
             ]
         )
     head = ["print", "contours", "seeds", "one head s", "two heads s", "speed-up", "bound s",
-            "makespan ÷ bound", "W−M s", "makespan ÷ (W−M)", "messages", "KiB",
-            "faults in replay", "wall s"]  # fmt: skip
+            "makespan ÷ bound", "W−M s", "makespan ÷ (W−M)", "busiest prints", "travels",
+            "busiest alone ÷ (W−M)", "messages", "KiB", "faults in replay", "wall s"]  # fmt: skip
     return markdown(lines, head)
+
+
+def quotient(rows: list[dict[str, str]], above: str, below: str) -> str:
+    """Return the median of one field over another, of rows that have both."""
+    found = [float(r[above]) / float(r[below]) for r in rows if r[above]]
+    return f"{statistics.median(found):.3f}" if found else ""
 
 
 def report(rows: Rows, said: str) -> str:
@@ -130,14 +182,23 @@ def report(rows: Rows, said: str) -> str:
     text += "such head that reaches everything, alone on the machine. Bound: proven for heads that "
     text += "give room back piece by piece, as here, with what they travel at least. W−M: the "
     text += "bound for heads that hold a contour's whole room to its end, without travel; heads as "
-    text += "here may beat it. Messages and bytes: sent by both agents. Medians over seeds; in "
-    text += "brackets least and most.\n"
-    done = [r | {"of": "plates" if r["plate"] in PLATES else "single parts"} for r in rows.rows]
+    text += "here may beat it. Busiest: the head that prints and travels longest, and what part "
+    text += "of the makespan that is; alone: what it takes for its contours in the best order `hybrid` finds in "
+    text += f"{LONE_S:g} s, with nobody to wait for. Messages and bytes: sent by both agents. "
+    text += "Medians over seeds; in brackets least and most.\n"
+    done = [r | {"of": kind_of(r["plate"])} for r in rows.rows]
     for (machine, of), mine in grouped(done, "machine", "of").items():
         text += f"\n## `{machine}`, {of}\n\nMedian of the prints: makespan "
         text += f"{of_all(mine, 'over_bound')} times the bound, {of_all(mine, 'over_whole')} times "
         text += f"W−M, {of_all(mine, 'speedup')} times as fast as one head.\n\n{of_prints(mine)}"
     return text + rows.failures()
+
+
+def kind_of(print_name: str) -> str:
+    """Return under which heading a print is listed."""
+    if print_name in PLATES:
+        return "plates"
+    return "several parts that fit" if print_name in SMALL else "single parts"
 
 
 def of_all(rows: list[dict[str, str]], field: str) -> str:
@@ -150,13 +211,13 @@ def main() -> None:
     parser.add_argument("--time-limit", type=float, default=60.0)
     parser.add_argument("--trials", type=int, default=5)
     parser.add_argument("--machine", default="dual-gantry")
-    parser.add_argument("--plates", type=names, default=list(PLATES), help="NAME,NAME,…")
+    parser.add_argument("--plates", type=names, help="NAME,NAME,…")
     parser.add_argument("--seeds", type=seeds, default=[0], help="SEED,SEED,…")
     parser.add_argument("--note", default="", help="said beside the setting")
     options = parser.parse_args()
     rows = Rows(RESULTS / "two_heads.csv", KEY)
     for seed in options.seeds:
-        for plate in options.plates:
+        for plate in options.plates or USUAL.get(options.machine, PLATES):
             key = dict(zip(KEY, (options.machine, plate, options.time_limit, seed), strict=True))
             if not rows.has(**key):
                 rows.append(run(plate_path(plate), key, options.trials))

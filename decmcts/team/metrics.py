@@ -31,10 +31,11 @@ def path_lengths(actions: HeadActions) -> np.ndarray[Any, np.dtype[np.float64]]:
 def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
     """Return contours, both travels (mm), makespan and the heads' shares of a plan.
 
-    `print_time_s` is the estimated time of the whole print, the makespan.
+    `print_time_s` is the estimated time of the whole print, the makespan. A head is busy
+    while it prints, travels (to its park, too) or rests for plastic to cool.
     """
     printed, bare, emitted = [], 0.0, 0.0
-    busy, waits = [], []
+    busy, prints, travels, waits = [], [], [], []
     for actions in plan.heads:
         toolpath = head_toolpath(actions)
         lengths = path_lengths(actions)
@@ -44,6 +45,9 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
         emitted += float(lengths[~printing].sum())
         seconds = actions.end_s - actions.begin_s
         busy.append(float(seconds.sum()))
+        moving = (actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK)
+        prints.append(float(seconds[printing].sum()))
+        travels.append(float(seconds[moving].sum()))
         waits.append(seconds[actions.kind == ActionKind.WAIT])
     return {
         "contours": sum(printed),
@@ -53,6 +57,8 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
         "print_time_s": plan.makespan_s,
         "makespan_s": plan.makespan_s,
         "busy_s_per_head": busy,
+        "printing_s_per_head": prints,
+        "travelling_s_per_head": travels,
         "waits": sum(map(len, waits)),
         "waits_s": float(sum(w.sum() for w in waits)),
         "cross_head_waits": sum(len(actions.after_head) for actions in plan.heads),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts.print.plan import ActionKind
 from decmcts.print.toolpath import Toolpath, extrusionless_travel
 from decmcts.team.metrics import plan_metrics
 from decmcts.team.schedule import schedule
@@ -32,4 +33,8 @@ def test_figures_of_one_head(case: Callable[..., Any]) -> None:
     )
     assert found["emitted_travel_mm"] == pytest.approx(emitted)
     assert found["print_time_s"] == plan.makespan_s == found["busy_s_per_head"][0]
+    parts = [found[f"{what}_s_per_head"][0] for what in ("printing", "travelling")]
+    printing = plan.heads[0].kind == ActionKind.PRINT
+    time = plan.heads[0].end_s - plan.heads[0].begin_s
+    assert parts == [pytest.approx(time[printing].sum()), pytest.approx(time[~printing].sum())]
     assert found["cross_head_waits"] == 0
