@@ -183,9 +183,9 @@ def report(rows: Rows, said: str) -> str:
     text += "give room back piece by piece, as here, with what they travel at least. W−M: the "
     text += "bound for heads that hold a contour's whole room to its end, without travel; heads as "
     text += "here may beat it. Busiest: the head that prints and travels longest, and what part "
-    text += "of the makespan that is; alone: what it takes for its contours in the best order `hybrid` finds in "
-    text += f"{LONE_S:g} s, with nobody to wait for. Messages and bytes: sent by both agents. "
-    text += "Medians over seeds; in brackets least and most.\n"
+    text += "of the makespan that is; alone: what it takes for its contours in the best order "
+    text += f"`hybrid` finds in {LONE_S:g} s, with nobody to wait for. Messages and bytes: sent by "
+    text += "both agents. Medians over seeds; in brackets least and most.\n"
     done = [r | {"of": kind_of(r["plate"])} for r in rows.rows]
     for (machine, of), mine in grouped(done, "machine", "of").items():
         text += f"\n## `{machine}`, {of}\n\nMedian of the prints: makespan "
