@@ -12,10 +12,13 @@ Writes docs/results/two_heads.csv (resumable) and two_heads.md.
 from __future__ import annotations
 
 import argparse
+import gzip
+import re
 import statistics
 import tempfile
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +56,30 @@ SMALL = ("gf_chess_plate_6", "hourglass_chess_6", "koch_brackets_4", "moveo_cove
 USUAL = {"dueling-zero": SMALL}  # prints of a machine; of others the plates
 LONE_S = 20.0  # for the busiest head's contours alone
 KEY = ("machine", "plate", "limit_s", "seed")
+
+
+def placed(path: Path, name: str, folder: Path) -> Path:
+    """Return a print as it is, or moved to the middle of the bed of a machine that is smaller.
+
+    Moved by its text: all X and Y of absolute moves.
+    """
+    job, machine = loaded(path, name)
+    low, high = job.contours.points[:, :2].min(axis=0), job.contours.points[:, :2].max(axis=0)
+    bed = np.array([machine.bed_min, machine.bed_max])
+    if (low >= bed[0]).all() and (high <= bed[1]).all():
+        return path
+    by = dict(zip("XY", (bed.sum(axis=0) - low - high) / 2, strict=True))
+
+    def moved(word: re.Match[str]) -> str:
+        return f"{word[1]}{float(word[2]) + by[word[1]]:.3f}"
+
+    with gzip.open(path, "rt") as file:
+        lines = [re.sub(r"\b([XY])(-?[\d.]+)", moved, line) if line.startswith(("G0 ", "G1 "))
+                 else line for line in file]  # fmt: skip
+    target = folder / path.name
+    with gzip.open(target, "wt") as file:
+        file.writelines(lines)
+    return target
 
 
 def run(path: Path, key: dict[str, Any], trials: int) -> dict[str, Any]:
@@ -216,11 +243,14 @@ def main() -> None:
     parser.add_argument("--note", default="", help="said beside the setting")
     options = parser.parse_args()
     rows = Rows(RESULTS / "two_heads.csv", KEY)
-    for seed in options.seeds:
-        for plate in options.plates or USUAL.get(options.machine, PLATES):
-            key = dict(zip(KEY, (options.machine, plate, options.time_limit, seed), strict=True))
+    plates = options.plates or USUAL.get(options.machine, PLATES)
+    with tempfile.TemporaryDirectory() as folder:
+        for seed, plate in product(options.seeds, plates):
+            values = (options.machine, plate, options.time_limit, seed)
+            key = dict(zip(KEY, values, strict=True))
             if not rows.has(**key):
-                rows.append(run(plate_path(plate), key, options.trials))
+                path = placed(plate_path(plate), options.machine, Path(folder))
+                rows.append(run(path, key, options.trials))
                 print(rows.rows[-1], flush=True)
     said = setting(note=options.note, quality="none", time_limit=f"{options.time_limit:g} s",
                    timing_trials=options.trials)  # fmt: skip
