@@ -23,7 +23,7 @@ from sim.bodies import TOLERANCE_MM
 from sim.collision import Solid, Vertices, swept_vertices
 from sim.compiled import compiled
 from sim.legs import Legs
-from sim.material import Part, parts_of
+from sim.material import parts_of
 from sim.motion import arrival_times
 from sim.order import PartialOrder
 from sim.seams import Moved, run_of
@@ -174,14 +174,21 @@ def meetings(
     """Return the times at which two heads come nearer than the clearance, or break the rail."""
     a, b = courses[pair[0]], courses[pair[1]]
     reach = machine.head_clearance_mm - TOLERANCE_MM
-    mine, theirs = (parts_of(machine.heads[h]) for h in pair)
+    mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pair)
+    if not mine or not theirs:
+        return []
     pieces = _shared_pieces(a, b)
-    near = _near_pieces(pieces, _corners(mine), _corners(theirs), reach, None)
+    gaps = _swept_gaps(pieces)
+    every = np.arange(len(pieces.time) - 1)
+    near = _near_pieces(
+        gaps, every, _box(np.concatenate(mine)), _box(np.concatenate(theirs)), reach
+    )
     found: dict[tuple[int, int], Meeting] = {}
-    for part in mine:
-        for other in theirs:
-            a_shape, b_shape = part.vertices(), other.vertices()
-            for k in _near_pieces(pieces, a_shape, b_shape, reach, near).tolist():
+    boxes = [_box(shape) for shape in theirs]
+    for a_shape in mine:
+        a_box = _box(a_shape)
+        for b_shape, b_box in zip(theirs, boxes, strict=True):
+            for k in _near_pieces(gaps, near, a_box, b_box, reach).tolist():
                 actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
                 if actions in found or len(found) >= limit:
                     continue
@@ -191,8 +198,9 @@ def meetings(
     return list(found.values())
 
 
-def _corners(parts: list[Part]) -> Vertices:
-    return np.concatenate([np.empty((0, 3)), *(part.vertices() for part in parts)])
+def _box(shape: Vertices) -> Floats:
+    """Return least and most x, y and z of a shape, (2, 3)."""
+    return np.stack([shape.min(axis=0), shape.max(axis=0)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,24 +224,24 @@ def _positions(course: Course, time: Floats) -> Floats:
     return np.stack([np.interp(time, course.time, course.point[:, d]) for d in range(3)], axis=1)
 
 
-def _near_pieces(
-    pieces: Pieces, a: Vertices, b: Vertices, reach: float, among: Ints | None
-) -> Ints:
-    """Return the pieces in which the swept bounding boxes come nearer than `reach`."""
-    rows = np.arange(len(pieces.time) - 1) if among is None else among
-    if not len(a) or not len(b):
-        return rows[:0]
-    for d in range(3):
-        mine, theirs = pieces.a[:, d], pieces.b[:, d]
-        low, high = _range(mine, rows, a[:, d])
-        below, above = _range(theirs, rows, b[:, d])
-        rows = rows[(low < above + reach) & (below < high + reach)]
+def _swept_gaps(pieces: Pieces) -> Floats:
+    """Return by how much each tip stays below the other in each piece, mm, (2, k - 1, 3).
+
+    Least of the first less most of the second, and the other way round, axis by axis.
+    """
+    (a_low, a_high), (b_low, b_high) = (
+        (np.minimum(tip[:-1], tip[1:]), np.maximum(tip[:-1], tip[1:]))
+        for tip in (pieces.a, pieces.b)
+    )
+    return np.stack([a_low - b_high, b_low - a_high])
+
+
+def _near_pieces(gaps: Floats, rows: Ints, a_box: Floats, b_box: Floats, reach: float) -> Ints:
+    """Return those of `rows` in which the swept bounding boxes come nearer than `reach`."""
+    limits = (b_box[1] - a_box[0] + reach, a_box[1] - b_box[0] + reach)
+    for gap, limit in zip(gaps, limits, strict=True):
+        rows = rows[(gap[rows] < limit).all(axis=1)]
     return rows
-
-
-def _range(position: Floats, rows: Ints, shape: Floats) -> tuple[Floats, Floats]:
-    first, last = position[rows], position[rows + 1]
-    return np.minimum(first, last) + shape.min(), np.maximum(first, last) + shape.max()
 
 
 def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:

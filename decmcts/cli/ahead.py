@@ -25,6 +25,7 @@ from decmcts.jit.store import MARK, cache_home, remove_unused, size_of, temporar
 from decmcts.search.problem import OrderProblem
 
 ABOUT = 65  # kernels a first `plan` compiles (docs/results/startup.md)
+POLL_S = 0.1
 EVERY_S = 3.0  # so often at most a line says what is compiled
 PRINT = "reading, scheduling, writing and judging a print"
 TEAM = "several heads"
@@ -159,6 +160,16 @@ def compile_beside(parts: list[str]) -> None:
     quiet = subprocess.DEVNULL
     _children.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet))
     _beside.extend(missing)
+
+
+def finish_beside(part: str, announce: Callable[[str], None]) -> None:
+    """Wait until a part that is compiled beside this process is complete, or cannot be."""
+    said_at = -EVERY_S
+    while compiled_beside(part) and not is_compiled(part) and _children[-1].poll() is None:
+        if time.monotonic() - said_at >= EVERY_S:
+            said_at = time.monotonic()
+            announce(f"compiling {part}, once on this machine; {how_far(kernels_made())}")
+        time.sleep(POLL_S)
 
 
 def _end_child() -> None:

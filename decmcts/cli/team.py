@@ -18,7 +18,7 @@ from agents.supervisor import AgentStatus, LaunchError
 from decmcts._kernels.lags import Lags
 from decmcts.cli import options as opt
 from decmcts.cli import qcsp
-from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside
+from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside, finish_beside
 from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.first_check import refuse_unsound
@@ -186,7 +186,11 @@ def run_team(
     With `writes` what no head's file could hold is refused before the search, and noted what
     it leaves out; the `remark` is made once the input is known to be of use.
     """
-    with steps() as (said, _), compilation_announced(said) as announce:
+    with (
+        steps() as (said, _),
+        compilation_announced(said) as announce,
+        compiling_beside([TEAM]),
+    ):
         loaded = load(
             source,
             machine,
@@ -226,6 +230,7 @@ def run_team(
         entry = lean(loaded.job, loaded.machine, loaded.graph, asked.orders, entry, entries, lags)
         announce("a bound on the makespan")
         bound = makespan_bound(loaded.job, loaded.machine, loaded.graph, entries=entries)
+        finish_beside(TEAM, announce)  # else every agent would load what others compile
     started = time.perf_counter()
     job = agreed_job(loaded.job, asked.orders, entry)
     result = _agreed(loaded, job, lags, bound, asked)
@@ -364,14 +369,13 @@ def demo(
     if folder.exists() and not folder.is_dir():
         raise InputError("is no folder", path=folder, advice="name another with --out")
     folder.mkdir(parents=True, exist_ok=True)
-    with compiling_beside([TEAM]):
-        planned = run_team(
-            example_path("plate.gcode.gz"),
-            "dual-gantry",
-            process_order="keep",
-            quality=Quality(),
-            asked=TeamSearch(time_limit, seed),
-        )
+    planned = run_team(
+        example_path("plate.gcode.gz"),
+        "dual-gantry",
+        process_order="keep",
+        quality=Quality(),
+        asked=TeamSearch(time_limit, seed),
+    )
     paths = write_heads(planned, folder / "plate")
     paths += write_extras(
         planned,

@@ -24,7 +24,7 @@ def fresh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Give this process and its children an empty cache."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("DECMCTS_TEMPORARY_CACHE", raising=False)
-    monkeypatch.setattr(ahead, "_store", Store(tmp_path / "decmcts" / "kernels-0"))
+    monkeypatch.setattr(ahead, "_store", Store(tmp_path / "decmcts" / ahead._folders[0].name))
     return tmp_path
 
 
@@ -90,6 +90,23 @@ def test_what_is_compiled_beside_may_change(fresh: Path) -> None:
         assert not ahead.compiled_beside(PART)
         assert len(ahead._children) == 1
     assert not ahead._children
+
+
+def test_a_run_may_wait_for_what_is_compiled_beside_it(fresh: Path) -> None:
+    """Agents that all begin with a part missing would each load the compiler for it."""
+    said: list[str] = []
+    with ahead.compiling_beside([PART]):
+        ahead.finish_beside(PART, said.append)
+        assert ahead.is_compiled(PART)
+    assert said[0].startswith(f"compiling {PART}, once on this machine")
+
+
+def test_a_child_that_dies_is_not_waited_for(fresh: Path) -> None:
+    """What it would have compiled is then compiled where it is needed."""
+    with ahead.compiling_beside([PART]):
+        ahead._children[-1].kill()
+        ahead.finish_beside(PART, lambda _: None)
+    assert not ahead.is_compiled(PART)
 
 
 def test_nothing_is_started_when_all_is_compiled(
