@@ -1,7 +1,8 @@
 """How fast a team can be at best: a lower bound on the makespan.
 
-The most of five: all printing shared evenly; what heads on one rail can print at once
-(`decmcts.team.rail_bound`); what lies where only one head fits at a time
+The most of six: all printing shared evenly; what heads on one rail can print at once
+(`decmcts.team.rail_bound`); what two heads can that no rail joins
+(`decmcts.team.pair_bound`); what lies where only one head fits at a time
 (`decmcts.team.window_bound`); the longest chain of the dependency graph; what only one
 head can print. Each contour takes what the fastest head that may print it needs, entered
 where that takes least (`decmcts.team.least_time`), for one head less what it may save by not
@@ -9,10 +10,11 @@ coming to rest at its ends (`decmcts.team.run_on`). For several heads each conto
 and last of a head has its shares of the travels to and from it besides
 (`decmcts.team.least_travel`); the chain has none, for others may print what comes next in it.
 
-Where heads give room back piece by piece (`release` "point") the bound on a rail is proven for
-plans as `decmcts.team.order` makes them: a contour has at most `MOST_PIECES` pieces, each begun
-where its room has shrunk by `PIECE_MM`, and closed ones entered as sliced run as sliced. A plan
-that gives room back at every vertex may be faster; docs/team.md says by how much.
+Where heads give room back piece by piece (`release` "point") the bounds on a rail and of two
+heads are proven for plans as `decmcts.team.order` makes them: a contour has at most
+`MOST_PIECES` pieces, each begun where its room has shrunk by `PIECE_MM`, and closed ones entered
+as sliced run as sliced. A plan that gives room back at every vertex may be faster; docs/team.md
+says by how much. That of two heads takes rooms as boxes, as plans here do.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from decmcts.print.seam import SeamEntries
 from decmcts.team.least_time import choices, least_times
 from decmcts.team.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.order import MOST_PIECES, PIECE_MM
+from decmcts.team.pair_bound import HeldArea, pair_bound
 from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.run_on import saved_by_running_on
 from decmcts.team.space import eligibility
@@ -93,7 +96,9 @@ def makespan_bound(
         mine = alone & eligible[:, r]
         exclusive = max(exclusive, float(time[mine].sum()) + shares.spent(1, mine))
     even = (serial + travelled) / heads
-    shared = max(even, _on_rail(job, machine, parts, entries, shares))
+    shared = max(
+        even, _on_rail(job, machine, parts, entries, shares), _of_pair(job, machine, parts, entries)
+    )
     window = _in_window(job, machine, parts)
     bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
     return Bound(serial, travelled, shared, chain, exclusive, window, bound)
@@ -125,15 +130,39 @@ def _on_rail(
     rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
     if rail is None or len(names) < 2:
         return 0.0
-    held = _held(job, machine, parts, rail.axis)
-    if entries is not None and machine.release == "point":
-        held = _entered_anywhere(held, job.contours, parts, rail.axis, entries)
-    elif entries is not None:
-        held = _whole_from_any(held, job.contours, rail.axis, entries)
+    held = _held_along(rail.axis, job, machine, parts, entries)
     if shares.leaving.any() or shares.entering.any():
         held = _with_travels(held, job.contours, rail.axis, entries, shares)
     found = rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
     return found - shares.without(len(names))
+
+
+def _of_pair(
+    job: PrintJob, machine: Machine, parts: NDArray[np.float64], entries: SeamEntries | None
+) -> float:
+    """Return the bound of two heads that no rail joins; 0 for others."""
+    if len(machine.heads) != 2 or machine.rails:
+        return 0.0
+    x, y = (_held_along(axis, job, machine, parts, entries) for axis in (0, 1))
+    low, high = np.column_stack([x.low, y.low]), np.column_stack([x.high, y.high])
+    height = float(np.ptp(job.contours.points[:, 2])) if len(job.contours) else 0.0
+    return pair_bound(HeldArea(low, high, x.seconds, x.way), machine, height_mm=height)
+
+
+def _held_along(
+    axis: int,
+    job: PrintJob,
+    machine: Machine,
+    parts: NDArray[np.float64],
+    entries: SeamEntries | None,
+) -> Held:
+    """Return what room along an axis is held, wherever loops may be entered."""
+    held = _held(job, machine, parts, axis)
+    if entries is not None and machine.release == "point":
+        return _entered_anywhere(held, job.contours, parts, axis, entries)
+    if entries is not None:
+        return _whole_from_any(held, job.contours, axis, entries)
+    return held
 
 
 def _with_travels(
