@@ -34,6 +34,7 @@ from decmcts.team.qcsp_ways import ways_of
 
 _HOT, _WARM, _COLD = 0.03, 0.008, 0.0005  # temperatures, shares of the makespan
 _FIRST_ROUND = 20_000  # proposals of each thread
+_LONGEST_ROUND = 4_000  # for each task: several rounds end nearer than one that is longer
 _SLICE = 10_000  # proposals between looks at the clock
 _ROUNDS = 3  # of one length: a hot sweep, a warm one, and one that moves tasks in the order too
 _LANES = 2  # that anneal at once
@@ -194,6 +195,7 @@ class _Search:
             lane.anneal(1, 1.0, 1.0, free=False, go_on=lambda: True, goal=_Goal(self._goal))
             self._offer(lane)
         turn, length, speed = 0, _FIRST_ROUND, 0.0
+        longest = max(length, _LONGEST_ROUND * len(self.problem))
         with ThreadPoolExecutor(_LANES) as pool:
             while self._may_go_on() and not self._reached():
                 kind = turn % _ROUNDS
@@ -205,7 +207,7 @@ class _Search:
                 )  # fmt: skip
                 speed = round_ / max(self._seconds() - began, 1e-6)
                 turn += 1
-                length = length if turn % _ROUNDS else 2 * length
+                length = length if turn % _ROUNDS else min(2 * length, longest)
 
     def _at_work(self, cycle: int) -> list[_Lane]:
         """Return a lane of each direction, every other time two of the better one."""
