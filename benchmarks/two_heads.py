@@ -50,10 +50,10 @@ from decmcts.team.alone import lone_machine
 from decmcts.team.bound import makespan_bound
 from decmcts.team.schedule import schedule
 
-SMALL = ("gf_chess_plate_6", "hourglass_chess_6", "koch_brackets_4", "moveo_covers_4",
+FITTING = ("gf_chess_plate_6", "hourglass_chess_6", "koch_brackets_4", "moveo_covers_4",
          "nishapur_chess_16", "playblock_chess_16", "strong_brackets_8",
          "trashcan_chess_8")  # fmt: skip
-USUAL = {"dueling-zero": SMALL}  # prints of a machine; of others the plates
+USUAL = {"dueling-zero": FITTING}  # prints of a machine; of others the plates
 LONE_S = 20.0  # for the busiest head's contours alone
 KEY = ("machine", "plate", "limit_s", "seed")
 
@@ -225,7 +225,7 @@ def kind_of(print_name: str) -> str:
     """Return under which heading a print is listed."""
     if print_name in PLATES:
         return "plates"
-    return "several parts that fit" if print_name in SMALL else "single parts"
+    return "several parts that fit" if print_name in FITTING else "single parts"
 
 
 def of_all(rows: list[dict[str, str]], field: str) -> str:
