@@ -43,11 +43,12 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import ActionKind
+from decmcts.print.plan import HeadActions
 from decmcts.search.planners import plan_order
 from decmcts.search.problem import OrderProblem
 from decmcts.team.alone import lone_machine
 from decmcts.team.bound import makespan_bound
+from decmcts.team.metrics import head_toolpath
 from decmcts.team.schedule import schedule
 
 FITTING = ("gf_chess_plate_6", "hourglass_chess_6", "koch_brackets_4", "moveo_covers_4",
@@ -92,18 +93,18 @@ def run(path: Path, key: dict[str, Any], trials: int) -> dict[str, Any]:
         if two["exit"]:
             return {**key, **dict.fromkeys(FIGURES, ""), "error": two["error"]}
         replay = measured(["verify", plan, "--source", str(path), "--trials", str(trials)])
-        lone_s = busiest_alone(path, key["machine"], plan, key["seed"])
-    return {**key, **figures_of(path, key["machine"], two, replay), "lone_s": round(lone_s, 1)}
+        return {**key, **figures_of(path, key, plan, two, replay)}
 
 
 def figures_of(
-    path: Path, machine: str, two: dict[str, Any], replay: dict[str, Any]
+    path: Path, key: dict[str, Any], plan: str, two: dict[str, Any], replay: dict[str, Any]
 ) -> dict[str, Any]:
-    after = two["after"]
+    after, machine = two["after"], key["machine"]
     alone, bound = after["one_head_s"], after["bound"]
     agents = after["agents"]
     prints, travels = after["printing_s_per_head"], after["travelling_s_per_head"]
     busiest = max(range(len(prints)), key=lambda r: prints[r] + travels[r])
+    lone_s = time_alone(path, machine, read_plan(plan).plan.heads[busiest], key["seed"])
     return {
         "contours": after["contours"],
         "one_head_s": alone,
@@ -115,6 +116,7 @@ def figures_of(
         "over_whole": round(after["makespan_s"] / whole_bound(path, machine), 3),
         "prints_s": round(prints[busiest], 1),
         "travels_s": round(travels[busiest], 1),
+        "lone_s": round(lone_s, 1),
         "messages": sum(agent["sent"] for agent in agents),
         "bytes": sum(agent["sent_bytes"] for agent in agents),
         "planner": after["planner"],
@@ -125,15 +127,13 @@ def figures_of(
     }
 
 
-def busiest_alone(path: Path, name: str, plan: str, seed: int) -> float:
-    """Return how long the busiest head takes for its contours with nobody else there.
+def time_alone(path: Path, name: str, head: HeadActions, seed: int) -> float:
+    """Return how long a head takes for its contours with nobody else there.
 
     In the best order `hybrid` finds in LONE_S, none of the other heads' contours to wait for.
     """
     job, machine = loaded(path, name)
-    heads = read_plan(plan).plan.heads
-    busiest = max(heads, key=lambda head: float((head.end_s - head.begin_s).sum()))
-    rows = np.sort(busiest.contour[busiest.kind == ActionKind.PRINT]).astype(np.int64)
+    rows = np.sort(head_toolpath(head).order).astype(np.int64)
     part, lone = replace(job, contours=taken(job.contours, rows)), lone_machine(machine)
     graph = order_rules(part, lone)
     order = plan_order(

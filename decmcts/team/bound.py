@@ -36,7 +36,7 @@ from decmcts.print.seam import SeamEntries
 from decmcts.team.least_time import choices, least_times
 from decmcts.team.least_travel import TravelShares, ends_of, no_shares, travel_shares
 from decmcts.team.order import MOST_PIECES, PIECE_MM
-from decmcts.team.pair_bound import HeldArea, pair_bound
+from decmcts.team.pair_bound import pair_bound
 from decmcts.team.rail_bound import Held, rail_bound
 from decmcts.team.run_on import saved_by_running_on
 from decmcts.team.space import eligibility
@@ -144,9 +144,8 @@ def _of_pair(
     if len(machine.heads) != 2 or machine.rails:
         return 0.0
     x, y = (_held_along(axis, job, machine, parts, entries) for axis in (0, 1))
-    low, high = np.column_stack([x.low, y.low]), np.column_stack([x.high, y.high])
     height = float(np.ptp(job.contours.points[:, 2])) if len(job.contours) else 0.0
-    return pair_bound(HeldArea(low, high, x.seconds, x.way), machine, height_mm=height)
+    return pair_bound(x, y, machine, height_mm=height)
 
 
 def _held_along(

@@ -16,57 +16,50 @@ inwards until there are few enough different ones.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
+from decmcts._kernels.rooms import TOUCH
 from decmcts.print.machine import Machine
+from decmcts.team.rail_bound import Held, whole_of
 from decmcts.team.space import relation_of
 
 CELL_MM = 1.0  # that rooms are rounded to; cells double until there are no more rooms than
 MOST_ROOMS = 2_000
-TOUCH = 1e-9  # mm; rooms exactly as far apart as they must be are clear
 MOST_FLOW = 2.0**29  # of all; the solver's whole numbers have 32 bits
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-class HeldArea(NamedTuple):
-    """What heads hold across the bed, piece by piece, and for how long."""
-
-    low: Floats  # (k, 2) mm, along x and y
-    high: Floats  # (k, 2)
-    seconds: Floats  # (k,)
-    way: Ints  # (k,) the way through a contour it belongs to: 2 c along contour c, 2 c + 1 back
-
-
-def pair_bound(held: HeldArea, machine: Machine, *, height_mm: float) -> float:
+def pair_bound(along_x: Held, along_y: Held, machine: Machine, *, height_mm: float) -> float:
     """Return seconds that no joint plan of the first two heads can beat; travel is not counted.
 
     Parameters
     ----------
+    along_x, along_y : Held
+        What is held of the bed, the same pieces in both.
     height_mm : float
         Of the print; what comes too near only at some heights counts as clear.
     """
-    if not len(held.seconds) or not float(held.seconds.sum()) > 0.0:
+    seconds, way = along_x.seconds, along_x.way
+    if not len(seconds) or not float(seconds.sum()) > 0.0:
         return 0.0
-    rooms, room = _rooms(held)
+    rooms, room = _rooms(along_x, along_y)
     clear = np.zeros((len(rooms), len(rooms)), np.bool_)
     for r in range(2):
         relation = relation_of(machine, r, 1 - r)
         always = (relation[:, 4] <= -height_mm) & (relation[:, 5] >= height_mm)
         clear |= _clear(rooms[:, :4], rooms[:, 4:], relation[always])
     clear |= clear.T
-    contour, back = held.way // 2, held.way % 2 == 1
+    contour, back = way // 2, way % 2 == 1
     shared = np.isin(contour, contour[back])  # half of it either way, to find prices
-    work = _sums(room, held.seconds * np.where(shared, 0.5, 1.0))
-    worth = held.seconds * (1.0 - _prices(clear, work)[room])
-    ways, way = np.unique(held.way, return_inverse=True)
-    of_way = _sums(way.reshape(-1), worth)
+    work = _sums(room, seconds * np.where(shared, 0.5, 1.0))
+    worth = seconds * (1.0 - _prices(clear, work)[room])
+    ways, kind = np.unique(way, return_inverse=True)
+    of_way = _sums(kind.reshape(-1), worth)
     begins = np.flatnonzero(np.diff(ways // 2, prepend=-1))
     return float(np.minimum.reduceat(of_way, begins).sum())
 
@@ -75,18 +68,19 @@ def _sums(group: Ints, values: Floats) -> Floats:
     return np.bincount(group, weights=values).astype(np.float64)
 
 
-def _rooms(held: HeldArea) -> tuple[Floats, Ints]:
-    """Return the different rooms, still held and of the whole contour, and each piece's."""
-    _, way = np.unique(held.way, return_inverse=True)
-    way = way.reshape(-1)
-    low, high = np.full((way.max() + 1, 2), np.inf), np.full((way.max() + 1, 2), -np.inf)
-    np.minimum.at(low, way, held.low)
-    np.maximum.at(high, way, held.high)
-    rooms = np.hstack([held.low, held.high, low[way], high[way]])
+def _rooms(along_x: Held, along_y: Held) -> tuple[Floats, Ints]:
+    """Return the different rooms, and each piece's: low and high x, low and high y.
+
+    First four sides of what is still held, then four of the whole contour.
+    """
+    both = (along_x, along_y)
+    sides = [side for held in both for side in (held.low, held.high)]
+    sides += [side for held in both for side in whole_of(held.way, held.low, held.high)]
+    rooms = np.column_stack(sides)
     room, cell = np.arange(len(rooms)), CELL_MM
     while True:  # what was rounded to a cell rounds to two of them as it would have at once
-        grown = np.ceil(rooms[:, [0, 1, 4, 5]] / cell), np.floor(rooms[:, [2, 3, 6, 7]] / cell)
-        rooms[:, [0, 1, 4, 5]], rooms[:, [2, 3, 6, 7]] = (side * cell for side in grown)
+        rooms[:, 0::2] = np.ceil(rooms[:, 0::2] / cell) * cell
+        rooms[:, 1::2] = np.floor(rooms[:, 1::2] / cell) * cell
         rooms, kind = np.unique(rooms, axis=0, return_inverse=True)
         room = kind.reshape(-1)[room]
         if len(rooms) <= MOST_ROOMS:
@@ -96,8 +90,8 @@ def _rooms(held: HeldArea) -> tuple[Floats, Ints]:
 
 def _clear(a: Floats, b: Floats, relation: Floats) -> Bools:
     """Return where a head in a room of `a` and the other in one of `b` cannot meet, (k, k)."""
-    least = b[None, :, :2] - a[:, None, 2:]
-    most = b[None, :, 2:] - a[:, None, :2]
+    least = b[None, :, 0::2] - a[:, None, 1::2]
+    most = b[None, :, 1::2] - a[:, None, 0::2]
     near = np.zeros((len(a), len(b)), np.bool_)
     for box in relation:
         within = (least < box[1:4:2] - TOUCH) & (most > box[0:4:2] + TOUCH)

@@ -96,14 +96,21 @@ def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
 
 def _edges(held: Held, travels: NDArray[np.bool_]) -> Floats:
     """Return where each piece and its whole contour begin and end, mm from the least, (k, 4)."""
-    _, way = np.unique(held.way, return_inverse=True)
-    way = way.reshape(-1)
-    whole_low, whole_high = np.full(way.max() + 1, np.inf), np.full(way.max() + 1, -np.inf)
-    np.minimum.at(whole_low, way[~travels], held.low[~travels])
-    np.maximum.at(whole_high, way[~travels], held.high[~travels])
-    edges = np.column_stack([held.low, held.high, whole_low[way], whole_high[way]])
-    edges[travels, 2:] = edges[travels, :2]
+    edges = np.column_stack([held.low, held.high, held.low, held.high])
+    prints = ~travels
+    whole = whole_of(held.way[prints], held.low[prints], held.high[prints])
+    edges[prints, 2], edges[prints, 3] = whole
     return np.asarray(edges - edges.min())  # loops may hold less than nothing: any is the least
+
+
+def whole_of(way: Ints, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return where the whole contour of each piece begins and ends, run the same way, (k,) each."""
+    ways, kind = np.unique(way, return_inverse=True)
+    kind = kind.reshape(-1)
+    whole_low, whole_high = np.full(len(ways), np.inf), np.full(len(ways), -np.inf)
+    np.minimum.at(whole_low, kind, low)
+    np.maximum.at(whole_high, kind, high)
+    return whole_low[kind], whole_high[kind]
 
 
 class _Worth(NamedTuple):

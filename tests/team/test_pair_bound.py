@@ -13,7 +13,8 @@ from scipy.optimize import linprog
 from decmcts.formats.machine_file import load_machine
 from decmcts.team import pair_bound as pairs
 from decmcts.team.bound import makespan_bound
-from decmcts.team.pair_bound import HeldArea, pair_bound
+from decmcts.team.pair_bound import pair_bound
+from decmcts.team.rail_bound import Held
 from decmcts.team.resolve import resolve
 from decmcts.team.schedule import schedule
 from sim.experiments.random_teams import KINDS, problem_on, random_plans
@@ -47,16 +48,24 @@ def stroke(x: float, seconds: float, way: int) -> tuple[list[float], list[float]
     return [x, 80.0], [x + 2.0, 80.0], seconds, way
 
 
-def held(*strokes: tuple[list[float], list[float], float, int]) -> HeldArea:
+def area(
+    low: np.ndarray, high: np.ndarray, seconds: np.ndarray, way: np.ndarray
+) -> tuple[Held, Held]:
+    """The same pieces along x and along y, corners (k, 2)."""
+    x, y = (Held(low[:, axis], high[:, axis], seconds, way) for axis in (0, 1))
+    return x, y
+
+
+def held(*strokes: tuple[list[float], list[float], float, int]) -> tuple[Held, Held]:
     """What heads hold, stroke by stroke."""
     low, high, seconds, way = zip(*strokes, strict=True)
-    return HeldArea(np.array(low), np.array(high), np.array(seconds), np.array(way))
+    return area(np.array(low), np.array(high), np.array(seconds), np.array(way))
 
 
 @pytest.mark.parametrize(("other", "wanted"), [(40.0, 7.0), (120.0, 4.0)])
 def test_work_in_one_place_is_serial(other: float, wanted: float) -> None:
     """Tool heads of 40 mm: side by side or one after the other."""
-    found = pair_bound(held(stroke(20.0, 3.0, 0), stroke(other, 4.0, 2)), ZERO, height_mm=1.0)
+    found = pair_bound(*held(stroke(20.0, 3.0, 0), stroke(other, 4.0, 2)), ZERO, height_mm=1.0)
     assert found == pytest.approx(wanted)
 
 
@@ -65,8 +74,8 @@ def test_the_way_that_is_worth_less_counts() -> None:
     there = [([20.0, 80.0], [70.0, 80.0], 1.0, 0), ([68.0, 80.0], [70.0, 80.0], 3.0, 0)]
     back = [([20.0, 80.0], [70.0, 80.0], 1.0, 1), ([20.0, 80.0], [22.0, 80.0], 3.0, 1)]
     other = stroke(90.0, 4.0, 2)
-    one_way = pair_bound(held(*there, other), ZERO, height_mm=1.0)
-    both = pair_bound(held(*there, *back, other), ZERO, height_mm=1.0)
+    one_way = pair_bound(*held(*there, other), ZERO, height_mm=1.0)
+    both = pair_bound(*held(*there, *back, other), ZERO, height_mm=1.0)
     assert one_way == pytest.approx(8.0)
     assert 5.0 - 1e-9 <= both < 8.0
 
@@ -75,12 +84,12 @@ def test_rooms_are_rounded_so_that_heads_fit_more_easily(monkeypatch: pytest.Mon
     """Few different rooms are quicker to match and never raise the bound."""
     rng = np.random.default_rng(1)
     low = rng.uniform(10.0, 120.0, (300, 2))
-    area = HeldArea(low, low + rng.uniform(1.0, 30.0, (300, 2)), rng.uniform(1, 9, 300),
-                    2 * np.arange(300))  # fmt: skip
-    fine = pair_bound(area, ZERO, height_mm=1.0)
+    high, seconds = low + rng.uniform(1.0, 30.0, (300, 2)), rng.uniform(1, 9, 300)
+    pieces = area(low, high, seconds, 2 * np.arange(300))
+    fine = pair_bound(*pieces, ZERO, height_mm=1.0)
     monkeypatch.setattr(pairs, "MOST_ROOMS", 40)
-    coarse = pair_bound(area, ZERO, height_mm=1.0)
-    assert float(area.seconds.sum()) / 2 - 1e-6 <= coarse <= fine
+    coarse = pair_bound(*pieces, ZERO, height_mm=1.0)
+    assert float(seconds.sum()) / 2 - 1e-6 <= coarse <= fine
 
 
 def test_two_heads_without_a_rail_are_bound_by_it(case_of: Callable[..., Any]) -> None:
