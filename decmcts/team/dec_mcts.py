@@ -196,10 +196,11 @@ class DecMcts:
         return True
 
     def _search(self, team: Team, work: int) -> None:
-        """Grow the tree and move q until so many contours are put."""
+        """Grow the tree and move q by steps that put so many contours; what is left is kept."""
         self._credit += work
-        least = (len(self.problem.macro) + EACH) // 4  # what a step costs that resolves nothing
-        while self._credit > 0:
+        order = len(self.problem.macro) + EACH
+        least = order // 4  # what a step costs that resolves nothing
+        while self._credit >= order:
             before = self._values.put
             if self._steps % (self.parameters.samples + 1) < self.parameters.samples:
                 self._sample(team)
@@ -306,6 +307,9 @@ class DecMcts:
         if line is None or line.team != team or line.outdone_by(start):
             stated = StatedOrder.of(self._values.start_paths[team])
             line = self._line = self._new_line(stated, team)
+            told = self._values.stated(self.best(team).plans)
+            if told is not None and self.best(team).makespan_s < line.polish.began_s:
+                line.polish.take(told)
         if recreate and len(self.problem.macro) > FEW:
             line.polish.recreate(self.parameters.windows)
         else:
