@@ -52,15 +52,17 @@ class Parameters:
         """Return parameters for a print of n contours: the larger, the fewer samples.
 
         Windows too, each of which takes longer: rounds of a large print stay as short. Of very
-        large ones windows gain more than trees from early on.
+        large ones polishing gains more than all before it, so it begins sooner.
         """
         plans = int(np.clip(40_000 // max(n, 1), 5, 10))
         tries = int(np.clip(200_000 // max(n, 1), 32, 128))
         windows = int(np.clip(900_000 // max(n, 1), 20, 60))
         first = float(np.clip(8_000 / max(n, 1), 0.2, 0.4))
+        recreate = float(np.clip(14_000 / max(n, 1), 0.3, 0.7))
         return Parameters(
-            plans=plans, samples=plans // 2, tries=tries, windows=windows, first=first
-        )
+            plans=plans, samples=plans // 2, tries=tries, windows=windows, first=first,
+            recreate=recreate,
+        )  # fmt: skip
 
 
 # Least and most of each parameter; those with whole limits are whole numbers.
