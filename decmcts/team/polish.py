@@ -19,7 +19,7 @@ from decmcts._kernels.dispatch import new_pool
 from decmcts._kernels.join import join
 from decmcts._kernels.joint import NONE, Heads, all_parked, new_units
 from decmcts._kernels.polish import RUN, SHORTEST, Mood, Moves, polish
-from decmcts._kernels.random import seeded
+from decmcts._kernels.random import seeded, uniform
 from decmcts._kernels.recreate import Guide, recreate
 from decmcts._kernels.replay import JointOrder, Marks, finish, link
 from decmcts.team.plans import POLICIES, StatedOrder
@@ -32,7 +32,8 @@ LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
 FEW = 40  # contours of an order that is annealed as a whole
 SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much work
 LEAST_SWEEPS = 6
-HOT = 0.5  # temperature at first, in mean contours
+AT_ONCE = 10  # sweeps from hot to cold, at least; then it begins again
+COOLEST, HOTTEST = 0.3, 3.0  # temperature at first, in mean contours; each time another
 COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
 
 
@@ -87,9 +88,18 @@ class Polish:
         return _guide(self._problem, self._eligible)
 
     def _anneal(self, sweeps: int) -> None:
-        """Anneal a small order as a whole, from hot to cold; it may end worse than it began."""
+        """Anneal a small order as a whole, several times; it may end worse than it began.
+
+        Short ones that begin at different temperatures end in more places than a long one.
+        """
         sweeps = max(LEAST_SWEEPS, sweeps * SMALL // max(SMALL, len(self._joint.order)))
-        hot = max(COLD_S, HOT * float(self._problem.visits.seconds.mean()))
+        times = max(1, sweeps // AT_ONCE)
+        for _ in range(times):
+            self._cool_down(sweeps // times)
+
+    def _cool_down(self, sweeps: int) -> None:
+        first = COOLEST * (HOTTEST / COOLEST) ** uniform(self._state)
+        hot = max(COLD_S, first * float(self._problem.visits.seconds.mean()))
         for sweep in range(sweeps):
             temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
             self._polish(1, Mood(temperature, np.inf, 0.01, FEW))
