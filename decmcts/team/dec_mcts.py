@@ -304,17 +304,22 @@ class DecMcts:
     def _refine(self, team: Team, *, recreate: bool) -> None:
         """Recreate windows of the best joint order, or polish it; go over to a better start."""
         start, line = self._values.starts[team], self._line
-        if line is None or line.team != team or line.outdone_by(start):
-            stated = StatedOrder.of(self._values.start_paths[team])
-            line = self._line = self._new_line(stated, team)
+        if line is None or line.team != team:
+            line = self._line = self._begun_anew(team)
             told = self._values.stated(self.best(team).plans)
-            if told is not None and self.best(team).makespan_s < line.polish.began_s:
+            if told is not None:
                 line.polish.take(told)
+        elif line.outdone_by(start):
+            line = self._line = self._begun_anew(team)
         if recreate and len(self.problem.macro) > FEW:
             line.polish.recreate(self.parameters.windows)
         else:
             line.polish.improve(self.parameters.windows)
         self._keep_polished(line)
+
+    def _begun_anew(self, team: Team) -> _Line:
+        """Return the best plans of macro-actions as a joint order to polish."""
+        return self._new_line(StatedOrder.of(self._values.start_paths[team]), team)
 
     def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
         """Return a joint order to polish; none draws what another one drew."""

@@ -32,7 +32,7 @@ LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
 FEW = 40  # contours of an order that is annealed as a whole
 SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much work
 LEAST_SWEEPS = 6
-AT_ONCE = 10  # sweeps from hot to cold, at least; then it begins again
+SWEEPS = 10  # of one annealing, about; the next begins hot again
 COOLEST, HOTTEST = 0.3, 3.0  # temperature at first, in mean contours; each time another
 COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
 
@@ -93,11 +93,12 @@ class Polish:
         Short ones that begin at different temperatures end in more places than a long one.
         """
         sweeps = max(LEAST_SWEEPS, sweeps * SMALL // max(SMALL, len(self._joint.order)))
-        times = max(1, sweeps // AT_ONCE)
+        times = max(1, sweeps // SWEEPS)
         for _ in range(times):
-            self._cool_down(sweeps // times)
+            self._anneal_once(sweeps // times)
 
-    def _cool_down(self, sweeps: int) -> None:
+    def _anneal_once(self, sweeps: int) -> None:
+        """Anneal a small order as a whole, from a temperature drawn at random down to cold."""
         first = COOLEST * (HOTTEST / COOLEST) ** uniform(self._state)
         hot = max(COLD_S, first * float(self._problem.visits.seconds.mean()))
         for sweep in range(sweeps):

@@ -213,6 +213,19 @@ def test_a_head_begins_to_polish_with_the_best_it_was_told(problem: TeamProblem)
 
 
 @pytest.mark.slow
+def test_a_better_start_is_polished_and_not_the_order_it_replaces(problem: TeamProblem) -> None:
+    """Joined with that order it would be that order again."""
+    agent = DecMcts(problem, 0, seed=1, parameters=FEW)
+    for _ in range(4):
+        agent.iterate([0, 1])
+    assert agent._line is not None and agent._line.polish.best_s < agent._line.polish.began_s
+    agent._line = agent._line._replace(start_s=1e9)  # any start is much better
+    agent.parameters = replace(FEW, windows=0)
+    agent._refine((0, 1), recreate=False)
+    assert agent._line.polish.best_s == agent._values.starts[0, 1].makespan_s
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "share"), [(0.5, 0.3), (0.0, 0.3), (0.5, 0.0)])
 def test_polishing_begins_when_it_is_set_to(
     problem: TeamProblem, first: float, share: float
@@ -222,11 +235,11 @@ def test_polishing_begins_when_it_is_set_to(
     assert len(problem.macro) > dec_mcts.FEW
     while agent._try_policies((0, 1)):
         pass
-    before = agent._values.put
+    before, order = agent._values.put, len(problem.macro) + EACH
     agent.iterate([0, 1], 0.4)
     alone = first > 0.4 and share > 0.0
     assert (agent._line is None) == alone
-    assert (agent._values.put - before > dec_mcts.UNPOLISHED // 2) == alone
+    assert (agent._values.put - before > dec_mcts.UNPOLISHED - order) == alone
     agent.iterate([0, 1], 0.5)
     assert agent._line is not None
 
