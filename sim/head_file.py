@@ -13,6 +13,7 @@ from decmcts.formats.gcode.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.motion import Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
+from sim.hot_ends import heat_of
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
@@ -114,8 +115,9 @@ def command_of_between(lines: Lines, first: int, last: int) -> bool:
 
 
 def own_commands(
-    text: bytes, tool: int | None, *, homes: bool, relative_e: bool, selected: int | None = None
-) -> list[bytes]:
+    text: bytes, tool: int | None, *, homes: bool, relative_e: bool, selected: int | None = None,
+    all_heat: bool = False, all_off: bool = False,
+) -> list[bytes]:  # fmt: skip
     """Return what a head's own controller is to be told of verbatim lines of the source.
 
     No moves along an axis, no homing but in start code (`homes`), no choice of a tool, no
@@ -131,6 +133,8 @@ def own_commands(
     selected : int | None
         The tool in use above the lines, of a source that has several: filament and hot end
         of another tool are not this head's. None: the source has one tool.
+    all_heat, all_off : bool
+        What names no tool heats, or switches off, this head whichever tool is selected.
     """
     kept = []
     for code in filter(None, map(command_of, text.split(b"\n"))):
@@ -143,6 +147,8 @@ def own_commands(
             kept += _e_set(code, relative_e)
         elif (own := _for_tool(code, tool)) is None:
             continue
+        elif (heat := heat_of(own)) and (all_heat or (all_off and not heat.heats)):
+            kept.append(own)
         elif others and own == code and _OF_TOOL.match(code):
             kept += _e_set(code, relative_e)
         else:

@@ -26,6 +26,7 @@ from sim.head_file import HeadFile, own_commands, read_head_file
 from sim.head_order import Parts, check_order, check_sync, last_points
 from sim.head_sync import Knowledge
 from sim.head_walk import OWED_MM, SAME_MM, Walk, Walker, differing
+from sim.hot_ends import heat_due, unheated
 
 Point = tuple[float, float, float]
 
@@ -97,13 +98,15 @@ def _judge_one(
     tools = np.unique(job.contours.tool[lane.contour[lane.kind == ActionKind.PRINT]]).tolist()
     tool = int(tools[0]) if tools else None
     words: list[str] = []
+    due = heat_due(document, job)
     start = own_commands(
-        document.preamble, tool, homes=True, relative_e=False, selected=_selected(job, 0)
-    )
+        document.preamble, tool, homes=True, relative_e=False, selected=_selected(job, 0),
+        all_heat=due.one_hot_end,
+    )  # fmt: skip
     low, parked = _match_start(file, document, start, park, words)
     ending = own_commands(
         document.postamble, tool, homes=False, relative_e=document.end.relative_e,
-        selected=_selected(job, document.end.tool),
+        selected=_selected(job, document.end.tool), all_heat=due.one_hot_end, all_off=True,
     )  # fmt: skip
     high = len(file.rest) - len(ending)
     if high < low or [code for _, code in file.rest[high:]] != ending:
@@ -117,16 +120,23 @@ def _judge_one(
     words += _check_end(file, document, end_code)
     theirs = [
         own_commands(
-            b.text, tool, homes=False, relative_e=b.begin.relative_e,
+            b.text,
+            tool,
+            homes=False,
+            relative_e=b.begin.relative_e,
             selected=_selected(job, b.begin.tool),
+            all_heat=due.one_hot_end,
         )
         for b in document.blocks
-    ]  # fmt: skip
+    ]
     blocks = _take_blocks(file, document, theirs, low, high, words)
     taken = {line for found in blocks for line in found}
     walk = Walker(file, lane, job, document, part.begin, part.end, taken, let_in).run()
     words += walk.faults
     words += _check_blocks(file, lane, job, document, blocks, walk)
+    if walk.complete and tools:
+        prints = np.flatnonzero(lane.kind == ActionKind.PRINT)
+        words += unheated(file.rest, walk.first[int(prints[0])], due)
     known = known_settings(document)
     for line, code in file.rest[low:high]:
         if line not in taken and not accepted(file.row(line), known):

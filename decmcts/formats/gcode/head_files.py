@@ -4,9 +4,10 @@ Every file is complete: the source's set-up commands, this head's contours with
 the planned paths as they are, and the end. Heads share the bed, so moves that
 no plan checked are left out: purge lines, wipes at the end, custom travel. Of a
 source with several tools a head is told what is said to its own: temperatures and moves
-of filament alone, by the tool they name or the one selected there. A
-head retracts (and wipes along the bead it printed) before it says that a print
-has ended: what it does afterwards is its next action's path and nothing else.
+of filament alone, by the tool they name or the one selected there. All heads are told what
+heats the one hot end of a source (`decmcts.formats.gcode.hot_ends`), and what switches hot
+ends off in the end code. A head retracts (and wipes along the bead it printed) before it says
+that a print has ended: what it does afterwards is its next action's path and nothing else.
 The end code, which turns off bed and motors, runs when all heads are done.
 
 Where the plan orders actions of different heads the files hold
@@ -45,6 +46,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
+from decmcts.formats.gcode.hot_ends import Hears, refuse_cold, told_to
 from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
@@ -151,13 +153,14 @@ def _refuse_points(points: SyncPoints, plan: JointPlan) -> None:
 def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -> None:
     """Raise InputError where no files of several heads can be written, whatever the plan.
 
-    So before any plan: moves of the source's own, and heads that may print with more
-    than one tool of the source.
+    So before any plan: moves of the source's own, heads that may print with more than one
+    tool of the source, and tools that would print cold.
     """
     _refuse_own_moves(document, job)
     tools = np.unique(job.contours.tool).tolist()
     for head in machine.heads:
         _refuse_tools(document, head.name, [t for t in tools if not head.tools or t in head.tools])
+    refuse_cold(document, job)
 
 
 def unprimed_note(document: GcodeDocument) -> str | None:
@@ -234,6 +237,7 @@ class _HeadFile:
         self.points, self.words = points, words
         self.blocks = list(document.blocks)
         self.shared = tool is not None and len(np.unique(job.contours.tool)) > 1
+        self.told = told_to(document, job)
         self.left = 0.0  # filament retracted, mm, when the source left this head's tool
 
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
@@ -327,11 +331,12 @@ class _HeadFile:
         emitter.owe(end.owed, firmware=end.firmware_retracted)
         emitter.set_state(end.state)
         emitter.set_e(end.e)
-        emitter.verbatim(
-            self._own(
-                self.document.postamble, keep_homing=False, relative_e=end.relative_e, tool=end.tool
-            )
+        told: Hears = "all" if self.told == "all" else "off"
+        text = self.document.postamble
+        own = self._own(
+            text, keep_homing=False, relative_e=end.relative_e, tool=end.tool, told=told
         )
+        emitter.verbatim(own)
         if self.index + 1 < len(points.ended):
             self._say(self.words.signal, points.ended[self.index])
 
@@ -375,11 +380,14 @@ class _HeadFile:
         self.emitter.say("M400")
         self.emitter.say(template.format(number=number))
 
-    def _own(self, text: bytes, *, keep_homing: bool, relative_e: bool, tool: int = 0) -> bytes:
+    def _own(
+        self, text: bytes, *, keep_homing: bool, relative_e: bool, tool: int = 0,
+        told: Hears | None = None,
+    ) -> bytes:  # fmt: skip
         """Return lines as this controller needs them; `tool` is in use above them."""
         return own_lines(
             text, self.tool, selected=tool if self.shared else None, keep_homing=keep_homing,
-            relative_e=relative_e, newline=self.document.newline,
+            relative_e=relative_e, newline=self.document.newline, told=told or self.told,
         )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 Of a source with several tools a head's controller gets temperatures of hot ends and moves of
 filament alone only where they are of its own tool: the one they name, else the one selected.
+Of temperatures that name none it may get more, see `decmcts.formats.gcode.hot_ends`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from decmcts.formats.gcode.hot_ends import OWN, Hears, hears, hot_end_command
 from decmcts.formats.gcode.lines import split_lines
 from decmcts.formats.gcode.motion import interpret
 from decmcts.formats.gcode.progress import without_progress
@@ -26,7 +28,6 @@ _FOR_TOOL = re.compile(rb"^(\s*(?!M0*20[1-5]\b)[MG]\d[^;]*?)\s+T(\d+)(?=[\s;]|$)
 _FILAMENT = re.compile(
     rb"^\s*(?:N\d+\s*)?G0*(?:[01](?![0-9.])(?=[^;(]*E)|1[01](?![0-9.])(?![^;(]*L))", re.I
 )
-_HOT_END = re.compile(rb"^\s*(?:N\d+\s*)?M10[49](?![0-9.])", re.I)
 
 
 def own_lines(
@@ -37,6 +38,7 @@ def own_lines(
     keep_homing: bool,
     relative_e: bool,
     newline: bytes,
+    told: Hears = OWN,
 ) -> bytes:
     """Return lines as a head's controller needs them; what is left out stays as a comment.
 
@@ -48,6 +50,8 @@ def own_lines(
         The tool in use above the lines; None: the source has one tool, or the head prints none.
     relative_e : bool
         How E counts above the lines.
+    told : Hears
+        Of temperatures that name no tool, which the head is told while another is selected.
     """
     kept: list[bytes] = []
     for line in without_progress(text):
@@ -64,19 +68,19 @@ def own_lines(
             selected = None if selected is None else int(match.group(1))
             kept.append(b"; left out, one tool: " + line)
         else:
-            kept.append(_for_own_tool(line, tool, others=others))
+            kept.append(_for_own_tool(line, tool, told if others else None))
     return b"".join(kept)
 
 
-def _for_own_tool(line: bytes, tool: int | None, *, others: bool) -> bytes:
+def _for_own_tool(line: bytes, tool: int | None, told: Hears | None) -> bytes:
     """Return a command without the tool it names, as a comment if that is another head's.
 
-    With `others` another tool is selected there.
+    `told` is given where another tool is selected.
     """
     named = _FOR_TOOL.match(line)
     if named and (tool is None or int(named.group(2)) == tool):
         return named.group(1) + line[named.end() :]
-    if named or (others and _HOT_END.match(line)):
+    if named or (told is not None and not hears(told, hot_end_command(line))):
         return b"; left out, another head's tool: " + line
     return line
 

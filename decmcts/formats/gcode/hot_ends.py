@@ -1,0 +1,130 @@
+"""Who is told how hot to be, where a source with several tools does not say which tool it means.
+
+A temperature that names no tool is meant for the tool selected there, if every tool has a hot
+end of its own. Where several filaments go through one hot end (MMU, AMS) it is meant for all:
+the source heats once and changes filament. Such a source is known by a tool that prints without
+having been heated, by name or while it was selected. Heads have a hot end each, so there all of
+them are told.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.document import GcodeDocument
+from decmcts.print.job import PrintJob
+
+__all__ = ["OWN", "Hears", "HotEnd", "hears", "hot_end_command", "refuse_cold", "told_to"]
+
+Hears = Literal["own", "off", "all"]  # temperatures for the selected tool: its head, or all heads
+OWN: Hears = "own"
+
+_COMMAND = re.compile(rb"^\s*(?:N\d+\s*)?M10([49])(?![0-9.])([^;(]*)", re.I)
+_VALUE = re.compile(rb"[SR]\s*([0-9.]+)", re.I)
+_TOOL = re.compile(rb"(?:^|\s)T\s*(\d+)", re.I)
+_SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)")
+
+
+class HotEnd(NamedTuple):
+    """A command that sets a hot end's temperature."""
+
+    waits: bool  # M109: and goes on when it is reached
+    heats: bool  # else it switches off
+    tool: int | None  # that it names
+
+
+class _Heated(NamedTuple):
+    """A hot end is heated, or waited for, above all that is printed from an epoch on."""
+
+    epoch: int
+    tool: int  # named, or selected
+    named: bool
+
+
+def hot_end_command(line: bytes) -> HotEnd | None:
+    """Return what a line says to a hot end; None: nothing."""
+    match = _COMMAND.match(line)
+    if match is None:
+        return None
+    value, tool = _VALUE.search(match[2]), _TOOL.search(match[2])
+    heats = value is None or float(value[1]) > 0.0
+    return HotEnd(match[1] == b"9", heats, None if tool is None else int(tool[1]))
+
+
+def hears(told: Hears, command: HotEnd | None) -> bool:
+    """Say whether a head is told a command while another tool is selected; None: any other."""
+    return command is None or told == "all" or (told == "off" and not command.heats)
+
+
+def told_to(document: GcodeDocument, job: PrintJob) -> Hears:
+    """Return which temperatures that name no tool heads are told: their own tool's, or all."""
+    return "all" if _cold_tools(document, job) else OWN
+
+
+def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
+    """Raise InputError where some tool would print with a hot end nobody has waited for.
+
+    That is where the source heats, but each command names another tool.
+    """
+    for tool, word in _cold_tools(document, job).items():
+        above = _heated(document, waits=word == "M109")
+        if not any(not h.named and h.epoch <= _first_epoch(job, tool) for h in above):
+            does = "waits for the heat of" if word == "M109" else "heats"
+            raise InputError(
+                f"the source never {does} tool {tool} before it prints with it, and its head has a "
+                "hot end of its own",
+                path=document.path,
+                advice=f"add `{word} T{tool} S…` to the start G-code",
+            )
+
+
+def _cold_tools(document: GcodeDocument, job: PrintJob) -> dict[int, str]:
+    """Return the tools that print unheated and the command they lack.
+
+    A source that waits for heat above its first print has to wait for each tool, one that only
+    heats has to heat each. None where nothing heats there: a macro may.
+    """
+    tools = np.unique(job.contours.tool).tolist()
+    if len(tools) < 2:
+        return {}
+    for waits in (True, False):
+        above = _heated(document, waits=waits)
+        if any(h.epoch <= job.contours.epoch.min() for h in above):
+            word = "M109" if waits else "M104"
+            return {t: word for t in tools if not _is_told(above, t, _first_epoch(job, t))}
+    return {}
+
+
+def _is_told(above: list[_Heated], tool: int, epoch: int) -> bool:
+    """Say whether one of these commands, up to an epoch, is for a tool."""
+    return any(h.tool == tool and h.epoch <= epoch for h in above)
+
+
+def _first_epoch(job: PrintJob, tool: int) -> int:
+    return int(job.contours.epoch[job.contours.tool == tool].min())
+
+
+def _heated(document: GcodeDocument, *, waits: bool) -> list[_Heated]:
+    """Return where the source heats hot ends, or with `waits` where it waits for them."""
+    return [
+        _Heated(epoch, selected if command.tool is None else command.tool, command.tool is not None)
+        for epoch, selected, command in _commands(document)
+        if command.heats and command.waits == waits
+    ]
+
+
+def _commands(document: GcodeDocument) -> Iterator[tuple[int, int, HotEnd]]:
+    """Yield what is said to hot ends above and between prints: epoch, selected tool, command."""
+    texts = [(0, document.preamble, 0)]
+    texts += [(block.epoch, block.text, block.begin.tool) for block in document.blocks]
+    for epoch, text, selected in texts:
+        for line in text.splitlines():
+            if select := _SELECT.match(line):
+                selected = int(select[1])
+            elif command := hot_end_command(line):
+                yield epoch, selected, command

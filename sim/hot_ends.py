@@ -1,0 +1,101 @@
+"""Heat of several heads: each is hot before it prints, and off at the end, as the source is.
+
+A source of several tools may heat one hot end for all of them, and each head has its own. So
+who is to hear a temperature that names no tool is found anew here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.lines import command_of
+from decmcts.print.job import PrintJob
+
+_SELECTS = re.compile(rb"T(\d+)\Z", re.I)
+
+
+class Heat(NamedTuple):
+    """What one command says to a hot end."""
+
+    waits: bool
+    heats: bool
+    tool: int | None
+
+
+class Due(NamedTuple):
+    """What each head that prints is to be told."""
+
+    one_hot_end: bool  # temperatures that name no tool are for all heads
+    heats: bool  # before its first print it is heated
+    waits: bool  # and waits until it is hot
+    ends_off: bool  # the last it is told is to switch off
+
+
+def heat_of(code: bytes) -> Heat | None:
+    """Return what a command, comments left out, says to a hot end; None: nothing."""
+    words = code.upper().split()
+    if not words or words[0] not in (b"M104", b"M109"):
+        return None
+    values = [word[1:] for word in words[1:] if word[:1] in (b"S", b"R")]
+    tools = [int(match[1]) for word in words[1:] if (match := _SELECTS.match(word))]
+    heats = not values or any(float(value) > 0.0 for value in values)
+    return Heat(words[0] == b"M109", heats, tools[0] if tools else None)
+
+
+def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
+    """Return what the source's heads are to be told."""
+    first = int(job.contours.epoch.min(initial=0))
+    said = list(_said(document))  # epoch, tool meant, command
+    early = [heat for epoch, _, heat in said if epoch <= first and heat.heats]
+    waits = any(heat.waits for heat in early)
+    told: dict[int, int] = {}  # tool -> epoch from which on it is hot
+    for epoch, tool, heat in said:
+        if heat.heats and heat.waits == waits:
+            told[tool] = min(epoch, told.get(tool, epoch))
+    begins = {t: int(job.contours.epoch[job.contours.tool == t].min()) for t in _tools(job)}
+    cold = [t for t, epoch in begins.items() if told.get(t, epoch + 1) > epoch]
+    ends = [heat for heat in map(heat_of, _codes(document.postamble)) if heat is not None]
+    off = any(not heat.heats and heat.tool is None for heat in ends)
+    return Due(len(begins) > 1 and bool(early) and bool(cold), bool(early), waits, off)
+
+
+def unheated(rows: Iterable[tuple[int, bytes]], first: int, due: Due) -> list[str]:
+    """Return what is wrong with the heat of a file that prints from line `first` on.
+
+    `rows` are its lines and commands.
+    """
+    told = [(line, heat) for line, code in rows if (heat := heat_of(code)) is not None]
+    above = [heat for line, heat in told if line < first]
+    words = []
+    if due.heats and not (above and above[-1].heats):
+        words.append(f"line {first}: it prints, and was not heated")
+    elif due.waits and not any(heat.waits and heat.heats for heat in above):
+        words.append(f"line {first}: it prints, and has not waited until it is hot")
+    if due.ends_off and told and told[-1][1].heats:
+        words.append(f"line {told[-1][0]}: it stays hot, the source switches off at its end")
+    return words
+
+
+def _said(document: GcodeDocument) -> Iterable[tuple[int, int, Heat]]:
+    """Yield all that heats or cools above and between prints: epoch, tool meant, command."""
+    texts = [(0, 0, document.preamble)]
+    texts += [(block.epoch, block.begin.tool, block.text) for block in document.blocks]
+    for epoch, selected, text in texts:
+        for code in _codes(text):
+            if match := _SELECTS.match(code.split()[0]):
+                selected = int(match[1])
+            elif (heat := heat_of(code)) is not None:
+                yield epoch, selected if heat.tool is None else heat.tool, heat
+
+
+def _codes(text: bytes) -> list[bytes]:
+    return [code for row in text.split(b"\n") if (code := command_of(row))]
+
+
+def _tools(job: PrintJob) -> list[int]:
+    return [int(tool) for tool in np.unique(job.contours.tool)]
