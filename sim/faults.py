@@ -20,6 +20,7 @@ class FaultKind(Enum):
     OTHER_PRINT = "another print, or the same one moved"
     MISSING = "missing contour"
     DOUBLED = "doubled contour"
+    FILE = "missing file"
     WRONG_PATH = "wrong path"
     NOT_PARKED = "not parked"
     OUT_OF_REACH = "out of reach"

@@ -78,7 +78,10 @@ def verify_heads(
 def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
     """Check that there is one file for each head, and that each says so."""
     if len(files) != len(plan.heads):
-        return [Fault(FaultKind.MISSING, f"{len(files)} files for {len(plan.heads)} heads")]
+        there = {file.name for file in files}
+        absent = ", ".join(lane.head for lane in plan.heads if lane.head not in there)
+        said = f"{len(files)} files for {len(plan.heads)} heads; name the files of all heads"
+        return [Fault(FaultKind.FILE, said + (f", that of {absent} too" if absent else ""))]
     lines = []
     for k, (file, lane) in enumerate(zip(files, plan.heads, strict=True)):
         if file.name != lane.head or file.place != (k + 1, len(files)):

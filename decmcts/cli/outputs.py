@@ -306,14 +306,25 @@ def require_sound(verdict: Verdict, path: Path) -> None:
         )
 
 
-def head_files(stem: Path, machine: Machine) -> list[Path]:
-    """Return the names of the files of the machine's heads, `STEM_HEAD.gcode`."""
-    if stem == STDOUT:
+def stem_of(output: Path) -> Path:
+    """Return what the names of the heads' files begin with: the output, without `.gcode`.
+
+    Raises
+    ------
+    InputError
+        For standard output and for folders.
+    """
+    if output == STDOUT:
         raise InputError(
             "several files do not go to standard output", advice="name a stem, such as -o part"
         )
-    if not stem.name:
-        raise InputError("the output is a folder", path=stem, advice="name a stem in it")
+    if not output.name or output.is_dir():
+        raise InputError("the output is a folder", path=output, advice="name a stem in it")
+    return output.with_suffix("") if output.suffix.lower() == ".gcode" else output
+
+
+def head_files(stem: Path, machine: Machine) -> list[Path]:
+    """Return the names of the files of the machine's heads, `STEM_HEAD.gcode`."""
     return [stem.with_name(f"{stem.name}_{head.name}.gcode") for head in machine.heads]
 
 

@@ -29,6 +29,7 @@ from decmcts.cli.outputs import (
     is_longer,
     refuse_other_suffixes,
     refuse_unwritable,
+    stem_of,
     write_extras,
     write_heads,
 )
@@ -137,11 +138,12 @@ def launch(
         qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     orders = Orders(freedom.value, seam_of(freedom, seam), objective.value)
-    heads = head_files(output, load_machine(machine)) if output is not None else []
+    stem = None if output is None else stem_of(output)
+    heads = [] if stem is None else head_files(stem, load_machine(machine))
     outputs = [*heads, plan_file, report, picture, record]
     refuse_unwritable(outputs, source, *([] if team is None else [team]))
     refuse_other_suffixes(plan_file, report, picture)
-    only_shown = not (as_json or output or plan_file or report or picture or record)
+    only_shown = not (as_json or stem or plan_file or report or picture or record)
     parameters = {} if team is None else read_parameters(team)
     planned = run_team(
         source,
@@ -150,12 +152,12 @@ def launch(
         own_limits=limits == opt.Limits.SOURCE,
         quality=Quality(quality, min_layer_time, max_layers_ahead),
         asked=TeamSearch(time_limit, seed, parameters, record, orders),
-        writes=output is not None,
+        writes=stem is not None,
         remark=ONLY_SHOWN if only_shown else "",
     )
     with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
         announce("writing files")
-        paths = write_heads(planned, output) if output is not None else []
+        paths = [] if stem is None else write_heads(planned, stem)
         paths += write_extras(planned, plan=plan_file, report=report, picture=picture)
     with written():
         show_team(planned, paths, as_json=as_json)

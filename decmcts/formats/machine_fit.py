@@ -108,7 +108,7 @@ def _reason(
     return (
         f"the others cannot make way for {names}, which reach{'es' * (len(there) == 1)} it{lost}",
         "give `slices` no larger than the heads are, which count as going up for ever (`clearance`"
-        " fills the bed), lessen head_clearance_mm or move parks",
+        " fills the bed), lessen head_clearance_mm or a rail's separation_mm, or move parks",
     )
 
 

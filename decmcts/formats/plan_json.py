@@ -196,8 +196,10 @@ def _plan(given: Fields, *, contours_sizes: list[int], version: int) -> JointPla
     known = [table.text("name") for table in given.table("machine").tables("heads")]
     for table, name in zip(tables, names, strict=True):
         table.only("name", "actions")
-        if name not in known or names.count(name) != 1:
-            table.fail("name", f"{shown(name)} is not one head of the machine ({', '.join(known)})")
+        if name not in known:
+            table.fail("name", f"{shown(name)} is no head of the machine ({', '.join(known)})")
+        if names.count(name) > 1:
+            table.fail("name", f"{shown(name)} stands for more than one head of the plan")
     counts = [len(table.items("actions")) for table in tables]
     lanes = tuple(
         actions_from_dicts(table, names, counts, contours_sizes, version=version)

@@ -70,6 +70,36 @@ def test_a_source_without_end_code_is_written(tmp_path: Path) -> None:
     assert len(outputs.write_heads(planned, tmp_path / "part")) == 2
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("relative", [True, False])
+def test_volumetric_filament_is_counted_as_such(tmp_path: Path, relative: bool) -> None:
+    """Start code that retracts in mm³: the heads pushed back more than was retracted."""
+    start = "M200 D1.75\nG92 E0\nG1 E-2 F2400\n"
+    text, absolute, e = TEXT.replace("M83\n", f"M83\n{start}" if relative else f"{start}"), [], -2.0
+    for line in text.splitlines():
+        head, at, word = line.rpartition(" E")
+        if not relative and at and line.startswith("G1") and line != "G1 E-2 F2400":
+            value, _, rest = word.partition(" ")
+            e += float(value)
+            line = f"{head} E{e:.5f} {rest}".rstrip()
+        absolute.append(line)
+    source = tmp_path / "in.gcode"
+    source.write_text("\n".join(absolute) + "\n")
+    stem = str(tmp_path / "part")
+    assert run(["launch", str(source), "--time-limit", "0.5", "-o", stem]) == 0
+    files = [f"{stem}_{name}.gcode" for name in ("left", "right")]
+    assert run(["verify", *files, "--source", str(source)]) == 0
+
+
+def test_an_output_is_a_stem(tmp_path, capsys):
+    """`.gcode` is no part of it, and a folder is none."""
+    assert outputs.stem_of(tmp_path / "part.gcode") == tmp_path / "part"
+    assert outputs.stem_of(tmp_path / "part.v2") == tmp_path / "part.v2"
+    (tmp_path / "in.gcode").write_text(TEXT)
+    assert run(["launch", str(tmp_path / "in.gcode"), "-o", f"{tmp_path}/"]) == 2
+    assert "the output is a folder; name a stem in it" in " ".join(capsys.readouterr().err.split())
+
+
 SHUT_OUT = """name = "pair"
 bed = { min = [0, 0], max = [300, 300] }
 heads = [
@@ -130,7 +160,10 @@ def test_one_file_of_two_is_no_whole(written, tmp_path, capsys):
     """Alone it proves nothing; with the plan it is known that one is missing."""
     assert verify(written[:1]) == 2
     assert "name the files of all heads" in " ".join(capsys.readouterr().err.split())
+    capsys.readouterr()
     assert verify(written[:1], "--plan", str(tmp_path / "plan.json")) == 1
+    assert "missing file: 1 files for 2 heads" in (said := capsys.readouterr().out)
+    assert "that of right too" in " ".join(said.split())
 
 
 @pytest.mark.slow

@@ -265,7 +265,7 @@ def test_files_of_two_plans_mixed_are_seen(made, tmp_path):
 def test_one_file_missing_is_a_fault(made):
     """The other would wait for ever."""
     made.paths.pop()
-    assert FaultKind.MISSING in made.judged().kinds()
+    assert FaultKind.FILE in made.judged().kinds()
 
 
 def test_acceleration_of_the_start_code_is_no_tool(made):

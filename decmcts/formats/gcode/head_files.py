@@ -244,7 +244,7 @@ class _HeadFile:
         """Set up and go to the park position, one head after the other."""
         emitter, document = self.emitter, self.document
         preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
-        emitter.owed = owed_after(preamble, 0.0, e=0.0, relative_e=False)  # moves are left out
+        emitter.owed = self._owed_after(preamble, 0.0, 0.0, relative_e=False)  # moves are left out
         if self._is_other(document.start.tool):
             emitter.firmware_retracted = False
         self.left = emitter.owed
@@ -366,11 +366,16 @@ class _HeadFile:
         emitter, owed = self.emitter, self.emitter.owed
         pulled = emitter.firmware_retracted
         emitter.take(block.end)
-        emitter.owed = owed_after(text, owed, e=block.begin.e, relative_e=block.begin.relative_e)
+        emitter.owed = self._owed_after(
+            text, owed, block.begin.e, relative_e=block.begin.relative_e
+        )
         if self._is_other(block.end.tool):
             emitter.firmware_retracted = pulled
         if not self._is_other(block.begin.tool):
             self.left = emitter.owed
+
+    def _owed_after(self, text: bytes, owed: float, e: float, *, relative_e: bool) -> float:
+        return owed_after(text, owed, e=e, relative_e=relative_e, e_area=self.document.e_area)
 
     def _is_other(self, tool: int) -> bool:
         """Tell whether a tool is another head's."""

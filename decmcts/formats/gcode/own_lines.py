@@ -98,17 +98,19 @@ def pushes(text: bytes) -> bool:
     return any(map(_FILAMENT.match, text.splitlines()))
 
 
-def owed_after(text: bytes, owed: float, *, e: float, relative_e: bool) -> float:
+def owed_after(
+    text: bytes, owed: float, *, e: float, relative_e: bool, e_area: float = 0.0
+) -> float:
     """Return how much filament, mm, is retracted behind lines above which `owed` is.
 
-    E stands at `e` there.
+    E stands at `e` there; it is in mm³ where it is volumetric, of filament of `e_area` mm².
     """
     for value, sets in _e_words(text, relative_e):
         if sets:
             e = value
             continue
         to = e + value if sets is None else value
-        owed, e = max(0.0, owed - (to - e)), to
+        owed, e = max(0.0, owed - (to - e) / (e_area or 1.0)), to
     return owed
 
 
