@@ -15,11 +15,15 @@ from decmcts.print.machine import Body, Machine, Rail
 
 AXES = ("x", "y")
 
+MOST_HEADS = 64  # that agents tell apart (docs/protocol.md)
+
 
 def check_relations(machine: Machine, given: Fields) -> None:
     """Check what no single value shows: names, rail and parks."""
     if not machine.heads:
         given.fail("heads", "no head")
+    if len(machine.heads) > MOST_HEADS:
+        given.fail("heads", f"{len(machine.heads)} heads, at most {MOST_HEADS} are taken")
     if not all(a < b for a, b in zip(machine.bed_min, machine.bed_max, strict=True)):
         given.fail("bed", f"min {machine.bed_min} is not below max {machine.bed_max}")
     _check_names(machine, given)

@@ -217,4 +217,9 @@ def _let_in(
         ends, np.zeros((len(machine.heads), len(contours))), contours.reversible, whole, none,
         np.empty(0, np.int32), no_lags(len(contours)),
     )  # fmt: skip
-    return eligible_heads(reached, visits, fleet_of(job, machine, live))
+    fleet, let_in = fleet_of(job, machine, live), np.zeros_like(reached)
+    for r in range(len(machine.heads)):  # one by one, so that signals are heard in between
+        asked = np.zeros_like(reached)
+        asked[:, r] = reached[:, r]
+        let_in |= eligible_heads(asked, visits, fleet)
+    return let_in

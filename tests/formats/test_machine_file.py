@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -260,6 +261,16 @@ def test_a_head_has_its_own_limits_or_the_machines(tmp_path):
     assert (own.limits.travel_feed, own.limits.acceleration, own.limits.jerk[0]) == (99.0, 7.0, 1.0)
     alone = machine.alone(own)
     assert alone.limits == own.limits and alone.heads[0].limits is None
+
+
+def test_more_heads_than_agents_can_tell_apart_are_refused():
+    """One line, before anything is planned."""
+    machine = load_machine("dual-gantry")
+    head = machine.heads[0]
+    heads = tuple(replace(head, name=f"h{k}", park=(-100.0 * k - 50, 0, 5)) for k in range(65))
+    values = machine_to_dict(replace(machine, heads=heads, rails=()))
+    with pytest.raises(InputError, match="65 heads, at most 64 are taken"):
+        machine_from_dict(values)
 
 
 def test_release_is_of_actions_unless_said(tmp_path):
