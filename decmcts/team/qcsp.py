@@ -35,7 +35,8 @@ from decmcts.team.qcsp_ways import ways_of
 _HOT, _WARM, _COLD = 0.03, 0.008, 0.0005  # temperatures, shares of the makespan
 _FIRST_ROUND = 20_000  # proposals of each thread
 _LONGEST_ROUND = 4_000  # for each task: several rounds end nearer than one that is longer
-_SLICE = 10_000  # proposals between looks at the clock
+_SLICE = 10_000  # proposals between looks at the clock, at most
+_SLICE_WORK = 10_000_000  # tasks times cranes of them
 _ROUNDS = 3  # of one length: a hot sweep, a warm one, and one that moves tasks in the order too
 _LANES = 2  # that anneal at once
 
@@ -83,6 +84,7 @@ class _Lane:
     crew: Crew
     best: tuple[NDArray[np.int32], NDArray[np.int32]]  # order and cranes
     state: NDArray[np.uint64]  # (1,) mutated
+    slice: int  # proposals between looks at the clock
     least: float = np.inf  # makespan of its best sweep
 
     def anneal(
@@ -97,7 +99,7 @@ class _Lane:
         sweep = self.sweep[:0] if free else self.sweep
         made = 0
         while made < proposals and goal.is_open(made) and go_on():
-            more = min(_SLICE, proposals - made)
+            more = min(self.slice, proposals - made)
             heats = tuple(
                 warmest * (coldest / warmest) ** (at / proposals) for at in (made, made + more)
             )
@@ -321,7 +323,13 @@ def _lanes_of(problem: QcspProblem, seed: int) -> Iterator[_Lane]:
         crew.order[:] = sweep
         crew.crane[sweep] = rank if rightward else q - 1 - rank
         best = crew.order.copy(), crew.crane.copy()
-        yield _Lane(lane, yard, sweep, rightward, crew, best, seeded(seed * 2 * _LANES + lane))
+        state = seeded(seed * 2 * _LANES + lane)
+        yield _Lane(lane, yard, sweep, rightward, crew, best, state, _slice_of(n, q))
+
+
+def _slice_of(tasks: int, cranes: int) -> int:
+    """Return the proposals between looks at the clock: fewer where each takes long."""
+    return max(1, min(_SLICE, _SLICE_WORK // max(1, tasks * cranes)))
 
 
 def _crew(n: int, q: int, bays: int) -> Crew:
