@@ -23,7 +23,7 @@ _SELECTS = re.compile(rb"T\d+\Z", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
 _E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
-_LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205")  # their T is no tool
+_LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,7 +120,8 @@ def _judge_one(
     begin = int(file.motion.before[min(parked, len(file.lines))])
     end = int(file.motion.before[min(end_code, beyond) - 1])
     part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
-    words += _check_end(file, document, end_code)
+    others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
+    words += _check_end(file, document, end_code, others=others)
     theirs = [
         own_commands(
             b.text,
@@ -134,12 +135,15 @@ def _judge_one(
     ]
     blocks = _take_blocks(file, document, theirs, low, high, words)
     taken = {line for found in blocks for line in found}
+    if others and taken:
+        words += _check_left(file, max(taken), end_code)
     walk = Walker(file, lane, job, document, part.begin, part.end, taken, let_in).run()
     words += walk.faults
     words += _check_blocks(file, lane, job, document, blocks, walk)
     if walk.complete and tools:
         prints = np.flatnonzero(lane.kind == ActionKind.PRINT)
-        words += unheated(file.rest, walk.first[int(prints[0])], due)
+        own = {line for line, _ in file.rest[:low]} | taken
+        words += unheated(file.rest, walk.first[int(prints[0])], due, own)
     known = known_settings(document)
     for line, code in file.rest[low:high]:
         if line not in taken and not accepted(file.row(line), known):
@@ -181,19 +185,32 @@ def _match_start(
     return min(row, len(file.rest)), parked
 
 
-def _check_end(file: HeadFile, document: GcodeDocument, line: int) -> list[str]:
-    """Return what is in force, or retracted, otherwise than where the source's end code begins."""
+def _check_end(file: HeadFile, document: GcodeDocument, line: int, *, others: bool) -> list[str]:
+    """Return what is in force, or retracted, otherwise than where the source's end code begins.
+
+    With `others` the source ends with another head's tool: what this one has retracted stays so.
+    """
     begins = above_comments(file.lines.raw, line - 1, document.postamble)
     above, end = begins - 1, document.end
     modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
     words = []
-    if abs(owed - end.owed) > OWED_MM or bool(modes[3]) != end.firmware_retracted:
+    differs = abs(owed - end.owed) > OWED_MM or bool(modes[3]) != end.firmware_retracted
+    if not others and differs:
         words.append(f"{owed:.3f} mm are retracted, in the source {end.owed:.3f}")
     if bool(modes[1]) != end.relative_e:
         words.append("E is counted in another way")
     state = int(file.track.at(max(above, 0) + 1))
     words += differing(file.track.table, state, document.states, end.state)
     return [f"before the end code {text}" for text in words]
+
+
+def _check_left(file: HeadFile, last: int, end_code: int) -> list[str]:
+    """Return what is pushed back at the end of what the source left retracted, line `last`."""
+    owed = file.motion.extruder[:, 1]
+    pushed = float(owed[last - 1] - owed[max(end_code - 2, 0)])
+    if pushed <= OWED_MM:
+        return []
+    return [f"{pushed:.3f} mm are pushed back at the end, in the source they stay retracted"]
 
 
 def _take_blocks(

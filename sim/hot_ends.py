@@ -7,7 +7,7 @@ who is to hear a temperature that names no tool is found anew here.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.lines import command_of
 from decmcts.print.job import PrintJob
 
+_MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])", re.I)
 _SELECTS = re.compile(rb"T(\d+)\Z", re.I)
 
 
@@ -64,14 +65,21 @@ def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
     return Due(len(begins) > 1 and bool(early) and bool(cold), bool(early), waits, off)
 
 
-def unheated(rows: Iterable[tuple[int, bytes]], first: int, due: Due) -> list[str]:
+def unheated(
+    rows: Sequence[tuple[int, bytes]], first: int, due: Due, verbatim: Container[int] = ()
+) -> list[str]:
     """Return what is wrong with the heat of a file that prints from line `first` on.
 
-    `rows` are its lines and commands.
+    `rows` are its lines and commands, `verbatim` the lines that are the source's as they stand.
     """
     told = [(line, heat) for line, code in rows if (heat := heat_of(code)) is not None]
+    hot = min((line for line, heat in told if heat.heats), default=first)
     above = [heat for line, heat in told if line < first]
-    words = []
+    words = [
+        f"line {line}: filament moves, and it was not heated"
+        for line, code in rows
+        if due.heats and line < min(hot, first) and line not in verbatim and _MOVES.match(code)
+    ][:1]
     if due.heats and not (above and above[-1].heats):
         words.append(f"line {first}: it prints, and was not heated")
     elif due.waits and not any(heat.waits and heat.heats for heat in above):

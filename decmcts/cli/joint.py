@@ -43,7 +43,8 @@ def plan_alone(loaded: Loaded, lags: Lags, order: Toolpath, live: Sequence[int])
     """Schedule one order for one of the live heads, the others parked where possible."""
     paths = one_head_toolpaths(loaded.job, loaded.machine, order, live=live)
     plan = schedule(loaded.job, loaded.machine, loaded.graph, paths, lags=lags)
-    return document_of(loaded, plan, {"planner": "local, one head"})
+    shared = "one head" if sum(len(path) > 0 for path in paths) < 2 else "one order"
+    return document_of(loaded, plan, {"planner": f"local, {shared}"})
 
 
 def best_of(

@@ -59,7 +59,7 @@ from decmcts.team.cooling import cooled, find_lags, print_times
 from decmcts.team.entries import Orders, agreed_job, entries_of, first_entries
 from decmcts.team.leaning import lean
 from decmcts.team.parameters import Parameters, changed
-from decmcts.team.space import refuse_shut_in
+from decmcts.team.space import eligibility, refuse_shut_in
 
 StemOption = Annotated[
     Path | None,
@@ -335,9 +335,12 @@ def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
     if line := cooling_line(planned.after):
         out.print(line, soft_wrap=True)
     if is_longer(before["makespan_s"], after["makespan_s"]):
+        own = f"the source's own order ({before['makespan_s']:,.0f} s)"
+        whole = eligibility(planned.loaded.job.contours, planned.loaded.machine.heads).all(axis=0)
         out.print(
-            f"longer than one head in the source's own order ({before['makespan_s']:,.0f} s): "
-            "print the source",
+            f"longer than one head in {own}: print the source"
+            if whole.any()
+            else f"longer than one head in {own}, but none reaches all of it",
             soft_wrap=True,
         )
     for path in paths:

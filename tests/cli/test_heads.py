@@ -91,6 +91,38 @@ def test_volumetric_filament_is_counted_as_such(tmp_path: Path, relative: bool) 
     assert run(["verify", *files, "--source", str(source)]) == 0
 
 
+@pytest.mark.slow
+def test_how_filament_is_counted_may_change_in_the_print(tmp_path: Path) -> None:
+    """From M83 to M82 each head's own count has come elsewhere than the source's."""
+    source, e = tmp_path / "in.gcode", 5 * 1.2  # so much in five lines
+    rows = TEXT.removesuffix(END).splitlines()
+    for row in rows[rows.index(";LAYER_CHANGE") :]:
+        if (words := row.split(" E"))[1:]:
+            value, *more = words[1].split(" ")
+            e += float(value)
+            row = " ".join([f"{words[0]} E{e:.5f}", *more])
+        rows.append("M82" if row == ";LAYER_CHANGE" else row.replace("Z.2", "Z.4"))
+        rows += [";LAYER_CHANGE"] * (row == ";LAYER_CHANGE")
+    source.write_text("\n".join([*rows, "M104 S0", "M84", ""]))
+    stem = str(tmp_path / "part")
+    assert run(["launch", str(source), "--time-limit", "0.5", "-o", stem]) == 0
+    files = [f"{stem}_{name}.gcode" for name in ("left", "right")]
+    assert run(["verify", *files, "--source", str(source)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "code"), [("M221 T0 S95", 2), ("M900 K0.04 T1", 2), ("M593 X T2 F35.8", 0)]
+)
+def test_states_of_a_tool_by_name_are_refused_before_the_search(tmp_path, capsys, line, code):
+    """A head has one tool, which its files do not name; what shapes input has a T too."""
+    source = tmp_path / "in.gcode"
+    source.write_text(TEXT.replace("G28\n", f"G28\n{line}\n"))
+    options = ["--time-limit", "0", "-o", str(tmp_path / "part")]
+    assert run(["launch", str(source), *options]) == code
+    said = " ".join(capsys.readouterr().err.split())
+    assert (f"in.gcode:3: '{line}' names the tool" in said) == (code == 2)
+
+
 def test_an_output_is_a_stem(tmp_path, capsys):
     """`.gcode` is no part of it, and a folder is none."""
     assert outputs.stem_of(tmp_path / "part.gcode") == tmp_path / "part"

@@ -44,6 +44,7 @@ class Emitter:
         self.tail: NDArray[np.float64] = np.zeros((0, 3))  # the bead just printed, newest first
         self.parted = False  # a verbatim block stands between the last bead and the next
         self.top = -math.inf  # highest bead so far; none yet
+        self.cold = False  # the hot end is not heated yet: no filament may move
         self.take(document.start)
 
     def take(self, cursor: Cursor) -> None:
@@ -146,6 +147,8 @@ class Emitter:
     def retract(self) -> None:
         """Retract as the source does, wiping along the last bead if it wipes."""
         settings, habits = self.settings, self.document.habits
+        if self.cold:
+            return
         if settings.firmware_retraction:
             self.owe(self.owed, firmware=True)
             return

@@ -46,7 +46,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
-from decmcts.formats.gcode.hot_ends import Hears, refuse_cold, told_to
+from decmcts.formats.gcode.hot_ends import Hears, heats, heats_later, refuse_cold, told_to
 from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
@@ -62,6 +62,7 @@ WAIT = "SYNC_WAIT N={number}"
 PRIMES_MM = 0.1  # of filament; less primes nothing
 LONGEST_DWELL_S = 600.0  # of one G4
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
+_NAMED_STATE = re.compile(r"M(221|900)(?= ).* T\d", re.I)
 _ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
 
 
@@ -157,6 +158,7 @@ def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -
     tool of the source, and tools that would print cold.
     """
     _refuse_own_moves(document, job)
+    _refuse_named_states(document)
     tools = np.unique(job.contours.tool).tolist()
     for head in machine.heads:
         _refuse_tools(document, head.name, [t for t in tools if not head.tools or t in head.tools])
@@ -189,8 +191,22 @@ def _refuse_tools(document: GcodeDocument, head: str, tools: list[int]) -> None:
             f"head {head} would print with tools {', '.join(map(str, tools))}; a head of "
             "several has one tool",
             path=document.path,
-            advice="give each head its tools in the machine file",
+            advice=f"leave {head} one of them (`tools` of the machine file), others to other heads",
         )
+
+
+def _refuse_named_states(document: GcodeDocument) -> None:
+    """Raise InputError for what sets a state of a tool by its name: a head has but one."""
+    for text in document.states.values:
+        if _NAMED_STATE.match(text):
+            rows = document.preamble.decode("utf-8", "surrogateescape").split("\n")
+            at = next((k for k, row in enumerate(rows, 1) if row.startswith(text)), None)
+            raise InputError(
+                f"'{text}' names the tool whose setting it is, and a head of several has one",
+                path=document.path,
+                line=at,
+                advice="leave its T out",
+            )
 
 
 def _refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:
@@ -245,6 +261,7 @@ class _HeadFile:
         emitter, document = self.emitter, self.document
         preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
         emitter.owed = self._owed_after(preamble, 0.0, 0.0, relative_e=False)  # moves are left out
+        emitter.cold = self.shared and heats_later(document) and not heats(preamble)
         if self._is_other(document.start.tool):
             emitter.firmware_retracted = False
         self.left = emitter.owed
@@ -328,7 +345,8 @@ class _HeadFile:
             if self.index > 0:
                 self._say(self.words.wait, points.ended[self.index - 1])
         self._cross(2**31)
-        emitter.owe(end.owed, firmware=end.firmware_retracted)
+        if not self._is_other(end.tool):
+            emitter.owe(end.owed, firmware=end.firmware_retracted)
         emitter.set_state(end.state)
         emitter.set_e(end.e)
         told: Hears = "all" if self.told == "all" else "off"
@@ -356,9 +374,13 @@ class _HeadFile:
             emitter.set_state(begin.state)
             emitter.set_e(begin.e)
             emitter.verbatim(text)
+            emitter.cold = emitter.cold and not heats(text)
             self._take(block, text)
             if block.moves:
                 self._resume(block.end)
+            elif begin.relative_e and not block.end.relative_e:  # E stood where this head had come
+                emitter.e = np.inf
+                emitter.set_e(block.end.e)
             emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
 
     def _take(self, block: Block, text: bytes) -> None:

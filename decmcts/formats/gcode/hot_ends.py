@@ -19,7 +19,10 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.print.job import PrintJob
 
-__all__ = ["OWN", "Hears", "HotEnd", "hears", "hot_end_command", "refuse_cold", "told_to"]
+__all__ = [
+    "OWN", "Hears", "HotEnd", "hears", "heats", "heats_later", "hot_end_command", "refuse_cold",
+    "told_to",
+]  # fmt: skip
 
 Hears = Literal["own", "off", "all"]  # temperatures for the selected tool: its head, or all heads
 OWN: Hears = "own"
@@ -64,6 +67,16 @@ def hears(told: Hears, command: HotEnd | None) -> bool:
 def told_to(document: GcodeDocument, job: PrintJob) -> Hears:
     """Return which temperatures that name no tool heads are told: their own tool's, or all."""
     return "all" if _cold_tools(document, job) else OWN
+
+
+def heats(text: bytes) -> bool:
+    """Say whether some of these lines heat a hot end."""
+    return any(command.heats for line in text.splitlines() if (command := hot_end_command(line)))
+
+
+def heats_later(document: GcodeDocument) -> bool:
+    """Say whether the source heats hot ends by commands at all."""
+    return any(command.heats for _, _, command in _commands(document))
 
 
 def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
