@@ -74,7 +74,7 @@ def statements(
     if imposed is not None:
         by = "as asked"
     else:
-        by = "as the plan says" if document.rules else "the usual, no plan says"
+        by = "as the plan says" if document.rules else "the usual: no plan says otherwise"
     ahead = held.max_layers_ahead
     rule = document.min_layer_time_s
     cooling = f"{rule:g} s" if rule else "none"
