@@ -46,7 +46,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.emitter import Emitter
-from decmcts.formats.gcode.hot_ends import Hears, heats, heats_later, refuse_cold, told_to
+from decmcts.formats.gcode.hot_ends import Hears, heats, refuse_cold, source_heats, told_to
 from decmcts.formats.gcode.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.gcode.sync_points import SyncPoints, number_sync_points
@@ -261,7 +261,7 @@ class _HeadFile:
         emitter, document = self.emitter, self.document
         preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
         emitter.owed = self._owed_after(preamble, 0.0, 0.0, relative_e=False)  # moves are left out
-        emitter.cold = self.shared and heats_later(document) and not heats(preamble)
+        emitter.cold = self.shared and source_heats(document) and not heats(preamble)
         if self._is_other(document.start.tool):
             emitter.firmware_retracted = False
         self.left = emitter.owed

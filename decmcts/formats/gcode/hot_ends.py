@@ -20,7 +20,14 @@ from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.print.job import PrintJob
 
 __all__ = [
-    "OWN", "Hears", "HotEnd", "hears", "heats", "heats_later", "hot_end_command", "refuse_cold",
+    "OWN",
+    "Hears",
+    "HotEnd",
+    "hears",
+    "heats",
+    "hot_end_command",
+    "refuse_cold",
+    "source_heats",
     "told_to",
 ]  # fmt: skip
 
@@ -74,7 +81,7 @@ def heats(text: bytes) -> bool:
     return any(command.heats for line in text.splitlines() if (command := hot_end_command(line)))
 
 
-def heats_later(document: GcodeDocument) -> bool:
+def source_heats(document: GcodeDocument) -> bool:
     """Say whether the source heats hot ends by commands at all."""
     return any(command.heats for _, _, command in _commands(document))
 
