@@ -16,7 +16,7 @@ from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.lines import command_of
 from decmcts.print.job import PrintJob
 
-_MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])", re.I)
+_MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])(?!.*[PL])", re.I)
 _SELECTS = re.compile(rb"T(\d+)\Z", re.I)
 
 

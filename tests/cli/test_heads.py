@@ -123,6 +123,15 @@ def test_states_of_a_tool_by_name_are_refused_before_the_search(tmp_path, capsys
     assert (f"in.gcode:3: '{line}' names the tool" in said) == (code == 2)
 
 
+def test_a_print_whose_tool_is_not_heated_is_refused_before_the_search(tmp_path, capsys):
+    """All that heats names another tool than the one it prints with."""
+    source = tmp_path / "in.gcode"
+    source.write_text(TEXT.replace("G28\n", "G28\nM109 S210 T1\n"))
+    assert run(["launch", str(source), "--time-limit", "0", "-o", str(tmp_path / "part")]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the source never waits for the heat of tool 0" in said
+
+
 def test_an_output_is_a_stem(tmp_path, capsys):
     """`.gcode` is no part of it, and a folder is none."""
     assert outputs.stem_of(tmp_path / "part.gcode") == tmp_path / "part"

@@ -62,8 +62,8 @@ def hot_end_command(line: bytes) -> HotEnd | None:
     if match is None:
         return None
     value, tool = _VALUE.search(match[2]), _TOOL.search(match[2])
-    heats = value is None or float(value[1]) > 0.0
-    return HotEnd(match[1] == b"9", heats, None if tool is None else int(tool[1]))
+    hot = value is None or float(value[1]) > 0.0
+    return HotEnd(match[1] == b"9", hot, None if tool is None else int(tool[1]))
 
 
 def hears(told: Hears, command: HotEnd | None) -> bool:
@@ -110,7 +110,7 @@ def _cold_tools(document: GcodeDocument, job: PrintJob) -> dict[int, str]:
     heats has to heat each. None where nothing heats there: a macro may.
     """
     tools = np.unique(job.contours.tool).tolist()
-    if len(tools) < 2:
+    if not tools:
         return {}
     for waits in (True, False):
         above = _heated(document, waits=waits)
