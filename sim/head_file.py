@@ -13,13 +13,12 @@ from decmcts.formats.gcode.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.motion import Motion, interpret
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.formats.gcode.state import Track, track_state
-from sim.hot_ends import heat_of
+from sim.hot_ends import SELECTS, heat_of
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
 _SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
-_SELECTS = re.compile(rb"T\d+\Z", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
 _E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
@@ -141,7 +140,7 @@ def own_commands(
         name = code.split()[0].upper()
         relative_e = _E_COUNTS.get(name, relative_e)
         others = None not in (selected, tool) and selected != tool
-        if _SELECTS.match(name):
+        if SELECTS.match(name):
             selected = None if selected is None else int(name[1:])
         elif _AXIS_MOVE.match(code) or (not homes and name in (b"G28", b"G29")):
             kept += _e_set(code, relative_e)
@@ -159,7 +158,7 @@ def own_commands(
 def _for_tool(code: bytes, tool: int | None) -> bytes | None:
     """Return a command without the tool it names; None if that is another head's."""
     words = code.split()
-    chosen = [word for word in words[1:] if _SELECTS.match(word)]
+    chosen = [word for word in words[1:] if SELECTS.match(word)]
     if not chosen or words[0].upper() in _LIMITS:
         return code
     if tool is not None and int(chosen[0][1:]) != tool:

@@ -10,6 +10,7 @@ told of it. A single file proves nothing. What the sync points order is judged i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from sim.head_file import HeadFile, own_commands, read_head_file
 from sim.head_order import Parts, check_order, check_sync, last_points
 from sim.head_sync import Knowledge
 from sim.head_walk import OWED_MM, SAME_MM, Walk, Walker, differing
-from sim.hot_ends import heat_due, unheated
+from sim.hot_ends import Due, heat_due, unheated
 
 Point = tuple[float, float, float]
 
@@ -62,9 +63,9 @@ def verify_heads(
     if faults:
         return Verdict(tuple(faults))
     parts, walks = [], []
-    let_in = last_points(plan)
+    let_in, due = last_points(plan), heat_due(document, job)
     for h, (file, lane, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
-        part, walk, found = _judge_one(file, lane, job, document, park, let_in[h])
+        part, walk, found = _judge_one(file, lane, job, document, park, let_in[h], due)
         faults += found
         parts.append(part)
         walks.append(walk)
@@ -95,21 +96,18 @@ def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
 
 def _judge_one(
     file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
-    let_in: Mapping[int, int],
+    let_in: Mapping[int, int], due: Due,
 ) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
     """Check one file against its head's actions; what the files order comes later."""
     tools = np.unique(job.contours.tool[lane.contour[lane.kind == ActionKind.PRINT]]).tolist()
     tool = int(tools[0]) if tools else None
     words: list[str] = []
-    due = heat_due(document, job)
-    start = own_commands(
-        document.preamble, tool, homes=True, relative_e=False, selected=_selected(job, 0),
-        all_heat=due.one_hot_end,
-    )  # fmt: skip
+    own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
+    start = own_of(document.preamble, homes=True, relative_e=False, selected=_selected(job, 0))
     low, parked = _match_start(file, document, start, park, words)
-    ending = own_commands(
-        document.postamble, tool, homes=False, relative_e=document.end.relative_e,
-        selected=_selected(job, document.end.tool), all_heat=due.one_hot_end, all_off=True,
+    ending = own_of(
+        document.postamble, homes=False, relative_e=document.end.relative_e,
+        selected=_selected(job, document.end.tool), all_off=True,
     )  # fmt: skip
     high = len(file.rest) - len(ending)
     if high < low or [code for _, code in file.rest[high:]] != ending:
@@ -123,13 +121,11 @@ def _judge_one(
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
     words += _check_end(file, document, end_code, others=others)
     theirs = [
-        own_commands(
+        own_of(
             b.text,
-            tool,
             homes=False,
             relative_e=b.begin.relative_e,
             selected=_selected(job, b.begin.tool),
-            all_heat=due.one_hot_end,
         )
         for b in document.blocks
     ]

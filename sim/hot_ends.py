@@ -17,7 +17,9 @@ from decmcts.formats.gcode.lines import command_of
 from decmcts.print.job import PrintJob
 
 _MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])(?!.*[PL])", re.I)
-_SELECTS = re.compile(rb"T(\d+)\Z", re.I)
+_HOT_END = re.compile(rb"M10([49])(?![0-9.])(.*)", re.I)
+_VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
+SELECTS = re.compile(rb"T(\d+)\Z", re.I)  # a word that is a tool
 
 
 class Heat(NamedTuple):
@@ -38,14 +40,17 @@ class Due(NamedTuple):
 
 
 def heat_of(code: bytes) -> Heat | None:
-    """Return what a command, comments left out, says to a hot end; None: nothing."""
-    words = code.upper().split()
-    if not words or words[0] not in (b"M104", b"M109"):
+    """Return what a command, comments left out, says to a hot end; None: nothing.
+
+    Where it states no number, as some hosts' templates do not, it heats.
+    """
+    match = _HOT_END.match(code)
+    if match is None:
         return None
-    values = [word[1:] for word in words[1:] if word[:1] in (b"S", b"R")]
-    tools = [int(match[1]) for word in words[1:] if (match := _SELECTS.match(word))]
-    heats = not values or any(float(value) > 0.0 for value in values)
-    return Heat(words[0] == b"M109", heats, tools[0] if tools else None)
+    value = _VALUE.search(match[2])
+    tools = [int(chosen[1]) for word in match[2].split() if (chosen := SELECTS.match(word))]
+    heats = value is None or float(value[1]) > 0.0
+    return Heat(match[1] == b"9", heats, tools[0] if tools else None)
 
 
 def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
@@ -95,7 +100,7 @@ def _said(document: GcodeDocument) -> Iterable[tuple[int, int, Heat]]:
     texts += [(block.epoch, block.begin.tool, block.text) for block in document.blocks]
     for epoch, selected, text in texts:
         for code in _codes(text):
-            if match := _SELECTS.match(code.split()[0]):
+            if match := SELECTS.match(code.split()[0]):
                 selected = int(match[1])
             elif (heat := heat_of(code)) is not None:
                 yield epoch, selected if heat.tool is None else heat.tool, heat

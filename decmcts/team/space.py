@@ -218,7 +218,7 @@ def _let_in(
         np.empty(0, np.int32), no_lags(len(contours)),
     )  # fmt: skip
     fleet, let_in = fleet_of(job, machine, live), np.zeros_like(reached)
-    for r in range(len(machine.heads)):  # one by one, so that signals are heard in between
+    for r in np.flatnonzero(reached.any(axis=0)):  # one by one: signals are heard in between
         asked = np.zeros_like(reached)
         asked[:, r] = reached[:, r]
         let_in |= eligible_heads(asked, visits, fleet)

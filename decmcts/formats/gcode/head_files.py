@@ -285,9 +285,13 @@ class _HeadFile:
         emitter = self.emitter
         emitter.say("G90")
         emitter.say("M83" if cursor.relative_e else "M82")  # G90 resets E too in some firmwares
+        self._count_from(cursor)
+
+    def _count_from(self, cursor: Cursor) -> None:
+        """Set E as the source has it: what it stands at in this file is not known."""
         if not cursor.relative_e:
-            emitter.e = np.inf  # what E stands at is not known
-            emitter.set_e(cursor.e)
+            self.emitter.e = np.inf
+            self.emitter.set_e(cursor.e)
 
     def act(self, head: HeadActions, k: int) -> None:
         """Write one action with what it waits for and what it signals."""
@@ -378,9 +382,8 @@ class _HeadFile:
             self._take(block, text)
             if block.moves:
                 self._resume(block.end)
-            elif begin.relative_e and not block.end.relative_e:  # E stood where this head had come
-                emitter.e = np.inf
-                emitter.set_e(block.end.e)
+            elif begin.relative_e:  # E stood where this head had come
+                self._count_from(block.end)
             emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
 
     def _take(self, block: Block, text: bytes) -> None:

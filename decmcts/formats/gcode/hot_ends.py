@@ -27,15 +27,16 @@ __all__ = [
     "heats",
     "hot_end_command",
     "refuse_cold",
+    "selected_by",
     "source_heats",
     "told_to",
-]  # fmt: skip
+]
 
 Hears = Literal["own", "off", "all"]  # temperatures for the selected tool: its head, or all heads
 OWN: Hears = "own"
 
 _COMMAND = re.compile(rb"^\s*(?:N\d+\s*)?M10([49])(?![0-9.])([^;(]*)", re.I)
-_VALUE = re.compile(rb"[SR]\s*([0-9.]+)", re.I)
+_VALUE = re.compile(rb"[SR]\s*(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"(?:^|\s)T\s*(\d+)", re.I)
 _SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)")
 
@@ -54,6 +55,12 @@ class _Heated(NamedTuple):
     epoch: int
     tool: int  # named, or selected
     named: bool
+
+
+def selected_by(line: bytes) -> int | None:
+    """Return the tool a line selects; None: none."""
+    match = _SELECT.match(line)
+    return None if match is None else int(match[1])
 
 
 def hot_end_command(line: bytes) -> HotEnd | None:
@@ -144,7 +151,7 @@ def _commands(document: GcodeDocument) -> Iterator[tuple[int, int, HotEnd]]:
     texts += [(block.epoch, block.text, block.begin.tool) for block in document.blocks]
     for epoch, text, selected in texts:
         for line in text.splitlines():
-            if select := _SELECT.match(line):
-                selected = int(select[1])
+            if (tool := selected_by(line)) is not None:
+                selected = tool
             elif command := hot_end_command(line):
                 yield epoch, selected, command

@@ -13,14 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from decmcts.formats.gcode.hot_ends import OWN, Hears, hears, hot_end_command
+from decmcts.formats.gcode.hot_ends import OWN, Hears, hears, hot_end_command, selected_by
 from decmcts.formats.gcode.lines import split_lines
 from decmcts.formats.gcode.motion import interpret
 from decmcts.formats.gcode.progress import without_progress
 
 _MOVE = re.compile(rb"^\s*(?:N\d+\s*)?G0*[0123](?![0-9.])(?=[^;(]*[XYZIJ])", re.I)
 _HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
-_SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)")
 _E_WORD = re.compile(rb"^[^;(]*?E\s*([-+]?[0-9.]+)", re.I)
 _E_MODE = re.compile(rb"^\s*(?:N\d+\s*)?(M8[23]|G9[01])(?![0-9.])", re.I)
 _SETS_E = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(]*E", re.I)
@@ -64,8 +63,8 @@ def own_lines(
             if (e := _E_WORD.match(line)) and not relative_e:  # later E words count from here
                 kept.append((b"" if line.endswith(b"\n") else newline) + b"G92 E" + e.group(1))
                 kept.append(newline)
-        elif match := _SELECT.match(line):
-            selected = None if selected is None else int(match.group(1))
+        elif (chosen := selected_by(line)) is not None:
+            selected = None if selected is None else chosen
             kept.append(b"; left out, one tool: " + line)
         else:
             kept.append(_for_own_tool(line, tool, told if others else None))
