@@ -91,6 +91,12 @@ def run(
     )
 
 
+def assert_live(agreement: Agreement, *heads: int) -> None:
+    """Who is left; a failure shows what became of the others."""
+    lost = {s.head: s.note for s in agreement.agents if s.head not in agreement.live}
+    assert agreement.live == heads, lost
+
+
 def assert_complete(agreement: Agreement) -> None:
     jobs = np.sort(np.concatenate(list(agreement.plans.values())))
     assert jobs.tolist() == list(range(40))
@@ -103,7 +109,7 @@ def test_two_processes_release_the_same_plan(monkeypatch: pytest.MonkeyPatch) ->
     """The main job: each head its own process, one plan, bit for bit."""
     told = Until(lambda status: all(s.received.get("distribution", 0) for s in status))
     agreement = run("left,right", monkeypatch, until=told)
-    assert agreement.live == (0, 1)
+    assert_live(agreement, 0, 1)
     assert_complete(agreement)
 
 
@@ -111,14 +117,14 @@ def test_planning_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody asks for the end, as without a terminal."""
     monkeypatch.setenv("TOY_HEADS", "left,right")
     agreement = run_agents(["left", "right"], [], time_limit_s=0.2, seed=1, command=TOY)
-    assert agreement.live == (0, 1)
+    assert_live(agreement, 0, 1)
     assert_complete(agreement)
 
 
 def test_a_killed_agent_s_work_is_taken_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """kill -9 in the middle still gives a valid plan of the others."""
     agreement = run("left,middle,right", monkeypatch, until=Saboteur(2, signal.SIGKILL))
-    assert agreement.live == (0, 1)
+    assert_live(agreement, 0, 1)
     assert_complete(agreement)
 
 
@@ -126,7 +132,7 @@ def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.Monk
     """A stopped process is seen by its lease, and killed before anything is released."""
     saboteur = Saboteur(0, signal.SIGSTOP)
     agreement = run("left,right", monkeypatch, until=saboteur)
-    assert agreement.live == (1,)
+    assert_live(agreement, 1)
     assert_complete(agreement)
     with pytest.raises(ProcessLookupError):
         os.kill(saboteur.pids[0], 0)
@@ -135,11 +141,14 @@ def test_a_hung_agent_is_fenced_and_its_work_taken_over(monkeypatch: pytest.Monk
 def test_a_stuck_planner_is_fenced_though_its_network_lives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Zenoh's threads keep its lease; before, the launch waited two minutes and gave it up."""
+    """Zenoh's threads keep its lease; before, the launch waited two minutes and gave it up.
+
+    A silence of 1.5 s is one a busy machine gives a healthy agent now and then.
+    """
     began = time.monotonic()
     stuck = Saboteur(1, signal.SIGUSR1)
-    agreement = run("left,middle,right", monkeypatch, "--silence", "1.5", until=stuck)
-    assert agreement.live == (0, 2)
+    agreement = run("left,middle,right", monkeypatch, "--silence", "5", until=stuck)
+    assert_live(agreement, 0, 2)
     assert_complete(agreement)
     assert time.monotonic() - began < 60.0
 
@@ -149,7 +158,7 @@ def test_an_agent_told_to_end_says_goodbye_and_the_rest_go_on(
 ) -> None:
     """SIGTERM is a leave, not a crash."""
     agreement = run("left,right", monkeypatch, until=Saboteur(1, signal.SIGTERM))
-    assert agreement.live == (0,)
+    assert_live(agreement, 0)
     assert_complete(agreement)
 
 
@@ -188,7 +197,7 @@ def test_malformed_and_oversized_messages_change_nothing(monkeypatch: pytest.Mon
     finally:
         ended.set()
         neighbour.join()
-    assert agreement.live == (0, 1)
+    assert_live(agreement, 0, 1)
     assert_complete(agreement)
     assert has_dropped_much(agreement.agents)
 
@@ -213,7 +222,7 @@ class Sleeper(Saboteur):
 def test_a_hung_agent_that_goes_on_takes_part_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its lease ran out, the others planned on without it, and then it is back."""
     agreement = run("left,middle,right", monkeypatch, until=Sleeper(1))
-    assert agreement.live == (0, 1, 2)
+    assert_live(agreement, 0, 1, 2)
     assert_complete(agreement)
 
 
@@ -258,7 +267,7 @@ def test_a_stop_asked_for_by_the_caller_ends_in_the_best_plan_so_far(
     """The command line owns Ctrl-C and asks in its own way."""
     late = Until(lambda status: min(s.rounds for s in status) > 50)
     agreement = run("left,right", monkeypatch, until=late)
-    assert agreement.live == (0, 1)
+    assert_live(agreement, 0, 1)
     assert_complete(agreement)
 
 
@@ -291,6 +300,6 @@ def test_another_problem_is_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> 
 def test_one_head_needs_no_network(monkeypatch: pytest.MonkeyPatch) -> None:
     """The single-extruder mode is the same process without peers."""
     agreement = run("only", monkeypatch)
-    assert agreement.live == (0,)
+    assert_live(agreement, 0)
     assert_complete(agreement)
     assert not agreement.agents[0].sent
