@@ -16,6 +16,9 @@ import numpy as np
 
 from decmcts.formats.fields import Fields, shown
 from decmcts.team.plans import POLICIES
+from decmcts.team.polish import FEW
+
+SMALL_SHARE = 0.05  # of an order that is annealed as a whole, which gains more than its trees
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +55,19 @@ class Parameters:
         """Return parameters for a print of n contours: the larger, the fewer samples.
 
         Windows too, each of which takes longer: rounds of a large print stay as short. Of very
-        large ones polishing gains more than all before it, so it begins sooner.
+        large ones polishing gains more than all before it, so it begins sooner. Few contours
+        are annealed all together, for nearly all the time.
         """
         plans = int(np.clip(40_000 // max(n, 1), 5, 10))
         tries = int(np.clip(200_000 // max(n, 1), 32, 128))
         windows = int(np.clip(900_000 // max(n, 1), 20, 60))
         first = float(np.clip(8_000 / max(n, 1), 0.2, 0.4))
         recreate = float(np.clip(14_000 / max(n, 1), 0.3, 0.7))
-        return Parameters(
+        made = Parameters(
             plans=plans, samples=plans // 2, tries=tries, windows=windows, first=first,
             recreate=recreate,
         )  # fmt: skip
+        return replace(made, share=SMALL_SHARE) if n <= FEW else made
 
 
 # Least and most of each parameter; those with whole limits are whole numbers.
