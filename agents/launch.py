@@ -17,15 +17,15 @@ from agents.pack import TEAM, Pack, write_pack
 from agents.serial import joint_order
 from agents.spawn import Agreement, OnStart, run_agents
 from agents.supervisor import LaunchError, OnProgress, ShouldStop
-from decmcts._kernels.lags import Lags
+from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.drafts import draft_folder
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.parameters import Parameters, changed
-from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.dec_mcts.parameters import Parameters, changed
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +54,7 @@ def launch(
 
     The print goes to the agents in a temporary folder; callbacks and limits are
     those of `run_agents`. `lags` say how long what is printed over must cool,
-    `parameters` set some of `decmcts.team.parameters`.
+    `parameters` set some of `decmcts.team.dec_mcts.parameters`.
 
     Raises
     ------

@@ -30,7 +30,7 @@ MAX_TEXT = 200
 MAX_SILENCE_TICKS = 6000
 DIGEST_LENGTHS = range(8, 129)
 
-Sequence32 = NDArray[np.int32]  # (k,) a plan of one head, see decmcts.team.plans
+Sequence32 = NDArray[np.int32]  # (k,) a plan of one head, see decmcts.team.engine.plans
 Plans = Mapping[int, Sequence32]  # head index -> its plan
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from decmcts._kernels.lags import Lags
+from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict

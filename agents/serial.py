@@ -16,10 +16,10 @@ import numpy as np
 from agents.messages import Plans
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.alone import one_head_toolpaths
-from decmcts.team.plans import decode, encode_serial
-from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import Resolved, as_allowed, resolve
+from decmcts.team.engine.alone import one_head_toolpaths
+from decmcts.team.engine.plans import decode, encode_serial
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import Resolved, as_allowed, resolve
 
 
 def serial_plans(problem: TeamProblem, live: Sequence[int]) -> Plans:

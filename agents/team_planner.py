@@ -9,12 +9,12 @@ from agents.pack import TEAM, Pack
 from agents.planner import JointProposal
 from agents.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
-from decmcts.team.dec_mcts import DecMcts, PlanDistribution
-from decmcts.team.parameters import Parameters, changed
-from decmcts.team.plans import decode, means_something
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import as_allowed
-from decmcts.team.warm_up import compile_rounds
+from decmcts.team.dec_mcts.parameters import Parameters, changed
+from decmcts.team.dec_mcts.planner import DecMcts, PlanDistribution
+from decmcts.team.dec_mcts.warm_up import compile_rounds
+from decmcts.team.engine.plans import decode, means_something
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import as_allowed
 
 
 class TeamPlanner:

@@ -32,8 +32,8 @@ from common import (
 from in_process import less_percent, searched
 from planners import MODELS
 
-from decmcts.search.hybrid import Hybrid
-from decmcts.search.structure import Trees
+from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.structure import Trees
 
 SEARCHING = Hybrid(exact=0.0)
 VARIANTS = {  # name: (what it says in the table, planner)

@@ -28,13 +28,13 @@ from agents.codec import encode as packed
 from agents.messages import Beat, Envelope, Message
 from agents.pack import read_pack
 from agents.team_planner import TeamPlanner
-from decmcts.team.parameters import Parameters
-from decmcts.team.plan import plan_team
-from decmcts.team.plans import encode
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
-from decmcts.team.warm_up import compile_rounds
+from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.warm_up import compile_rounds
+from decmcts.team.engine.plans import encode
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 
 POLICIES = 8  # joint orders of default plans that are timed
 SHARES, JOINTS, BEATS = 20.0, 1.0, 10.0  # messages a second at most, see docs/protocol.md

@@ -21,19 +21,19 @@ from unittest.mock import patch
 
 from common import RESULTS, Rows, corpus, markdown, names, setting
 
-from decmcts._kernels.anneal import anneal
 from decmcts._kernels.random import seeded
+from decmcts._kernels.sequence.anneal import anneal
 from decmcts.cli import pipeline
 from decmcts.cli.outputs import draft_single
 from decmcts.errors import InputError
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.walls import no_walls
-from decmcts.search.annealing import tour_of
-from decmcts.search.incumbent import Incumbent
-from decmcts.search.neighbours import near_ports
-from decmcts.search.pace import pace_of
-from decmcts.search.problem import OrderProblem, Pace
-from decmcts.search.stopping import Budget, IterationLimit
+from decmcts.search.sequence.annealing import tour_of
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sequence.pace import pace_of
+from decmcts.search.sequence.problem import OrderProblem, Pace
+from decmcts.search.sequence.stopping import Budget, IterationLimit
 
 FILES = (
     "cura_5.3.1_marlin_lightning,cura_5.2.1_spool,cura_master_marlin_duet,"

@@ -39,7 +39,7 @@ def corpus() -> Path:
 
 def print_path(name: str) -> Path:
     """Return the file of a print: an example of this project, or a model of the corpus."""
-    example = ROOT / "examples" / f"{name}.gcode.gz"
+    example = ROOT / "decmcts" / "samples" / f"{name}.gcode.gz"
     return example if example.is_file() else corpus() / "models" / "gcode" / f"{name}.gcode.gz"
 
 

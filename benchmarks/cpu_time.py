@@ -20,8 +20,8 @@ from pathlib import Path
 
 from decmcts.cli import main
 from decmcts.search.planners import plan_order
-from decmcts.search.sop import solve_sop
-from decmcts.team.qcsp import solve_qcsp
+from decmcts.search.sop.solver import solve_sop
+from decmcts.team.qcsp.solver import solve_qcsp
 
 TARGET = "DECMCTS_TARGET"  # a makespan of cranes that is good enough
 

@@ -103,10 +103,10 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     from decmcts.formats.gcode.duration import print_time
     from decmcts.formats.mesh import SliceOptions
     from decmcts.search.planners import plan_order
-    from decmcts.team.schedule import schedule
-    from sim.seams import seams_of_plan
+    from decmcts.team.schedule.joint_plan import schedule
+    from sim.content.seams import seams_of_plan
+    from sim.files.written import verify_written
     from sim.verify import verify_plan
-    from sim.written import verify_written
 
     source, draft = folder / f"{contours}.gcode", folder / "draft.gcode"
     with source.open("w") as file:

@@ -28,10 +28,10 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
-from decmcts.team.plan import plan_team
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.late_heads import TROUBLES, Rehearsal, Run, random_trouble
 from sim.experiments.random_teams import problem_of
 

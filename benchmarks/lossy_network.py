@@ -32,8 +32,8 @@ from agents.serial import joint_order
 from agents.source import load_source
 from agents.team_planner import TeamPlanner
 from decmcts.print.plan import PlanDocument
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.schedule import schedule
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.made_print import made_gcode
 from sim.verify import verify_plan
 from tests.agents.simulation import Team

@@ -30,7 +30,7 @@ from common import CPU_TIME, RESULTS, Rows, corpus, markdown, measured, setting
 from cpu_time import TARGET
 
 from decmcts.formats.qcsp import QcspProblem, QcspSchedule, read_qcsp
-from decmcts.team.qcsp_ways import ways_of
+from decmcts.team.qcsp.ways import ways_of
 from sim.qcsp import faults_of
 
 KEY = ("instance", "solver", "time_limit_s", "seed", "until")

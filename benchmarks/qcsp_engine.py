@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 from common import corpus
 
-from decmcts._kernels.joint import NONE, Visits, all_parked, new_units
-from decmcts._kernels.lags import no_lags
-from decmcts._kernels.pieces import Pieces
-from decmcts._kernels.qcsp import decode, weigh
-from decmcts._kernels.replay import JointOrder, Marks, finish, link
-from decmcts._kernels.rooms import Fleet
+from decmcts._kernels.engine.joint import NONE, Visits, all_parked, new_units
+from decmcts._kernels.engine.lags import no_lags
+from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
+from decmcts._kernels.engine.rooms import Fleet
+from decmcts._kernels.geometry.pieces import Pieces
+from decmcts._kernels.refine.qcsp import decode, weigh
 from decmcts.formats.qcsp import QcspProblem, read_qcsp
-from decmcts.team.qcsp import _lanes_of, solve_qcsp
+from decmcts.team.qcsp.solver import _lanes_of, solve_qcsp
 
 NAMES = "KP_k_059,MBB_n50_003,MBE_d0.85_005,MBD_f0.2cl2_009,MBC_n80_007,MBF_q6_007"
 AT_ONCE = 1e12  # acceleration

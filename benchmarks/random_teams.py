@@ -31,8 +31,8 @@ from common import Rows, arguments, grouped, markdown, run_missing, setting
 
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import load_machine, preset_names
-from decmcts.team.bound import makespan_bound
-from decmcts.team.problem import TeamProblem
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.engine.problem import TeamProblem
 from sim.experiments.random_teams import KINDS, outcome, problem_of, problem_on, random_plans
 
 KEY = ("machine", "plans")

@@ -24,10 +24,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from common import Rows, arguments, grouped, markdown, median, run_missing, setting
 
-from decmcts.team.plan import plan_team
-from decmcts.team.plans import encode_stated
-from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import resolve
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.engine.plans import encode_stated
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import resolve
 from sim.experiments.small_teams import Least, least_makespan, small_problem
 
 KEY = ("machine", "heads", "towers", "layers", "seed", "limit_s")

@@ -21,7 +21,7 @@ import numpy as np
 from common import CPU_TIME, RESULTS, Rows, corpus, markdown, measured, setting
 
 from decmcts.formats.sop import SopInstance, read_sop
-from decmcts.search.precedence import Precedence
+from decmcts.search.sop.precedence import Precedence
 
 KEY = ("instance", "solver", "time_limit_s", "seed")
 LKH3 = {"prt300": 287996, "prt1000b": 521201}  # 60 s, from the corpus' README

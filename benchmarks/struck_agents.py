@@ -36,7 +36,7 @@ from agents.source import load_source
 from agents.spawn import run_agents
 from agents.supervisor import AgentStatus, LaunchError
 from decmcts.print.plan import PlanDocument
-from decmcts.team.schedule import schedule
+from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.made_print import made_gcode
 from sim.verify import verify_plan
 from tests.agents.toy import load_balance

@@ -22,9 +22,9 @@ from decmcts.formats.rail_family import rail_machine
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.team.alone import lone_machine
-from decmcts.team.macros import part_of
-from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.engine.macros import part_of
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 PLATES = ("mix_1", "mix_2", "mix_3", "mix_4", "mix_5", "mix_6", "same_4_far", "same_9")
 WIDE_MM, SHARE_MM, MARGIN_MM = 1200.0, 150.0, 2.5

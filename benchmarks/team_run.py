@@ -30,14 +30,14 @@ from decmcts.print.plan import JointPlan
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.baselines.incumbent import Budget
 from decmcts.team.baselines.planners import BASELINES, in_one_process
-from decmcts.team.bound import makespan_bound
-from decmcts.team.dec_mcts import DecMcts, Parameters, Proposal
-from decmcts.team.parameters import changed
-from decmcts.team.plan import take_turn
-from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
-from decmcts.team.warm_up import compile_rounds
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.dec_mcts.parameters import changed
+from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
+from decmcts.team.dec_mcts.rounds import take_turn
+from decmcts.team.dec_mcts.warm_up import compile_rounds
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.random_teams import judged
 
 PROCESSES, TOGETHER = "processes", "one-process"

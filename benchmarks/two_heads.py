@@ -45,11 +45,11 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions
 from decmcts.search.planners import plan_order
-from decmcts.search.problem import OrderProblem
-from decmcts.team.alone import lone_machine
-from decmcts.team.bound import makespan_bound
-from decmcts.team.metrics import head_toolpath
-from decmcts.team.schedule import schedule
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.schedule.joint_plan import schedule
+from decmcts.team.schedule.metrics import head_toolpath
 
 FITTING = ("gf_chess_plate_6", "hourglass_chess_6", "koch_brackets_4", "moveo_covers_4",
          "nishapur_chess_16", "playblock_chess_16", "strong_brackets_8",

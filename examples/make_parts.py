@@ -1,7 +1,7 @@
 """Make the example parts, and with PrusaSlicer the example prints.
 
-``python -m examples.make_parts`` writes the meshes; with ``--slice`` it calls
-``prusa-slicer`` as well. Both results are kept in the repository, so nobody
+``python examples/make_parts.py`` writes the meshes; with ``--slice`` it calls
+``prusa-slicer`` as well. Both results are kept in `decmcts/samples`, so nobody
 needs the slicer to run the demo. All parts are our own designs, in mm.
 """
 
@@ -19,6 +19,7 @@ import trimesh
 from shapely import Polygon
 
 HERE = Path(__file__).parent
+SAMPLES = HERE.parent / "decmcts" / "samples"
 SLICER_OPTIONS = HERE / "prusa_slicer.ini"
 Solid = trimesh.Trimesh
 
@@ -146,15 +147,15 @@ def slice_with_prusa_slicer(mesh: Path, output: Path) -> None:
 
 
 def main() -> None:
-    """Write the meshes beside this file, and the G-code when asked to."""
+    """Write the meshes, and the G-code when asked to."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--slice", action="store_true", help="also call prusa-slicer")
     wanted = parser.parse_args()
     for name, make in (("plate", plate), ("four_nuts", four_nuts)):
-        mesh = HERE / f"{name}.stl"
+        mesh = SAMPLES / f"{name}.stl"
         make().export(mesh)
         if wanted.slice:
-            slice_with_prusa_slicer(mesh, HERE / f"{name}.gcode.gz")
+            slice_with_prusa_slicer(mesh, SAMPLES / f"{name}.gcode.gz")
 
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from decmcts.formats.machine_file import load_machine
-from sim.canvas import save
-from sim.machine_picture import draw_machine
+from sim.pictures.canvas import save
+from sim.pictures.machine_picture import draw_machine
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs"
 MACHINE = Path(__file__).resolve().parent / "measured.toml"

@@ -17,23 +17,17 @@ from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Rail
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
-from sim.bodies import concurrent, find_clashes, find_rail_breaks
-from sim.cooling import check_cooling
-from sim.epochs import check_file_epochs
-from sim.extent import check_extent, check_file_extent, check_file_feeds
+from sim.content.inventory import compare, contour_segments, match_segments
+from sim.content.legs import Legs, legs_of
+from sim.content.paths import check_head, check_once, check_release, check_structure
+from sim.content.same_print import check_contours, check_machine, check_print, is_other_print
+from sim.content.seams import Moved, motions_with
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
-from sim.file_contacts import check_file_material
-from sim.growth import beads_for, moves_of
-from sim.inventory import compare, contour_segments, match_segments
-from sim.legs import Legs, legs_of
-from sim.material import as_material, find_contacts, or_undecided, place_of
-from sim.nominal import check_times
-from sim.order import PartialOrder, order_of
-from sim.order_rules import check_order, statements, usual_rules
-from sim.paths import check_head, check_once, check_release, check_structure
-from sim.priming import check_file_priming
-from sim.printed_file import laying_moves, segments_of
-from sim.replay import (
+from sim.files.extent import check_extent, check_file_extent, check_file_feeds
+from sim.files.file_contacts import check_file_material
+from sim.files.printed_file import laying_moves, segments_of
+from sim.replay.bodies import concurrent, find_clashes, find_rail_breaks
+from sim.replay.execution import (
     Meeting,
     arrivals_of,
     meetings,
@@ -41,8 +35,14 @@ from sim.replay import (
     run_trial,
     timing_factors,
 )
-from sim.same_print import check_contours, check_machine, check_print, is_other_print
-from sim.seams import Moved, motions_with
+from sim.replay.growth import beads_for, moves_of
+from sim.replay.material import as_material, find_contacts, or_undecided, place_of
+from sim.replay.nominal import check_times
+from sim.rules.cooling import check_cooling
+from sim.rules.epochs import check_file_epochs
+from sim.rules.order import PartialOrder, order_of
+from sim.rules.order_rules import check_order, statements, usual_rules
+from sim.rules.priming import check_file_priming
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
 
@@ -168,7 +168,7 @@ def verify_motions(
 
     Every extrusion of the source once, with its E and feed, nothing else; and
     the head, moved through the file, touches nothing printed before. Loops may
-    begin at another vertex as far as `sim.seams` allows.
+    begin at another vertex as far as `sim.content.seams` allows.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def verify_motions(
     job : PrintJob | None
         The source's print; when given, nothing may have moved across its barriers.
     seams : Sequence[Moved]
-        Loops of `job` the file enters at another vertex (`sim.seams.seams_of_file`).
+        Loops of `job` the file enters at another vertex (`sim.content.seams.seams_of_file`).
     """
     started = time.perf_counter()
     if job is not None:

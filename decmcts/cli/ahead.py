@@ -17,12 +17,12 @@ from pathlib import Path
 import numba
 
 import decmcts._kernels
-import sim
+import sim.replay
 from decmcts.cli.console import err
 from decmcts.jit import Store, cache_folder
 from decmcts.jit.kernel import reported_to
 from decmcts.jit.store import MARK, cache_home, remove_unused, size_of, temporary_folder
-from decmcts.search.problem import OrderProblem
+from decmcts.search.sequence.problem import OrderProblem
 
 ABOUT = 65  # kernels a first `plan` compiles (docs/results/startup.md)
 POLL_S = 0.1
@@ -36,7 +36,9 @@ FIRST = "local"  # the planner a search begins with while the kernels of `hybrid
 _said: list[str] = []  # why the cache cannot be written, once it was said
 _beside: list[str] = []  # parts that are being compiled in another process
 _children: list[subprocess.Popen[bytes]] = []  # that process
-_folders = [Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim)]
+_folders = [
+    Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim.replay)
+]
 _store = Store(_folders[0])
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from decmcts._kernels.ideals import WINDOW
+from decmcts._kernels.exact.ideals import WINDOW
 from decmcts.cli.ahead import FIRST, compiled_beside, is_compiled, mark_compiled, part_of
 from decmcts.cli.bound import row_of
 from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.planners import PLANNERS, Planner, plan_order
-from decmcts.search.problem import OrderProblem
-from decmcts.search.spacing import no_spacing
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.spacing import no_spacing
 
 COMPILING_S = 3600.0  # more than all kernels take on the slowest machine
 

@@ -1,6 +1,6 @@
 """How far from optimal a result is at most: the certificate's part in planning one head.
 
-The bound itself is made in `decmcts.search.certificate`; here is how long it may
+The bound itself is made in `decmcts.search.bounds.certificate`; here is how long it may
 take, for which prints it is tried, and how it is put.
 """
 
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.certificate import EXACT_UP_TO, INFORMS_PERCENT, lower_bound
-from decmcts.search.problem import OrderProblem, Seams
+from decmcts.search.bounds.certificate import EXACT_UP_TO, INFORMS_PERCENT, lower_bound
+from decmcts.search.sequence.problem import OrderProblem, Seams
 
 MOST_S = 10.0  # for the bound
 MOST_EARLY_S = 3.0  # for the bound shown while searching

@@ -21,14 +21,14 @@ from decmcts.formats.machine_file import load_machine, preset_names
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
-from sim.cooling import check_stated
+from sim.content.same_print import is_other_print
+from sim.content.seams import seams_of_file
 from sim.faults import Verdict
-from sim.head_file import header_of
-from sim.order_rules import usual_rules
-from sim.same_print import is_other_print
-from sim.seams import seams_of_file
+from sim.files.written import check_state
+from sim.heads.file import header_of
+from sim.rules.cooling import check_stated
+from sim.rules.order_rules import usual_rules
 from sim.verify import verify_motions, verify_plan
-from sim.written import check_state
 
 Result = Annotated[
     list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
@@ -276,7 +276,7 @@ def machines(
         raise InputError("no such folder", path=draw, advice="make it first")
     listed = [load_machine(name) for name in ([machine] if machine else preset_names())]
     for m in listed if draw is not None else []:
-        from sim.pictures import draw_machine  # takes a second to load
+        from sim.pictures.drawings import draw_machine  # takes a second to load
 
         assert draw is not None
         draw_machine(m, draw / f"{m.name}.png")

@@ -20,7 +20,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 
 from decmcts.cli import signals
-from decmcts.search.certificate import INFORMS_PERCENT
+from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
 out = Console(highlight=False, markup=False, emoji=False)

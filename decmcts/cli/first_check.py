@@ -18,8 +18,8 @@ from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode import read_motions, write_gcode
 from decmcts.print.plan import PlanDocument
 from sim.faults import Fault, Verdict
+from sim.files.written import verify_written
 from sim.verify import verify_plan
-from sim.written import verify_written
 
 
 def refuse_unsound(loaded: Loaded, before: PlanDocument, *, writes: bool) -> None:

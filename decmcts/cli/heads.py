@@ -15,12 +15,12 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
+from sim.content.same_print import is_other_print
 from sim.faults import Fault, FaultKind, Verdict, listed
-from sim.head_file import header_of, read_head_file
-from sim.head_plan import plan_of_files
-from sim.heads import verify_heads
-from sim.order_rules import usual_rules
-from sim.same_print import is_other_print
+from sim.heads.file import header_of, read_head_file
+from sim.heads.plan import plan_of_files
+from sim.heads.together import verify_heads
+from sim.rules.order_rules import usual_rules
 from sim.verify import verify_plan
 
 WITHOUT_PLAN = (

@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
 from agents.supervisor import AgentStatus
-from decmcts._kernels.lags import Lags
+from decmcts._kernels.engine.lags import Lags
 from decmcts.cli.console import err
 from decmcts.cli.pipeline import Loaded, document_of
 from decmcts.errors import InputError
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.alone import lone_machine, one_head_toolpaths
-from decmcts.team.bound import Bound
-from decmcts.team.entries import Orders, best_entries, with_entries
-from decmcts.team.schedule import schedule
+from decmcts.team.bounds.makespan import Bound
+from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
+from decmcts.team.schedule.entries import Orders, best_entries, with_entries
+from decmcts.team.schedule.joint_plan import schedule
 
 
 @dataclass(frozen=True, slots=True)

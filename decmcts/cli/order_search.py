@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from decmcts._kernels.lags import Lags
+from decmcts._kernels.engine.lags import Lags
 from decmcts.cli.ahead import FIRST
 from decmcts.cli.begin import begin_with, can_begin
 from decmcts.cli.beside import Stop
@@ -16,9 +16,9 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order
-from decmcts.search.problem import OrderProblem
-from decmcts.search.spacing import Spacing
-from decmcts.team.cooling import cooled
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.spacing import Spacing
+from decmcts.team.schedule.cooling import cooled
 
 
 @dataclass(frozen=True, slots=True)

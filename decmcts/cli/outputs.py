@@ -28,10 +28,10 @@ from decmcts.formats.plan_json import write_plan
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind
 from decmcts.print.walls import outer_walls
+from sim.content.seams import seams_of_plan
 from sim.faults import Verdict
-from sim.heads import verify_heads
-from sim.seams import seams_of_plan
-from sim.written import verify_written
+from sim.files.written import verify_written
+from sim.heads.together import verify_heads
 
 STDOUT = Path("-")  # as an output: standard output
 SAME_TIME_S = 0.25, 1.0  # times of whole files that differ by less are the same, for short prints
@@ -371,12 +371,12 @@ def write_extras(
         write_plan(planned.after, plan)
         written.append(plan)
     if report is not None:
-        from sim.report import write_report  # plotly loads for those who ask
+        from sim.pictures.report import write_report  # plotly loads for those who ask
 
         write_report(report, before=planned.before, after=planned.after, history=planned.history)
         written.append(report)
     if picture is not None:
-        from sim.pictures import draw_plan  # and so does matplotlib
+        from sim.pictures.drawings import draw_plan  # and so does matplotlib
 
         draw_plan(picture, planned.before, planned.after)
         written.append(picture)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from decmcts import __version__
-from decmcts._kernels.lags import Lags
+from decmcts._kernels.engine.lags import Lags
 from decmcts.cli.ahead import bound_part, is_compiled, unit_for
 from decmcts.cli.begin import compile_search
 from decmcts.cli.beside import Stop, searched_beside
@@ -36,20 +36,20 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.pace import pace_of
 from decmcts.search.planners import (
     Planner,
     SearchResult,
     plan_order,
     toolpath_cost,
 )
-from decmcts.search.problem import OrderProblem
-from decmcts.search.spacing import Spacing
-from decmcts.team.alone import lone_machine
-from decmcts.team.cooling import find_lags, print_times, source_times, spacing_of
-from decmcts.team.metrics import plan_metrics
-from decmcts.team.schedule import schedule
-from decmcts.team.waits import add_waits
+from decmcts.search.sequence.pace import pace_of
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.spacing import Spacing
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.schedule.cooling import find_lags, print_times, source_times, spacing_of
+from decmcts.team.schedule.joint_plan import schedule
+from decmcts.team.schedule.metrics import plan_metrics
+from decmcts.team.schedule.waits import add_waits
 from sim.faults import Verdict
 from sim.verify import verify_plan
 

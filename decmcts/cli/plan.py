@@ -46,7 +46,7 @@ from decmcts.formats.gcode.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
 from decmcts.formats.sop import is_sop
 from decmcts.print.plan import PlanDocument
-from decmcts.search.pace import pace_of
+from decmcts.search.sequence.pace import pace_of
 
 ONLY_SHOWN = (
     "nothing will be written, as neither -o nor --plan, --report or --picture is given: "

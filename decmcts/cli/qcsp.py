@@ -14,8 +14,8 @@ from decmcts.cli.outputs import STDOUT, name_of, put, refuse_two_on_stdout, refu
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.qcsp import QcspProblem, read_qcsp, schedule_text
-from decmcts.search.certificate import INFORMS_PERCENT
-from decmcts.team.qcsp import QcspResult, solve_qcsp
+from decmcts.search.bounds.certificate import INFORMS_PERCENT
+from decmcts.team.qcsp.solver import QcspResult, solve_qcsp
 from sim.qcsp import faults_of
 
 _MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})

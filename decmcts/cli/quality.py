@@ -11,15 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from decmcts._kernels.lags import Lags
+from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult
-from decmcts.search.spacing import Spacing
-from decmcts.team.cooling import Timed, cooled
+from decmcts.search.sequence.spacing import Spacing
+from decmcts.team.schedule.cooling import Timed, cooled
 
 PROBE = 0.1  # share of the search time for finding out whether cooling costs any
 CLOSE = 1e-3  # share of the print time by which the clock of a search may be wrong

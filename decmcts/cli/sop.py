@@ -16,8 +16,8 @@ from decmcts.cli.outputs import STDOUT, name_of, put, refuse_unwritable
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.sop import SopInstance, read_sop, tour_text
-from decmcts.search.certificate import INFORMS_PERCENT
-from decmcts.search.sop import SopResult, solve_sop
+from decmcts.search.bounds.certificate import INFORMS_PERCENT
+from decmcts.search.sop.solver import SopResult, solve_sop
 
 _MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})
 

@@ -15,7 +15,7 @@ from agents import extruder
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.supervisor import AgentStatus, LaunchError
-from decmcts._kernels.lags import Lags
+from decmcts._kernels.engine.lags import Lags
 from decmcts.cli import options as opt
 from decmcts.cli import qcsp
 from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside, finish_beside
@@ -54,12 +54,12 @@ from decmcts.formats.qcsp import is_qcsp
 from decmcts.formats.reading import read_toml
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
-from decmcts.team.bound import Bound, makespan_bound
-from decmcts.team.cooling import cooled, find_lags, print_times
-from decmcts.team.entries import Orders, agreed_job, entries_of, first_entries
-from decmcts.team.leaning import lean
-from decmcts.team.parameters import Parameters, changed
-from decmcts.team.space import eligibility, refuse_shut_in
+from decmcts.team.bounds.makespan import Bound, makespan_bound
+from decmcts.team.dec_mcts.parameters import Parameters, changed
+from decmcts.team.engine.space import eligibility, refuse_shut_in
+from decmcts.team.schedule.cooling import cooled, find_lags, print_times
+from decmcts.team.schedule.entries import Orders, agreed_job, entries_of, first_entries
+from decmcts.team.schedule.leaning import lean
 
 StemOption = Annotated[
     Path | None,
@@ -368,14 +368,14 @@ def demo(
     seed: opt.SeedOption = 0,
 ) -> None:
     """Plan the plate that ships with the project for two heads; leaves files to look at."""
-    from examples import example_path
-    from sim.pictures import draw_gantt
+    from decmcts.samples import sample_path
+    from sim.pictures.drawings import draw_gantt
 
     if folder.exists() and not folder.is_dir():
         raise InputError("is no folder", path=folder, advice="name another with --out")
     folder.mkdir(parents=True, exist_ok=True)
     planned = run_team(
-        example_path("plate.gcode.gz"),
+        sample_path("plate.gcode.gz"),
         "dual-gantry",
         process_order="keep",
         quality=Quality(),

@@ -24,12 +24,12 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import PlanDocument
 from decmcts.print.walls import outer_walls
-from decmcts.search.pace import pace_of
 from decmcts.search.planners import PLANNERS
-from decmcts.search.problem import OrderProblem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
-from decmcts.team.warm_up import compile_rounds, smallest_job, smallest_problem
+from decmcts.search.sequence.pace import pace_of
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.team.dec_mcts.warm_up import compile_rounds, smallest_job, smallest_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
 

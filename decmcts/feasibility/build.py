@@ -1,8 +1,8 @@
 """The dependency graph of a print for the heads that may print it.
 
 Turns contours and heads into kernel arrays, runs the walk and words what it
-finds for people. The geometry itself lives in `decmcts._kernels.clearance`, the
-order of the walk in `decmcts._kernels.closure`.
+finds for people. The geometry itself lives in `decmcts._kernels.geometry.clearance`, the
+order of the walk in `decmcts._kernels.geometry.closure`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.clearance import Beads, PackedHead
-from decmcts._kernels.closure import (
+from decmcts._kernels.geometry.clearance import Beads, PackedHead
+from decmcts._kernels.geometry.closure import (
     NO_EDGE,
     WORD,
     Edges,

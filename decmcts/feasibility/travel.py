@@ -1,6 +1,6 @@
 """Safe travel: up, straight across and down, clear of everything printed by then.
 
-The typed front of `decmcts._kernels.travel`. Schedulers that route many travels
+The typed front of `decmcts._kernels.geometry.travel`. Schedulers that route many travels
 call the kernels themselves (`deposit`, `travel_height_above`) from theirs.
 """
 
@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.clearance import PackedHead
-from decmcts._kernels.travel import (
+from decmcts._kernels.geometry.clearance import PackedHead
+from decmcts._kernels.geometry.travel import (
     EMPTY,
     FANOUT,
     HeightField,

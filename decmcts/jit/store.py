@@ -52,8 +52,8 @@ def cache_folder(sources: Path) -> str:
     """Return where the machine code of all Python files in `sources` is kept."""
     state = blake2b(digest_size=8)
     for folder in (Path(__file__).parent, sources):
-        for path in sorted(folder.glob("*.py")):
-            state.update(path.name.encode() + path.read_bytes())
+        for path in sorted(folder.rglob("*.py")):
+            state.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
     return str(cache_home() / f"{sources.name.strip('_')}-{state.hexdigest()}")
 
 

@@ -1,7 +1,7 @@
 """Closed contours that are entered at another vertex than the slicer's.
 
 Which contours may, how they run then, and what material that can make. The
-rule of the seam's gap stands at `decmcts._kernels.loops`. Which vertex to
+rule of the seam's gap stands at `decmcts._kernels.geometry.loops`. Which vertex to
 choose is `decmcts.print.seam`'s.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.loops import (
+from decmcts._kernels.geometry.loops import (
     SLIVER_MM,
     Turned,
     entries_allowed,

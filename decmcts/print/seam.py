@@ -12,7 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.seams import align, rearmost, sharpest, spread
+from decmcts._kernels.geometry.seams import align, rearmost, sharpest, spread
 from decmcts.print.contours import Contours
 from decmcts.print.loops import allowed_entries, exits_of, movable
 

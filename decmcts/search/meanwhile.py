@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from decmcts.search.incumbent import Incumbent
+from decmcts.search.sequence.incumbent import Incumbent
 
 
 class _Planner(Protocol):

@@ -15,17 +15,24 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.seats import visits_cost
+from decmcts._kernels.sequence.seats import visits_cost
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.greedy import Greedy
-from decmcts.search.hybrid import Hybrid
-from decmcts.search.incumbent import Incumbent
-from decmcts.search.layerwise import Layerwise
-from decmcts.search.local import Local
-from decmcts.search.mcts import Mcts
-from decmcts.search.problem import OrderProblem
-from decmcts.search.slicer import Slicer
-from decmcts.search.stopping import AnyOf, Asked, Budget, IterationLimit, Progress, TimeLimit
+from decmcts.search.baselines.local import Local
+from decmcts.search.baselines.mcts import Mcts
+from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import (
+    AnyOf,
+    Asked,
+    Budget,
+    IterationLimit,
+    Progress,
+    TimeLimit,
+)
+from decmcts.search.starts.greedy import Greedy
+from decmcts.search.starts.layerwise import Layerwise
+from decmcts.search.starts.slicer import Slicer
 
 
 class Planner(Protocol):

@@ -22,7 +22,7 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
-from decmcts.team.schedule import schedule
+from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.two_heads import EXAMPLE
 from sim.verify import verify_plan
 

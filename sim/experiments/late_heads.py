@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.plan import ActionKind, PlanDocument
-from sim.legs import Legs, legs_of
-from sim.order import PartialOrder, order_of
-from sim.replay import Course, arrivals_of, course_of, meetings, rail_breaks
+from sim.content.legs import Legs, legs_of
+from sim.replay.execution import Course, arrivals_of, course_of, meetings, rail_breaks
+from sim.rules.order import PartialOrder, order_of
 from sim.verify import lanes_of
 
 HELD_UP = 0.01  # share of the actions that begin late

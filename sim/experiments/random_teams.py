@@ -20,10 +20,10 @@ from decmcts.feasibility.build import build_graph
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, JointPlan, OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.plans import POLICIES, encode, encode_serial
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
+from decmcts.team.engine.plans import POLICIES, encode, encode_serial
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.random_machines import random_machine, random_print
 from sim.faults import Verdict
 from sim.verify import verify_plan

@@ -1,7 +1,7 @@
 """The least makespan of small prints: every joint order the engine can carry out, tried.
 
 A joint order says who prints what, in which direction, in one order of all. Depth first,
-contour after contour, with what the engine makes of each (`decmcts._kernels.aside`). Two
+contour after contour, with what the engine makes of each (`decmcts._kernels.engine.aside`). Two
 things are left out, neither of which can lose the optimum: orders whose bound is no better
 than the best known, and those that bring every head to the same place at the same time
 by the same actions as another that was tried.
@@ -18,14 +18,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.aside import print_next, return_all
-from decmcts._kernels.joint import NONE, Heads, Units, Visits, all_parked, new_units
-from decmcts._kernels.replay import Marks, mark, recall
-from decmcts._kernels.rooms import Fleet, travel_seconds
+from decmcts._kernels.engine.aside import print_next, return_all
+from decmcts._kernels.engine.joint import NONE, Heads, Units, Visits, all_parked, new_units
+from decmcts._kernels.engine.replay import Marks, mark, recall
+from decmcts._kernels.engine.rooms import Fleet, travel_seconds
 from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
-from decmcts.team.plans import StatedOrder
-from decmcts.team.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.plans import StatedOrder
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from sim.experiments.random_machines import random_machine, random_print
 
 F = TypeVar("F", bound=Callable[..., Any])

@@ -27,18 +27,18 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.search.planners import plan_order
-from decmcts.search.problem import OrderProblem
-from decmcts.team.alone import lone_machine
-from decmcts.team.bound import makespan_bound
-from decmcts.team.metrics import plan_metrics
-from decmcts.team.plan import plan_team
-from decmcts.team.problem import build_team_problem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
-from sim.pictures import draw_gantt, draw_plan
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.engine.problem import build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
+from decmcts.team.schedule.metrics import plan_metrics
+from sim.pictures.drawings import draw_gantt, draw_plan
 from sim.verify import verify_plan
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "plate.gcode.gz"
+EXAMPLE = Path(__file__).parents[2] / "decmcts" / "samples" / "plate.gcode.gz"
 
 
 @dataclass(frozen=True, slots=True)

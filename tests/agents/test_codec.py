@@ -35,8 +35,8 @@ from agents.messages import (
     Proposal,
     Stage,
 )
-from decmcts.team.plans import MOST_SHIFT, MOST_STATED, StatedOrder, encode_stated
-from decmcts.team.plans import encode as encode_plan
+from decmcts.team.engine.plans import MOST_SHIFT, MOST_STATED, StatedOrder, encode_stated
+from decmcts.team.engine.plans import encode as encode_plan
 
 DIGEST = "0123456789abcdef" * 2
 PROPOSAL = Proposal((0, 1), {1: np.int32([4, 1, 2]), 0: np.int32([])}, 12.5, DIGEST)

@@ -15,10 +15,10 @@ from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
 from decmcts.print.job import ProcessSettings
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.parameters import Parameters
-from decmcts.team.plans import MOST_SHIFT, POLICIES, encode, encode_serial
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.schedule import schedule
+from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.engine.plans import MOST_SHIFT, POLICIES, encode, encode_serial
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.schedule.joint_plan import schedule
 from tests.team.conftest import make_job, make_machine
 
 LIVE = (0, 1)

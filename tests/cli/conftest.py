@@ -9,9 +9,9 @@ import pytest
 from agents.launch import LaunchResult
 from agents.spawn import Agreement
 from decmcts.cli import team
-from decmcts.team.plan import plan_team
-from decmcts.team.problem import build_team_problem
-from decmcts.team.resolve import resolve
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.engine.problem import build_team_problem
+from decmcts.team.engine.resolve import resolve
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from decmcts.search.planners import plan_order
 from tests.cli.test_first_check import LAYERS, one_fault
 
 SOON_S = 60.0  # far more than anything here takes
-PRINT = Path("examples/four_nuts.gcode.gz").resolve()
+PRINT = Path("decmcts/samples/four_nuts.gcode.gz").resolve()
 
 
 class Order:

@@ -13,7 +13,7 @@ import numpy as np
 from decmcts.cli.begin import compile_search
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.planners import plan_order
-from decmcts.search.spacing import no_spacing
+from decmcts.search.sequence.spacing import no_spacing
 from tests.search.problems import random_problem, with_bare, with_loops, with_pace
 
 planner, kind, ahead = sys.argv[1:]

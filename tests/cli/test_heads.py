@@ -19,7 +19,7 @@ from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.plan_json import write_plan
 from decmcts.print.plan import ActionKind
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.schedule import schedule
+from decmcts.team.schedule.joint_plan import schedule
 from sim.faults import Verdict
 
 END = "G1 E-1 F2400\nM104 S0\nM84\n"

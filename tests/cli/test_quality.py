@@ -24,11 +24,11 @@ from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import KEEP_TIME, SearchResult
-from decmcts.team.cooling import cooled, find_lags, print_times, source_times
-from decmcts.team.schedule import schedule
-from decmcts.team.waits import add_waits
+from decmcts.team.schedule.cooling import cooled, find_lags, print_times, source_times
+from decmcts.team.schedule.joint_plan import schedule
+from decmcts.team.schedule.waits import add_waits
 from sim.faults import FaultKind
-from sim.written import verify_written
+from sim.files.written import verify_written
 
 LAYERS = 8
 

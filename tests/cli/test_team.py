@@ -17,7 +17,7 @@ from decmcts.cli.record import read_record
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan
 from decmcts.print.seam import seam_entries
-from examples import example_path
+from decmcts.samples import sample_path
 from sim.verify import verify_plan
 
 
@@ -32,7 +32,7 @@ def test_agents_that_come_to_no_plan_leave_one_head(
 
     monkeypatch.setattr(team, "launch_agents", no_plan)
     plan = tmp_path / "plan.json"
-    source = str(example_path("four_nuts.gcode.gz"))
+    source = str(sample_path("four_nuts.gcode.gz"))
     assert run(["launch", source, "--time-limit", "0.5", "--plan", str(plan)]) == 0
     assert "one head prints alone" in capsys.readouterr().err
     document = read_plan(plan)
@@ -54,7 +54,7 @@ def alone(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("alone")
 def test_launch_says_that_nothing_is_written(capsys: pytest.CaptureFixture[str]) -> None:
     """Before the search and after it, as `plan` does."""
-    line = ["launch", str(example_path("four_nuts.gcode.gz")), "--time-limit", "0.5"]
+    line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--time-limit", "0.5"]
     assert run(line) == 0
     said = " ".join(capsys.readouterr().err.split())
     assert "nothing will be written" in said and "nothing was written; `-o STEM`" in said
@@ -69,7 +69,7 @@ def test_launch_says_that_a_purge_line_is_left_out(
 ) -> None:
     """On the terminal and among the notes; of a plan alone nothing is left out."""
     source = tmp_path / "in.gcode"
-    with gzip.open(example_path("four_nuts.gcode.gz"), "rt") as file:
+    with gzip.open(sample_path("four_nuts.gcode.gz"), "rt") as file:
         source.write_text("G28\nM83\nG1 X0 Y0 Z.3\nG1 X60 E9 F1000\n" + file.read())
     line = ["launch", str(source), "--time-limit", "0.5"]
     assert run([*line, "-o", str(tmp_path / "part")]) == 0
@@ -86,7 +86,7 @@ def test_a_file_of_parameters_changes_what_agents_do(tmp_path: Path) -> None:
     """Without a tree a head has one plan to tell, so it is never undecided."""
     chosen, record, plan = tmp_path / "team.toml", tmp_path / "r.jsonl", tmp_path / "plan.json"
     chosen.write_text("share = 0 # no tree\nwindows = 0\npolicies = 1\n")
-    line = ["launch", str(example_path("four_nuts.gcode.gz")), "--team", str(chosen)]
+    line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--team", str(chosen)]
     line += ["--time-limit", "1", "--record", str(record), "--plan", str(plan)]
     assert run(line) == 0
     told = [agent for _, agents in read_record(record)[1] for agent in agents if agent.rounds]
@@ -139,7 +139,7 @@ def test_the_file_of_parameters_is_not_written_over(
 @pytest.mark.parametrize("freedom", ["fixed", "seam"])
 def test_heads_are_as_free_as_was_asked(tmp_path: Path, freedom: str) -> None:
     """Nothing turns with `fixed`; with `seam` loops are entered elsewhere and all stays sound."""
-    plan, source = tmp_path / "plan.json", str(example_path("plate.gcode.gz"))
+    plan, source = tmp_path / "plan.json", str(sample_path("plate.gcode.gz"))
     options = ["--freedom", freedom, "--time-limit", "2", "--plan", str(plan)]
     assert run(["launch", source, *options]) == 0
     document = read_plan(plan)
@@ -153,7 +153,7 @@ def test_heads_are_as_free_as_was_asked(tmp_path: Path, freedom: str) -> None:
 
 def test_a_seam_needs_its_freedom(capsys: pytest.CaptureFixture[str]) -> None:
     """In one line, before anything is read."""
-    source = str(example_path("four_nuts.gcode.gz"))
+    source = str(sample_path("four_nuts.gcode.gz"))
     assert run(["launch", source, "--seam", "rear"]) == 2
     assert "needs --freedom seam" in " ".join(capsys.readouterr().err.split())
 

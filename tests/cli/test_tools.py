@@ -12,7 +12,7 @@ import decmcts
 from decmcts.cli.app import run
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.plan_json import read_plan
-from sim.head_file import read_head_file
+from sim.heads.file import read_head_file
 
 PRESET = Path(decmcts.__file__).parent / "machines" / "dual-gantry.toml"
 HOT, STANDBY = (215, 230), (180, 190)

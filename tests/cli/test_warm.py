@@ -137,7 +137,7 @@ def test_the_child_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
 def test_ctrl_c_while_compiling_ends_at_once(tmp_path: Path) -> None:
     """Compiling takes a minute; nobody waits for it only to see nothing written."""
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-    command = [sys.executable, "-m", "decmcts.cli", "plan", "examples/four_nuts.gcode.gz"]
+    command = [sys.executable, "-m", "decmcts.cli", "plan", "decmcts/samples/four_nuts.gcode.gz"]
     command += ["-o", str(tmp_path / "out.gcode")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as child:
         assert child.stderr is not None

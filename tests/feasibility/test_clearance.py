@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts._kernels.clearance import CHUNK, Beads, fill_boxes, segment_blocks, segment_reaches
+from decmcts._kernels.geometry.clearance import (
+    CHUNK,
+    Beads,
+    fill_boxes,
+    segment_blocks,
+    segment_reaches,
+)
 from decmcts.feasibility.packed_head import pack_heads
 from decmcts.formats.machine_file import load_machine
 

@@ -10,7 +10,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.machine_file import load_machine
-from sim.head_file import header_of
+from sim.heads.file import header_of
 
 GOOD = ["T0", "Kopf links", "ü (x)", "a, file 1", "x;y", "打印头", "..", "-o", "n" * 64]
 BAD = [

@@ -13,17 +13,17 @@ from agents.launch import LaunchResult, launch
 from agents.pack import Pack
 from agents.source import load_source
 from agents.supervisor import AgentStatus
-from decmcts.team.problem import build_team_problem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
-from examples import example_path
+from decmcts.samples import sample_path
+from decmcts.team.engine.problem import build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def pack() -> Pack:
-    return load_source(example_path("four_nuts.gcode.gz"), "dual-gantry", "keep")
+    return load_source(sample_path("four_nuts.gcode.gz"), "dual-gantry", "keep")
 
 
 def assert_plan_holds(pack: Pack, result: LaunchResult) -> None:

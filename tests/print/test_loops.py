@@ -14,7 +14,7 @@ from decmcts.print.loops import allowed_entries, close_gaps, enter_at, exits_of,
 from decmcts.print.toolpath import Toolpath, endpoints, visit_points
 from tests.print.test_toolpath import contours_of
 
-NUTS = Path(__file__).parents[2] / "examples" / "four_nuts.gcode.gz"
+NUTS = Path(__file__).parents[2] / "decmcts" / "samples" / "four_nuts.gcode.gz"
 FLOW = 0.05  # filament per mm
 SQUARE = [(0, 0, 0.2), (10, 0, 0.2), (10, 10, 0.2), (0, 10, 0.2), (0, 0, 0.2)]
 CLIPPED = [*SQUARE[:4], (0, 0.4, 0.2)]  # ends 0.4 mm before its start

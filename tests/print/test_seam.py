@@ -14,7 +14,7 @@ from decmcts.print.loops import exits_of
 from decmcts.print.seam import MOST_ENTRIES, entry_points, exit_points, seam_entries
 from tests.print.test_toolpath import contours_of
 
-NUTS = Path(__file__).parents[2] / "examples" / "four_nuts.gcode.gz"
+NUTS = Path(__file__).parents[2] / "decmcts" / "samples" / "four_nuts.gcode.gz"
 SQUARE = [(0, 0, 0.2), (10, 0, 0.2), (10, 10, 0.2), (0, 10, 0.2), (0, 0, 0.2)]
 # an L, counter-clockwise: its concave corner is vertex 3
 ELL = [(0, 0, 0.2), (9, 0, 0.2), (9, 3, 0.2), (3, 3, 0.2), (3, 9, 0.2), (0, 9, 0.2), (0, 0, 0.2)]

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from shapely.ops import substring
 
-from decmcts._kernels.walls import END_MM, over_walls
+from decmcts._kernels.geometry.walls import END_MM, over_walls
 from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.walls import (

@@ -9,9 +9,9 @@ import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.walls import _gridded
-from decmcts.search.incumbent import Incumbent
-from decmcts.search.problem import OrderProblem, Pace, Seams
-from decmcts.search.stopping import Budget, IterationLimit
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
+from decmcts.search.sequence.stopping import Budget, IterationLimit
 
 
 def random_problem(

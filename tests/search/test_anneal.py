@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.anneal import anneal
-from decmcts._kernels.descent import descend
-from decmcts._kernels.metric import costliest, distance
-from decmcts._kernels.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
 from decmcts._kernels.random import below, seeded, uniform
-from decmcts._kernels.sift import try_sift
-from decmcts._kernels.tour import respects, tour_cost
-from decmcts.search.annealing import tour_of
-from decmcts.search.neighbours import near_ports
-from decmcts.search.problem import OrderProblem, Pace
+from decmcts._kernels.sequence.anneal import anneal
+from decmcts._kernels.sequence.descent import descend
+from decmcts._kernels.sequence.metric import costliest, distance
+from decmcts._kernels.sequence.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
+from decmcts._kernels.sequence.sift import try_sift
+from decmcts._kernels.sequence.tour import respects, tour_cost
+from decmcts.search.sequence.annealing import tour_of
+from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sequence.problem import OrderProblem, Pace
 from tests.search.problems import price, random_problem, started, with_bare
 
 

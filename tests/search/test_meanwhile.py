@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from decmcts.search.incumbent import Incumbent
 from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.planners import plan_order
+from decmcts.search.sequence.incumbent import Incumbent
 from tests.search.problems import random_problem
 
 

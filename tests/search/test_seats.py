@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.anneal import anneal
-from decmcts._kernels.descent import descend
 from decmcts._kernels.random import seeded
-from decmcts._kernels.seats import choose_visits, slide, visits_cost
-from decmcts._kernels.tour import respects, tour_cost
+from decmcts._kernels.sequence.anneal import anneal
+from decmcts._kernels.sequence.descent import descend
+from decmcts._kernels.sequence.seats import choose_visits, slide, visits_cost
+from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.annealing import tour_of
-from decmcts.search.neighbours import near_ports
-from decmcts.search.pieces import Sequence, cut
+from decmcts.search.hybrid.pieces import Sequence, cut
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
-from decmcts.search.problem import OrderProblem, Pace, Seams
+from decmcts.search.sequence.annealing import tour_of
+from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
 from tests.search.problems import random_problem, started
 
 

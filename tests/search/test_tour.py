@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.seats import choose_visits
-from decmcts._kernels.tour import respects, tour_cost
+from decmcts._kernels.sequence.seats import choose_visits
+from decmcts._kernels.sequence.tour import respects, tour_cost
 from tests.search.problems import random_problem
 
 

@@ -10,9 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.tour import longest_hop, respects, tour_cost
-from decmcts._kernels.tree import NO_NODE, ROOT, grown, new_tree, select, simulate, simulate_many
-from decmcts.search.clustered import clustered_problem, fresh_rollout
+from decmcts._kernels.sequence.tour import longest_hop, respects, tour_cost
+from decmcts._kernels.trees.tree import (
+    NO_NODE,
+    ROOT,
+    grown,
+    new_tree,
+    select,
+    simulate,
+    simulate_many,
+)
+from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 from tests.search.problems import random_problem
 
 

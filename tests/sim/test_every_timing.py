@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
-from sim.legs import legs_of
-from sim.order import PartialOrder, order_of
+from sim.content.legs import legs_of
+from sim.rules.order import PartialOrder, order_of
 from sim.verify import check_heads, check_rail, lanes_of
 
 BEAMS_MM, RAIL_MM = 21.0, 25.0  # how far apart the two heads of `two_head_machine` must be

@@ -19,10 +19,10 @@ from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, Joint
 from sim.experiments.mutants import Mutant, NotHereError
 from sim.experiments.mutants_gcode import HEAD_MUTANTS
 from sim.faults import FaultKind
-from sim.head_file import read_head_file
-from sim.head_plan import plan_of_files
-from sim.heads import verify_heads
-from tests.sim.test_heads import LAYERS, PARKS, Made, cut, moved, signals
+from sim.heads.file import read_head_file
+from sim.heads.plan import plan_of_files
+from sim.heads.together import verify_heads
+from tests.sim.heads.test_together import LAYERS, PARKS, Made, cut, moved, signals
 
 PASSED = re.compile(r"SYNC_PASSED N=(\d+)\n")
 MOVE = re.compile(r"^G1 [XY].*\n", re.M)

@@ -15,7 +15,7 @@ from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.plan import OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.schedule import schedule
+from decmcts.team.schedule.joint_plan import schedule
 from sim.faults import FaultKind as K
 from sim.verify import verify_motions, verify_plan
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from decmcts.team.plan import plan_team
-from decmcts.team.resolve import resolve
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.engine.resolve import resolve
 from sim.experiments.random_teams import problem_of
 
 SEEDS = (5, 9, 33)  # of machines: two heads on a rail along y, three on two rails and on one

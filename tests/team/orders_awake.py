@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from decmcts._kernels import dispatch
-from decmcts._kernels.lags import Lags
-from decmcts.team.plans import encode
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
+from decmcts._kernels.engine import dispatch
+from decmcts._kernels.engine.lags import Lags
+from decmcts.team.engine.plans import encode
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
 from sim.experiments.random_teams import problem_of
 
 SEEDS = (5, 9, 33, 40)  # of machines: two heads on a rail along y, three on two rails and on one

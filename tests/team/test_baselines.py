@@ -10,11 +10,11 @@ from decmcts.team.baselines.incumbent import Budget, Incumbent
 from decmcts.team.baselines.lists import dispatched, nth_weights
 from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.baselines.static_split import owners
-from decmcts.team.order import units_of
-from decmcts.team.plans import StatedOrder, encode_stated
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
+from decmcts.team.engine.order import units_of
+from decmcts.team.engine.plans import StatedOrder, encode_stated
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.random_teams import judged, problem_of
 
 PLANNERS = {**BASELINES, "in-one-process": in_one_process}

@@ -14,11 +14,11 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.alone import lone_machine
-from decmcts.team.bound import makespan_bound
-from decmcts.team.problem import build_team_problem
-from decmcts.team.resolve import resolve
-from decmcts.team.schedule import schedule
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.engine.problem import build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.joint_plan import schedule
 
 ROOT = Path(__file__).resolve().parents[2]
 PLATES = (

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.replay import replay
-from decmcts._kernels.tails import find_tails
-from decmcts.team.plans import StatedOrder, encode
-from decmcts.team.polish import Polish
-from decmcts.team.problem import TeamProblem, build_team_problem
-from decmcts.team.resolve import resolve
+from decmcts._kernels.engine.replay import replay
+from decmcts._kernels.refine.tails import find_tails
+from decmcts.team.dec_mcts.polish import Polish
+from decmcts.team.engine.plans import StatedOrder, encode
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
 
 
 def _told(case: Callable[..., Any], seed: int) -> tuple[TeamProblem, Polish]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_contours import heaviest_label
+from decmcts._kernels.gcode.contours import heaviest_label
 from decmcts.formats.gcode.document import StateTable
 from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.motion import Motion

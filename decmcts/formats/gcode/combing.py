@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.walls import SAME_Z_MM
+from decmcts._kernels.geometry.walls import SAME_Z_MM
 from decmcts.print.contours import Contours
 from decmcts.print.job import ProcessSettings
 from decmcts.print.walls import bare_pairs, outer_walls

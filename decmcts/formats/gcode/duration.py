@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED, TOOL
-from decmcts._kernels.walls import Walls, over_walls
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
+from decmcts._kernels.geometry.walls import Walls, over_walls
 from decmcts.formats.gcode.limits import (
     FirmwareRetraction,
     parameters,

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.walls import Walls
+from decmcts._kernels.geometry.walls import Walls
 from decmcts.formats.gcode.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
 from decmcts.formats.gcode.layers import LayerWords, layer_words

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
-from decmcts._kernels.gcode_scan import X, Z
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
+from decmcts._kernels.gcode.scan import X, Z
 from decmcts.formats.gcode.document import Block, Cursor
 from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.lines import Lines

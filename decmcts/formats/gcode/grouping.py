@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_contours import group_moves
+from decmcts._kernels.gcode.contours import group_moves
 from decmcts.errors import InputError
 from decmcts.formats.gcode.lines import Lines
 from decmcts.formats.gcode.motion import Motion

@@ -7,8 +7,8 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
-from decmcts._kernels.motion import TRAVELLING
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED
+from decmcts._kernels.motion.blocks import TRAVELLING
 from decmcts.formats.gcode.document import Habits
 from decmcts.formats.gcode.grouping import Runs
 from decmcts.formats.gcode.limits import FirmwareRetraction, commanded, stated_limits

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.motion import (
+from decmcts._kernels.motion.blocks import (
     ACCELERATION,
     DEVIATION,
     FACTOR,

@@ -1,6 +1,6 @@
 """The lines of a G-code file as arrays, and the faults a line can have.
 
-The scanning itself is `decmcts._kernels.gcode_scan`; this is its typed front.
+The scanning itself is `decmcts._kernels.gcode.scan`; this is its typed front.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels import gcode_scan as scan
+from decmcts._kernels.gcode import scan
 from decmcts.errors import InputError
 from decmcts.formats.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
 

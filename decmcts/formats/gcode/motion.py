@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels import gcode_moves as kernels
-from decmcts._kernels import gcode_scan as scan
+from decmcts._kernels.gcode import moves as kernels
+from decmcts._kernels.gcode import scan
 from decmcts.formats.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
 from decmcts.formats.gcode.lines import Lines
 

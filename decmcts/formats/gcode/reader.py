@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_moves import FIRMWARE_RETRACTED
-from decmcts._kernels.motion import PRINTING
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED
+from decmcts._kernels.motion.blocks import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.beads import Beads, measure_beads
 from decmcts.formats.gcode.combing import with_bare_travels

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode_moves import RELATIVE_E, RELATIVE_XYZ
+from decmcts._kernels.gcode.moves import RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.dialect import Event, Kind, classify
 from decmcts.formats.gcode.document import UNSET, StateTable
 from decmcts.formats.gcode.layers import with_note

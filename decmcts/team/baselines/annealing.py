@@ -19,14 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.joint import Units
+from decmcts._kernels.engine.joint import Units
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent, stated_of
 from decmcts.team.baselines.lists import dispatched, nth_weights
-from decmcts.team.order import units_of
-from decmcts.team.plans import StatedOrder
-from decmcts.team.problem import TeamProblem
+from decmcts.team.engine.order import units_of
+from decmcts.team.engine.plans import StatedOrder
+from decmcts.team.engine.problem import TeamProblem
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
 FIRST = 128  # policies tried at first

@@ -21,14 +21,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.auction import auction
-from decmcts._kernels.dispatch import URGENCY
-from decmcts._kernels.joint import Units
+from decmcts._kernels.engine.dispatch import URGENCY
+from decmcts._kernels.engine.joint import Units
+from decmcts._kernels.refine.auction import auction
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
-from decmcts.team.order import refuse
-from decmcts.team.plans import POLICIES
-from decmcts.team.policy import keys_of, policy_of
-from decmcts.team.problem import TeamProblem
+from decmcts.team.engine.order import refuse
+from decmcts.team.engine.plans import POLICIES
+from decmcts.team.engine.policy import keys_of, policy_of
+from decmcts.team.engine.problem import TeamProblem
 
 ON_OFFER = (1, 2, 4, 8, 16, 64)  # contours bid for at a time, tried at first
 CHANGED = 0.1  # share of the macro-actions whose priority is changed

@@ -12,7 +12,7 @@ import numpy as np
 
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
 from decmcts.team.baselines.lists import dispatched, nth_weights
-from decmcts.team.problem import TeamProblem
+from decmcts.team.engine.problem import TeamProblem
 
 
 def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:

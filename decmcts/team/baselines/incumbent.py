@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from decmcts._kernels.joint import Units
+from decmcts._kernels.engine.joint import Units
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.plans import StatedOrder
+from decmcts.team.engine.plans import StatedOrder
 
 Clock = Callable[[], float]
 PROCESSOR: Clock = time.process_time
@@ -31,10 +31,10 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What a baseline found; `decmcts.team.schedule` makes the exact plan of it."""
+    """What a baseline found; `decmcts.team.schedule.joint_plan` makes the exact plan of it."""
 
     toolpaths: tuple[Toolpath, ...]  # one per head of the machine
-    makespan_s: float  # estimate of the engine, as of `decmcts.team.resolve`
+    makespan_s: float  # estimate of the engine, as of `decmcts.team.engine.resolve`
     orders: int  # joint orders tried
     history: tuple[tuple[float, float], ...]  # seconds and makespan whenever it got better
 

@@ -18,11 +18,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from decmcts._kernels.joint import Units
+from decmcts._kernels.engine.joint import Units
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
 from decmcts.team.baselines.lists import dispatched
-from decmcts.team.plans import POLICIES
-from decmcts.team.problem import TeamProblem
+from decmcts.team.engine.plans import POLICIES
+from decmcts.team.engine.problem import TeamProblem
 
 EXPLORATION = 0.7071067811865476  # C_p
 NEAR = 0.4  # chance that the next macro-action in the default order is passed over

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.dispatch import URGENCY, dispatch
-from decmcts._kernels.joint import Units
-from decmcts.team.order import refuse
-from decmcts.team.plans import POLICIES, STEP
-from decmcts.team.policy import keys_of, policy_of
-from decmcts.team.problem import TeamProblem
+from decmcts._kernels.engine.dispatch import URGENCY, dispatch
+from decmcts._kernels.engine.joint import Units
+from decmcts.team.engine.order import refuse
+from decmcts.team.engine.plans import POLICIES, STEP
+from decmcts.team.engine.policy import keys_of, policy_of
+from decmcts.team.engine.problem import TeamProblem
 
 Floats = NDArray[np.float64]
 SPREAD = 0.5  # of the logarithm of a random policy's weights, standard deviation

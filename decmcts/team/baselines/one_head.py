@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import plan_order
-from decmcts.search.problem import OrderProblem
+from decmcts.search.sequence.problem import OrderProblem
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
-from decmcts.team.plans import encode_serial
-from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import resolve
+from decmcts.team.engine.plans import encode_serial
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import resolve
 
 STEPS = 1000  # of the search, for each joint order of a budget that counts these
 

@@ -14,9 +14,9 @@ from decmcts.team.baselines import (
     static_split,
 )
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
-from decmcts.team.plan import plan_team
-from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import resolve
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import resolve
 
 Plan = Callable[..., Found]  # (problem, budget, *, seed)
 

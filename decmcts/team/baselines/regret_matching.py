@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
-from decmcts.team.exchange import exchange
-from decmcts.team.plans import POLICIES, encode
-from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import resolve
+from decmcts.team.dec_mcts.exchange import exchange
+from decmcts.team.engine.plans import POLICIES, encode
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import resolve
 
 CANDIDATES = 10  # plans of a head
 RENEWED = 10  # comparisons of a head between two new candidates

@@ -20,8 +20,8 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
 from decmcts.team.baselines.lists import dispatched, nth_weights
 from decmcts.team.baselines.one_head import hybrid_order
-from decmcts.team.order import units_of
-from decmcts.team.problem import TeamProblem
+from decmcts.team.engine.order import units_of
+from decmcts.team.engine.problem import TeamProblem
 
 SHIFT = 0.05  # share of all work a border is moved by, standard deviation
 BY_ORDER = 0.5  # share of the time for `hybrid`'s order

@@ -19,7 +19,7 @@ from decmcts.formats.gcode import (
 )
 from decmcts.print.job import PrintJob
 from decmcts.print.toolpath import Toolpath
-from sim.seams import seams_of_plan, source_with
+from sim.content.seams import seams_of_plan, source_with
 from tests.print.test_loops import random_entries
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))

@@ -17,9 +17,9 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.print.plan import ActionKind, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.schedule import schedule
-from decmcts.team.space import build_space
-from examples import example_path
+from decmcts.samples import sample_path
+from decmcts.team.engine.space import build_space
+from decmcts.team.schedule.joint_plan import schedule
 from tests.formats.gcode.test_head_files import PARKS, TEXT, head_of
 
 WORD = re.compile(r"([XYZEF])(-?[\d.]+)")
@@ -221,7 +221,7 @@ def test_head_without_work_parks(read):
 @pytest.mark.slow
 def test_shipped_plate_runs_in_any_timing():
     """A real plate on two heads: both files follow the plan's paths and nothing else."""
-    path = example_path("plate.gcode.gz")
+    path = sample_path("plate.gcode.gz")
     machine = replace(load_machine("dual-gantry"), release="action")  # signals at rest
     loaded = load(path, machine, process_order="keep", options=SliceOptions(), announce=str)
     job, document = read_gcode(path)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from decmcts._kernels import motion as columns
+from decmcts._kernels.motion import blocks as columns
 from decmcts.formats.gcode.limits import parameters, state_limits, stated_limits
 from decmcts.formats.gcode.lines import split_lines
 from decmcts.formats.gcode.motion import interpret

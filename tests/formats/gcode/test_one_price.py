@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from decmcts._kernels.metric import (
+from decmcts._kernels.geometry.walls import SAME_Z_MM
+from decmcts._kernels.sequence.metric import (
     Metric,
     TimedBare,
     costs_the_same_back,
@@ -18,7 +19,6 @@ from decmcts._kernels.metric import (
     price,
     with_points,
 )
-from decmcts._kernels.walls import SAME_Z_MM
 from decmcts.cli.pipeline import Loaded, load, plan_single
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
@@ -27,8 +27,8 @@ from decmcts.formats.mesh import SliceOptions
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import retracts, walls_for
-from decmcts.search.pace import pace_of
-from decmcts.search.problem import OrderProblem
+from decmcts.search.sequence.pace import pace_of
+from decmcts.search.sequence.problem import OrderProblem
 from tests.formats.gcode.conftest import CORPUS
 from tests.formats.gcode.test_combing import part
 from tests.limits import LIMITS

@@ -7,12 +7,12 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
-from decmcts._kernels.carry_out import OK, carry_out
-from decmcts.team.order import sequences_of
-from decmcts.team.plan import plan_team
-from decmcts.team.plans import StatedOrder, encode_stated
-from decmcts.team.problem import TeamProblem
-from decmcts.team.resolve import resolve
+from decmcts._kernels.engine.carry_out import OK, carry_out
+from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.engine.order import sequences_of
+from decmcts.team.engine.plans import StatedOrder, encode_stated
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import resolve
 from sim.experiments.small_teams import least_makespan, small_problem
 
 PRINTS = [(5, 2, 2, 1), (49, 2, 2, 1), (49, 2, 1, 2), (9, 3, 2, 1), (33, 3, 1, 2)]

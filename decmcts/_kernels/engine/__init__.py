@@ -1,0 +1,1 @@
+"""Several heads' plans carried out: who waits, steps aside and begins when."""

@@ -1,0 +1,364 @@
+"""List scheduling for several heads: who prints what next, on bare arrays.
+
+The head that is free first takes, of the contours it can begin at once, the one of
+least score; where there is none it sleeps until it may begin one. Contours are looked
+at by column (those of one part and one place along the machine): of each only the
+first that is left, if all it rests on was put.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.aside import print_next, return_all
+from decmcts._kernels.engine.carry_out import OK, SHUT_IN, room_enough, units_for
+from decmcts._kernels.engine.joint import (
+    NONE,
+    Heads,
+    Units,
+    Visits,
+    all_parked,
+    clear_from,
+    end_of,
+    rests_on,
+)
+from decmcts._kernels.engine.rooms import Fleet, Point, room_at, room_of_travel, travel_seconds
+from decmcts._kernels.jit import inlined, kernel
+
+LATER = 1e-9  # seconds; what is nearer is now
+OPEN, NEWS = 0, 1  # of `Pool.counts`
+URGENCY, BOTTLENECK, OTHERS = 3, 4, 5  # columns of `POLICIES` that make the key
+PATIENCE = 0.003  # share of its printing time that a contour may be waited for
+
+
+class Wishes(NamedTuple):
+    """What a policy makes its keys of, contour by contour; see `decmcts.team.engine.problem`."""
+
+    progress: NDArray[np.float64]  # (n,)
+    urgency: NDArray[np.float64]  # (n,)
+    side: NDArray[np.int64]  # (n,)
+    bottleneck: NDArray[np.bool_]  # (n,)
+
+
+class Policy(NamedTuple):
+    """What guides the choice."""
+
+    key: NDArray[np.float64]  # (heads, n) least first
+    place: NDArray[np.float64]  # (heads, n) where in the head's sweep, 0..1
+    eligible: NDArray[np.bool_]  # (n, heads)
+    weights: NDArray[np.float64]  # (heads, 3) of the key, of waste, of being out of step
+    column_offsets: NDArray[np.int64]  # (columns + 1,)
+    column: NDArray[np.int32]  # (n,) contours, column after column, each in source order
+    succ_offsets: NDArray[np.int64]
+    succs: NDArray[np.int32]
+
+
+class Pool(NamedTuple):
+    """What is left to do; written as contours are put."""
+
+    first: NDArray[np.int64]  # (columns,) row of `column` that may still be to do
+    missing: NDArray[np.int32]  # (n,) what it rests on that was not put
+    ready: NDArray[np.float64]  # (n,) when it may begin, once nothing is missing
+    put: NDArray[np.bool_]  # (n,)
+    column_of: NDArray[np.int32]  # (n,)
+    open: NDArray[np.int64]  # (columns,) those whose first may be ready, in no order
+    is_open: NDArray[np.bool_]  # (columns,) whether among these
+    news: NDArray[np.int64]  # (columns,) contours that the last one put made ready
+    counts: NDArray[np.int64]  # (2,) how many `open` and `news` there are
+    now: NDArray[np.float64]  # (heads,) when each head looks next, once it is free
+    about: NDArray[np.int64]  # (heads,) contour it printed last; NONE
+    shut: NDArray[np.float64]  # (heads, columns) when at the soonest a head may begin the first
+    looked: NDArray[np.int64]  # (heads, columns) row of `column` that `shut` is about
+    stood: NDArray[np.int64]  # (heads,) unit after which `shut` was written
+
+
+@kernel
+def write_keys(
+    r: int, row: NDArray[np.float64], contours: NDArray[np.int64], wishes: Wishes,
+    keys: NDArray[np.float64],
+) -> None:  # fmt: skip
+    """Write when head r wants to print contours by a row of `POLICIES`, in progress of a part.
+
+    What lies in the others' share of the machine comes later, the bottleneck sooner.
+    """
+    for c in contours:
+        key = wishes.progress[c] + row[URGENCY] * (wishes.urgency[c] - wishes.progress[c])
+        if wishes.side[c] != r:
+            key += row[OTHERS]
+        if wishes.bottleneck[c]:
+            key -= row[BOTTLENECK]
+        keys[r, c] = key
+
+
+@kernel
+def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
+    """Nothing put yet."""
+    n, columns = len(visits.ends), len(policy.column_offsets) - 1
+    missing = np.empty(n, np.int32)
+    for c in range(n):
+        missing[c] = visits.pred_offsets[c + 1] - visits.pred_offsets[c]
+    column_of = np.empty(n, np.int32)
+    for column in range(columns):
+        for row in range(policy.column_offsets[column], policy.column_offsets[column + 1]):
+            column_of[policy.column[row]] = column
+    counts = np.zeros(2, np.int64)
+    counts[OPEN] = columns
+    return Pool(
+        policy.column_offsets[:-1].copy(),
+        missing,
+        np.zeros(n),
+        np.zeros(n, np.bool_),
+        column_of,
+        np.arange(columns),
+        np.ones(columns, np.bool_),
+        np.empty(columns, np.int64),
+        counts,
+        np.zeros(heads),
+        np.full(heads, NONE),
+        np.zeros((heads, columns)),
+        np.full((heads, columns), NONE),
+        np.full(heads, NONE),
+    )
+
+
+@inlined
+def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
+    """Return the head that decides next, and when."""
+    first, start = 0, np.inf
+    for r in range(len(pool.now)):
+        at = max(heads.free[r], pool.now[r])
+        if at < start:
+            first, start = r, at
+    return first, start
+
+
+@inlined
+def next_decision(r: int, start: float, heads: Heads, pool: Pool) -> float:
+    """When another head than r decides next, after `start`; infinite: none does."""
+    until = np.inf
+    for s in range(len(heads.free)):
+        decides = max(heads.free[s], pool.now[s])
+        if s != r and decides > start + LATER:
+            until = min(until, decides)
+    return until
+
+
+@inlined
+def out_of_step(
+    r: int, u: int, start: float, place: NDArray[np.float64], free: NDArray[np.float64],
+    about: NDArray[np.int64],
+) -> float:  # fmt: skip
+    """How far u is from where head r's sweep should be beside the others' contours."""
+    off = 0.0
+    for s in range(len(about)):
+        if s != r and about[s] != NONE and free[s] > start:
+            off += abs(place[r, u] - place[s, about[s]])
+    return off
+
+
+@inlined
+def nearer_end(
+    at: Point, u: int, visits: Visits, travel: NDArray[np.float64]
+) -> tuple[float, bool]:
+    """Seconds to the end of a contour that is reached sooner, and whether it is its last."""
+    there = travel_seconds(at, end_of(u, 0, visits), travel)
+    if visits.reversible[u]:
+        back = travel_seconds(at, end_of(u, 1, visits), travel)
+        if back < there:
+            return back, True
+    return there, False
+
+
+@inlined
+def first_of(column: int, policy: Policy, pool: Pool) -> int:
+    """First contour of a column not yet put; NONE: all were (mutates pool)."""
+    end = policy.column_offsets[column + 1]
+    while pool.first[column] < end and pool.put[policy.column[pool.first[column]]]:
+        pool.first[column] += 1
+    return policy.column[pool.first[column]] if pool.first[column] < end else NONE
+
+
+@inlined
+def room_free_from(
+    r: int, u: int, back: bool, at: Point, start: float, visits: Visits, fleet: Fleet,
+    units: Units, heads: Heads,
+) -> float:  # fmt: skip
+    """When at the soonest, from `start` on, head r may have contour u's room and the way there.
+
+    By the units put so far; more that are put open nothing.
+    """
+    side = 1 if back else 0
+    way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
+    held = room_at(visits.pieces.room, visits.pieces.offsets[2 * u + side])
+    clear = clear_from(r, way, start, visits, fleet, units, heads)
+    both: float = clear_from(r, held, clear, visits, fleet, units, heads)
+    return both
+
+
+@inlined
+def look_anew(r: int, heads: Heads, pool: Pool) -> None:
+    """Forget what was shut to head r where it stood before (mutates pool)."""
+    if pool.stood[r] != heads.last[r]:
+        pool.looked[r], pool.stood[r] = NONE, heads.last[r]
+
+
+@inlined
+def first_open(i: int, policy: Policy, pool: Pool) -> int:
+    """First contour left of the i-th open column; NONE: it is open no more (mutates pool)."""
+    column = pool.open[i]
+    u = first_of(column, policy, pool)
+    if u != NONE and pool.missing[u] == 0:
+        return u
+    pool.counts[OPEN] -= 1
+    pool.open[i], pool.is_open[column] = pool.open[pool.counts[OPEN]], False
+    return NONE
+
+
+@inlined
+def choose(
+    r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, units: Units,
+    heads: Heads, pool: Pool,
+) -> tuple[int, bool, float]:  # fmt: skip
+    """Return the contour head r should print next, and whether backwards; NONE: wait until when.
+
+    What is shut till some time is not looked at sooner (`Pool.shut`), unless this head moves.
+    """
+    at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
+    look_anew(r, heads, pool)
+    best, chosen, turned, wakes = np.inf, NONE, False, np.inf
+    by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
+    i = 0
+    while i < pool.counts[OPEN]:
+        column = pool.open[i]
+        u = first_open(i, policy, pool)
+        if u == NONE:
+            continue
+        i += 1
+        if not policy.eligible[u, r]:
+            continue
+        row = pool.first[column]
+        if pool.looked[r, column] == row and start + LATER < pool.shut[r, column]:
+            wakes = min(wakes, pool.shut[r, column])
+            continue
+        score = by_key * policy.key[r, u]
+        if score > best:
+            continue
+        if by_step > 0.0:
+            score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
+        there, back = nearer_end(at, u, visits, fleet.travel[r])
+        lost, seconds = max(there, pool.ready[u] - start), visits.seconds[r, u]
+        score += by_waste * lost / (seconds + lost + LATER)
+        if score > best or (score == best and chosen != NONE and u > chosen):
+            continue
+        opens = max(start, pool.ready[u] - there - PATIENCE * seconds)
+        if opens <= start + LATER:
+            opens = room_free_from(r, u, back, at, start, visits, fleet, units, heads)
+        if opens > start + LATER:
+            pool.shut[r, column], pool.looked[r, column] = opens, row
+            wakes = min(wakes, opens)
+        else:
+            best, chosen, turned = score, u, back
+            # what was good is looked at first from now on, so that others are passed over sooner
+            pool.open[i - 1], pool.open[0] = pool.open[0], pool.open[i - 1]
+    return chosen, turned, wakes if wakes < np.inf else next_decision(r, start, heads, pool)
+
+
+@kernel
+def first_left(lowest: int, pool: Pool) -> int:
+    """Lowest contour not yet put, from `lowest` on: everything it rests on was put."""
+    while pool.put[lowest]:
+        lowest += 1
+    return lowest
+
+
+@inlined
+def open_first(column: int, policy: Policy, pool: Pool) -> None:
+    """Note that the first contour left of a column has become ready, if it has (mutates pool)."""
+    u = first_of(column, policy, pool)
+    if u == NONE or pool.missing[u] > 0:
+        return
+    if not pool.is_open[column]:
+        pool.open[pool.counts[OPEN]], pool.is_open[column] = column, True
+        pool.counts[OPEN] += 1
+    for k in range(pool.counts[NEWS]):
+        if pool.news[k] == u:
+            return
+    pool.news[pool.counts[NEWS]] = u
+    pool.counts[NEWS] += 1
+
+
+@inlined
+def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Pool) -> None:
+    """Note that head r prints c (mutates pool)."""
+    pool.put[c], pool.about[r] = True, c
+    pool.counts[NEWS] = 0
+    for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
+        s = policy.succs[k]
+        pool.missing[s] -= 1
+        if pool.missing[s] == 0:
+            pool.ready[s] = rests_on(s, visits, heads)
+            open_first(pool.column_of[s], policy, pool)
+    open_first(pool.column_of[c], policy, pool)
+
+
+@inlined
+def wake(
+    r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, heads: Heads, pool: Pool
+) -> None:
+    """Let heads that sleep look sooner, where what head r put opens something (mutates pool)."""
+    for s in range(len(heads.free)):
+        if s == r or pool.now[s] <= start:
+            continue
+        if heads.last[s] != pool.stood[s]:  # it had to step aside
+            pool.now[s] = start
+            continue
+        at = (heads.at[s, 0], heads.at[s, 1], heads.at[s, 2])
+        for k in range(pool.counts[NEWS]):
+            u = pool.news[k]
+            if policy.eligible[u, s]:
+                there, _ = nearer_end(at, u, visits, fleet.travel[s])
+                soonest = pool.ready[u] - there - PATIENCE * visits.seconds[s, u]
+                pool.now[s] = min(pool.now[s], max(start, soonest))
+
+
+@inlined
+def next_print(
+    visits: Visits, fleet: Fleet, policy: Policy, units: Units, heads: Heads, pool: Pool
+) -> tuple[int, int, bool, float]:  # fmt: skip
+    """Return which head prints next, what, whether backwards, and when it decides.
+
+    NONE as the contour: no head finds any, now or later. Heads that must wait sleep (mutates
+    pool).
+    """
+    while True:
+        r, start = next_head(heads, pool)
+        c, back, until = choose(r, start, visits, fleet, policy, units, heads, pool)
+        if c != NONE or until == np.inf:
+            return r, c, back, start
+        pool.now[r] = until
+
+
+@kernel
+def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
+    """Print everything; returns the units in the order they were put and OK or SHUT_IN."""
+    heads, n = len(fleet.parks), len(visits.ends)
+    units, state = units_for(n, heads), all_parked(n, fleet)
+    pool = new_pool(visits, policy, heads)
+    left, lowest = n, 0
+    while left > 0:
+        r, c, back, start = next_print(visits, fleet, policy, units, state, pool)
+        if c == NONE:
+            c = lowest = first_left(lowest, pool)
+            while not policy.eligible[c, r]:
+                r = (r + 1) % heads
+        units = room_enough(units, heads)
+        if not print_next(r, c, back, visits, fleet, units, state):
+            return units, SHUT_IN
+        take(r, c, visits, policy, state, pool)
+        wake(r, start, visits, fleet, policy, state, pool)
+        left -= 1
+    units = room_enough(units, heads)
+    return units, OK if return_all(visits, fleet, units, state) else SHUT_IN

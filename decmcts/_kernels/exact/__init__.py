@@ -1,0 +1,1 @@
+"""Best orders and directions of few contours, and bounds of many."""

@@ -1,0 +1,324 @@
+"""The best order of a stretch of a sequence, exactly: what a search may have left undone.
+
+Some dozens of contours that follow each other are printed in their best order, by
+dynamic programming over order ideals, with what comes before and behind held fast.
+Ideals from which a lower bound on the rest leads to no less than the stretch costs
+now are given up, so a stretch that is optimal already is soon known to be.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.exact.ideals import (
+    NOWHERE,
+    WINDOW,
+    Ideals,
+    Rules,
+    Stand,
+    empty,
+    extend,
+    price_steps,
+    trace,
+)
+from decmcts._kernels.exact.pricing import NONE, Ways
+from decmcts._kernels.jit import kernel
+from decmcts._kernels.random import below
+from decmcts._kernels.sequence.metric import distance
+from decmcts._kernels.sequence.moves import Tour, entry, leave, refresh
+from decmcts._kernels.sequence.seats import sit
+
+LONGEST = WINDOW - 2  # positions of a stretch
+_ONE = np.uint64(1)
+_LEAST_GAIN = 1e-9  # mm or s
+_ASCENTS = 100  # of the lower bound on a stretch, at most
+_IN_VAIN = 5  # ascents, before their steps are halved
+_LEAST_SCALE = 0.05  # of a step; then it ends
+_MOST_WAYS = 2000  # of all contours of a stretch; travels between all are looked at first
+_LOOKS = 32  # travels looked at while one is priced, about
+_SHORTEST = 8.0  # positions
+_LONGER, _SHORTER = 1.01, 0.9  # after a stretch that was solved, and one that was not
+
+
+@kernel
+def _ways_of(tour: Tour, first: int, last: int) -> Ways:
+    """Return the ways to print positions [first, last); the guards at its ends have one each."""
+    order, n, most = tour.order, len(tour.order), 0
+    for p in range(first, last):
+        c = order[p]
+        most += 2 + int(tour.seat_offsets[c + 1] - tour.seat_offsets[c])
+    offsets = np.zeros(last - first + 1, np.int64)
+    into, out, count = np.empty(most, np.int64), np.empty(most, np.int64), 0
+    for p in range(first, last):
+        c = order[p]
+        guard = (p == first and first > 0) or (p == last - 1 and last < n)
+        if tour.seat[c] >= 0 and not guard:
+            for option in range(tour.seat_offsets[c], tour.seat_offsets[c + 1]):
+                into[count], out[count] = 2 * n + 2 * option, 2 * n + 2 * option + 1
+                count += 1
+        else:
+            into[count], out[count] = entry(tour.flip, c), leave(tour.flip, c)
+            count += 1
+            if tour.turns[c] and not guard:
+                into[count], out[count] = out[count - 1], into[count - 1]
+                count += 1
+        offsets[p - first + 1] = count
+    return Ways(tour.metric, offsets, np.arange(count + 1), into[:count], out[:count])
+
+
+@kernel
+def _before(tour: Tour, first: int, last: int) -> NDArray[np.uint64]:
+    """Return what must be printed before each position of [first, last), as bits, (k,)."""
+    before = np.zeros(last - first, np.uint64)
+    for p in range(first, last):
+        for e in range(tour.pred_offsets[tour.order[p]], tour.pred_offsets[tour.order[p] + 1]):
+            at = tour.position[tour.preds[e]] - first
+            if at >= 0:
+                before[p - first] |= before[at] | (_ONE << np.uint64(at))
+    if first > 0:
+        before[1:] |= _ONE
+    if last < len(tour.order):
+        before[-1] = (_ONE << np.uint64(last - first - 1)) - _ONE
+    return before
+
+
+@kernel
+def _rules_of(before: NDArray[np.uint64], slack: float) -> Rules:
+    """Return which contour may follow on an ideal."""
+    k = len(before)
+    reach, needed = np.empty(k, np.int64), np.zeros(k, np.uint64)
+    for j in range(k):
+        needed[j] = before[j] << np.uint64(WINDOW - j) if j > 0 else np.uint64(0)
+        reach[j] = j
+        for i in range(j):
+            if not (before[j] >> np.uint64(i)) & _ONE:
+                reach[i] = j
+    return Rules(reach, needed, slack)
+
+
+class Potentials(NamedTuple):
+    """Node potentials, by which the cheapest entries bound what a sequence costs.
+
+    A potential is got back at leaving by a way and paid at entering by it: in all a
+    sequence pays that of its last way less that of its first.
+    """
+
+    node: NDArray[np.int64]  # (w,) of each way
+    value: NDArray[np.float64]  # (nodes,)
+    least: NDArray[np.float64]  # (k,) cheapest entry into each contour, with potentials
+
+
+@kernel
+def _nodes_of(ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the node of each way, (w,), and the first of each contour, (k + 1,).
+
+    Each way is one, but all ways of a loop that may be entered at many vertices are one together.
+    """
+    k = len(ways.offsets) - 1
+    node, first = np.empty(len(ways.into), np.int64), np.zeros(k + 1, np.int64)
+    for c in range(k):
+        count = ways.offsets[c + 1] - ways.offsets[c]
+        for w in range(count):
+            node[ways.offsets[c] + w] = first[c] + (w if count == 2 else 0)
+        first[c + 1] = first[c] + (2 if count == 2 else 1)
+    return node, first
+
+
+@kernel
+def _travels(
+    ways: Ways, before: NDArray[np.uint64], node: NDArray[np.int64], nodes: int
+) -> NDArray[np.float64]:
+    """Return the least travel from node to node, (nodes, nodes), infinite where impossible."""
+    k = len(before)
+    travel = np.full((nodes, nodes), np.inf)
+    for j in range(k):
+        between = np.uint64(0)  # before what is before it: no neighbour
+        for i in range(j):
+            if (before[j] >> np.uint64(i)) & _ONE:
+                between |= before[i]
+        for i in range(k):
+            if i == j or (before[i] >> np.uint64(j)) & _ONE or (between >> np.uint64(i)) & _ONE:
+                continue
+            for w in range(ways.offsets[i], ways.offsets[i + 1]):
+                for v in range(ways.offsets[j], ways.offsets[j + 1]):
+                    cost = distance(ways.metric, ways.out[w], ways.into[v])
+                    if cost < travel[node[v], node[w]]:
+                        travel[node[v], node[w]] = cost
+    return travel
+
+
+@kernel
+def _entries(
+    travel: NDArray[np.float64],
+    first: NDArray[np.int64],
+    value: NDArray[np.float64],
+    least: NDArray[np.float64],
+    slope: NDArray[np.float64],
+) -> float:
+    """Mutate `least` and `slope`; return the sum of the cheapest entries, all but the first's.
+
+    The slope is how that sum grows with each potential.
+    """
+    total = 0.0
+    slope[:] = 0.0
+    for j in range(len(least)):
+        cheapest, into, out = np.inf, first[j], 0
+        for v in range(first[j], first[j + 1]):
+            for w in range(len(value)):
+                cost = travel[v, w] - value[w] + value[v]
+                if cost < cheapest:
+                    cheapest, into, out = cost, v, w
+        least[j] = cheapest
+        if j > 0:
+            total += cheapest
+            slope[into] += 1.0
+            slope[out] -= 1.0
+    return total
+
+
+@kernel
+def _bounded(
+    ways: Ways, before: NDArray[np.uint64], most: float, fixed: bool
+) -> tuple[Potentials, float, int]:
+    """Return potentials and the lower bound they give, by subgradient ascent towards `most`.
+
+    If the ends are not `fixed`, all potentials are 0, and nothing is said of the whole.
+    The last number is how many travels were looked at.
+    """
+    node, first = _nodes_of(ways)
+    m = int(first[-1])
+    travel, looks = _travels(ways, before, node, m), len(ways.into) ** 2
+    value, slope, least = np.zeros(m), np.empty(m), np.zeros(len(before))
+    best_value, best_least, best, scale, vain = value.copy(), least.copy(), -np.inf, 1.0, 0
+    for _ in range(_ASCENTS if fixed else 1):
+        bound = value[0] - value[-1] + _entries(travel, first, value, least, slope)
+        looks += m * m
+        slope[0] += 1.0
+        slope[-1] -= 1.0
+        if bound > best:
+            best, vain = bound, 0
+            best_value[:], best_least[:] = value, least
+        else:
+            vain += 1
+            if vain == _IN_VAIN:
+                vain, scale = 0, scale / 2
+        norm = (slope * slope).sum()
+        if best >= most or norm == 0.0 or scale < _LEAST_SCALE:
+            break
+        value += slope * (scale * (most - bound) / norm)
+    return Potentials(node, best_value, best_least), best if fixed else -np.inf, looks
+
+
+@kernel
+def _give_up(ideals: Ideals, ways: Ways, at: Stand, bounds: Potentials, most: float) -> int:
+    """Mutate the newest ideals: drop what cannot end below `most`; return how many are left."""
+    alive = 0
+    for i in range(at.first, at.ideals):
+        rest, bits = -bounds.value[-1], ideals.bits[i]
+        for j in range(ideals.lacks[i], len(bounds.least)):
+            if not bits & _ONE:
+                rest += bounds.least[j]
+            bits >>= _ONE
+        e, hope = ideals.newest[i], False
+        while e != NONE:
+            w = ways.offsets[ideals.contour[e]]
+            for x in range(ideals.base[e], ideals.base[e + 1]):
+                after = rest + bounds.value[bounds.node[w + x - ideals.base[e]]]
+                if ideals.travel[x] + after >= most:
+                    ideals.travel[x] = np.inf
+                else:
+                    hope = True
+            e = ideals.older[e]
+        if hope:
+            alive += 1
+        else:
+            ideals.bits[i] = NOWHERE
+    return alive
+
+
+@kernel
+def _print_so(
+    tour: Tour, first: int, ways: Ways, order: NDArray[np.int32], way: NDArray[np.int64]
+) -> None:
+    """Mutate the tour: positions from `first` on in this order, in these ways."""
+    n, k = len(tour.order), len(order)
+    old = tour.order[first : first + k].copy()
+    for x in range(k):
+        c, into = old[order[x]], ways.into[way[x]]
+        tour.order[first + x], tour.position[c] = c, first + x
+        if into >= 2 * n:
+            sit(tour, first + x, (into - 2 * n) // 2)
+        else:
+            tour.flip[c] = into - 2 * c
+    refresh(tour, first - 1, first + k)
+
+
+@kernel
+def solve_stretch(
+    tour: Tour, ideals: Ideals, first: int, last: int, slack: float, widest: int, limit: int
+) -> tuple[bool, int]:
+    """Mutate the tour: positions [first, last), `LONGEST` at most, in their best order.
+
+    The first and the last of them stay unless they begin or end the tour; its groups are
+    not heeded. Returns whether no order of them costs less now, and the travels priced or
+    as much work; `limit` of them, or `widest` steps from the ideals of a level, are too much.
+    """
+    cost = 0.0
+    for p in range(first, last - 1):
+        cost += tour.after[tour.order[p]]
+    ways = _ways_of(tour, first, last)
+    if len(ways.into) > _MOST_WAYS:
+        return False, 0
+    before, most = _before(tour, first, last), cost - _LEAST_GAIN
+    rules, fixed = _rules_of(before, slack), first > 0 and last < len(tour.order)
+    bounds, bound, looks = _bounded(ways, before, most, fixed)
+    work = looks // _LOOKS
+    if bound >= most:
+        return True, work
+    at = empty(ideals)
+    while at.level < last - first:
+        then = extend(ideals, ways, rules, at, widest)
+        if then.full or then.travels > limit:
+            return False, at.travels + work
+        price_steps(ideals, ways, rules, at.first, at.ideals)
+        at = then
+        if _give_up(ideals, ways, at, bounds, most) == 0:
+            return True, at.travels + work
+    _, order, way = trace(ideals, ways, at.first)
+    _print_so(tour, first, ways, order, way)
+    return True, at.travels + work
+
+
+@kernel
+def solve_stretches(
+    tour: Tour,
+    ideals: Ideals,
+    state: NDArray[np.uint64],
+    length: float,
+    slack: float,
+    widest: int,
+    limit: int,
+    quota: int,
+) -> tuple[float, int]:
+    """Mutate the tour: stretch after stretch in its best order, from a random one on.
+
+    Each is about `length` long, longer while they are solved, shorter where they are not.
+    Returns the length to go on with, and the work done: about `quota`, less if the whole
+    tour is one stretch and solved.
+    """
+    n, made = len(tour.order), 0
+    first = below(state, n)
+    while made < quota:
+        positions = min(int(length), n)
+        first = min(first, n - positions)
+        last = first + positions
+        solved, work = solve_stretch(tour, ideals, first, last, slack, widest, limit)
+        made += work + positions
+        length = min(length * _LONGER, LONGEST) if solved else max(length * _SHORTER, _SHORTEST)
+        if solved and positions == n:
+            break
+        first = first + positions // 2 if last < n else 0
+    return length, made

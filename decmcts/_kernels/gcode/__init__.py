@@ -1,0 +1,1 @@
+"""Reading lines of G-code, moves and contours."""

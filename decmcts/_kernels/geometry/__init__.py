@@ -1,0 +1,1 @@
+"""Shapes: what a head hits, walls, seams, safe ways."""

@@ -1,0 +1,1 @@
+"""Time of moves, as a firmware plans them."""

@@ -1,0 +1,67 @@
+"""Takes from another joint order the stretches in which it is better, on bare arrays.
+
+Both orders print the same contours up to where a stretch begins and up to where it ends. So
+each stretch is carried out by itself and judged by heads and tails; what all of them
+make of the print is found once, at the end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.joint import Heads, Units, Visits
+from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link, replay
+from decmcts._kernels.engine.rooms import Fleet
+from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.refine.windows import (
+    EVEN,
+    Stretch,
+    keep,
+    know_tails,
+    latest_end,
+    put_stretch,
+    take_back,
+)
+
+
+@inlined
+def lateness(turn: int, fleet: Fleet, marks: Marks) -> float:
+    """When the print ends by what is marked at a turn, and a little of when each head is free."""
+    late: float = latest_end(turn, fleet, marks) + EVEN * marks.free[turn].sum()
+    return late
+
+
+@kernel
+def join(
+    makespan: float, stretches: NDArray[np.int64], order: NDArray[np.int64],
+    head: NDArray[np.int64], backwards: NDArray[np.bool_], joint: JointOrder, visits: Visits,
+    fleet: Fleet, units: Units, heads: Heads, marks: Marks,
+) -> float:  # fmt: skip
+    """Take what is better of another order; return the makespan, which never grows.
+
+    Mutates all but visits, fleet. `stretches` (k, 2) are the first turns and ends of where the
+    other order differs, ascending; it is `order`, `head` and `backwards`, all by turn.
+    """
+    if not know_tails(joint, visits, fleet, units, heads, marks):
+        return np.inf
+    kept, there = keep(0, len(joint.order), joint), True
+    for begin, end in stretches:
+        there = there and replay(end, joint, visits, fleet, units, heads, marks)
+        if not there:
+            break
+        before = lateness(end, fleet, marks)
+        mine = keep(begin, end, joint)
+        other = Stretch(order[begin:end], head[begin:end], backwards[begin:end])
+        put_stretch(begin, other, joint, marks)
+        better = replay(end, joint, visits, fleet, units, heads, marks)
+        if not better or lateness(end, fleet, marks) >= before:
+            put_stretch(begin, mine, joint, marks)
+    found = np.inf
+    if there:
+        link(joint, marks.free.shape[1])
+        found = finish(marks.known[0], joint, visits, fleet, units, heads, marks)
+    if found <= makespan:
+        return found
+    take_back(0, kept, joint, marks)
+    return makespan

@@ -1,0 +1,136 @@
+"""What all searches in windows of a joint order share (`polish`, `recreate`).
+
+Where they look, how what they try is judged, and how it is taken back.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.joint import Heads, Units, Visits
+from decmcts._kernels.engine.replay import JointOrder, Marks, link, recall, replay
+from decmcts._kernels.engine.rooms import Fleet, travel_seconds
+from decmcts._kernels.jit import inlined, kernel
+from decmcts._kernels.random import below, uniform
+from decmcts._kernels.refine.tails import find_tails
+
+GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
+TOGETHER = 1_000  # contours of an order for each window of a batch
+LEAST, MOST = 4, 32  # windows of a batch
+EVEN = 0.1  # weight of all heads' lateness beside that of the print
+
+
+class Stretch(NamedTuple):
+    """Some turns of a joint order, one after the other."""
+
+    order: NDArray[np.int64]  # contours
+    head: NDArray[np.int64]  # aligned with order, here and below
+    backwards: NDArray[np.bool_]
+
+
+@inlined
+def batch_of(n: int, windows: int) -> int:
+    """How many of `windows` windows of an order of n contours are searched together.
+
+    Tails and makespan are found once a batch, which takes longer the longer the order is.
+    """
+    return int(min(windows, max(LEAST, min(MOST, n // TOGETHER))))
+
+
+@kernel
+def draw_windows(
+    count: int, n: int, shortest: int, longest: int, least: int, state: NDArray[np.uint64]
+) -> NDArray[np.int64]:
+    """Draw `count` windows, first turn and end, by their ends, (count, 2).
+
+    Of at least `least` turns, all of a small order. Lengths are log-uniform; each turn is as
+    likely to be in one. In this order no window changes what the tails behind a later one are
+    made of.
+    """
+    drawn = np.empty((count, 2), np.int64)
+    for k in range(count):
+        length = int(shortest * (longest / shortest) ** uniform(state))
+        width = min(n, max(least, length))
+        low = min(max(0, below(state, n + width) - width), n - width)
+        at = k
+        while at > 0 and drawn[at - 1, 1] > low + width:
+            drawn[at, 0], drawn[at, 1] = drawn[at - 1, 0], drawn[at - 1, 1]
+            at -= 1
+        drawn[at, 0], drawn[at, 1] = low, low + width
+    return drawn
+
+
+@inlined
+def know_tails(
+    joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks
+) -> bool:
+    """Mark all turns and find their tails (mutates units, heads, marks); False: no room.
+
+    Units that a trial left behind those of the marks are no part of the order.
+    """
+    n = len(joint.order)
+    if not replay(n, joint, visits, fleet, units, heads, marks):
+        return False
+    recall(n, units, heads, marks)
+    find_tails(visits, fleet, units, marks)
+    return True
+
+
+@inlined
+def latest_end(turn: int, fleet: Fleet, marks: Marks) -> float:
+    """When the print ends, judged by heads and tails at a marked turn."""
+    latest = -np.inf
+    for r in range(marks.free.shape[1]):
+        tail = marks.tail[turn, r]
+        if turn == len(marks.used) - 1:
+            tail = travel_seconds(marks.at[turn, r], fleet.parks[r], fleet.travel[r])
+        latest = max(latest, marks.free[turn, r] + tail)
+    return latest
+
+
+@inlined
+def keep(begin: int, end: int, joint: JointOrder) -> Stretch:
+    """Return turns begin..end - 1 as they are."""
+    order = joint.order[begin:end].copy()
+    return Stretch(order, joint.head[order], joint.backwards[order])
+
+
+@inlined
+def put_stretch(begin: int, stretch: Stretch, joint: JointOrder, marks: Marks) -> None:
+    """Write turns from `begin` on, of the same contours (mutates joint, marks).
+
+    Turns and neighbours of contours are found anew by `link`.
+    """
+    for k in range(len(stretch.order)):
+        c = stretch.order[k]
+        joint.order[begin + k] = c
+        joint.head[c], joint.backwards[c] = stretch.head[k], stretch.backwards[k]
+    marks.known[0] = min(marks.known[0], begin)
+
+
+@inlined
+def take_back(begin: int, kept: Stretch, joint: JointOrder, marks: Marks) -> None:
+    """Let turns from `begin` on be as they were (mutates joint, marks)."""
+    put_stretch(begin, kept, joint, marks)
+    link(joint, marks.free.shape[1])
+
+
+@inlined
+def begin_trial(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+    """Go back to what held before a turn; units of a trial are written behind those of the marks.
+
+    There they are left to be overwritten (mutates units, heads).
+    """
+    recall(turn, units, heads, marks)
+    units.used[0] = marks.used[marks.known[0]]
+
+
+@inlined
+def with_lateness(later: float, weight: float, turn: int, heads: Heads, marks: Marks) -> float:
+    """Add by how much later than by the marks each head is free at a turn, times `weight`."""
+    for r in range(len(heads.free)):
+        later += weight * (heads.free[r] - marks.free[turn, r])
+    return later

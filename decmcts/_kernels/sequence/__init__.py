@@ -1,0 +1,1 @@
+"""One head's order: what it costs, and moves that change it."""

@@ -1,0 +1,288 @@
+"""Moves on a complete sequence: cost change, feasibility and application of each.
+
+Two moves generate all others used here. `swap` exchanges the adjacent segments
+[i, j) and [j, k) of the sequence (or-opt, 3-exchange that keeps directions,
+whole runs of one tower past another). `turn` reverses the segment [i, k),
+contours that may turn being turned (2-opt, single flips).
+
+Since the stored edges have the closure of all, a swap is allowed iff no stored
+edge leads from the left segment into the right one: were a before b only by way
+of others, each of those lies between them in the old sequence, hence in one of
+the two segments, and some stored edge crosses. Only the shorter segment is
+scanned (Gambardella & Dorigo 2000, SOP-3-exchange).
+
+Functions that price a proposal take the few arrays they need: passing a whole
+`Tour` costs more than the arithmetic. The rare accepted moves take the `Tour`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.jit import kernel
+from decmcts._kernels.sequence.lend import lent
+from decmcts._kernels.sequence.metric import Metric, costs_the_same_back, distance
+from decmcts._kernels.sequence.pauses import Pauses, lent_pauses, retime, swap_keeps, turn_keeps
+
+
+class Tour(NamedTuple):
+    """A complete sequence and all that moves on it need, as arrays."""
+
+    metric: Metric  # prices travels between ports
+    turns: NDArray[np.bool_]  # (n,) may be printed backwards
+    group: NDArray[np.int32]  # (n,) moves stay within one group; non-decreasing along the order
+    pred_offsets: NDArray[np.int64]  # (n + 1,)
+    preds: NDArray[np.int32]  # (m,)
+    succ_offsets: NDArray[np.int64]  # (n + 1,)
+    succs: NDArray[np.int32]  # (m,)
+    near: NDArray[np.int32]  # (2n + anchors, k) entry ports near each exit, -1 padded
+    seat_offsets: NDArray[np.int64]  # (n + 1,) options of each contour for its entry
+    seat_owner: NDArray[np.int32]  # (m,) contour of each option; empty where there are none
+    seat_row: NDArray[np.int32]  # (m,) row of `near` for the exit of each option
+    seat: NDArray[np.int32]  # (n,) option in use, -1: entered as sliced
+    order: NDArray[np.int32]  # (n,) contours in printing order
+    position: NDArray[np.int32]  # (n,) inverse of order
+    flip: NDArray[np.uint8]  # (n,) by contour
+    after: NDArray[np.float64]  # (n,) by contour: travel to the next one, 0 for the last
+    scratch: NDArray[np.int32]  # (n,)
+    mark: NDArray[np.bool_]  # (n,) all False between moves
+    pauses: Pauses  # between contours that lie on each other
+
+
+@kernel
+def lent_tour(tour: Tour) -> Tour:
+    """Return the tour with arrays that are not counted; valid while `tour` lives."""
+    return Tour(
+        lent(tour.metric),
+        lent(tour.turns),
+        lent(tour.group),
+        lent(tour.pred_offsets),
+        lent(tour.preds),
+        lent(tour.succ_offsets),
+        lent(tour.succs),
+        lent(tour.near),
+        lent(tour.seat_offsets),
+        lent(tour.seat_owner),
+        lent(tour.seat_row),
+        lent(tour.seat),
+        lent(tour.order),
+        lent(tour.position),
+        lent(tour.flip),
+        lent(tour.after),
+        lent(tour.scratch),
+        lent(tour.mark),
+        lent_pauses(tour.pauses),
+    )
+
+
+@kernel
+def entry(flip: NDArray[np.uint8], c: int) -> int:
+    """Return the port contour c is entered at."""
+    return int(2 * c + flip[c])
+
+
+@kernel
+def leave(flip: NDArray[np.uint8], c: int) -> int:
+    """Return the port contour c is left at."""
+    return int(2 * c + 1 - flip[c])
+
+
+@kernel
+def turned_entry(flip: NDArray[np.uint8], turns: NDArray[np.bool_], c: int) -> int:
+    """Return the port contour c is entered at once its segment is turned."""
+    return int(2 * c + (1 - flip[c] if turns[c] else flip[c]))
+
+
+@kernel
+def refresh(tour: Tour, i: int, k: int) -> None:
+    """Mutate the tour: recompute the travels after positions [i, k)."""
+    order, flip, n = tour.order, tour.flip, len(tour.order)
+    for p in range(max(i, 0), min(k, n)):
+        travel = 0.0
+        if p + 1 < n:
+            travel = distance(tour.metric, leave(flip, order[p]), entry(flip, order[p + 1]))
+        tour.after[order[p]] = travel
+
+
+@kernel
+def swap_change(
+    metric: Metric,
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    i: int,
+    j: int,
+    k: int,
+) -> float:
+    """Return the cost change of exchanging [i, j) and [j, k). O(1)."""
+    first, middle, last = order[i], order[j - 1], order[k - 1]
+    change = distance(metric, leave(flip, last), entry(flip, first)) - after[middle] - after[last]
+    if i > 0:
+        before = order[i - 1]
+        change += distance(metric, leave(flip, before), entry(flip, order[j])) - after[before]
+    if k < len(order):
+        change += distance(metric, leave(flip, middle), entry(flip, order[k]))
+    return float(change)
+
+
+@kernel
+def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
+    """Say whether no edge leads from [i, j) into [j, k), and pauses are kept.
+
+    O(shorter segment's edges), and what lies within the longest pause.
+    """
+    order, position = tour.order, tour.position
+    if tour.group[order[i]] != tour.group[order[k - 1]]:
+        return False
+    if j - i <= k - j:
+        for p in range(j - 1, i - 1, -1):
+            c = order[p]
+            for e in range(tour.succ_offsets[c], tour.succ_offsets[c + 1]):
+                if j <= position[tour.succs[e]] < k:
+                    return False
+    else:
+        for p in range(j, k):
+            c = order[p]
+            for e in range(tour.pred_offsets[c], tour.pred_offsets[c + 1]):
+                if i <= position[tour.preds[e]] < j:
+                    return False
+    return swap_keeps(tour.pauses, order, position, i, j, k)
+
+
+@kernel
+def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
+    """Mutate the tour: exchange [i, j) and [j, k). O(k - i)."""
+    order, scratch, position = tour.order, tour.scratch, tour.position
+    left, right = j - i, k - j
+    if left <= right:
+        scratch[:left] = order[i:j]
+        for p in range(i, i + right):
+            order[p] = order[p + left]
+        order[i + right : k] = scratch[:left]
+    else:
+        scratch[:right] = order[j:k]
+        for p in range(k - 1, i + right - 1, -1):
+            order[p] = order[p - right]
+        order[i : i + right] = scratch[:right]
+    for p in range(i, k):
+        position[order[p]] = p
+    retime(tour.pauses, order, i, k)
+    refresh(tour, i - 1, i)
+    refresh(tour, i + right - 1, i + right)
+    refresh(tour, k - 1, k)
+
+
+@kernel
+def inner_change(
+    metric: Metric,
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    turns: NDArray[np.bool_],
+    i: int,
+    k: int,
+) -> float:
+    """Return what turning [i, k) changes inside it: 0 where all turn, but for bare climbs."""
+    change = 0.0
+    for p in range(i, k - 1):
+        a, b = order[p], order[p + 1]
+        there, back = turned_entry(flip, turns, b) ^ 1, turned_entry(flip, turns, a)
+        if turns[a] and turns[b] and costs_the_same_back(metric, there, back):
+            continue
+        change += distance(metric, there, back) - after[a]
+    return float(change)
+
+
+@kernel
+def turn_change(
+    metric: Metric,
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    turns: NDArray[np.bool_],
+    i: int,
+    k: int,
+) -> float:
+    """Return the cost change of turning [i, k) without what changes inside. O(1)."""
+    first, last = order[i], order[k - 1]
+    change = -after[last]
+    if i > 0:
+        before = order[i - 1]
+        into = turned_entry(flip, turns, last)
+        change += distance(metric, leave(flip, before), into) - after[before]
+    if k < len(order):
+        out = turned_entry(flip, turns, first) ^ 1
+        change += distance(metric, out, entry(flip, order[k]))
+    return float(change)
+
+
+@kernel
+def turn_allowed(tour: Tour, i: int, k: int) -> bool:
+    """Say whether no edge lies inside [i, k) and turning it keeps the pauses."""
+    if not is_unrelated(tour, i, k):
+        return False
+    return turn_keeps(tour.pauses, tour.order, tour.position, i, k)
+
+
+@kernel
+def is_unrelated(tour: Tour, i: int, k: int) -> bool:
+    """Say whether no edge lies inside [i, k), which is of one group. O(edges of the segment)."""
+    order, position = tour.order, tour.position
+    if tour.group[order[i]] != tour.group[order[k - 1]]:
+        return False
+    for p in range(i, k - 1):
+        c = order[p]
+        for e in range(tour.succ_offsets[c], tour.succ_offsets[c + 1]):
+            if position[tour.succs[e]] < k:
+                return False
+    return True
+
+
+@kernel
+def apply_turn(tour: Tour, i: int, k: int) -> None:
+    """Mutate the tour: reverse [i, k) and turn its contours that may turn. O(k - i)."""
+    order, flip = tour.order, tour.flip
+    a, b = i, k - 1
+    while a < b:
+        order[a], order[b] = order[b], order[a]
+        a += 1
+        b -= 1
+    for p in range(i, k):
+        c = order[p]
+        tour.position[c] = p
+        if tour.turns[c]:
+            flip[c] = 1 - flip[c]
+    retime(tour.pauses, order, i, k)
+    refresh(tour, i - 1, k)
+
+
+@kernel
+def carry_change(
+    metric: Metric,
+    order: NDArray[np.int32],
+    flip: NDArray[np.uint8],
+    after: NDArray[np.float64],
+    turns: NDArray[np.bool_],
+    i: int,
+    k: int,
+    p: int,
+) -> float:
+    """Return the cost change of moving [i, k) turned to follow position p, outside it. O(1).
+
+    As with `turn_change`, what changes inside the segment is not counted.
+    """
+    first, last, anchor = order[i], order[k - 1], order[p]
+    change = distance(metric, leave(flip, anchor), turned_entry(flip, turns, last))
+    change -= after[anchor] + after[last]
+    if p + 1 < len(order):
+        out = turned_entry(flip, turns, first) ^ 1
+        change += distance(metric, out, entry(flip, order[p + 1]))
+    if i > 0:
+        before = order[i - 1]
+        change -= after[before]
+        if k < len(order):
+            change += distance(metric, leave(flip, before), entry(flip, order[k]))
+    return float(change)

@@ -1,0 +1,1 @@
+"""Trees and beams over orders, and how they are begun."""

@@ -1,0 +1,21 @@
+"""The prints that ship with the package: a plate for two heads, four nuts for one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def sample_path(name: str) -> Path:
+    """Return the path of a print that ships with the package, e.g. ``plate.gcode.gz``.
+
+    Raises
+    ------
+    FileNotFoundError
+        When there is no such print; the message lists those there are.
+    """
+    folder = Path(__file__).parent
+    path = folder / name
+    if not path.is_file():
+        there = sorted(p.name for p in folder.iterdir() if p.name.endswith((".stl", ".gz")))
+        raise FileNotFoundError(f"no print {name!r}; there are {', '.join(there)}")
+    return path

@@ -1,0 +1,72 @@
+"""The planner `mcts`: the paper's Monte Carlo tree search on the clustered graph.
+
+Kept as the reference for the paper's figures; nothing is added to it.
+
+References
+----------
+Yoo et al. 2020, "Toward Optimal FDM Toolpath Planning with Monte Carlo Tree
+Search", Sec. III.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.random import seeded
+from decmcts._kernels.trees.tree import grown, new_tree, simulate_many
+from decmcts.feasibility.clustering import cluster_contours
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import NoImprovement
+from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
+
+_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_MOST_NODES = 4_000_000  # about 150 MB; a full tree goes on without growing
+_CHUNK = 200  # iterations between looks at the clock when iterations are limited
+
+
+@dataclass(frozen=True, slots=True)
+class Mcts:
+    """Tree search over clusters with UCB1, random feasible rollouts and the paper's reward."""
+
+    exploration: float = math.sqrt(2.0)  # of UCB1
+    patience_s: float = 300.0  # stop when nothing better was found for so long
+    labels: Callable[[DependencyGraph], NDArray[np.int32]] = cluster_contours
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Search until the budget is spent or patience runs out."""
+        if len(incumbent.problem) < 2:
+            return
+        clustered = clustered_problem(incumbent.problem, self.labels(incumbent.problem.graph))
+        rollout, state = fresh_rollout(clustered), seeded(seed)
+        tried = np.zeros(len(clustered.outer_preds), np.bool_)
+        longest = incumbent.problem.longest_hop() * len(rollout.order)
+        tree, chunk, patience = new_tree(1024), 1, NoImprovement(self.patience_s)
+        order, flip, best = rollout.order.copy(), rollout.flip.copy(), math.inf
+        while True:
+            if tree.size[0] + chunk > len(tree.parent):
+                tree = grown(tree, min(2 * len(tree.parent) + chunk, _MOST_NODES))
+            before, was = incumbent.seconds, best
+            best = simulate_many(
+                tree, clustered, rollout, tried, state, self.exploration, longest, chunk,
+                order, flip, best,
+            )  # fmt: skip
+            incumbent.iterations += chunk
+            if best < was:
+                incumbent.offer(order, flip)
+                incumbent.offer_order(order)
+            if incumbent.tick() or patience(incumbent.progress):
+                return
+            chunk = _next_chunk(incumbent, chunk, incumbent.seconds - before)
+
+
+def _next_chunk(incumbent: Incumbent, chunk: int, took_s: float) -> int:
+    """Return how many iterations to do before looking at the clock again."""
+    if incumbent.budget.iterations is not None:
+        return max(1, min(_CHUNK, incumbent.budget.iterations - incumbent.iterations))
+    return int(min(max(1.0, chunk * _POLL_S / max(took_s, 1e-6)), 4.0 * chunk, 100_000.0))

@@ -1,0 +1,1 @@
+"""What no order can beat, and best orders where there are few."""

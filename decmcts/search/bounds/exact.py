@@ -1,0 +1,158 @@
+"""Sequences that are proven optimal, for prints whose layers have few contours.
+
+By dynamic programming, see `decmcts._kernels.exact.ideals`; how long that takes is known
+before most of it is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.exact.ideals import (
+    Ideals,
+    Rules,
+    empty,
+    make_ideals,
+    needs,
+    price_steps,
+    reaches,
+    trace,
+)
+from decmcts.search.bounds.ways import ways_of
+from decmcts.search.sequence.problem import OrderProblem
+
+_IDEALS, _STEPS, _TRAVELS = 2_000_000, 8_000_000, 32_000_000  # 0.4 GiB, if all is used
+_SLOTS = 1_000_003  # a prime
+_QUOTA = 20_000  # steps between two questions, while they are being found
+_EFFORT = 2e7  # travels looked at between two questions, at most, while they are priced
+_ROUNDING = 1e-12  # of the cost
+WIDEST = 500_000  # steps from a level: with more there is no hope
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """A sequence, and the proof that none costs less: all of them were looked at."""
+
+    order: NDArray[np.int32]  # (n,)
+    flip: NDArray[np.uint8]  # (n,) by contour
+    seat: NDArray[np.int32]  # (n,) by contour
+    cost: float
+    bound: float  # the cost, rounded down
+
+
+@dataclass(slots=True)
+class Patience:
+    """Tells whether an exact solution is in sight, as it is being made.
+
+    Shares are of a budget, `spent` says how much of it is used.
+    """
+
+    spent: Callable[[], float]
+    finding: float  # share for finding the steps
+    pricing: float  # share for pricing them
+    probe: float = 0.05  # share of it that pricing has before its pace counts
+    _began: float = field(init=False)
+    _found: float = field(init=False)  # share used by then
+
+    def __post_init__(self) -> None:
+        self._began = self._found = self.spent()
+
+    def lasts(self, share: float) -> bool:
+        """Return whether to go on with this share of the pricing done."""
+        spent = self.spent()
+        if share == 0.0:
+            self._found = spent
+            return spent - self._began <= self.finding
+        return spent - self._found <= max(self.probe, self.pricing * share)
+
+
+def solve_exactly(
+    problem: OrderProblem,
+    go_on: Callable[[int, float], bool] = lambda made, share: True,
+    *,
+    widest: int = WIDEST,
+) -> Optimum | None:
+    """Return an optimal sequence, or None if that takes too much.
+
+    Time grows with the order ideals of the graph: about evenly with the number of
+    layers, with 2ᵏ at most for k contours in a layer. That is too much, too, where a
+    contour may be overtaken by one far behind it in the source.
+
+    Parameters
+    ----------
+    go_on : Callable[[int, float], bool]
+        Asked after every piece of work: with how many steps, from a set of printed
+        contours to one with another, were made since the last time, and the share of
+        the work of pricing them that is done, 0 while they are still being found. False gives up.
+    widest : int
+        Steps from all sets of equally many contours beyond which to give up.
+    """
+    n, graph = len(problem), problem.graph
+    reach, near = reaches(graph.pred_offsets, graph.preds)
+    if n == 0 or not near:
+        return None
+    ways = ways_of(problem, apart=True)
+    rules = Rules(reach, needs(graph.pred_offsets, graph.preds), slack_of(problem))
+    ideals, steps = room_for(_IDEALS, _STEPS, _TRAVELS, _SLOTS), 0
+    at = empty(ideals)
+    while at.level < n:
+        at = make_ideals(ideals, ways, rules, at, max(1, min(_QUOTA, widest)), widest)
+        made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])
+        if at.full or not go_on(made, 0.0):
+            return None
+    effort, first = _effort(ideals, at.first), 0
+    while first < at.first:
+        last = int(np.searchsorted(effort, effort[first] + _EFFORT, side="right")) - 1
+        last = max(first + 1, last)
+        price_steps(ideals, ways, rules, first, last)
+        made = int(ideals.begin[last] - ideals.begin[first])
+        if not go_on(made, effort[last] / effort[-1]) and last < at.first:
+            return None
+        first = last
+    cost, order, chosen = trace(ideals, ways, at.first)
+    way, place = np.empty(n, np.int64), chosen - ways.offsets[order]
+    way[order] = place
+    options = np.ones(n, np.int64) if problem.seams is None else np.diff(problem.seams.offsets)
+    seat = np.full(n, -1, np.int64)
+    if problem.seams is not None:
+        seat[options > 1] = (problem.seams.offsets[:-1] + way)[options > 1]
+    flip = np.where(options > 1, 0, way)
+    bound = min(cost * (1.0 - _ROUNDING), cost * (1.0 + _ROUNDING))  # costs may be negative
+    return Optimum(order, flip.astype(np.uint8), seat.astype(np.int32), cost, bound)
+
+
+def _effort(ideals: Ideals, count: int) -> NDArray[np.float64]:
+    """Return how many travels are looked at, at most, before each ideal is priced, (count + 1,)."""
+    ports = ideals.ports[:count].astype(np.float64)
+    ways = np.diff(ideals.base[ideals.begin[: count + 1]])
+    return np.concatenate([[0.0], np.cumsum(1.0 + ports * (ports + ways))])
+
+
+def slack_of(problem: OrderProblem) -> float:
+    """Return by how much a detour may be cheaper than the direct travel.
+
+    Two travels may each be short enough to go without retraction where one is not.
+    """
+    if problem.costs is not None:
+        return float(np.inf)
+    return 0.0 if problem.pace is None else problem.pace.hop_s
+
+
+def room_for(most: int, steps: int, travels: int, slots: int) -> Ideals:
+    """Return room for ideals, to be emptied first; what is not used takes no memory."""
+    return Ideals(
+        np.empty(most, np.int32),
+        np.empty(most, np.uint64),
+        np.empty(most + 1, np.int32),
+        np.empty(most, np.int32),
+        np.empty(most, np.int32),
+        np.empty(steps, np.int32),
+        np.empty(steps, np.int32),
+        np.empty(steps + 1, np.int64),
+        np.empty(travels),
+        np.empty(slots, np.int32),
+    )

@@ -1,0 +1,1 @@
+"""The planner that puts everything together, phase by phase."""

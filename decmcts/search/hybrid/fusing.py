@@ -1,0 +1,146 @@
+"""Runs of a sequence fused to single contours: what is left to search is small.
+
+What two good sequences share is fused to search only what they differ in
+(`merge`), and all but a region to search that alone (`decmcts.search.hybrid.regions`).
+Either way few, partly long contours are left, on which annealing moves large
+structure for next to no time. A run is printed as it is, or backwards where all of
+it may turn. Contours that stay single keep their freedoms.
+
+References
+----------
+Cook & Seymour 2003, "Tour merging via branch-decomposition" (what good tours share).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.sequence.metric import points_of
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sequence.problem import OrderProblem, Seams
+
+
+@dataclass(frozen=True, slots=True)
+class Fused:
+    """A sequence's problem with runs fused; run r of `whole` is its contour r."""
+
+    whole: Sequence
+    problem: OrderProblem
+    begins: NDArray[np.int64]  # (runs + 1,) positions in `whole`
+    options: NDArray[np.int64]  # (m,) number in the whole problem of each option of single ones
+
+    def start(self) -> Sequence:
+        """Return the fused problem's sequence that is `whole`."""
+        runs, seams = len(self.problem), self.problem.seams
+        seat = np.full(runs, -1, np.int32)
+        if seams is not None:
+            used = self.whole.seat[self.whole.order[self.begins[:-1]]]
+            chosen = np.diff(seams.offsets) > 1
+            first = seams.offsets[:-1][chosen]
+            seat[chosen] = used[chosen] - self.options[first] + first
+        return Sequence(
+            self.problem,
+            self.problem.metric(),
+            near_ports(self.problem),
+            np.arange(runs, dtype=np.int32),
+            np.zeros(runs, np.uint8),
+            seat,
+        )
+
+    def unfused(self, fused: Sequence) -> Sequence:
+        """Return the sequence of all contours that a fused one stands for."""
+        whole, sizes = self.whole, np.diff(self.begins)[fused.order]
+        backwards = np.repeat(fused.flip[fused.order] == 1, sizes)
+        place = np.arange(len(whole.order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        first = np.repeat(self.begins[fused.order], sizes)
+        last = np.repeat(self.begins[fused.order + 1] - 1, sizes)
+        order = whole.order[np.where(backwards, last - place, first + place)]
+        flip, seat = whole.flip.copy(), whole.seat.copy()
+        flip[order[backwards]] ^= 1
+        seated = np.flatnonzero(fused.seat >= 0)
+        seat[whole.order[self.begins[seated]]] = self.options[fused.seat[seated]]
+        return Sequence(whole.problem, whole.metric, whole.near, order, flip, seat)
+
+
+def merge(one: Sequence, other: Sequence) -> Fused:
+    """Fuse all that two sequences share, as `one` has it."""
+    return fuse(one, _shared(one, other))
+
+
+def fuse(sequence: Sequence, together: NDArray[np.bool_]) -> Fused:
+    """Fuse the contours at positions p and p + 1 for which `together[p]`, (n - 1,).
+
+    Stored edges suffice: a run is contiguous in a linear extension, so a chain of edges
+    between two of its contours stays within, and one from run to run is a chain of runs.
+    """
+    whole, order = sequence.problem, sequence.order
+    begins = np.flatnonzero(np.concatenate([[True], ~together, [True]])).astype(np.int64)
+    k = len(begins) - 1
+    run = np.empty(len(order), np.int32)
+    run[order] = np.repeat(np.arange(k), np.diff(begins))
+    pairs = run[whole.graph.pairs()].astype(np.int64)
+    inner = pairs[:, 0] == pairs[:, 1]
+    turns = np.ones(k, np.bool_)
+    np.logical_and.at(turns, run, whole.reversible)
+    turns[pairs[inner, 0]] = False
+    outer = np.unique(pairs[~inner, 0] * k + pairs[~inner, 1])
+    graph = DependencyGraph.from_pairs(k, np.stack([outer // k, outer % k], axis=1))
+    first, last = order[begins[:-1]], order[begins[1:] - 1]
+    start, end, costs = _ends(sequence, first, 0), _ends(sequence, last, 1), whole.costs
+    seams, options = _seams(whole.seams, first, np.diff(begins) == 1, start, end)
+    problem = OrderProblem(
+        start,
+        end,
+        turns,
+        np.zeros(k, np.int32),
+        graph,
+        pace=whole.pace,
+        costs=None if costs is None else costs[np.ix_(last, first)],
+        seams=seams,
+    )
+    return Fused(sequence, problem, begins, options)
+
+
+def _shared(one: Sequence, other: Sequence) -> NDArray[np.bool_]:
+    """Tell after which positions of `one` both go on alike, (n - 1,)."""
+    follows = np.full(len(one.order), -1, np.int32)
+    follows[other.order[:-1]] = other.order[1:]
+    alike = (one.flip == other.flip) & (one.seat == other.seat)
+    a, b = one.order[:-1], one.order[1:]
+    return np.asarray((follows[a] == b) & alike[a] & alike[b])
+
+
+def _ends(sequence: Sequence, contours: NDArray[np.int32], leaving: int) -> NDArray[np.float64]:
+    """Return where contours are entered (0) or left (1), (k, 3); bare costs have no places."""
+    if sequence.problem.costs is not None:
+        return np.zeros((len(contours), 3))
+    seat, flip = sequence.seat[contours], sequence.flip[contours]
+    port = 2 * contours + (flip ^ leaving)
+    door = 2 * len(sequence.order) + 2 * seat + leaving
+    return np.ascontiguousarray(points_of(sequence.metric)[np.where(seat >= 0, door, port)])
+
+
+def _seams(
+    seams: Seams | None,
+    first: NDArray[np.int32],
+    single: NDArray[np.bool_],
+    start: NDArray[np.float64],
+    end: NDArray[np.float64],
+) -> tuple[Seams | None, NDArray[np.int64]]:
+    """Return the options of runs, and their numbers in the whole problem.
+
+    Those of single contours are kept; a longer run has one, from `start` to `end`.
+    """
+    if seams is None:
+        return None, np.empty(0, np.int64)
+    counts = np.where(single, np.diff(seams.offsets)[first], 1)
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    options = np.repeat(seams.offsets[first] - offsets[:-1], counts) + np.arange(offsets[-1])
+    enter, leave, one = seams.enter[options], seams.leave[options], offsets[:-1][counts == 1]
+    enter[one], leave[one] = start[counts == 1], end[counts == 1]
+    return Seams(offsets, enter, leave, seams.vertices[options]), options

@@ -1,0 +1,236 @@
+"""Annealing on several threads at once: rivals on whole sequences, or pieces of one.
+
+Rivals anneal a sequence each and the better one is taken. Pieces share one
+sequence out: as many steps are made together as threads allow, but nothing moves
+across a cut. Cuts are placed anew all the time, and in every other turn rivals
+take the place of pieces, so that no move is ruled out for long; what those find is
+joined stretch by stretch (`decmcts.search.hybrid.crossover`). Each thread has a
+generator of its own and results are joined in a fixed order: equal seeds and
+equal iterations give equal sequences, whatever the threads' pace.
+
+References
+----------
+Taillard & Helsgaun 2019, "POPMUSIC for the travelling salesman problem" (parts
+of a solution improved one by one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.random import seeded, uniform
+from decmcts._kernels.sequence.anneal import anneal
+from decmcts.search.hybrid.crossover import crossover
+from decmcts.search.hybrid.fusing import Fused
+from decmcts.search.hybrid.pieces import Piece, Sequence, cut
+from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import Budget
+
+ROUND_S = 0.4  # how long lanes work before they meet: a lane held up keeps others waiting then
+_CHUNK_S = 0.02  # how often a lane looks at the clock
+_LARGEST_CHUNK = 4_000_000
+_ROUNDS = 400  # of a search that is limited by iterations
+_CUT_A_ROUND = 1_000_000  # a cut lasts a round for so many contours and edges: cutting takes time
+_LEAST_PIECE = 100  # contours
+_STEPS_A_S = 1.5e6  # of a lane, about
+
+Chunks: TypeAlias = Iterator[tuple[float, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Lanes:
+    """The threads, a generator for each, and one more that places the cuts."""
+
+    pool: ThreadPoolExecutor
+    states: list[NDArray[np.uint64]]  # (1,) each, mutated
+    cutting: NDArray[np.uint64]  # (1,) mutated
+
+    def fresh(self, count: int) -> list[NDArray[np.uint64]]:
+        """Mutate `cutting`; return `count` new generators."""
+        return [seeded(int(uniform(self.cutting) * 2**53)) for _ in range(count)]
+
+    def steps(self, budget: Budget) -> float:
+        """Return about how many steps each thread has time for in the whole budget."""
+        if budget.iterations is not None:
+            return budget.iterations / len(self.states)
+        return budget.seconds * _STEPS_A_S
+
+
+@contextmanager
+def open_lanes(count: int, seed: int) -> Iterator[Lanes]:
+    """Yield `count` threads with unrelated generators."""
+    states = [seeded(seed * (count + 1) + lane) for lane in range(count + 1)]
+    with ThreadPoolExecutor(count) as pool:
+        yield Lanes(pool, states[:count], states[count])
+
+
+def anneal_rivals(
+    incumbent: Incumbent,
+    rivals: list[Sequence],
+    lanes: Lanes,
+    coolings: list[Cooling],
+    until: float,
+    *,
+    groups: list[NDArray[np.int32]] | None = None,
+    fused: Fused | None = None,
+) -> bool:
+    """Anneal one whole sequence a lane until the share `until` is spent; return whether to stop.
+
+    Each has a cooling of its own, and moves stay within equal `groups`, (n,) by contour
+    and non-decreasing along the sequence. Mutates the sequences and the generators; the
+    incumbent gets what is best, of fused sequences the whole one they stand for.
+    """
+    tours: list[Piece] = []
+
+    def begin() -> None:
+        tours[:] = [cut(rival, 0, len(rival.order)) for rival in rivals]
+        if groups is not None:
+            tours[:] = [tour.within(group) for tour, group in zip(tours, groups, strict=True)]
+
+    def work(lane: int, chunks: Chunks) -> None:
+        for share, proposals in chunks:
+            anneal(tours[lane].tour, lanes.states[lane], coolings[lane].at(share), proposals)
+
+    def meet() -> None:
+        for rival, tour in zip(rivals, tours, strict=True):
+            tour.put_back(rival)
+            rival.settle()
+            found = rival if fused is None else fused.unfused(rival)
+            incumbent.offer(found.order, found.flip, found.seat)
+
+    return _in_rounds(incumbent, lanes, until, begin, work, meet)
+
+
+def anneal_pieces(
+    incumbent: Incumbent,
+    sequence: Sequence,
+    lanes: Lanes,
+    cooling: Cooling,
+    until: float,
+    *,
+    a_lane: int,
+) -> bool:
+    """Anneal one sequence on all lanes until the share `until` is spent; return whether to stop.
+
+    There are `a_lane` pieces for each lane, fewer where they would be too small; in
+    every other turn each lane has the whole sequence, and the best of both goes on.
+    Mutates the sequence and the generators; offers what it passes to the incumbent.
+    """
+    n, count = len(sequence.order), len(lanes.states)
+    shares: list[list[Piece]] = []
+    rivals, begun, lasting = False, 0, 1 + (n + len(sequence.problem.graph.preds)) // _CUT_A_ROUND
+
+    def begin() -> None:
+        nonlocal shares, rivals, begun
+        if begun % lasting == 0:
+            rivals = n < _LEAST_PIECE * count or begun // lasting % 2 == 1
+            shares = _whole(sequence, count) if rivals else _shared_out(sequence, lanes, a_lane)
+        begun += 1
+
+    def work(lane: int, chunks: Chunks) -> None:
+        contours = sum(len(piece.ids) for piece in shares[lane])
+        for share, proposals in chunks:
+            heat = cooling.at(share)
+            for piece in shares[lane]:
+                steps = max(1, proposals * len(piece.ids) // contours)
+                anneal(piece.tour, lanes.states[lane], heat, steps)
+
+    def meet() -> None:
+        found = [sequence.copy() if rivals else sequence for _ in shares]
+        for own, pieces in zip(found, shares, strict=True):
+            for piece in pieces:
+                piece.put_back(own)
+        if rivals:
+            sequence.become(crossover(found))
+        if begun % lasting == 0:  # else the same pieces go on, with entries of their own
+            sequence.settle()
+        incumbent.offer(sequence.order, sequence.flip, sequence.seat)
+
+    return _in_rounds(incumbent, lanes, until, begin, work, meet)
+
+
+def _in_rounds(
+    incumbent: Incumbent,
+    lanes: Lanes,
+    until: float,
+    begin: Callable[[], None],
+    work: Callable[[int, Chunks], None],
+    meet: Callable[[], None],
+) -> bool:
+    """Let lanes work until the budget's share `until` is spent; return whether to stop.
+
+    They meet after each round only: on a machine that is shared a lane is held up now
+    and then, and others shall not wait for it more often than needed.
+    """
+    began, count = incumbent.spent, len(lanes.states)
+    sizes = [2000] * count
+    if incumbent.budget.iterations is not None:
+        size = min(max(incumbent.budget.iterations / _ROUNDS, 1.0), _LARGEST_CHUNK)
+        sizes = [int(size)] * count
+    while incumbent.spent < until:
+        begin()
+        ends = incumbent.spent
+        if incumbent.budget.iterations is None:
+            ends = min(until, ends + ROUND_S / incumbent.budget.seconds)
+        rounds = [_Round(incumbent, began, until, ends, size) for size in sizes]
+        list(lanes.pool.map(work, range(count), map(_Round.chunks, rounds)))
+        meet()
+        sizes = [round_.size for round_ in rounds]
+        if incumbent.tick(sum(round_.made for round_ in rounds)) or incumbent.cost == 0.0:
+            return True
+    return False
+
+
+@dataclass(slots=True)
+class _Round:
+    """A lane's proposals between two meetings: until a time, or one chunk of a set size."""
+
+    incumbent: Incumbent
+    began: float  # share of the budget spent at the first round
+    until: float  # and after the last
+    ends: float  # and after this one
+    size: int  # proposals of the next chunk
+    made: int = 0
+
+    def chunks(self) -> Chunks:
+        """Yield the share done of all rounds and how many proposals to make, chunk by chunk."""
+        incumbent, length = self.incumbent, self.until - self.began
+        if incumbent.budget.iterations is not None:
+            self.made = self.size
+            yield (incumbent.spent - self.began) / length, self.size
+            return
+        while (spent := incumbent.spent) < self.ends:
+            before = incumbent.seconds
+            yield (spent - self.began) / length, self.size
+            self.made += self.size
+            speed = self.size / max(incumbent.seconds - before, 1e-6)
+            most = min(4.0 * self.size, _LARGEST_CHUNK)
+            self.size = int(min(max(_CHUNK_S * speed, 1000.0), most))
+
+
+def _whole(sequence: Sequence, count: int) -> list[list[Piece]]:
+    """Return the whole sequence for each lane."""
+    piece = cut(sequence, 0, len(sequence.order))
+    return [[piece], *([piece.twin()] for _ in range(count - 1))]
+
+
+def _shared_out(sequence: Sequence, lanes: Lanes, a_lane: int) -> list[list[Piece]]:
+    """Return the pieces of each lane, about as many contours for each."""
+    n, count = len(sequence.order), len(lanes.states)
+    parts = min(n // (_LEAST_PIECE * count), a_lane) * count  # at least `count`
+    shift = uniform(lanes.cutting)
+    places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n]
+    pieces = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
+    shares: list[list[Piece]] = [[] for _ in range(count)]
+    for piece in sorted(pieces, key=lambda piece: (-len(piece.ids), piece.first)):
+        min(shares, key=lambda share: sum(len(p.ids) for p in share)).append(piece)
+    return shares

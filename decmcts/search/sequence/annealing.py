@@ -1,0 +1,112 @@
+"""Annealing of a whole sequence and descent to its local optimum, paced by the budget."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.sequence.anneal import anneal
+from decmcts._kernels.sequence.descent import descend
+from decmcts._kernels.sequence.metric import points_of
+from decmcts._kernels.sequence.moves import Tour, refresh
+from decmcts._kernels.sequence.seats import sit_all
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.spacing import no_pauses
+
+_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_LARGEST_CHUNK = 1_000_000
+_CHUNKS = 400  # pieces of a run that is limited by iterations
+_STRETCH = 500  # positions between looks at the clock in a descent
+_LONGEST_SWAP = 50  # segments tried exhaustively; longer ones are left to annealing
+
+
+@dataclass(frozen=True, slots=True)
+class Cooling:
+    """Geometric cooling between two temperatures, in the unit of costs."""
+
+    hot_mm: float
+    cold_mm: float
+
+    def at(self, share: float) -> float:
+        """Return the temperature after `share` (0..1) of the run."""
+        return float(self.hot_mm * (self.cold_mm / self.hot_mm) ** min(max(share, 0.0), 1.0))
+
+
+def tour_of(
+    incumbent: Incumbent, near: NDArray[np.int32], group: NDArray[np.int32] | None = None
+) -> Tour:
+    """Return a mutable copy of the incumbent; moves stay within equal `group`."""
+    problem, graph, n = incumbent.problem, incumbent.problem.graph, len(incumbent.problem)
+    metric, seams, spacing = problem.metric(), problem.seams, problem.spacing
+    every = np.arange(n, dtype=np.int32)
+    if seams is not None:
+        sit_all(points_of(metric), incumbent.seat)
+    position = np.empty(n, np.int32)
+    position[incumbent.order] = every
+    tour = Tour(
+        metric,
+        problem.reversible.copy(),  # writable, as in pieces: kernels are compiled once
+        np.zeros(n, np.int32) if group is None else group,
+        graph.pred_offsets,
+        graph.preds,
+        graph.succ_offsets,
+        graph.succs,
+        near,
+        np.zeros(n + 1, np.int64) if seams is None else seams.offsets,
+        np.empty(0, np.int32) if seams is None else seams.owner,
+        np.empty(0, np.int32) if seams is None else seams.rows,
+        incumbent.seat.copy(),
+        incumbent.order.copy(),
+        position,
+        incumbent.flip.copy(),
+        np.zeros(n),
+        np.empty(n, np.int32),
+        np.zeros(n, np.bool_),
+        no_pauses() if spacing is None else spacing.pauses(incumbent.order, every),
+    )
+    refresh(tour, 0, n)
+    return tour
+
+
+def anneal_until(
+    incumbent: Incumbent, tour: Tour, state: NDArray[np.uint64], cooling: Cooling, until: float
+) -> bool:
+    """Anneal the tour until the share `until` of the budget is spent; return whether to stop.
+
+    Mutates the tour and the generator state. The best sequence at the end of a
+    piece of work is offered to the incumbent.
+    """
+    began, chunk = incumbent.spent, 1000
+    if incumbent.budget.iterations is not None:
+        left = (until - began) * incumbent.budget.iterations
+        chunk = int(min(max(left / _CHUNKS, 1.0), _LARGEST_CHUNK))
+    while (spent := incumbent.spent) < until:
+        share = (spent - began) / (until - began)
+        before = incumbent.seconds
+        anneal(tour, state, cooling.at(share), chunk)
+        incumbent.iterations += chunk
+        incumbent.offer(tour.order, tour.flip, tour.seat)
+        if incumbent.tick():
+            return True
+        if incumbent.budget.iterations is None:
+            speed = chunk / max(incumbent.seconds - before, 1e-6)
+            chunk = int(min(max(_POLL_S * speed, 1000.0), 4.0 * chunk, _LARGEST_CHUNK))
+    return False
+
+
+def descend_fully(incumbent: Incumbent, tour: Tour) -> bool:
+    """Improve the tour until no nearby move does; return whether to stop.
+
+    Mutates the tour. Each position looked at counts as an iteration.
+    """
+    n, gain = len(tour.order), -1.0
+    while gain < 0.0:
+        gain = 0.0
+        for first in range(0, n, _STRETCH):
+            gain += descend(tour, first, min(first + _STRETCH, n), _LONGEST_SWAP)
+            incumbent.offer(tour.order, tour.flip, tour.seat)
+            if incumbent.tick(min(_STRETCH, n - first)):
+                return True
+    return False

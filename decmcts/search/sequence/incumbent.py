@@ -1,0 +1,160 @@
+"""The best sequence so far, how it came about, and whether to go on.
+
+Planners offer sequences here and ask here whether to stop; that makes every
+planner anytime and never worse than the source, whatever it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.sequence.seats import visits_cost
+from decmcts._kernels.sequence.tour import respects
+from decmcts.search.sequence.problem import OrderProblem, Seams
+from decmcts.search.sequence.stopping import AnyOf, Asked, Budget, Progress, StoppingCriterion
+
+
+class Incumbent:
+    """Best sequence of one search; starts as the source's own order.
+
+    Parameters
+    ----------
+    clock : Callable[[], float]
+        Seconds; only differences matter.
+    budget : Budget
+        What planners pace themselves by.
+    criterion : StoppingCriterion
+        Asked after every piece of work.
+    report : Callable[[Progress], None] | None
+        Told of progress after every piece of work.
+    bound : float | None
+        What no sequence can cost less than, if known; told with progress.
+    """
+
+    def __init__(
+        self,
+        problem: OrderProblem,
+        *,
+        clock: Callable[[], float],
+        budget: Budget,
+        criterion: StoppingCriterion,
+        report: Callable[[Progress], None] | None = None,
+        bound: float | None = None,
+    ) -> None:
+        self.problem = problem
+        self.budget = budget
+        self.metric = problem.metric()
+        self.order: NDArray[np.int32] = np.arange(len(problem), dtype=np.int32)
+        self.flip: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
+        seams = problem.seams
+        self.seat: NDArray[np.int32] = (
+            np.full(len(problem), -1, np.int32) if seams is None else seams.sliced
+        )
+        self.source_cost = visits_cost(self.metric, self.order, self.flip, self.seat)
+        self.cost = self.source_cost
+        self.iterations = 0
+        self.notes: dict[str, float] = {}  # what a planner chose, by name
+        self._clock, self._report = clock, report
+        self._criterion: StoppingCriterion = criterion
+        self.bound = bound  # what no sequence can cost less than, if known
+        self._started, self._improved_at_s = clock(), 0.0
+        self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since the search began."""
+        return self._clock() - self._started
+
+    @property
+    def progress(self) -> Progress:
+        """Where the search stands now."""
+        return Progress(self.seconds, self.iterations, self.cost, self._improved_at_s, self.bound)
+
+    @property
+    def spent(self) -> float:
+        """Share of the budget used, 1 or more at the end."""
+        return self.budget.spent(self.seconds, self.iterations)
+
+    @property
+    def history(self) -> NDArray[np.float64]:
+        """Seconds, iterations and best cost at each improvement, (k, 3)."""
+        return np.array(self._history, np.float64)
+
+    def offer(
+        self,
+        order: NDArray[np.int32],
+        flip: NDArray[np.uint8],
+        seat: NDArray[np.int32] | None = None,
+    ) -> bool:
+        """Take the sequence if it is better; `flip` is by contour. Returns whether it was.
+
+        `seat` is the option each contour is entered by, see `Seams`; None: as sliced. A
+        sequence that does not keep the problem's spacing is not taken: not all planners
+        know of time.
+
+        Raises
+        ------
+        RuntimeError
+            If a better sequence breaks the dependency graph: a fault of the planner.
+        """
+        seams = self.problem.seams
+        if seat is None:
+            seat = self.seat if seams is None else seams.sliced
+        cost = visits_cost(self.metric, order, flip, seat)
+        if cost >= self.cost:
+            return False
+        graph = self.problem.graph
+        if not respects(order, graph.succ_offsets, graph.succs):
+            raise RuntimeError("a planner offered a sequence that is no linear extension")
+        if self.problem.spacing is not None and not self.problem.spacing.keeps(order):
+            return False
+        if (flip.astype(np.bool_) & ~self.problem.reversible).any():
+            raise RuntimeError("a planner turned a contour that may not turn")
+        if seams is not None and not _allowed(seat, seams):
+            raise RuntimeError("a planner entered a contour where it may not")
+        self.order, self.flip, self.seat = order.copy(), flip.copy(), seat.copy()
+        self.cost = cost
+        self._improved_at_s = self.seconds
+        self._history.append((self._improved_at_s, self.iterations, cost))
+        return True
+
+    def offer_order(self, order: NDArray[np.int32]) -> bool:
+        """Offer an order with the directions and entries that suit it best."""
+        return self.offer(order, *self.problem.visits_for(self.metric, order))
+
+    def prove(self, bound: float) -> None:
+        """Take a bound that the planner has proven, if it is higher than what was known."""
+        self.bound = bound if self.bound is None else max(self.bound, bound)
+
+    def tick(self, iterations: int = 0) -> bool:
+        """Count `iterations`, report, and return whether to stop."""
+        self.iterations += iterations
+        now = self.progress
+        if self._report is not None:
+            self._report(now)
+        return self._criterion(now)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the search shall end."""
+        return self._criterion(self.progress)
+
+    @contextmanager
+    def ending_when(self, asked: Callable[[], bool]) -> Iterator[None]:
+        """Let `tick` say stop also when `asked` does, within a `with`."""
+        usual, self._criterion = self._criterion, AnyOf((self._criterion, Asked(asked)))
+        try:
+            yield
+        finally:
+            self._criterion = usual
+
+
+def _allowed(seat: NDArray[np.int32], seams: Seams) -> bool:
+    """Say whether each contour has an option of its own where it has a choice, else none."""
+    choice = np.diff(seams.offsets) > 1
+    within = (seat >= seams.offsets[:-1]) & (seat < seams.offsets[1:])
+    return bool(np.where(choice, within, seat == -1).all())

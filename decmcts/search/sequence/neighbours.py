@@ -1,0 +1,72 @@
+"""Nearest-neighbour lists for local search: which contours may well follow which."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from decmcts._kernels.sequence.nearby import keep_possible
+from decmcts.search.sequence.problem import OrderProblem
+
+LAYER_STRETCH = 40.0  # heights count this much more: most contours far above or below must wait
+
+
+def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDArray[np.int32]:
+    """Return for each exit up to `width` entry ports near it, (2n + anchors, width), -1 padded.
+
+    Port 2c is the start of contour c and 2c + 1 its end; 2n + o is option o of a loop
+    that may be entered elsewhere. Of the options only the anchors are listed, and
+    have rows (`Seams.rows`). The lists are drawn from the `pool` nearest; contours
+    that precedence keeps from following are left out.
+    """
+    n = len(problem)
+    if problem.costs is not None:
+        return _cheap_successors(problem, width)
+    if n == 0:
+        return np.full((0, width), -1, np.int32)
+    stretch, seams = np.array([1.0, 1.0, LAYER_STRETCH]), problem.seams
+    exits = entries = problem.ports() * stretch
+    usable = np.ones(2 * n, np.bool_)
+    usable[1::2] = problem.reversible
+    row_offsets, owner, anchors = np.zeros(n + 1, np.int64), np.empty(0, np.int32), np.arange(0)
+    if seams is not None:
+        row_offsets, owner, anchors = seams.row_offsets, seams.owner, seams.anchors
+        usable &= np.repeat(np.diff(row_offsets) == 0, 2)
+        exits = np.concatenate([exits, seams.leave[anchors] * stretch])
+        entries = np.concatenate([entries, seams.enter * stretch])
+    ids = np.concatenate([np.flatnonzero(usable), 2 * n + anchors])
+    k = min(pool, len(ids))
+    _, index = cKDTree(entries[ids]).query(exits, k=np.arange(1, k + 1), workers=2)
+    graph = problem.graph
+    return keep_possible(
+        ids[index],
+        width,
+        row_offsets,
+        owner,
+        problem.reversible,
+        graph.pred_offsets,
+        graph.preds,
+        graph.succ_offsets,
+        graph.succs,
+    )
+
+
+def _cheap_successors(problem: OrderProblem, width: int) -> NDArray[np.int32]:
+    """Return the cheapest possible successors of each node by bare costs, as entry ports."""
+    n, graph = len(problem), problem.graph
+    assert problem.costs is not None
+    costs = problem.costs.copy()
+    np.fill_diagonal(costs, np.inf)
+    found = 2 * np.argsort(costs, axis=1, kind="stable")[:, : max(n - 1, 1)]
+    return keep_possible(
+        np.repeat(found, 2, axis=0),
+        width,
+        np.zeros(n + 1, np.int64),
+        np.empty(0, np.int32),
+        problem.reversible,
+        graph.pred_offsets,
+        graph.preds,
+        graph.succ_offsets,
+        graph.succs,
+    )

@@ -1,0 +1,44 @@
+"""What a travel costs in seconds: the source's habits under the machine's limits.
+
+The search prices a travel by its two ends, and the walls between
+(`decmcts._kernels.sequence.metric`); how long a whole plan takes is
+`decmcts.team.schedule.timing`'s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import MotionLimits
+from decmcts.print.motion import (
+    level_travel,
+    path_time,
+    retraction_time,
+    travel_feed,
+    upright_travel,
+)
+from decmcts.print.walls import walls_for
+from decmcts.search.sequence.problem import Pace
+
+
+def pace_of(job: PrintJob, limits: MotionLimits) -> Pace:
+    """Return how fast the travels of a print go.
+
+    Those not shorter than the source's least, but for those that stay bare inside the
+    part, are retracted (wiped, if the source wipes), lifted by the source's own hop,
+    lowered and primed again; the lift over what is printed higher is not known before
+    there is an order.
+    """
+    settings = job.settings
+    hop_s = retraction_time(settings, limits)
+    if settings.hop_mm > 0.0:
+        lift = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, settings.hop_mm]])
+        hop_s += 2.0 * path_time(lift, settings.z_feed or travel_feed(settings, limits), limits)
+    return Pace(
+        *level_travel(settings, limits), *upright_travel(settings, limits), hop_s,
+        math.nextafter(settings.retract_min_travel_mm, 0.0), settings.bare_inside_mm,
+        settings.bare_climb_mm, walls_for(job),
+    )  # fmt: skip

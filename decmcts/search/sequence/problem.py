@@ -1,0 +1,254 @@
+"""The problem a planner for one head solves, without anything it does not need.
+
+A planner knows endpoints, which contours may turn, layers and the dependency
+graph. How contours look in between, or how the source text looked, stays
+outside, so that a bare problem (endpoints and precedence) can be solved too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.geometry.walls import Walls
+from decmcts._kernels.sequence.metric import Matrix, Metric, Timed, TimedBare, costliest, distance
+from decmcts._kernels.sequence.seats import choose_visits
+from decmcts._kernels.sequence.tour import longest_hop
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.seam import SeamPolicy, entry_points, exit_points, seam_entries
+from decmcts.print.walls import has_walls, no_walls
+from decmcts.search.sequence.spacing import Spacing
+
+Freedom = Literal["fixed", "reversible", "seam"]
+
+
+MOST_ANCHORS = 6  # options of one contour that have near lists of their own
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast travels go, for searches that minimise time."""
+
+    speed: float  # mm/s, level
+    acceleration: float  # mm/s², from rest and to rest
+    z_speed: float  # mm/s, upright; travels go up or down and across one after the other
+    z_acceleration: float  # mm/s²
+    hop_s: float = 0.0  # retraction, lift and their undoing
+    free_mm: float = 0.0  # travels up to this length go without them
+    bare_mm: float = 0.0  # and those inside the walls up to this
+    climb_mm: float = 0.0  # which may climb so far
+    walls: Walls = field(default_factory=no_walls, compare=False)  # outer ones of the part
+
+    def __post_init__(self) -> None:
+        rates = (self.speed, self.acceleration, self.z_speed, self.z_acceleration)
+        if not min(rates) > 0.0:
+            raise ValueError(f"speeds and accelerations {rates}: expected above 0")
+        if not (self.hop_s >= 0.0 and self.free_mm >= 0.0):
+            raise ValueError(f"hop {self.hop_s} s, free {self.free_mm} mm: expected 0 or more")
+
+    @property
+    def looks_at_walls(self) -> bool:
+        """Whether what a travel costs depends on walls; it takes longer to price then."""
+        return self.hop_s > 0.0 and self.bare_mm > self.free_mm and has_walls(self.walls)
+
+
+@dataclass(frozen=True)
+class Seams:
+    """Where contours may be entered: options of each, those of contour c in a row.
+
+    A contour with one option has no choice: its start and end are that option's.
+    """
+
+    offsets: NDArray[np.int64]  # (n + 1,) contour c owns options offsets[c]:offsets[c + 1], >= 1
+    enter: NDArray[np.float64]  # (m, 3)
+    leave: NDArray[np.float64]  # (m, 3)
+    vertices: NDArray[np.int32]  # (m,) numbers of points within the contour
+
+    @cached_property
+    def owner(self) -> NDArray[np.int32]:
+        """Contour of each option, (m,)."""
+        return np.repeat(np.arange(len(self.offsets) - 1, dtype=np.int32), np.diff(self.offsets))
+
+    @property
+    def sliced(self) -> NDArray[np.int32]:
+        """First option of contours with a choice, the slicer's own if allowed; else -1, (n,)."""
+        first = self.offsets[:-1].astype(np.int32)
+        return np.where(np.diff(self.offsets) > 1, first, -1).astype(np.int32)
+
+    @cached_property
+    def row_offsets(self) -> NDArray[np.int64]:
+        """Contour c has anchors row_offsets[c]:row_offsets[c + 1], or none, (n + 1,)."""
+        counts = np.diff(self.offsets)
+        kept = np.where(counts > 1, np.minimum(counts, MOST_ANCHORS), 0)
+        return np.concatenate([[0], np.cumsum(kept)]).astype(np.int64)
+
+    @cached_property
+    def anchors(self) -> NDArray[np.int64]:
+        """Option in the middle of each run that shares a row of the near lists."""
+        chosen = np.flatnonzero(np.diff(self.offsets)[self.owner] > 1)
+        begins = np.flatnonzero(np.diff(self.rows[chosen], prepend=-1))
+        ends = np.append(begins[1:], len(chosen))
+        return np.asarray(chosen[(begins + ends - 1) // 2])
+
+    @cached_property
+    def rows(self) -> NDArray[np.int32]:
+        """Row of the near lists for each option; of no meaning without choice, (m,)."""
+        counts, owner = np.diff(self.offsets)[self.owner], self.owner
+        place = np.arange(len(owner)) - self.offsets[owner]
+        kept = np.diff(self.row_offsets)[owner]
+        first = 2 * (len(self.offsets) - 1) + self.row_offsets[owner]
+        return np.asarray(first + place * kept // counts, np.int32)
+
+
+@dataclass(frozen=True, slots=True)
+class OrderProblem:
+    """Order `n` contours, and choose the direction of those that may turn.
+
+    Contours are numbered in source order, which is a linear extension of
+    `graph`: the source is always a solution.
+    """
+
+    start: NDArray[np.float64]  # (n, 3) first point as sliced, mm
+    end: NDArray[np.float64]  # (n, 3) last point as sliced, mm
+    reversible: NDArray[np.bool_]  # (n,) may be printed backwards
+    layer: NDArray[np.int32]  # (n,) layer index of the source
+    graph: DependencyGraph
+    pace: Pace | None = None  # travels cost seconds instead of mm
+    costs: NDArray[np.float64] | None = None  # (n, n) bare costs instead of both
+    seams: Seams | None = None  # where loops may be entered; None: as sliced
+    spacing: Spacing | None = None  # time between contours that lie on each other; None: any
+
+    def __post_init__(self) -> None:
+        n = self.graph.n
+        shapes = {"start": (n, 3), "end": (n, 3), "reversible": (n,), "layer": (n,)}
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape:
+                raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+            array.setflags(write=False)
+        if not (np.isfinite(self.start).all() and np.isfinite(self.end).all()):
+            raise ValueError("an endpoint is not finite")
+        if self.costs is not None:
+            if self.costs.shape != (n, n) or self.reversible.any():
+                raise ValueError("bare costs need an (n, n) matrix and contours that never turn")
+            if np.isnan(self.costs).any():
+                raise ValueError("a cost is not a number")
+        if self.spacing is not None and len(self.spacing.seconds) != n:
+            raise ValueError(f"times of {len(self.spacing.seconds)} contours, expected {n}")
+
+    def __len__(self) -> int:
+        return self.graph.n
+
+    @staticmethod
+    def from_job(
+        job: PrintJob,
+        graph: DependencyGraph,
+        freedom: Freedom,
+        seam: SeamPolicy = "nearest",
+    ) -> OrderProblem:
+        """Take the endpoints and freedoms of a job.
+
+        Parameters
+        ----------
+        freedom : {"fixed", "reversible", "seam"}
+            With "fixed" nothing turns. With "reversible" the open contours that
+            the reader marked reversible may; turning a closed contour changes
+            no travel, so closed contours keep the slicer's direction. With "seam"
+            closed contours may also be entered elsewhere.
+        seam : SeamPolicy
+            Where, with freedom "seam".
+
+        Raises
+        ------
+        ValueError
+            If `freedom` is unknown or the graph is of another print.
+        """
+        contours = job.contours
+        if freedom not in get_args(Freedom):
+            raise ValueError(f"freedom is {freedom!r}, expected one of {get_args(Freedom)}")
+        if graph.n != len(contours):
+            raise ValueError(f"the graph has {graph.n} contours, the job {len(contours)}")
+        turns = contours.reversible & ~contours.closed & (freedom != "fixed")
+        start, end, seams = contours.start, contours.end, None
+        if freedom == "seam":
+            seams = _seams(contours, seam)
+            turns &= np.diff(seams.offsets) == 1
+            first = seams.offsets[:-1]
+            start, end = seams.enter[first], seams.leave[first]
+        return OrderProblem(
+            np.ascontiguousarray(start, np.float64),
+            np.ascontiguousarray(end, np.float64),
+            np.ascontiguousarray(turns, np.bool_),
+            np.ascontiguousarray(contours.layer, np.int32),
+            graph,
+            seams=seams,
+        )
+
+    @property
+    def unit(self) -> str:
+        """Unit of costs: "mm", "s", or "" for bare costs."""
+        return "" if self.costs is not None else "mm" if self.pace is None else "s"
+
+    def metric(self) -> Metric:
+        """Return what prices travels, made anew: its points may be changed."""
+        if self.costs is not None:
+            return Matrix(np.ascontiguousarray(self.costs, np.float64))
+        points = self.ports()
+        if self.seams is not None:
+            options = np.stack([self.seams.enter, self.seams.leave], axis=1).reshape(-1, 3)
+            points = np.concatenate([points, options])
+        return points if self.pace is None else _timed(points, self.pace)
+
+    def visits_for(
+        self, metric: Metric, order: NDArray[np.int32]
+    ) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
+        """Return the directions and entries, by contour, that suit an order best.
+
+        `metric` is the problem's own, whatever its ports have been changed to.
+        """
+        offsets = np.zeros(len(self) + 1, np.int64) if self.seams is None else self.seams.offsets
+        flip, seat = choose_visits(metric, order, self.reversible, offsets)
+        return flip, seat
+
+    def longest_hop(self) -> float:
+        """Return the cost of the longest travel there can be."""
+        if self.costs is not None:
+            return float(self.costs.max(initial=0.0))
+        ports = self.ports()
+        if self.pace is None:
+            return float(longest_hop(ports, self.reversible))
+        rise = float(np.ptp(ports[:, 2])) if len(ports) else 0.0
+        ports[:, 2] = 0.0
+        level = float(longest_hop(ports, self.reversible))
+        ends = np.array([[0.0, 0.0, 0.0], [level, 0.0, rise]])
+        return float(distance(costliest(_timed(ends, self.pace), ends), 0, 1))
+
+    def ports(self) -> NDArray[np.float64]:
+        """Return the endpoints as (2n, 3): port 2c is the start of contour c, 2c + 1 its end."""
+        return np.ascontiguousarray(np.stack([self.start, self.end], axis=1).reshape(-1, 3))
+
+
+def _seams(contours: Contours, policy: SeamPolicy) -> Seams:
+    entries = seam_entries(contours, policy)
+    return Seams(
+        entries.offsets,
+        entry_points(contours, entries),
+        exit_points(contours, entries),
+        entries.vertices,
+    )
+
+
+def _timed(points: NDArray[np.float64], pace: Pace) -> Timed | TimedBare:
+    timed = Timed(
+        points, pace.speed, pace.acceleration, pace.z_speed, pace.z_acceleration, pace.hop_s,
+        pace.free_mm,
+    )  # fmt: skip
+    if not pace.looks_at_walls:
+        return timed
+    return TimedBare(*timed, pace.bare_mm, pace.climb_mm, pace.walls)

@@ -1,0 +1,100 @@
+"""How much time a sequence must leave between contours that lie on each other.
+
+A search reckons time as print time alone, the same for each contour wherever it is
+printed, with a fixed share for travel: cheap to keep in every move, and near enough to
+find orders that wait little or not at all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.lags import Lags
+from decmcts._kernels.sequence.pauses import Pauses, keeps_all, retime
+
+
+@dataclass(frozen=True, slots=True)
+class Spacing:
+    """Time lags, and how long each contour takes, in the seconds of a search.
+
+    A path of edges leads from each contour to those over it. Raises ValueError if the
+    arrays are no such rows, or the source does not keep the lags.
+    """
+
+    lags: Lags
+    seconds: NDArray[np.float64]  # (n,) from the begin of each contour to that of the next
+
+    def __post_init__(self) -> None:
+        n, (offsets, below, due) = len(self.seconds), self.lags
+        if len(offsets) != n + 1:
+            raise ValueError(f"lags of {len(offsets) - 1} contours, times of {n}")
+        if not (len(below) == len(due) == offsets[-1] and (np.diff(offsets, prepend=0) >= 0).all()):
+            raise ValueError("the lags are no compressed rows")
+        if len(below) and not (below.min() >= 0 and below.max() < n):
+            raise ValueError(f"a lag after a contour that is not among the {n}")
+        for name, values in (("contour takes", self.seconds), ("lag lasts", due)):
+            if not (np.isfinite(values).all() and (values >= 0.0).all()):
+                raise ValueError(f"a {name} less than no time, or for ever")
+        if not self.keeps(np.arange(n, dtype=np.int32)):
+            raise ValueError("the source does not keep the lags itself")
+
+    @staticmethod
+    def owed_by_source(lags: Lags, seconds: NDArray[np.float64]) -> Spacing:
+        """Return the lags, or what the source gives by this reckoning if less."""
+        ended = np.cumsum(seconds)
+        above = _above(lags)
+        given = ended[above] - seconds[above] - ended[lags.below]
+        return Spacing(lags._replace(seconds=np.clip(given, 0.0, lags.seconds)), seconds)
+
+    def keeps(self, order: NDArray[np.int32]) -> bool:
+        """Say whether a sequence of all contours leaves enough time everywhere."""
+        return bool(keeps_all(order, *self.lags, self.seconds))
+
+    def pauses(self, order: NDArray[np.int32], ids: NDArray[np.int32]) -> Pauses:
+        """Return what moves need, for contours renumbered: number k is contour `ids[k]`, all n.
+
+        `order` is a sequence of these numbers.
+        """
+        n, lags = len(ids), self.lags
+        number = np.empty(n, np.int32)
+        number[ids] = np.arange(n, dtype=np.int32)
+        below = number[lags.below]
+        above = number[_above(lags)]
+        pauses = Pauses(
+            *_rows(above, below, lags.seconds, n),
+            *_rows(below, above, lags.seconds, n),
+            float(lags.seconds.max(initial=0.0)),
+            self.seconds[ids],
+            np.zeros(n),
+        )
+        retime(pauses, order, 0, n)
+        return pauses
+
+
+def no_spacing(n: int) -> Spacing:
+    """Return a spacing without lags."""
+    lags = Lags(np.zeros(n + 1, np.int64), np.empty(0, np.int32), np.empty(0))
+    return Spacing(lags, np.ones(n))
+
+
+def no_pauses() -> Pauses:
+    """Return what moves need where nothing has to be kept."""
+    offsets, ids, seconds = np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0)
+    return Pauses(offsets, ids, seconds, offsets, ids, seconds, 0.0, seconds, seconds)
+
+
+def _above(lags: Lags) -> NDArray[np.int64]:
+    """Return the contour that each lag is for, (m,)."""
+    return np.repeat(np.arange(len(lags.offsets) - 1), np.diff(lags.offsets))
+
+
+def _rows(
+    key: NDArray[np.int32], value: NDArray[np.int32], seconds: NDArray[np.float64], n: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64]]:
+    """Return pairs as compressed rows by `key`."""
+    order = np.argsort(key, kind="stable")
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(key, minlength=n))]).astype(np.int64)
+    return offsets, value[order].astype(np.int32), seconds[order]

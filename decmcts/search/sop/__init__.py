@@ -1,0 +1,1 @@
+"""Bare sequential ordering problems."""

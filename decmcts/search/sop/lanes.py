@@ -1,0 +1,295 @@
+"""Beam search, annealing and branch and bound: who does what on which of two threads.
+
+Work comes in slices. Within one the threads share nothing; between them, on the
+calling thread, what was found goes to the incumbent and roles may change. So
+results depend on the seed and the sizes of the slices only, not on the pace of
+the threads.
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.random import seeded
+from decmcts._kernels.sequence.anneal import anneal
+from decmcts._kernels.sequence.metric import Matrix
+from decmcts._kernels.sequence.moves import Tour
+from decmcts.search.sequence.annealing import Cooling, tour_of
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sop.assignment import Assignment, assign
+from decmcts.search.sop.assignment_tree import AssignmentTree
+from decmcts.search.sop.beam import Beam
+from decmcts.search.sop.precedence import Precedence
+
+FOUND_BY = ("start", "beam", "annealing", "assignments")
+_SLICE_S = 0.15
+_SLICES = 400  # of a search that is limited by iterations
+_LARGEST_SLICE = 4_000_000
+_LAG = 4  # the beam from the worse end is so many times narrower
+_CYCLES = (0.15, 0.25, 0.4, 0.55, 0.75, 0.98)  # ends of annealings, shares
+_HOT = (1.0, 0.3, 2.0)  # in turn; multiples of the mean reduced cost of near steps
+_COLD = 0.01
+_NEAR = 12
+_CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may keep working on
+    (0.08, np.inf, 0.02),
+    (0.2, 0.05, 0.02),
+    (0.4, 0.02, 0.0),
+)
+_LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
+
+
+@dataclass(slots=True)
+class BeamLane:
+    """Beams from one end or both; the one that found less goes on narrower."""
+
+    beams: list[Beam]
+    bound: float  # what to add to reduced costs
+    least_gain: float  # costs differ by more than this
+    best: float = np.inf  # cost of the best sequence this lane has found
+    exhausted: bool = False  # nothing better is left
+    below: float = np.inf  # sequences have to cost less
+    name: str = "beam"
+    _found: list[NDArray[np.int64]] = field(default_factory=list)  # since the last meeting
+    _bests: list[float] = field(default_factory=list)  # by beam
+
+    def __post_init__(self) -> None:
+        self._bests = [np.inf for _ in self.beams]
+
+    def work(self, quota: int, spent: float) -> int:
+        """Step the beams whose turn it is; return how many beginnings were looked at."""
+        seen = 0
+        while seen < quota and not self.exhausted:
+            turn = self._turn()
+            beam = self.beams[turn]
+            seen += beam.step(quota - seen, self.below - self.bound - self.least_gain)
+            self.exhausted = beam.exhausted
+            if beam.found is not None:
+                cost = beam.found_cost + self.bound
+                self._bests[turn] = min(self._bests[turn], cost)
+                self.best, self.below = min(self.best, cost), min(self.below, cost)
+                self._found.append(beam.found)
+        return seen
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer what runs have found; from now on look below the incumbent only."""
+        for order in self._found:
+            _offer(incumbent, order.astype(np.int32), self.name)
+        self._found = []
+        self.below = min(self.below, incumbent.cost)
+
+    def _turn(self) -> int:
+        """Return which beam goes on: the narrowest, with a handicap for the worse."""
+        least = min(self._bests)
+        widths = [
+            beam.width * (_LAG if best > least else 1)
+            for beam, best in zip(self.beams, self._bests, strict=True)
+        ]
+        return int(np.argmin(widths))
+
+
+@dataclass(slots=True)
+class AnnealLane:
+    """Annealing after annealing from the best sequence, some hot, some warm."""
+
+    tour: Tour
+    near: NDArray[np.int32]  # (2n, k) successors to try
+    scale: float  # mean reduced cost of those
+    state: NDArray[np.uint64]  # (1,)
+    turn: int  # which heat comes first
+    name: str = "annealing"
+    _began: float = 0.0
+    _until: float = 0.0
+
+    def work(self, quota: int, spent: float) -> int:
+        """Make `quota` proposals at the temperature of this part of the budget."""
+        share = (spent - self._began) / (self._until - self._began)
+        cooling = Cooling(_HOT[self.turn % len(_HOT)] * self.scale, _COLD * self.scale)
+        anneal(self.tour, self.state, cooling.at(share), quota)
+        return quota
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer the sequence at hand; start anew from the best where an annealing is over."""
+        _offer(incumbent, self.tour.order, self.name)
+        spent = incumbent.spent
+        if spent >= self._until:
+            self._began, self._until = spent, min((e for e in _CYCLES if e > spent), default=1.01)
+            self.tour = tour_of(incumbent, self.near)
+            self.turn += 1
+
+
+@dataclass(slots=True)
+class TreeLane:
+    """Branch and bound over assignments; its wishes are repaired."""
+
+    tree: AssignmentTree
+    costs: NDArray[np.float64]  # (n, n)
+    bound: float  # what to add to reduced costs
+    least_gain: float
+    below: float = np.inf
+    name: str = "assignments"
+    _found: NDArray[np.int32] | None = None
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether nothing better is left."""
+        return self.tree.exhausted
+
+    def work(self, quota: int, spent: float) -> int:
+        """Branch; an assignment counts as about as many units as it takes time."""
+        unit, made = max(len(self.costs) ** 2 // 4, 1), self.tree.made
+        while (self.tree.made - made) * unit < quota:
+            wish = self.tree.step(self.below - self.bound - self.least_gain)
+            if wish is None:
+                break
+            order = self.tree.precedence.repaired(wish)
+            cost = float(self.costs[order[:-1], order[1:]].sum())
+            if cost < self.below:
+                self.below, self._found = cost, order
+        return 1 + (self.tree.made - made) * unit
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer the best repaired wish; from now on look below the incumbent only."""
+        if self._found is not None:
+            _offer(incumbent, self._found, self.name)
+            self._found = None
+        self.below = min(self.below, incumbent.cost)
+
+
+Lane = BeamLane | AnnealLane | TreeLane
+
+
+@dataclass(frozen=True, slots=True)
+class Race:
+    """One problem's three searches, and the rules by which they share two threads."""
+
+    incumbent: Incumbent
+    precedence: Precedence
+    assignment: Assignment
+    seed: int
+    least_gain: float  # costs differ by more than this
+
+    def run(self) -> float:
+        """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
+        incumbent, pace = self.incumbent, _Pace.of(self.incumbent)
+        changes, bound = list(_CHANGES), self.assignment.bound
+        large = len(incumbent.problem) > _LARGEST_TREE
+        lanes: list[Lane] = [self._beams(), self._annealer(0) if large else self._tree()]
+        with ThreadPoolExecutor(len(lanes)) as pool:
+            while True:
+                stop = incumbent.tick(pace.slice(pool, lanes, incumbent))
+                for lane in lanes:
+                    lane.meet(incumbent)
+                bound = max(bound, *map(self._bound, lanes))
+                if incumbent.cost - bound < self.least_gain:
+                    return incumbent.cost
+                if stop:
+                    return bound
+                if changes and incumbent.spent >= changes[0][0]:
+                    _, lead, gap = changes.pop(0)
+                    lanes = self._handed_over(lanes, lead, cost_above=(1.0 + gap) * bound)
+
+    @property
+    def costs(self) -> NDArray[np.float64]:
+        """Return the real costs, (n, n)."""
+        metric = self.incumbent.metric
+        assert isinstance(metric, Matrix)
+        return metric.costs
+
+    def _bound(self, lane: Lane) -> float:
+        """Return what a lane has proven: no sequence costs less."""
+        if isinstance(lane, AnnealLane):
+            return -np.inf
+        if lane.exhausted:
+            return self.incumbent.cost
+        if isinstance(lane, TreeLane):
+            return min(self.assignment.bound + lane.tree.bound, self.incumbent.cost)
+        return -np.inf
+
+    def _handed_over(self, lanes: list[Lane], lead: float, *, cost_above: float) -> list[Lane]:
+        """Return the lanes: annealing in place of the tree, and of the beams, that will not do.
+
+        Beams have to lag clearly, since they find most towards the end; the tree stays
+        while the cost is not above `cost_above`.
+        """
+        beams, other, cost = *lanes, self.incumbent.cost
+        if isinstance(beams, BeamLane) and (1.0 + lead) * cost < beams.best:
+            beams = self._annealer(1)
+        if isinstance(other, TreeLane) and cost > cost_above:
+            other = self._annealer(0)
+        return [beams, other]
+
+    def _tree(self) -> TreeLane:
+        """Return a lane of branch and bound."""
+        table = np.where(self.precedence.possible, self.assignment.reduced, np.inf)
+        tree = AssignmentTree(table, self.precedence)
+        lane = TreeLane(tree, self.costs, self.assignment.bound, self.least_gain)
+        lane.meet(self.incumbent)
+        return lane
+
+    def _beams(self) -> BeamLane:
+        """Return a lane of beams from both ends.
+
+        Prices are not unique; each end is best served by those worked out from there.
+        """
+        costs, possible = self.costs, self.precedence.possible
+        mirrored = assign(np.ascontiguousarray(costs.T[::-1, ::-1]), possible.T[::-1, ::-1])
+        prices = (self.assignment.reduced, mirrored.reduced.T[::-1, ::-1])
+        beams = [
+            Beam(reduced, self.precedence, self.seed, backward=backward)
+            for backward, reduced in zip((False, True), prices, strict=True)
+        ]
+        lane = BeamLane(beams, self.assignment.bound, self.least_gain)
+        lane.meet(self.incumbent)
+        return lane
+
+    def _annealer(self, number: int) -> AnnealLane:
+        """Return a lane that anneals from the best sequence."""
+        problem = self.incumbent.problem
+        near = near_ports(replace(problem, costs=self.assignment.reduced), width=_NEAR)
+        into = near[1::2]
+        steps = np.take_along_axis(self.assignment.reduced, np.maximum(into >> 1, 0), axis=1)
+        scale = max(float(steps[into >= 0].mean()), self.least_gain)
+        state = seeded(2 * self.seed + number)
+        lane = AnnealLane(tour_of(self.incumbent, near), near, scale, state, number)
+        lane.meet(self.incumbent)
+        return lane
+
+
+@dataclass(slots=True)
+class _Pace:
+    """How large the slices are: about equally long, or a set share of the iterations."""
+
+    quotas: list[int]
+    timed: bool
+
+    @staticmethod
+    def of(incumbent: Incumbent) -> _Pace:
+        limit = incumbent.budget.iterations
+        share = 20_000 if limit is None else max(limit // (2 * _SLICES), 1)
+        return _Pace([min(share, _LARGEST_SLICE)] * 2, limit is None)
+
+    def slice(self, pool: ThreadPoolExecutor, lanes: list[Lane], incumbent: Incumbent) -> int:
+        """Let each lane work once; return the iterations made."""
+        spent = incumbent.spent
+
+        def work(lane: int) -> int:
+            began = incumbent.seconds
+            made = lanes[lane].work(self.quotas[lane], spent)
+            if self.timed:
+                speed = made / max(incumbent.seconds - began, 1e-6)
+                most = min(4.0 * self.quotas[lane], _LARGEST_SLICE)
+                self.quotas[lane] = int(min(max(_SLICE_S * speed, 1000.0), most))
+            return made
+
+        return sum(pool.map(work, range(len(lanes))))
+
+
+def _offer(incumbent: Incumbent, order: NDArray[np.int32], name: str) -> None:
+    """Offer a sequence and note who found it."""
+    if incumbent.offer(order, incumbent.flip):
+        incumbent.notes["found_by"] = FOUND_BY.index(name)

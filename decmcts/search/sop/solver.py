@@ -1,0 +1,199 @@
+"""The bare sequential ordering problem: a cost matrix and precedence, nothing else.
+
+Three searches share the best sequence, each strong where the others are not.
+Beam search, from both ends: dense precedence, and prints. Branch and bound over
+assignments: next to no precedence. Annealing with the planners' own moves: all
+between. The first two often prove that nothing is cheaper. All see costs reduced
+by the assignment's prices: a fair measure between beginnings of sequences, and
+between near successors. They run on two threads, in slices that meet.
+
+References
+----------
+Escudero 1988 (the problem); Libralesso et al. 2020 (beam search); Gambardella &
+Dorigo 2000 (moves); Carpaneto & Toth 1980 (branch and bound).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.sop import MOST_COST
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import (
+    AnyOf,
+    Asked,
+    Budget,
+    IterationLimit,
+    Progress,
+    TimeLimit,
+)
+from decmcts.search.sop.assignment import Assignment, assign, patched
+from decmcts.search.sop.lanes import FOUND_BY, Race
+from decmcts.search.sop.precedence import Precedence
+
+
+@dataclass(frozen=True, slots=True)
+class SopResult:
+    """The best sequence found, and what is proven of it."""
+
+    order: NDArray[np.int32]  # (n,) nodes as the caller numbers them, from 0
+    cost: float
+    bound: float  # no sequence costs less; equals `cost` where that is proven optimal
+    iterations: int  # beginnings looked at and moves proposed
+    history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
+    found_by: str  # "start", "beam", "annealing" or "assignments"
+    seed: int
+
+    @property
+    def optimal(self) -> bool:
+        """Whether no sequence can be cheaper."""
+        return self.bound >= self.cost
+
+
+def solve_sop(
+    costs: NDArray[np.float64],
+    precedence: NDArray[np.int32],
+    *,
+    time_limit_s: float,
+    seed: int = 0,
+    max_iterations: int | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    progress: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> SopResult:
+    """Find a cheap sequence of all nodes that keeps the precedence, on two threads.
+
+    Equal seeds and equal `max_iterations` give equal results, provided the time
+    limit is not what ends the search. Ends early when the result is proven optimal.
+
+    Parameters
+    ----------
+    costs : NDArray[np.float64]
+        (n, n) cost of going from row to column, 0 to `MOST_COST`; the diagonal is not used.
+    precedence : NDArray[np.int32]
+        (m, 2) rows (a, b): a somewhere before b. May be redundant.
+    max_iterations : int | None
+        Limit on beginnings looked at and moves proposed, of both threads together.
+    stop : Callable[[], bool] | None
+        Polled several times a second; True ends the search with the best so far.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a cost is negative or too large, a node is unknown
+        or a limit is negative.
+    InputError
+        If the precedence is a circle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> costs = np.array([[0, 1, 9], [9, 0, 9], [2, 9, 0.0]])
+    >>> found = solve_sop(costs, np.array([[0, 1]]), time_limit_s=1.0)
+    >>> found.order.tolist(), found.cost, found.optimal
+    ([2, 0, 1], 3.0, True)
+    """
+    bare, pairs = _checked(costs, precedence)
+    if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
+        raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
+    n = len(bare)
+    started = clock()
+    numbered = Precedence.of(*_with_ends(n, pairs))
+    full = np.zeros((len(numbered.original),) * 2)
+    full[:n, :n] = bare
+    full = np.ascontiguousarray(full[np.ix_(numbered.original, numbered.original)])
+    np.fill_diagonal(full, 0.0)
+    assignment = assign(full, numbered.possible)
+    criteria = AnyOf(
+        (TimeLimit(time_limit_s),)
+        + ((IterationLimit(max_iterations),) if max_iterations is not None else ())
+        + ((Asked(stop),) if stop is not None else ())
+    )
+    incumbent = Incumbent(
+        _problem(full, numbered),
+        clock=_since(clock, started),
+        budget=Budget(time_limit_s, max_iterations),
+        criterion=criteria,
+        report=progress,
+    )
+    bound = _search(incumbent, numbered, assignment, seed)
+    order = numbered.original[incumbent.order]
+    return SopResult(
+        order[order < n],
+        incumbent.cost,
+        min(bound, incumbent.cost),
+        incumbent.iterations,
+        incumbent.history,
+        FOUND_BY[int(incumbent.notes.get("found_by", 0))],
+        seed,
+    )
+
+
+def _since(clock: Callable[[], float], started: float) -> Callable[[], float]:
+    """Return a clock that first says `started`, so that preparations count."""
+    readings = iter((started,))
+    return lambda: next(readings, None) or clock()
+
+
+def _checked(
+    costs: NDArray[np.float64], precedence: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return costs and pairs as arrays of their own, or raise ValueError."""
+    bare = np.array(costs, np.float64)
+    if bare.ndim != 2 or bare.shape[0] != bare.shape[1]:
+        raise ValueError(f"costs have shape {bare.shape}, expected (n, n)")
+    np.fill_diagonal(bare, 0.0)
+    if not ((bare >= 0.0) & (bare <= MOST_COST)).all():
+        raise ValueError(f"a cost is negative, above {MOST_COST:g} or not a number")
+    pairs = np.asarray(precedence)
+    if pairs.size == 0:
+        pairs = pairs.reshape(0, 2)
+    if pairs.ndim != 2 or pairs.shape[1] != 2:
+        raise ValueError(f"precedence has shape {pairs.shape}, expected (m, 2)")
+    if len(pairs) and not (pairs.min() >= 0 and pairs.max() < len(bare)):
+        raise ValueError(f"precedence names a node outside 0..{len(bare) - 1}")
+    if len(pairs) and not np.issubdtype(pairs.dtype, np.integer):
+        raise ValueError(f"precedence is of {pairs.dtype}, expected whole numbers")
+    return bare, pairs.astype(np.int32)
+
+
+def _with_ends(n: int, pairs: NDArray[np.int32]) -> tuple[int, NDArray[np.int32]]:
+    """Return (n, pairs) with a first and a last node that cost nothing, n and n + 1.
+
+    Prices then add up to the same for every sequence.
+    """
+    nodes = np.arange(n)
+    first = np.stack([np.full(n + 1, n), np.append(nodes, n + 1)], axis=1)
+    last = np.stack([nodes, np.full(n, n + 1)], axis=1)
+    return n + 2, np.concatenate([pairs, first, last]).astype(np.int32)
+
+
+def _problem(costs: NDArray[np.float64], precedence: Precedence) -> OrderProblem:
+    """Return the problem the planners' moves work on."""
+    n = len(costs)
+    nowhere = np.zeros((n, 3))
+    graph = DependencyGraph.from_pairs(n, precedence.pairs)
+    layer = np.zeros(n, np.int32)
+    return OrderProblem(nowhere, nowhere, np.zeros(n, np.bool_), layer, graph, costs=costs)
+
+
+def _search(
+    incumbent: Incumbent, precedence: Precedence, assignment: Assignment, seed: int
+) -> float:
+    """Spend the budget on the incumbent; return a proven lower bound."""
+    costs = incumbent.problem.costs
+    assert costs is not None
+    wish = patched(costs, precedence.possible, assignment.following)
+    incumbent.offer(precedence.repaired(wish), incumbent.flip)
+    if len(costs) <= 3 or incumbent.tick():
+        return incumbent.cost if len(costs) <= 3 else assignment.bound
+    whole = bool((costs == np.rint(costs)).all())
+    least_gain = 0.5 if whole else 1e-9 * (1.0 + float(costs.max()))
+    return Race(incumbent, precedence, assignment, seed, least_gain).run()

@@ -1,0 +1,70 @@
+"""The planner `greedy`: nearest feasible contour, within height buffers of several sizes.
+
+References
+----------
+Lensgraf & Mettu 2016, "Beyond layers: A 3D-aware toolpath algorithm for fused
+filament fabrication" (greedy, and BufferedGreedy on slabs of limited height).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.trees.greedy import greedy_order
+from decmcts.search.sequence.incumbent import Incumbent
+
+
+@dataclass(frozen=True, slots=True)
+class Greedy:
+    """Tries the nearest-feasible rule with every buffer height and keeps the best."""
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Offer one sequence a buffer height, the unlimited one first."""
+        heights = np.maximum(incumbent.problem.start[:, 2], incumbent.problem.end[:, 2])
+        for buffer, slab in buffers(heights):
+            order, flip = nearest_feasible(incumbent, heights, buffer=buffer, slab=slab)
+            incumbent.offer(order, flip)
+            incumbent.offer_order(order)
+            if incumbent.tick(1):
+                return
+
+
+def buffers(heights: NDArray[np.float64]) -> Iterator[tuple[float, float]]:
+    """Yield (buffer, slab) heights in mm: unlimited, then slabs and sliding windows.
+
+    Sizes are doubled from one layer to the whole print.
+    """
+    yield np.inf, 0.0
+    if len(heights) == 0:
+        return
+    levels = np.unique(np.round(heights, 6))
+    rise = float(levels[-1] - levels[0])
+    if rise <= 0.0:
+        return
+    size = float(np.median(np.diff(levels)))
+    while size < rise:
+        yield size * (1 - 1e-6), size
+        yield size * (1 + 1e-6), 0.0
+        size *= 2.0
+
+
+def nearest_feasible(
+    incumbent: Incumbent, key: NDArray[np.float64], *, buffer: float, slab: float = 0.0
+) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return order and flips of the nearest-feasible rule, see `greedy_order`."""
+    problem, graph = incumbent.problem, incumbent.problem.graph
+    return greedy_order(
+        incumbent.metric,
+        problem.reversible,
+        graph.pred_offsets,
+        graph.succ_offsets,
+        graph.succs,
+        key,
+        np.argsort(key, kind="stable"),
+        buffer,
+        slab,
+    )

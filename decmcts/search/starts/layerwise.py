@@ -1,0 +1,58 @@
+"""The planner `layerwise`: the best order within each layer, layers in the source's sequence.
+
+What a careful slicer could do without looking across layers. A layer here is a
+maximal run of equal layer numbers in the source, so that objects printed one
+after the other stay so, and the sequence of layers is always allowed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.random import seeded
+from decmcts.search.sequence.annealing import Cooling, anneal_until, descend_fully, tour_of
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.starts.greedy import nearest_feasible
+
+
+@dataclass(frozen=True, slots=True)
+class Layerwise:
+    """Nearest neighbour within each layer, then annealing that never leaves a layer."""
+
+    hot: float = 1.5  # temperatures in multiples of the mean travel
+    cold: float = 0.03
+
+    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
+        """Spend the whole budget."""
+        if len(incumbent.problem) < 2:
+            return
+        group = layer_runs(incumbent.problem.layer)
+        incumbent.offer(*nearest_in_layers(incumbent, group))
+        if incumbent.tick(1):
+            return
+        tour = tour_of(incumbent, near_ports(incumbent.problem), group)
+        mean = incumbent.cost / len(incumbent.problem)
+        if mean == 0.0:
+            return
+        cooling = Cooling(self.hot * mean, self.cold * mean)
+        if anneal_until(incumbent, tour, seeded(seed), cooling, 0.97):
+            return
+        descend_fully(incumbent, tour)
+        incumbent.offer_order(incumbent.order)
+
+
+def nearest_in_layers(
+    incumbent: Incumbent, group: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return order and flips of the nearest-feasible rule, group after group."""
+    return nearest_feasible(incumbent, group.astype(np.float64), buffer=0.0)
+
+
+def layer_runs(layer: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return the number of each contour's maximal run of equal layers, from 0, (n,)."""
+    change = np.diff(layer) != 0
+    return np.concatenate([[0], np.cumsum(change)]).astype(np.int32)[: len(layer)]

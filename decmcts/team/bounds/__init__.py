@@ -1,0 +1,1 @@
+"""What no joint plan can beat."""

@@ -1,0 +1,81 @@
+"""The least time printing takes: by the fastest head that may, entered at the best vertex.
+
+For bounds. Travel is `decmcts.team.bounds.least_travel`'s. Times are those of
+`decmcts.print.motion`, from rest to rest (a head alone may run on: `decmcts.team.bounds.run_on`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.job import PrintJob
+from decmcts.print.loops import turned
+from decmcts.print.machine import Machine
+from decmcts.print.motion import segment_times
+from decmcts.print.seam import SeamEntries
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LeastTimes:
+    """No plan spends less on printing, in seconds."""
+
+    contour: Floats  # (n,)
+    segment: Floats  # (n_points,) of the segment ending at each point, 0 at a start; their sum
+    # over a contour may be less than its own least: each is of the head, or entry, best for it
+
+
+def least_times(
+    job: PrintJob,
+    machine: Machine,
+    eligible: NDArray[np.bool_],
+    entries: SeamEntries | None = None,
+) -> LeastTimes:
+    """Return the least times over the heads that may print each contour, and over its entries.
+
+    O(heads with limits of their own · entries of one contour · points).
+
+    Parameters
+    ----------
+    eligible : (n, heads)
+        A contour that no head may print is taken to be any head's.
+    entries : SeamEntries | None
+        Where loops may be entered besides as sliced; None: nowhere.
+    """
+    contours = job.contours
+    may = eligible | ~eligible.any(axis=1, keepdims=True)
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    least = LeastTimes(np.full(len(contours), np.inf), np.full(len(contours.points), np.inf))
+    limits = [machine.limits_of(head) for head in machine.heads]
+    kinds = {own: [k for k, other in enumerate(limits) if other == own] for own in limits}
+    for entry in choices(entries, len(contours)):
+        run, offsets = turned(contours, entry)
+        running = replace(
+            contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
+        )
+        set_by = None if job.acceleration is None else job.acceleration[run.rows]
+        for kind, heads in kinds.items():
+            mine = np.asarray(may[:, heads].any(axis=1))
+            seconds = segment_times(running, kind, set_by)
+            whole = np.add.reduceat(seconds, offsets[:-1])
+            parts = np.bincount(run.rows, seconds, len(owner))
+            np.minimum(least.contour, whole, out=least.contour, where=mine)
+            np.minimum(least.segment, parts, out=least.segment, where=mine[owner])
+    return least
+
+
+def choices(entries: SeamEntries | None, n: int) -> Iterator[NDArray[np.int32]]:
+    """Yield vertices of all contours, (n,), until each contour had all it may be entered at."""
+    yield np.zeros(n, np.int32)
+    if entries is None:
+        return
+    first, count = entries.offsets[:-1], np.diff(entries.offsets)
+    for k in range(int(count.max(initial=0))):
+        chosen = entries.vertices[first + np.minimum(k, count - 1)]
+        if chosen.any():
+            yield chosen

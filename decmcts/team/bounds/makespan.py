@@ -1,0 +1,263 @@
+"""How fast a team can be at best: a lower bound on the makespan.
+
+The most of six: all printing shared evenly; what heads on one rail can print at once
+(`decmcts.team.bounds.rail_bound`); what two heads can that no rail joins
+(`decmcts.team.bounds.pair_bound`); what lies where only one head fits at a time
+(`decmcts.team.bounds.window_bound`); the longest chain of the dependency graph; what only one
+head can print. Each contour takes what the fastest head that may print it needs, entered
+where that takes least (`.least_time`), for one head less what it may save by not
+coming to rest at its ends (`.run_on`). For several heads each contour but the first
+and last of a head has its shares of the travels to and from it besides
+(`.least_travel`); the chain has none, for others may print what comes next in it.
+
+Where heads give room back piece by piece (`release` "point") the bounds on a rail and of two
+heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
+`MOST_PIECES` pieces, each begun where its room has shrunk by `PIECE_MM`, and closed ones entered
+as sliced run as sliced. A plan that gives room back at every vertex may be faster; docs/team.md
+says by how much. That of two heads takes rooms as boxes, as plans here do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.exact.chains import longest_chain
+from decmcts._kernels.geometry.loops import SLIVER_MM
+from decmcts._kernels.geometry.pieces import cut_pieces
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.loops import turned
+from decmcts.print.machine import Machine
+from decmcts.print.seam import SeamEntries
+from decmcts.team.bounds.least_time import choices, least_times
+from decmcts.team.bounds.least_travel import TravelShares, ends_of, no_shares, travel_shares
+from decmcts.team.bounds.pair_bound import pair_bound
+from decmcts.team.bounds.rail_bound import Held, rail_bound
+from decmcts.team.bounds.run_on import saved_by_running_on
+from decmcts.team.bounds.window_bound import window_bound, window_of
+from decmcts.team.engine.order import MOST_PIECES, PIECE_MM
+from decmcts.team.engine.space import eligibility
+
+SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Lower bounds on the makespan, in seconds."""
+
+    serial_s: float  # W: all printing one after the other, without travel
+    travel_s: float  # what heads spend at least between contours, all together
+    shared_s: float  # all printing, shared as well as the heads' room allows
+    chain_s: float  # longest chain of the dependency graph
+    exclusive_s: float  # most work that only one head can do
+    window_s: float  # most work where only one head fits at a time
+    bound_s: float  # no plan of these heads, in such pieces, prints faster
+
+
+def makespan_bound(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    *,
+    seconds: NDArray[np.float64] | None = None,
+    entries: SeamEntries | None = None,
+    travel: bool = True,
+) -> Bound:
+    """Return the conflict-aware bound for all heads of the machine.
+
+    Parameters
+    ----------
+    seconds : (n,) or None
+        Printing time of each contour, whoever prints it; None: by the time model.
+    entries : SeamEntries | None
+        Where loops may be entered besides as sliced; None: nowhere.
+    travel : bool
+        Whether to count travel.
+    """
+    eligible = eligibility(job.contours, machine.heads)  # no more: boxes keep out too many
+    least = least_times(job, machine, eligible, entries)
+    saved = saved_by_running_on(job, machine, entries)
+    time, parts = np.maximum(least.contour - saved, 0.0), least.segment
+    if seconds is not None:
+        time, parts = seconds, _scaled(job.contours, parts, seconds)
+    serial, heads = float(time.sum()), len(machine.heads)
+    shares = no_shares(len(time))
+    if travel and heads > 1:
+        shares = travel_shares(job, machine, graph, time, entries)
+    travelled = shares.spent(heads)
+    chain = float(longest_chain(time, graph.pred_offsets, graph.preds))
+    alone = eligible.sum(axis=1) == 1
+    exclusive = 0.0
+    for r in range(heads):
+        mine = alone & eligible[:, r]
+        exclusive = max(exclusive, float(time[mine].sum()) + shares.spent(1, mine))
+    even = (serial + travelled) / heads
+    shared = max(
+        even, _on_rail(job, machine, parts, entries, shares), _of_pair(job, machine, parts, entries)
+    )
+    window = _in_window(job, machine, parts)
+    bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
+    return Bound(serial, travelled, shared, chain, exclusive, window, bound)
+
+
+def _in_window(job: PrintJob, machine: Machine, parts: NDArray[np.float64]) -> float:
+    """Return the most work where only one head fits at a time; 0 for one head.
+
+    `parts` are the seconds of the segment ending at each point, here and below.
+    """
+    contours = job.contours
+    if len(machine.heads) < 2 or not len(contours):
+        return 0.0
+    seconds = parts.copy()
+    seconds[contours.offsets[:-1]] = 0.0
+    size = window_of(machine, float(np.ptp(contours.points[:, 2])))
+    return window_bound(contours.points, seconds, size)
+
+
+def _on_rail(
+    job: PrintJob,
+    machine: Machine,
+    parts: NDArray[np.float64],
+    entries: SeamEntries | None,
+    shares: TravelShares,
+) -> float:
+    """Return the bound of heads that are all in order along one rail; 0 where they are not."""
+    names = {head.name for head in machine.heads}
+    rail = next((rail for rail in machine.rails if set(rail.order) == names), None)
+    if rail is None or len(names) < 2:
+        return 0.0
+    held = _held_along(rail.axis, job, machine, parts, entries)
+    if shares.leaving.any() or shares.entering.any():
+        held = _with_travels(held, job.contours, rail.axis, entries, shares)
+    found = rail_bound(held, separation_mm=rail.separation_mm, heads=len(names))
+    return found - shares.without(len(names))
+
+
+def _of_pair(
+    job: PrintJob, machine: Machine, parts: NDArray[np.float64], entries: SeamEntries | None
+) -> float:
+    """Return the bound of two heads that no rail joins; 0 for others."""
+    if len(machine.heads) != 2 or machine.rails:
+        return 0.0
+    x, y = (_held_along(axis, job, machine, parts, entries) for axis in (0, 1))
+    height = float(np.ptp(job.contours.points[:, 2])) if len(job.contours) else 0.0
+    return pair_bound(x, y, machine, height_mm=height)
+
+
+def _held_along(
+    axis: int,
+    job: PrintJob,
+    machine: Machine,
+    parts: NDArray[np.float64],
+    entries: SeamEntries | None,
+) -> Held:
+    """Return what room along an axis is held, wherever loops may be entered."""
+    held = _held(job, machine, parts, axis)
+    if entries is not None and machine.release == "point":
+        return _entered_anywhere(held, job.contours, parts, axis, entries)
+    if entries is not None:
+        return _whole_from_any(held, job.contours, axis, entries)
+    return held
+
+
+def _with_travels(
+    held: Held, contours: Contours, axis: int, entries: SeamEntries | None, shares: TravelShares
+) -> Held:
+    """Return what is held with the shares of travels besides.
+
+    A head is no farther from where it ended a contour, or begins one, than it gets in that time.
+    """
+    way = np.unique(held.way)
+    contour, back = way // 2, way % 2 == 1
+    turns = np.isin(contour, contour[back])  # others may be left, or entered, at any of their ends
+    first, last = contours.start[contour, axis], contours.end[contour, axis]
+    outs, ins = ends_of(contours, entries)
+    low, high, seconds = [held.low], [held.high], [held.seconds]
+    for share, ends, own in (
+        (shares.leaving, outs, np.where(back, first, last)),
+        (shares.entering, ins, np.where(back, last, first)),
+    ):
+        least, most = np.full(len(contours), np.inf), np.full(len(contours), -np.inf)
+        np.minimum.at(least, ends.contour, ends.points[:, axis])
+        np.maximum.at(most, ends.contour, ends.points[:, axis])
+        reach = shares.pace.reach(share)[contour]
+        low.append(np.where(turns, own, most[contour]) + reach)
+        high.append(np.where(turns, own, least[contour]) - reach)
+        seconds.append(share[contour])
+    travels = np.arange(len(held.way) + 2 * len(way)) >= len(held.way)
+    ways = np.concatenate([held.way, way, way])
+    return Held(np.concatenate(low), np.concatenate(high), np.concatenate(seconds), ways, travels)
+
+
+def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
+    """Return what room along an axis each piece of each contour holds, and for how long.
+
+    Pieces are those that `decmcts.team.engine.order` makes, of contours it may turn.
+    """
+    contours = job.contours
+    turns = contours.reversible & ~contours.closed
+    most = MOST_PIECES if machine.release == "point" else 1
+    turns &= most > 1  # whole contours hold the same either way
+    pieces = cut_pieces(contours.points, contours.offsets, turns, PIECE_MM, most)
+    way = np.repeat(np.arange(2 * len(contours)), np.diff(pieces.offsets))
+    contour, back = way // 2, way % 2 == 1
+    first, last = contours.offsets[contour], contours.offsets[contour + 1] - 1
+    spent = np.cumsum(parts)
+    vertex = np.where(back, last - pieces.point, first + pieces.point)
+    begin = np.where(back, spent[last] - spent[vertex], spent[vertex] - spent[first])
+    ends_way = np.diff(way, append=-1) != 0
+    end = np.where(ends_way, spent[last] - spent[first], np.roll(begin, -1))
+    low, high = pieces.room[:, 2 * axis], pieces.room[:, 2 * axis + 1]
+    return Held(low, high, end - begin, way)
+
+
+def _entered_anywhere(
+    held: Held, contours: Contours, parts: NDArray[np.float64], axis: int, entries: SeamEntries
+) -> Held:
+    """Return what is held if loops may be entered at `entries`, and run either way from there.
+
+    Of such a loop a head holds at least the segment it prints, less the seam's gap, which may
+    be at either end of it.
+    """
+    moved = np.maximum.reduceat(entries.vertices, entries.offsets[:-1]) > 0
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    at = contours.points[:, axis]
+    before = np.roll(at, 1)
+    ends = np.concatenate([contours.offsets[:-1], contours.offsets[1:] - 1])
+    before[ends] = at[ends]  # what is printed through the old gap counts there
+    gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner] + SLIVER_MM
+    rows = moved[owner]
+    stays = ~moved[held.way // 2]
+    return Held(
+        np.concatenate([held.low[stays], (np.minimum(before, at) + gap)[rows]]),
+        np.concatenate([held.high[stays], (np.maximum(before, at) - gap)[rows]]),
+        np.concatenate([held.seconds[stays], parts[rows]]),
+        np.concatenate([held.way[stays], 2 * owner[rows]]),
+    )
+
+
+def _whole_from_any(held: Held, contours: Contours, axis: int, entries: SeamEntries) -> Held:
+    """Return what whole contours hold from every entry: the gap may lie where one reaches out.
+
+    `held` has one piece a contour.
+    """
+    low, high = held.low.copy(), held.high.copy()
+    for entry in choices(entries, len(contours)):
+        run, offsets = turned(contours, entry)
+        at = run.points[:, axis]
+        np.maximum(low, np.minimum.reduceat(at, offsets[:-1]), out=low)
+        np.minimum(high, np.maximum.reduceat(at, offsets[:-1]), out=high)
+    return held._replace(low=low, high=high)
+
+
+def _scaled(
+    contours: Contours, parts: NDArray[np.float64], seconds: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the seconds of segments in proportion, so that contours take what is given."""
+    modelled = np.add.reduceat(parts, contours.offsets[:-1])
+    factor = seconds / np.maximum(modelled, 1e-300)
+    return np.asarray(parts * np.repeat(factor, np.diff(contours.offsets)))

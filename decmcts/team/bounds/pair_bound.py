@@ -1,0 +1,123 @@
+"""What two heads that no rail joins can print at once at most: a matching and its proof.
+
+Of two contours printed side by side one was begun later, and only once the other head held
+nothing any more of the later one's *whole* room, for a head that prints never waits. So two
+pieces exclude each other if the room still held of either is too near to the room of the
+other's whole contour, whichever head has which. All printing less the largest fractional
+matching of pieces that do not exclude each other is a bound.
+
+The matching is half the flow through the double cover of their graph, and the least cover is
+the proof: every piece has a price of 0, 1/2 or 1, two that may be printed at once cost at
+least 1 together, so what is printed at once takes no longer than the prices of all.
+
+Rooms are boxes, as `decmcts.team.engine.space` has them for plans made here, and are rounded
+inwards until there are few enough different ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from decmcts._kernels.engine.rooms import TOUCH
+from decmcts.print.machine import Machine
+from decmcts.team.bounds.rail_bound import Held, whole_of
+from decmcts.team.engine.space import relation_of
+
+CELL_MM = 1.0  # that rooms are rounded to; cells double until there are no more rooms than
+MOST_ROOMS = 2_000
+MOST_FLOW = 2.0**29  # of all; the solver's whole numbers have 32 bits
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+
+def pair_bound(along_x: Held, along_y: Held, machine: Machine, *, height_mm: float) -> float:
+    """Return seconds that no joint plan of the first two heads can beat; travel is not counted.
+
+    Parameters
+    ----------
+    along_x, along_y : Held
+        What is held of the bed, the same pieces in both.
+    height_mm : float
+        Of the print; what comes too near only at some heights counts as clear.
+    """
+    seconds, way = along_x.seconds, along_x.way
+    if not len(seconds) or not float(seconds.sum()) > 0.0:
+        return 0.0
+    rooms, room = _rooms(along_x, along_y)
+    clear = np.zeros((len(rooms), len(rooms)), np.bool_)
+    for r in range(2):
+        relation = relation_of(machine, r, 1 - r)
+        always = (relation[:, 4] <= -height_mm) & (relation[:, 5] >= height_mm)
+        clear |= _clear(rooms[:, :4], rooms[:, 4:], relation[always])
+    clear |= clear.T
+    contour, back = way // 2, way % 2 == 1
+    shared = np.isin(contour, contour[back])  # half of it either way, to find prices
+    work = _sums(room, seconds * np.where(shared, 0.5, 1.0))
+    worth = seconds * (1.0 - _prices(clear, work)[room])
+    ways, kind = np.unique(way, return_inverse=True)
+    of_way = _sums(kind.reshape(-1), worth)
+    begins = np.flatnonzero(np.diff(ways // 2, prepend=-1))
+    return float(np.minimum.reduceat(of_way, begins).sum())
+
+
+def _sums(group: Ints, values: Floats) -> Floats:
+    return np.bincount(group, weights=values).astype(np.float64)
+
+
+def _rooms(along_x: Held, along_y: Held) -> tuple[Floats, Ints]:
+    """Return the different rooms, and each piece's: low and high x, low and high y.
+
+    First four sides of what is still held, then four of the whole contour.
+    """
+    both = (along_x, along_y)
+    sides = [side for held in both for side in (held.low, held.high)]
+    sides += [side for held in both for side in whole_of(held.way, held.low, held.high)]
+    rooms = np.column_stack(sides)
+    room, cell = np.arange(len(rooms)), CELL_MM
+    while True:  # what was rounded to a cell rounds to two of them as it would have at once
+        rooms[:, 0::2] = np.ceil(rooms[:, 0::2] / cell) * cell
+        rooms[:, 1::2] = np.floor(rooms[:, 1::2] / cell) * cell
+        rooms, kind = np.unique(rooms, axis=0, return_inverse=True)
+        room = kind.reshape(-1)[room]
+        if len(rooms) <= MOST_ROOMS:
+            return rooms, room
+        cell *= 2.0
+
+
+def _clear(a: Floats, b: Floats, relation: Floats) -> Bools:
+    """Return where a head in a room of `a` and the other in one of `b` cannot meet, (k, k)."""
+    least = b[None, :, 0::2] - a[:, None, 1::2]
+    most = b[None, :, 1::2] - a[:, None, 0::2]
+    near = np.zeros((len(a), len(b)), np.bool_)
+    for box in relation:
+        within = (least < box[1:4:2] - TOUCH) & (most > box[0:4:2] + TOUCH)
+        near |= within.all(axis=2)
+    return ~near
+
+
+def _prices(clear: Bools, work: Floats) -> Floats:
+    """Return prices of which any two that are clear have at least 1 together, (k,).
+
+    Of the least cover in the double cover of the graph: left nodes that no more flow can
+    reach, and right nodes it can.
+    """
+    k, nodes = len(work), np.arange(len(work))
+    amount = np.ceil(work * (MOST_FLOW / float(work.sum()))).astype(np.int32)
+    row, column = np.nonzero(clear)
+    begin = np.concatenate([np.full(k, 2 * k), row, nodes + k])
+    end = np.concatenate([nodes, column + k, np.full(k, 2 * k + 1)])
+    no_limit = np.full(len(row), amount.sum(), np.int32)
+    most = np.concatenate([amount, no_limit, amount])
+    network = csr_matrix((most, (begin, end)), shape=(2 * k + 2, 2 * k + 2))
+    rest = network - maximum_flow(network, 2 * k, 2 * k + 1).flow
+    rest = rest.multiply(rest > 0).tocsr()
+    rest.eliminate_zeros()
+    reached = np.zeros(2 * k + 2, np.bool_)
+    reached[breadth_first_order(rest, 2 * k, return_predecessors=False)] = True
+    price = (np.where(reached[:k], 0.0, 1.0) + np.where(reached[k : 2 * k], 1.0, 0.0)) / 2.0
+    least = float((price[row] + price[column]).min(initial=1.0))
+    return price if least >= 1.0 else np.full(k, 0.5)  # shared evenly is always dear enough

@@ -1,0 +1,1 @@
+"""Each head's search: trees, distributions, and the best joint order refined."""

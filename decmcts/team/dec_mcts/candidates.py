@@ -1,0 +1,86 @@
+"""X̂ and q: the plans a head tells, what each was found to gain, and how q moves.
+
+All of X̂ are valued beside the same plans of the others, so that what differs is the plans.
+Utilities are scaled to [0, 1] over X̂, so a temperature means the same on every print.
+
+References
+----------
+Best et al. 2019, Alg. 3 (gradient); Nguyen et al. 2024, "United We Stand: Decentralized
+Multi-Agent Planning With Attrition" (A-MCTS), arXiv 2407.08254, and Hart & Mas-Colell 2000,
+Econometrica 68(5) (regret matching).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.team.dec_mcts.distribution import PlanDistribution
+from decmcts.team.dec_mcts.parameters import Parameters
+
+RECENT = 10.0  # samples over which a mean is taken: the others change
+REGRET = "regret-matching"
+
+Plan = NDArray[np.int32]
+
+
+class Candidates:
+    """X̂ with its distribution `told`; `sampled` counts how often each was valued."""
+
+    def __init__(self, plans: Sequence[Plan], parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._beta = parameters.beta
+        self.told = PlanDistribution.uniform(tuple(plans))
+        self._mean = np.zeros(len(plans))
+        self._regret = np.zeros(len(plans))
+        self.sampled = np.zeros(len(plans), np.int64)
+
+    def renew(self, plans: Sequence[Plan]) -> None:
+        """Choose another X̂; members that stay keep what is known of them.
+
+        New ones are as likely as one of those before was at first, and the temperature stays.
+        """
+        before = {plan.tobytes(): k for k, plan in enumerate(self.told.sequences)}
+        row = np.array([before.get(plan.tobytes(), -1) for plan in plans])
+        stays = row >= 0
+        q = np.where(stays, self.told.probabilities[row], 1.0 / len(before))
+        self.told = PlanDistribution(tuple(plans), q / q.sum())
+        self._mean = np.where(stays, self._mean[row], 0.0)
+        self._regret = np.where(stays, self._regret[row], 0.0)
+        self.sampled = np.where(stays, self.sampled[row], 0)
+
+    def update(self, utilities: NDArray[np.float64]) -> None:
+        """Note what each of X̂ gained beside the same other plans, and move q."""
+        self.sampled += 1
+        self._mean += (utilities - self._mean) / np.minimum(self.sampled, RECENT)
+        if self._parameters.distribution == REGRET:
+            self._match_regret(utilities)
+        else:
+            self._descend()
+        self._beta = max(self._beta * self._parameters.cooling, self._parameters.coldest)
+
+    def _descend(self) -> None:
+        """Do one step of the gradient for each plan that was valued."""
+        expected = _scaled(self._mean)
+        for _ in range(len(expected)):
+            self.told = self.told.updated(expected, beta=self._beta, alpha=self._parameters.alpha)
+
+    def _match_regret(self, utilities: NDArray[np.float64]) -> None:
+        """Make q proportional to how much each plan is regretted not to have been followed.
+
+        Old regrets fade as old rewards do in the tree, since the others change.
+        """
+        gained = _scaled(utilities)
+        self._regret *= self._parameters.gamma
+        self._regret += gained - float(self.told.probabilities @ gained)
+        hope = np.maximum(self._regret, 0.0)
+        if hope.sum() > 0.0:
+            self.told = PlanDistribution(self.told.sequences, hope / hope.sum())
+
+
+def _scaled(utilities: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return utilities from 0, the worst, to 1, the best; all 0 where they are alike."""
+    low, high = float(utilities.min()), float(utilities.max())
+    return (utilities - low) / (high - low) if high > low else np.zeros(len(utilities))

@@ -1,0 +1,77 @@
+"""Changes of a plan: the moves of the search over a head's plans."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.team.engine.plans import HUNDREDTHS, POLICIES, decode, encode
+from decmcts.team.engine.policy_space import beside
+from decmcts.team.engine.problem import TeamProblem
+
+STRETCH = 0.3  # of a part's progress, standard deviation of a change of a shift
+FEW = 5  # macro-actions shifted by themselves, at most
+
+Plan = NDArray[np.int32]
+Ints = NDArray[np.int64]
+
+
+def exchange(
+    problem: TeamProblem, plan: Plan, rng: np.random.Generator, *, policies: int = len(POLICIES)
+) -> Plan:
+    """Return a plan that differs by one random move; a serial plan becomes an ordinary one.
+
+    A new policy is one of the first `policies`.
+    """
+    return _moved(problem, {0: plan}, rng, policies)[0]
+
+
+def exchange_jointly(
+    problem: TeamProblem,
+    plans: Mapping[int, Plan],
+    rng: np.random.Generator,
+    *,
+    policies: int = len(POLICIES),
+) -> dict[int, Plan]:
+    """Return the plans of all heads after one move of one head, or one they make together."""
+    if rng.random() < 0.5:
+        return {**plans, **_moved(problem, plans, rng, policies)}
+    head = sorted(plans)[int(rng.integers(len(plans)))]
+    return {**plans, **_moved(problem, {head: plans[head]}, rng, policies)}
+
+
+def _moved(
+    problem: TeamProblem, plans: Mapping[int, Plan], rng: np.random.Generator, policies: int
+) -> dict[int, Plan]:
+    """Return these plans after the same random move in each."""
+    intents = {r: decode(p, problem.n_macros, len(problem.macro)) for r, p in plans.items()}
+    row = {r: intent.policy for r, intent in intents.items()}
+    later = np.zeros(problem.n_macros, np.int32)
+    move = rng.random()
+    if move < 0.2 or problem.n_macros == 0:
+        chosen = beside(row[min(row)], rng, policies)
+        row = dict.fromkeys(row, chosen)
+    elif move < 0.6:
+        later[_stretch(problem, rng)] = _hundredths(rng, 1)
+    else:
+        some = rng.choice(problem.n_macros, min(problem.n_macros, int(rng.integers(1, FEW + 1))))
+        later[some] = _hundredths(rng, len(some))
+    return {
+        r: encode(row[r], problem.n_macros, intent.shift + later) for r, intent in intents.items()
+    }
+
+
+def _hundredths(rng: np.random.Generator, count: int) -> NDArray[np.int32]:
+    """Return random shifts, none of them 0."""
+    drawn = np.rint(HUNDREDTHS * rng.normal(0.0, STRETCH, count)).astype(np.int32)
+    return np.where(drawn == 0, 1, drawn)
+
+
+def _stretch(problem: TeamProblem, rng: np.random.Generator) -> Ints:
+    """Return the macro-actions of a random stretch of one part."""
+    part = problem.macro_part
+    mine = np.flatnonzero(part == part[int(rng.integers(len(part)))])
+    first = int(rng.integers(len(mine)))
+    return mine[first : first + 1 + int(rng.integers(len(mine)))]

@@ -1,0 +1,382 @@
+"""Dec-MCTS: one head's planner in a team (DESIGN of the field: Best et al. 2019).
+
+Each head grows a tree over its own plans, judged together with plans of the
+others drawn from what they last told, and tells in turn a few good plans and
+how likely it is to follow each. No messages here: `iterate`, `distribution`
+and `take` are all an agent needs. One head alone is the single-extruder mode.
+
+Work is counted in contours put (`decmcts.team.engine.values`): policies first, then in each round
+a share for tree and distribution, then windows of the best joint order.
+
+References
+----------
+Best, Cliff, Patten, Mettu & Fitch 2019, "Dec-MCTS: Decentralized planning for
+multi-robot active perception", IJRR 38(2-3), Algs. 1-3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.machine_fit import require_printable
+from decmcts.search.planners import plan_order
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.team.dec_mcts.candidates import Candidates
+from decmcts.team.dec_mcts.distribution import PlanDistribution
+from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
+from decmcts.team.dec_mcts.max_plus import PairValues
+from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.dec_mcts.polish import FEW, Polish
+from decmcts.team.dec_mcts.race import Race
+from decmcts.team.dec_mcts.tree import ROOT, Boltzmann, Tree
+from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import is_allowed, resolve, room_of
+from decmcts.team.engine.values import EACH, JointValues, Plan, Proposal, Team
+
+__all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
+
+AT_ONCE = 200_000  # contours put when policies are tried, about a second's work
+UNPOLISHED = 100_000  # contours put in a round without polishing
+WINDOW = 3_000  # contours put that a window of polishing counts for
+ROOT_POLICIES = 8  # with which the tree begins
+# A better start is worth polishing anew if it is better by this share of what polishing has
+# gained: in as long again the old one would gain about so much more, the new one all of it.
+ANEW = 0.4
+BEHIND = 0.998  # share of its own makespan at which a head goes on with another's order
+NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the others
+
+
+class _Line(NamedTuple):
+    """A joint order being polished."""
+
+    team: Team
+    polish: Polish
+    start_s: float  # makespan of the best plans of macro-actions when it began
+    gained_s: float = 0.0  # by which the order it began with was shorter than those
+
+    def outdone_by(self, start: Proposal) -> bool:
+        """Whether polishing this start instead promises more."""
+        gained = self.gained_s + self.polish.began_s - self.polish.best_s
+        return start.makespan_s < self.start_s - max(ANEW * gained, 1e-3 * self.start_s)
+
+
+class DecMcts:
+    """The planner of head `head`; equal seeds and equal calls give equal plans."""
+
+    def __init__(
+        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None
+    ) -> None:
+        if not 0 <= head < len(problem.machine.heads):
+            raise InputError(f"head {head}, the machine has {len(problem.machine.heads)}")
+        self.problem, self.head = problem, head
+        self.parameters = parameters or Parameters.for_contours(len(problem.macro))
+        self._seed = seed
+        self._rng = np.random.default_rng([seed, head])
+        self._others: dict[int, PlanDistribution] = {}
+        self._values = JointValues(problem)
+        self._races: dict[Team, Race] = {}
+        self._pairs: dict[Team, PairValues] = {}
+        self._line: _Line | None = None
+        self._lines = self._alone = 0  # joint orders polished, rounds without another head
+        self._steps = self._tried = 0  # of tree and distribution; joint plans tried
+        self._credit = 0  # contours that tree and distribution may put
+        self._utilities: list[float] = []  # of all samples
+        default = self._by_policy(head, 0)
+        self._tree = self._new_tree(default)
+        self._own = Candidates((default,), self.parameters)
+
+    def _new_tree(self, root: Plan) -> Tree:
+        p = self.parameters
+        boltzmann = None
+        if p.policy == "boltzmann":
+            boltzmann = Boltzmann(p.temperature, p.decay, self._rng)
+        return Tree(root, gamma=p.gamma, exploration=p.exploration, boltzmann=boltzmann)
+
+    @property
+    def distribution(self) -> PlanDistribution:
+        """What the other heads need to know."""
+        return self._own.told
+
+    def take(self, head: int, distribution: PlanDistribution) -> None:
+        """Use another head's latest distribution from now on."""
+        if head != self.head:
+            self._others[head] = distribution
+
+    def take_joint(self, plans: Mapping[int, Plan], live: Sequence[int]) -> None:
+        """Judge another head's best joint plan; keep it if it is the best here too."""
+        team = _team(live)
+        told = {r: plans.get(r, NOTHING) for r in team}
+        self._values.makespan(told, team)
+        stated = self._values.stated(told)
+        if stated is None or not is_allowed(self.problem, stated, room_of(self.problem, team)[1]):
+            return
+        if self._line is not None and self._line.team == team:
+            self._line.polish.take(stated)
+            self._keep_polished(self._line)
+            self._follow(stated, self._values.makespan(told, team), team)
+
+    def knows_less_than(self, told: Proposal, live: Sequence[int]) -> bool:
+        """Whether a told joint plan claims to be better than all known here."""
+        known = self._values.best.get(_team(live))
+        return known is not None and told.makespan_s < known.makespan_s
+
+    def forget(self, head: int) -> None:
+        """Drop what is known of another head."""
+        self._others.pop(head, None)
+
+    def best(self, live: Sequence[int]) -> Proposal:
+        """Return the best joint plan found so far for these live heads."""
+        team = _team(live)
+        if team not in self._values.best:
+            plans = {r: self._likeliest(r) for r in team}
+            found = Proposal(plans, resolve(self.problem, plans, team).makespan_s)
+            self._values.best[team] = found
+        return self._values.best[team]
+
+    def _likeliest(self, head: int) -> Plan:
+        if head == self.head:
+            return self._own.told.likeliest()
+        if head in self._others:
+            return self._others[head].likeliest()
+        return self._by_policy(head, 0)
+
+    def _by_policy(self, head: int, policy: int) -> Plan:
+        return encode(policy, self.problem.n_macros)
+
+    def iterate(self, live: Sequence[int], spent: float = 1.0) -> None:
+        """Do one outer round: grow the tree and update the distribution, then improve windows.
+
+        `spent` is the share of the time for planning that is over, 0..1; windows of the best
+        joint order are improved from `Parameters.first` on: recreated till
+        `Parameters.recreate`, then polished. With no other head alive: search one order for
+        everything instead.
+        """
+        team = _team(live)
+        if team == (self.head,):
+            self._plan_alone(team)
+            return
+        if self._try_policies(team):
+            return  # heads tell each other the best policy before they polish
+        polished = self.parameters.windows > 0 and self.parameters.share < 1.0
+        polished = polished and len(self.problem.macro) <= MOST_STATED
+        alone = spent < self.parameters.first and len(self.problem.macro) > FEW
+        if not polished or (alone and self.parameters.share):
+            self._search(team, UNPOLISHED if self.parameters.share else 0)
+            return
+        self._search(team, self._share())
+        self._refine(team, recreate=spent < self.parameters.recreate)
+
+    def _try_policies(self, team: Team) -> bool:
+        """Try some policies for all heads at once; False when this head has tried all its own."""
+        if team not in self._races:
+            eligible = room_of(self.problem, team)[1]
+            require_printable(self.problem.job.contours, self.problem.machine, eligible, live=team)
+            p = self.parameters
+            turn = team.index(self.head)
+            self._races[team] = Race(turn, len(team), policies=p.policies, tries=p.tries)
+        race = self._races[team]
+        if race.next() is None:
+            return False
+        # the first round is short: by the longest so far peers judge how long we may be silent
+        work = AT_ONCE if race.makespans else AT_ONCE // 8
+        for _ in range(max(1, work // max(1, len(self.problem.macro)))):
+            policy = race.next()
+            if policy is None:
+                break
+            plans = {r: self._by_policy(r, policy) for r in team}
+            race.note(policy, self._values.makespan(plans, team))
+        if race.next() is None and self.parameters.share:
+            best = [self._by_policy(self.head, k) for k in race.best(self.parameters.plans)]
+            self._own.renew(self._with_start(best, team))
+        return True
+
+    def _search(self, team: Team, work: int) -> None:
+        """Grow the tree and move q by steps that put so many contours; what is left is kept."""
+        self._credit += work
+        order = len(self.problem.macro) + EACH
+        least = order // 4  # what a step costs that resolves nothing
+        while self._credit >= order:
+            before = self._values.put
+            if self._steps % (self.parameters.samples + 1) < self.parameters.samples:
+                self._sample(team)
+                self._combine(team)
+            else:
+                self._update(team)
+            self._steps += 1
+            self._credit -= max(least, self._values.put - before)
+
+    def _share(self) -> int:
+        """Return the contours that tree and distribution may put in a round with polishing."""
+        share, windows = self.parameters.share, self.parameters.windows
+        return int(share / (1.0 - share) * windows * WINDOW)
+
+    def _sample(self, team: Team) -> None:
+        """Grow the tree by one plan judged beside plans the others may follow."""
+        others = self._draw(team)
+        node = self._tree.descend()
+        plan = self._child_plan(node, team)
+        while self._rng.random() < 0.3:
+            plan = self._exchange(plan)
+        child = self._tree.expand(node, plan)
+        self._tree.backup(child, self._reward({**others, self.head: plan}, team))
+
+    def _combine(self, team: Team) -> None:
+        """Try one joint plan; where it is the best of macro-actions it joins the tree.
+
+        In turn one of what all heads told, this one too, and one exchange on the best; the
+        exchange also where the plans of what was told are known together already.
+        """
+        best = self._values.starts[team]
+        self._tried += 1
+        plans = self._combination(team) if self._tried % 2 else None
+        if plans is None or self._values.knows(plans, team):
+            policies = self.parameters.policies
+            plans = exchange_jointly(self.problem, best.plans, self._rng, policies=policies)
+        self._note(plans, team)
+        if self._values.starts[team].makespan_s < best.makespan_s:
+            child = self._tree.expand(ROOT, plans[self.head])
+            self._tree.backup(child, self._reward(plans, team))
+
+    def _combination(self, team: Team) -> dict[int, Plan]:
+        """Return one plan of each head's X̂: drawn from q, or as max-plus would have it."""
+        if self.parameters.combination == "max-plus":
+            told = {r: self._others[r].sequences for r in team if r in self._others}
+            default = {r: (self._likeliest(r),) for r in team}
+            own = {self.head: self._own.told.sequences}
+            return self._pairs_of(team).choose({**default, **told, **own})
+        return {**self._draw(team), self.head: self._own.told.sample(self._rng)}
+
+    def _pairs_of(self, team: Team) -> PairValues:
+        if team not in self._pairs:
+            self._pairs[team] = PairValues(_chain(self.problem, team))
+        return self._pairs[team]
+
+    def _note(self, plans: Mapping[int, Plan], team: Team) -> None:
+        """Judge a joint plan; max-plus learns from it."""
+        value = self._values.value(plans, team)
+        if self.parameters.combination == "max-plus":
+            self._pairs_of(team).note(plans, value)
+
+    def _child_plan(self, node: int, team: Team) -> Plan:
+        """Return the plan of the next child: the best policies at the root, then exchanges."""
+        children = self._tree.children(node)
+        best = self._races[team].best(ROOT_POLICIES)
+        if node == ROOT and children < len(best):
+            return self._by_policy(self.head, best[children])
+        return self._exchange(self._tree.plans[node])
+
+    def _exchange(self, plan: Plan) -> Plan:
+        return exchange(self.problem, plan, self._rng, policies=self.parameters.policies)
+
+    def _reward(self, plans: Mapping[int, Plan], team: Team) -> float:
+        """Return the utility from 0, the median of all seen or worse, to 1, the best."""
+        self._note(plans, team)
+        utility = self._values.utility(self.head, plans, team)
+        self._utilities.append(utility)
+        low, high = float(np.median(self._utilities)), max(self._utilities)
+        return max(0.0, utility - low) / (high - low) if high > low else 0.5
+
+    def _update(self, team: Team) -> None:
+        """Sample E[f|x] of each of X̂ beside the same plans of the others, and move q (Alg. 3).
+
+        When each was sampled often enough X̂ is chosen anew from the tree.
+        """
+        if self._own.sampled.min() >= self.parameters.renew:
+            chosen = self._tree.best_plans(self.parameters.plans)
+            self._own.renew(self._with_start(chosen, team))
+        others = self._draw(team)
+        joint = [{**others, self.head: plan} for plan in self._own.told.sequences]
+        for plans in joint:
+            self._note(plans, team)
+        utilities = [self._values.utility(self.head, plans, team) for plans in joint]
+        self._own.update(np.array(utilities))
+
+    def _with_start(self, plans: Sequence[Plan], team: Team) -> list[Plan]:
+        """Return plans for X̂: this head's in the best joint plan, then these."""
+        chosen = {p.tobytes(): p for p in (self._values.starts[team].plans[self.head], *plans)}
+        return list(chosen.values())[: self.parameters.plans]
+
+    def _refine(self, team: Team, *, recreate: bool) -> None:
+        """Recreate windows of the best joint order, or polish it; go over to a better start."""
+        start, line = self._values.starts[team], self._line
+        if line is None or line.team != team:
+            line = self._line = self._begun_anew(team)
+            told = self._values.stated(self.best(team).plans)
+            if told is not None:
+                line.polish.take(told)
+        elif line.outdone_by(start):
+            line = self._line = self._begun_anew(team)
+        if recreate and len(self.problem.macro) > FEW:
+            line.polish.recreate(self.parameters.windows)
+        else:
+            line.polish.improve(self.parameters.windows)
+        self._keep_polished(line)
+
+    def _begun_anew(self, team: Team) -> _Line:
+        """Return the best plans of macro-actions as a joint order to polish."""
+        return self._new_line(StatedOrder.of(self._values.start_paths[team]), team)
+
+    def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
+        """Return a joint order to polish; none draws what another one drew."""
+        seed = self._seed * len(self.problem.machine.heads) + self.head
+        seed += len(self.problem.machine.heads) * self._lines
+        self._lines += 1
+        polish = Polish(self.problem, stated, seed=seed, live=team)
+        return _Line(team, polish, self._values.starts[team].makespan_s, gained_s)
+
+    def _follow(self, stated: StatedOrder, makespan_s: float, team: Team) -> None:
+        """Polish a told order from now on if it is well ahead of the one polished here."""
+        line = self._line
+        if line is not None and makespan_s < line.polish.began_s:
+            gained = self._values.starts[team].makespan_s - makespan_s
+            told = self._new_line(stated, team, gained)
+            if told.polish.began_s < BEHIND * line.polish.best_s:
+                self._line = told
+
+    def _keep_polished(self, line: _Line) -> None:
+        """Judge what was polished, as a plan of this head that states what all do."""
+        if line.polish.best_s < self.best(line.team).makespan_s:
+            heads, n_macros = len(self.problem.machine.heads), self.problem.n_macros
+            plan = encode_stated(line.polish.best, heads, n_macros)
+            told = {r: plan if r == self.head else NOTHING for r in line.team}
+            self._values.makespan(told, line.team)
+
+    def _draw(self, team: Team) -> dict[int, Plan]:
+        """Draw x⁻ʳ from the latest known distributions."""
+        return {
+            r: self._others[r].sample(self._rng) if r in self._others else self._likeliest(r)
+            for r in team
+            if r != self.head
+        }
+
+    def _plan_alone(self, team: Team) -> None:
+        """Search one order for everything; the effort doubles with the rounds."""
+        problem = self.problem
+        self._alone += 1
+        effort = 100_000 * 2 ** min(self._alone, 8)
+        result = plan_order(
+            OrderProblem.from_job(problem.job, problem.graph, "reversible"),
+            planner="local",
+            time_limit_s=1e9,
+            max_iterations=effort,
+            seed=self._seed + self._alone,
+        )
+        plan = encode_serial(result.toolpath, problem.n_macros)
+        self._values.makespan({self.head: plan}, team)
+        self._own = Candidates((self.best(team).plans[self.head],), self.parameters)
+
+
+def _team(live: Sequence[int]) -> Team:
+    return tuple(sorted({int(r) for r in live}))
+
+
+def _chain(problem: TeamProblem, team: Team) -> Team:
+    """Return the heads as they stand in a row, by where they park."""
+    parks = [problem.machine.heads[r].park for r in team]
+    axis = int(np.ptp(np.array(parks)[:, :2], axis=0).argmax())
+    return tuple(sorted(team, key=lambda r: (problem.machine.heads[r].park[axis], r)))

@@ -1,0 +1,202 @@
+"""Refines one joint order by local search, and joins what two heads made of the same one.
+
+Front of `decmcts._kernels.refine.recreate`, `.polish` and `.join`. A head improves the best joint
+order it knows and tells the team; of what it is told it takes the stretches that are better than
+its own (partition crossover, Whitley, Hains & Howe 2009), so that heads improve different places
+at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from decmcts._kernels.engine.dispatch import new_pool
+from decmcts._kernels.engine.joint import NONE, Heads, all_parked, new_units
+from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
+from decmcts._kernels.random import seeded, uniform
+from decmcts._kernels.refine.join import join
+from decmcts._kernels.refine.polish import RUN, SHORTEST, Mood, Moves, polish
+from decmcts._kernels.refine.recreate import Guide, recreate
+from decmcts.team.engine.plans import POLICIES, StatedOrder
+from decmcts.team.engine.policy import policy_of
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.resolve import room_of
+
+NEAR = 10  # contours near each end of one
+LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
+FEW = 40  # contours of an order that is annealed as a whole
+SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much work
+LEAST_SWEEPS = 6
+SWEEPS = 10  # of one annealing, about; the next begins hot again
+COOLEST, HOTTEST = 0.3, 3.0  # temperature at first, in mean contours; each time another
+COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
+
+
+class Polish:
+    """The search on one joint order of all heads; equal seeds and calls give equal orders.
+
+    `best` and `best_s` are the best order it has seen and its makespan.
+    """
+
+    def __init__(
+        self,
+        problem: TeamProblem,
+        stated: StatedOrder,
+        *,
+        seed: int,
+        live: Sequence[int] | None = None,
+    ) -> None:
+        """Begin with an order that `live` heads can carry out; None: all heads."""
+        n, heads = len(problem.macro), len(problem.machine.heads)
+        self._problem, self._state = problem, seeded(seed)
+        self._fleet, self._eligible = room_of(problem, range(heads) if live is None else live)
+        self._moves = _moves(problem, self._eligible)
+        self._joint = _joint_of(stated, heads)
+        self._heads = all_parked(n, self._fleet)
+        self._units = new_units(8 * n + 64 * heads * (heads + 2))
+        self._marks = _marks(n, self._heads)
+        self.began_s = self.makespan_s = self._finish(0)
+        self.best, self.best_s = stated, self.makespan_s
+
+    def improve(self, windows: int) -> None:
+        """Polish some random windows, or a small order as a whole; `best` never gets worse."""
+        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
+            return
+        if len(self._joint.order) <= FEW:
+            self._anneal(windows)
+        else:
+            self._polish(windows, Mood(COLD_S, SLACK_S, 1.0, SHORTEST))
+
+    def recreate(self, windows: int) -> None:
+        """Ruin and recreate some random windows; the order never gets worse."""
+        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
+            return
+        self.makespan_s = recreate(
+            self.makespan_s, windows, self._joint, self._problem.visits, self._fleet,
+            self._units, self._heads, self._marks, self._guide, self._state,
+        )  # fmt: skip
+        self._keep()
+
+    @cached_property
+    def _guide(self) -> Guide:
+        """Policies, and room to try them: many orders are polished and never recreated."""
+        return _guide(self._problem, self._eligible)
+
+    def _anneal(self, sweeps: int) -> None:
+        """Anneal a small order as a whole, several times; it may end worse than it began.
+
+        Short ones that begin at different temperatures end in more places than a long one.
+        """
+        sweeps = max(LEAST_SWEEPS, sweeps * SMALL // max(SMALL, len(self._joint.order)))
+        times = max(1, sweeps // SWEEPS)
+        for _ in range(times):
+            self._anneal_once(sweeps // times)
+
+    def _anneal_once(self, sweeps: int) -> None:
+        """Anneal a small order as a whole, from a temperature drawn at random down to cold."""
+        first = COOLEST * (HOTTEST / COOLEST) ** uniform(self._state)
+        hot = max(COLD_S, first * float(self._problem.visits.seconds.mean()))
+        for sweep in range(sweeps):
+            temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
+            self._polish(1, Mood(temperature, np.inf, 0.01, FEW))
+
+    def _polish(self, windows: int, mood: Mood) -> None:
+        self.makespan_s = polish(
+            self.makespan_s, windows, mood, self._joint, self._moves,
+            self._problem.visits, self._fleet, self._units, self._heads, self._marks,
+            self._state,
+        )  # fmt: skip
+        self._keep()
+
+    def take(self, other: StatedOrder) -> None:
+        """Take from another joint order the stretches in which it is better."""
+        if not np.isfinite(self.makespan_s) or not len(self._joint.order):
+            return
+        self.makespan_s = join(
+            self.makespan_s, _differences(self._stated(), other), other.order.astype(np.int64),
+            other.head.astype(np.int64), np.ascontiguousarray(other.backwards),
+            self._joint, self._problem.visits, self._fleet, self._units, self._heads, self._marks,
+        )  # fmt: skip
+        self._keep()
+
+    def _stated(self) -> StatedOrder:
+        order = self._joint.order
+        return StatedOrder(
+            order.astype(np.int32), self._joint.backwards[order], self._joint.head[order]
+        )
+
+    def _keep(self) -> None:
+        if self.makespan_s < self.best_s:
+            self.best, self.best_s = self._stated(), self.makespan_s
+
+    def _finish(self, begin: int) -> float:
+        args = (self._joint, self._problem.visits, self._fleet, self._units)
+        return float(finish(begin, *args, self._heads, self._marks))
+
+
+def _joint_of(stated: StatedOrder, heads: int) -> JointOrder:
+    n = len(stated.order)
+    head, backwards = np.empty(n, np.int64), np.empty(n, np.bool_)
+    head[stated.order], backwards[stated.order] = stated.head, stated.backwards
+    made = JointOrder(
+        stated.order.astype(np.int64), np.empty(n, np.int64), head, backwards,
+        np.empty(n, np.int64), np.empty(n, np.int64),
+    )  # fmt: skip
+    link(made, heads)
+    return made
+
+
+def _marks(n: int, heads: Heads) -> Marks:
+    """Return marks that know only the beginning."""
+    count = len(heads.free)
+    marks = Marks(
+        np.zeros(n + 1, np.int64), np.full((n + 1, count), NONE), np.zeros((n + 1, count)),
+        np.empty((n + 1, count, 3)), np.empty((n + 1, count, 6)), np.zeros(1, np.int64),
+        np.zeros((n + 1, count)),
+    )  # fmt: skip
+    marks.at[0], marks.rest[0] = heads.at, heads.rest
+    return marks
+
+
+def _moves(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Moves:
+    n = len(problem.macro)
+    ends = problem.visits.ends.reshape(-1, 3) * [1.0, 1.0, LEVEL_MM]
+    near = np.zeros((0, 1), np.int64)
+    if n:
+        near = cKDTree(ends).query(ends, min(NEAR + 2, 2 * n))[1] // 2
+        own = near == np.arange(2 * n)[:, None] // 2
+        near = np.take_along_axis(near, np.argsort(own, axis=1, kind="stable"), axis=1)[:, :NEAR]
+    return Moves(
+        np.ascontiguousarray(near, np.int32), eligible,
+        problem.graph.succ_offsets, problem.graph.succs,
+        np.empty(RUN, np.int64), np.empty(n, np.int64),
+    )  # fmt: skip
+
+
+def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
+    n, heads = eligible.shape
+    row = np.empty(n, np.int64)
+    row[problem.column] = np.arange(n)
+    keys = np.zeros((heads, n))
+    policy = policy_of(problem, POLICIES[np.zeros(heads, np.int64)], keys, eligible)
+    pool = new_pool(problem.visits, policy, heads)
+    return Guide(POLICIES, problem.wishes(), row, policy, pool, np.zeros((2, n), np.int64))
+
+
+def _differences(mine: StatedOrder, other: StatedOrder) -> NDArray[np.int64]:
+    """Return first turn and end of all stretches of the same contours that differ, (k, 2)."""
+    n = len(mine.order)
+    turn = np.empty(n, np.int64)
+    turn[other.order] = np.arange(n)
+    cut = np.maximum.accumulate(turn[mine.order]) == np.arange(n)  # all before is the same set
+    ends = np.flatnonzero(cut) + 1
+    begins = np.concatenate([[0], ends[:-1]]).astype(np.int64)
+    differs = (mine.order != other.order) | (mine.head != other.head)
+    differs |= mine.backwards != other.backwards
+    unlike = np.add.reduceat(differs, begins) > 0
+    return np.ascontiguousarray(np.stack([begins, ends], axis=1)[unlike])

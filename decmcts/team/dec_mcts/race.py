@@ -1,0 +1,70 @@
+"""Which policies a head tries first: some of all kinds, then those like the best of them.
+
+The heads share the first ones out. Each then tries what lies nearest, among the rows of
+`POLICIES`, to one of its own best, so heads look at different places.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from decmcts.team.engine.plans import TUNED
+from decmcts.team.engine.policy_space import places
+
+BEST = 3  # near which the race goes on
+
+
+class Race:
+    """The policies one head tries; `makespans` has those that were tried.
+
+    Parameters
+    ----------
+    turn, heads : int
+        This head is the `turn`-th of so many that share the race.
+    policies : int
+        The first so many of POLICIES run.
+    tries : int
+        Policies that all heads together try, each head one at least; the first third are
+        of all kinds.
+    """
+
+    def __init__(self, turn: int, heads: int, *, policies: int, tries: int) -> None:
+        rows = _mixed(policies)
+        first = rows[: max(1, -(-min(tries, policies) // 3))]
+        self._open = list(first[turn % len(first) :: heads])
+        self._places = places(policies)
+        self._left = min(policies, max(1, round(tries / heads)))
+        self.makespans: dict[int, float] = {}
+
+    def next(self) -> int | None:
+        """Return the policy to try now; None when all tries are done."""
+        if len(self.makespans) >= self._left:
+            return None
+        for row in self._open:
+            if row not in self.makespans:
+                return int(row)
+        return self._nearest()
+
+    def note(self, row: int, makespan_s: float) -> None:
+        """Keep what a policy reached."""
+        self.makespans[row] = makespan_s
+
+    def best(self, count: int) -> list[int]:
+        """Return the best policies tried, best first."""
+        return sorted(self.makespans, key=self.makespans.__getitem__)[:count]
+
+    def _nearest(self) -> int:
+        """Return the policy not tried that is nearest to one of the best."""
+        distance = np.full(len(self._places), np.inf)
+        for place, row in enumerate(self.best(BEST)):
+            beside = np.linalg.norm(self._places - self._places[row], axis=1)
+            distance = np.minimum(distance, beside * (1.0 + 0.5 * place))
+        distance[list(self.makespans)] = np.inf
+        return int(np.argmin(distance))
+
+
+def _mixed(policies: int) -> list[int]:
+    """Return rows of POLICIES, a tuned one and one of the others in turn."""
+    tuned, spread = list(range(min(TUNED, policies))), list(range(TUNED, policies))
+    pairs = [row for pair in zip(tuned, spread, strict=False) for row in pair]
+    return pairs + tuned[len(spread) :] + spread[len(tuned) :]

@@ -1,0 +1,72 @@
+"""All heads of a team planning in one process, with perfect messages.
+
+For tests and benchmarks; real agents are processes of their own (`agents`).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
+from decmcts.team.engine.problem import TeamProblem
+
+
+def plan_team(
+    problem: TeamProblem,
+    *,
+    time_limit_s: float,
+    seed: int,
+    max_rounds: int | None = None,
+    parameters: Parameters | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    progress: Callable[[int, float], None] | None = None,
+) -> Proposal:
+    """Let every head plan in turn and return the best joint plan any of them found.
+
+    Parameters
+    ----------
+    time_limit_s : float
+        Wall clock; at least one round is always done.
+    max_rounds : int | None
+        Limit on rounds; with it, equal seeds give equal plans.
+    progress : Callable[[int, float], None] | None
+        Called after each round with its number and the best makespan.
+    """
+    live = range(len(problem.machine.heads))
+    team = [DecMcts(problem, r, seed=seed, parameters=parameters) for r in live]
+    started, rounds = clock(), 0
+    best: Proposal | None = None
+
+    def spent() -> float:
+        by_time = (clock() - started) / time_limit_s if time_limit_s > 0.0 else 1.0
+        return max(by_time, rounds / max_rounds if max_rounds else 0.0)
+
+    while True:
+        for agent in team:
+            if rounds and spent() >= 1.0:
+                break  # a round of many heads takes long
+            best = take_turn(agent, team, spent(), best)
+        rounds += 1
+        assert best is not None
+        if progress is not None:
+            progress(rounds, best.makespan_s)
+        if spent() >= 1.0:
+            return best
+
+
+def take_turn(
+    agent: DecMcts, team: Sequence[DecMcts], spent: float, best: Proposal | None
+) -> Proposal:
+    """Let one head hear the best joint plan, plan a round and tell the others.
+
+    Returns the best joint plan from now on; `best` is that of all turns before, if any.
+    """
+    live = range(len(team))
+    if best is not None and agent.knows_less_than(best, live):
+        agent.take_joint(best.plans, live)
+    agent.iterate(live, spent)
+    for other in team:
+        other.take(agent.head, agent.distribution)
+    found = agent.best(live)
+    return found if best is None or found.makespan_s < best.makespan_s else best

@@ -1,0 +1,1 @@
+"""From all heads' plans to one joint order, the same on every host."""

@@ -1,0 +1,104 @@
+"""One head for everything: its order shared out where it must be, and its yardstick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.machine_fit import require_printable
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.space import Space, build_space
+
+
+def share_out(
+    order: NDArray[np.int32], eligible: NDArray[np.bool_], live: Sequence[int]
+) -> NDArray[np.int64]:
+    """Return which head prints each contour of `order`: it changes only where it must, (n,).
+
+    Of heads that can do as much the first of `live` does it.
+    """
+    head = np.empty(len(order), np.int64)
+    now = max(live, key=lambda r: int(eligible[:, r].sum()))
+    for i, contour in enumerate(order):
+        if not eligible[contour, now]:
+            now = next(r for r in live if eligible[contour, r])
+        head[i] = now
+    return head
+
+
+def split(toolpath: Toolpath, eligible: NDArray[np.bool_], live: Sequence[int]) -> list[Toolpath]:
+    """Return one toolpath per head that together keep the order of `toolpath`."""
+    head = share_out(toolpath.order, eligible, live)
+    parts = []
+    for r in range(eligible.shape[1]):
+        at = np.flatnonzero(head == r)
+        order, backwards, entry = toolpath.order[at], toolpath.reversed[at], toolpath.entry[at]
+        parts.append(Toolpath(order, backwards, entry, at))
+    return parts
+
+
+def hand_over(toolpaths: Sequence[Toolpath], eligible: NDArray[np.bool_]) -> Sequence[Toolpath]:
+    """Let other heads do what the only busy one can not; else return the toolpaths as they are."""
+    busy = [r for r, toolpath in enumerate(toolpaths) if len(toolpath)]
+    if len(busy) != 1 or len(toolpaths) != eligible.shape[1]:
+        return toolpaths
+    order = toolpaths[busy[0]].order
+    known = len(order) == 0 or bool((order >= 0).all() and (order < len(eligible)).all())
+    if not known or eligible[order, busy[0]].all() or not eligible[order].any(axis=1).all():
+        return toolpaths
+    return split(toolpaths[busy[0]], eligible, range(len(toolpaths)))
+
+
+def one_head_toolpaths(
+    job: PrintJob,
+    machine: Machine,
+    toolpath: Toolpath,
+    *,
+    live: Sequence[int] | None = None,
+) -> list[Toolpath]:
+    """Return the toolpaths, one per head, in which one head prints what it can in this order.
+
+    The head that may print most does so, of several the one that parks nearest;
+    contours it can not print go to another, and conflicting ones keep the order.
+
+    Parameters
+    ----------
+    live : Sequence[int] | None
+        Heads that may be used; None: all.
+
+    Raises
+    ------
+    InputError
+        If none of these heads may print some contour.
+    """
+    team = range(len(machine.heads)) if live is None else sorted(live)
+    space = build_space(job, machine, team)
+    eligible = space.eligible
+    require_printable(job.contours, machine, eligible, live=team)
+    return split(toolpath, eligible, nearest_first(space, team))
+
+
+def nearest_first(space: Space, team: Sequence[int]) -> list[int]:
+    """Return heads by how far they park from the print along x or y, the larger of both."""
+    if not len(space.boxes):
+        return list(team)
+    low, high = space.boxes[:, 0::2].min(axis=0), space.boxes[:, 1::2].max(axis=0)
+    parks = space.parks[:, :2]
+    off = np.maximum(np.maximum(low - parks, parks - high), 0.0).max(axis=1)
+    return sorted(team, key=lambda r: (float(off[r]), r))
+
+
+def lone_machine(machine: Machine) -> Machine:
+    """Return the yardstick of a team: the first head alone, reaching everything.
+
+    "So many times faster than one head" compares with a plan for this machine:
+    where no head reaches the whole print, `one_head_toolpaths` uses several.
+    """
+    far = 1e6
+    head = replace(machine.heads[0], reach_min=(-far,) * 3, reach_max=(far,) * 3, tools=())
+    return machine.alone(head)

@@ -1,0 +1,181 @@
+"""The partial order of a joint plan: units, what each must wait for, what comes later.
+
+Front of `decmcts._kernels.engine.carry_out` and `.waits`: validates sequences and turns units into
+arrays. Paths and exact times are `decmcts.team.schedule.joint_plan`'s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.carry_out import CONTRADICTED, SHUT_IN, Sequences, carry_out
+from decmcts._kernels.engine.joint import Units, Visits
+from decmcts._kernels.engine.lags import Lags, no_lags
+from decmcts._kernels.engine.rooms import Fleet
+from decmcts._kernels.engine.waits import find_waits, first_later
+from decmcts._kernels.geometry.pieces import cut_pieces
+from decmcts.errors import InputError
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.machine_fit import require_printable
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.space import Space, printing_times
+
+PIECE_MM = 4.0  # a piece of a contour begins where the room still needed has shrunk so far
+MOST_PIECES = 16  # of one contour
+
+
+@dataclass(frozen=True, slots=True)
+class UnitOrder:
+    """Units of all heads in the order they were put, with their waits."""
+
+    head: NDArray[np.int32]  # (m,)
+    kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_YIELD, UNIT_PARK
+    contour: NDArray[np.int32]  # (m,) -1 unless printed
+    target: NDArray[np.float64]  # (m, 3) where it ends
+    own: NDArray[np.int64]  # (m,) index within the head's units
+    rows: NDArray[np.int64]  # (heads, most) row of each head's k-th unit
+    counts: NDArray[np.int64]  # (heads,) units of each head
+    after: NDArray[np.int64]  # (m, heads) that head's unit to wait for; -1: none
+    point: NDArray[np.int32]  # (m, heads) vertex of it that must be passed; -1: its end
+    later: NDArray[np.int64]  # (m, heads) that head's first unit ordered after this one
+
+
+def visits_of(
+    contours: Contours,
+    graph: DependencyGraph,
+    seconds: NDArray[np.float64],
+    reversible: NDArray[np.bool_],
+    *,
+    in_pieces: bool,
+    lags: Lags | None = None,
+) -> Visits:
+    """Return what the kernels need to know of contours.
+
+    Parameters
+    ----------
+    contours : Contours
+        As they are entered.
+    seconds : (heads, n) printing times
+    reversible : (n,) which may be run from their last point, or are
+    in_pieces : bool
+        Whether a print gives its room back piece by piece.
+    lags : Lags | None
+        How long what is below must cool; None: nothing has to.
+    """
+    pieces = cut_pieces(
+        contours.points, contours.offsets, reversible, PIECE_MM, MOST_PIECES if in_pieces else 1
+    )
+    first, last = contours.points[contours.offsets[:-1]], contours.points[contours.offsets[1:] - 1]
+    ends = np.stack([first, last], axis=1)
+    cooling = no_lags(len(contours)) if lags is None else lags
+    return Visits(ends, seconds, reversible, pieces, graph.pred_offsets, graph.preds, cooling)
+
+
+def require_complete(
+    job: PrintJob, machine: Machine, space: Space, toolpaths: Sequence[Toolpath]
+) -> None:
+    """Raise InputError unless every contour is printed once, by a head that can."""
+    if len(toolpaths) != len(machine.heads):
+        raise InputError(
+            f"{len(toolpaths)} toolpaths for the {len(machine.heads)} heads of {machine.name}"
+        )
+    require_printable(job.contours, machine, space.eligible)
+    order = np.concatenate([toolpath.order for toolpath in toolpaths])
+    counts = np.bincount(order, minlength=len(job.contours))
+    wanted = np.arange(len(counts)) < len(job.contours)
+    if (counts != wanted).any():
+        wrong = int(np.flatnonzero(counts != wanted)[0])
+        raise InputError(
+            f"contour {wrong} is printed {counts[wrong]} times, expected {int(wanted[wrong])}"
+        )
+    for r, toolpath in enumerate(toolpaths):
+        refused = toolpath.order[~space.eligible[toolpath.order, r]]
+        if len(refused):
+            raise InputError(
+                f"head {machine.heads[r].name} can not print contour {int(refused[0])} "
+                f"(tool, reach or no way past the others), {len(refused)} such in its toolpath"
+            )
+
+
+def sequences_of(toolpaths: Sequence[Toolpath]) -> Sequences:
+    """Return the toolpaths as the kernels take them; turns count only if all have them."""
+    order = np.concatenate([toolpath.order for toolpath in toolpaths]).astype(np.int32)
+    backwards = np.concatenate([toolpath.reversed for toolpath in toolpaths]).astype(np.bool_)
+    offsets = np.cumsum([0, *(len(toolpath) for toolpath in toolpaths)]).astype(np.int64)
+    turns = [toolpath.turn for toolpath in toolpaths if toolpath.turn is not None]
+    if len(turns) < len(toolpaths):
+        turns = []
+    return Sequences(order, backwards, offsets, np.concatenate([*turns, np.empty(0, np.int64)]))
+
+
+def refuse(verdict: int, machine: Machine) -> None:
+    """Raise InputError for a joint order that could not be completed."""
+    if verdict == CONTRADICTED:
+        raise InputError(
+            "the heads' sequences contradict each other: no head can begin its next contour",
+            advice="every contour must come after those it rests on, on whichever head they are",
+        )
+    if verdict == SHUT_IN:
+        raise InputError(
+            f"the heads of {machine.name} shut each other in: one is parked where another passes",
+            advice="move the parks so that each head can leave its own while all others are there",
+        )
+
+
+def units_of(visits: Visits, fleet: Fleet, machine: Machine, paths: Sequence[Toolpath]) -> Units:
+    """Put everything in these toolpaths; raises InputError where that cannot be."""
+    units, verdict = carry_out(sequences_of(paths), visits, fleet)
+    refuse(verdict, machine)
+    m = int(units.used[0])
+    return units._replace(**{name: getattr(units, name)[:m] for name in Units._fields[:-1]})
+
+
+def order_units(
+    visits: Visits, fleet: Fleet, machine: Machine, toolpaths: Sequence[Toolpath]
+) -> UnitOrder:
+    """Return the partial order that sequences make; raises InputError where they make none."""
+    units = units_of(visits, fleet, machine, toolpaths)
+    own, rows, counts = _index(units.head, len(toolpaths))
+    place = np.empty(len(visits.ends), np.int64)
+    printing = np.flatnonzero(units.contour >= 0)
+    place[units.contour[printing]] = printing
+    after, point = find_waits(own, place, visits, fleet, units)
+    later = first_later(units.head, own, rows, after, point, counts)
+    return UnitOrder(
+        units.head, units.kind, units.contour, units.target, own, rows, counts, after, point, later
+    )
+
+
+def order_of_job(
+    job: PrintJob, graph: DependencyGraph, machine: Machine, fleet: Fleet,
+    running: Contours, toolpaths: Sequence[Toolpath], lags: Lags,
+) -> UnitOrder:  # fmt: skip
+    """Return the partial order of a print whose contours run as `running` says."""
+    turned = np.zeros(len(job.contours), np.bool_)
+    for toolpath in toolpaths:
+        turned[toolpath.order] = toolpath.reversed
+    seconds = printing_times(job, machine)
+    in_pieces = len(machine.heads) > 1 and machine.release == "point"
+    visits = visits_of(running, graph, seconds, turned, in_pieces=in_pieces, lags=lags)
+    return order_units(visits, fleet, machine, toolpaths)
+
+
+def _index(
+    head: NDArray[np.int32], heads: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return each unit's index within its head, the rows of each head, and how many it has."""
+    counts = np.bincount(head, minlength=heads).astype(np.int64)
+    own = np.empty(len(head), np.int64)
+    rows = np.zeros((heads, int(counts.max(initial=0))), np.int64)
+    for r in range(heads):
+        mine = np.flatnonzero(head == r)
+        own[mine] = np.arange(len(mine))
+        rows[r, : len(mine)] = mine
+    return own, rows, counts

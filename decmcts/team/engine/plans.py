@@ -1,0 +1,172 @@
+"""What the numbers in a head's plan mean.
+
+A plan is a flat int32 sequence, so that it travels in a message as it is:
+
+- a policy, `n_macros + k`: how the head chooses between contours that are ready (row k of
+  `POLICIES`); then a shift for each macro-action, or none: how much later than usual the
+  head wants to do it, in hundredths of a part. So a plan is a sequence of macro-actions,
+  those with the least progress + shift first (random keys, Bean 1994, ORSA Journal on
+  Computing 6(2));
+- or a serial plan: the symbol `n_macros + len(POLICIES)`, then 2·contour +
+  backwards for every contour: everything in this order, one head at a time;
+- or a stated order: the symbol `n_macros + len(POLICIES) + 1`, the number of heads, then
+  (2·contour + backwards)·heads + head for every contour: all heads do exactly this.
+
+What means nothing counts as policy 0 without shifts: a plan may come from a peer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.toolpath import Toolpath
+
+# Columns of POLICIES: weights of the key, of waste and of being out of step
+# (`decmcts._kernels.engine.dispatch`); how far the key is the chain that must come after (1) rather
+# than the progress of the part (0); how much sooner the bottleneck comes; how much later
+# what another head owns. The last three are in progress of a part and make the key, there.
+STEP = 2
+
+_TUNED = np.array(
+    [
+        [20.0, 1.0, 3.0, 1.0],
+        [10.0, 1.0, 10.0, 0.0],
+        [60.0, 2.6, 0.5, 0.5],
+        [80.0, 3.8, 5.0, 1.0],
+        [8.0, 0.45, 1.4, 0.0],
+        [50.0, 0.9, 7.8, 1.0],
+        [18.0, 0.6, 3.7, 1.0],
+        [15.0, 1.0, 0.5, 0.0],
+        [44.0, 3.1, 7.4, 0.5],
+        [60.0, 1.6, 30.0, 1.0],
+        [10.0, 1.0, 0.0, 0.0],
+        [30.0, 0.6, 1.0, 0.5],
+        [3.0, 1.0, 3.0, 1.0],
+        [1.0, 1.0, 0.0, 0.0],
+    ]
+)
+MOST_STATED = 70_000  # contours; an order of more, by 64 heads, might not fit into a message
+TUNED = len(_TUNED)  # policies that come first
+HUNDREDTHS = 100.0  # of a part's progress, in which shifts are stated
+MOST_SHIFT = 400  # either way
+_SPREAD = 498  # policies spread evenly over all that make sense
+
+
+def _spread() -> NDArray[np.float64]:
+    """Return policies of an additive recurrence, which fills the space evenly."""
+    root = 1.0
+    for _ in range(40):  # of x^7 = x + 1, which is the best step for six numbers
+        root = (1.0 + root) ** (1.0 / 7.0)
+    share = np.modf(0.5 + np.arange(1, _SPREAD + 1)[:, None] / root ** np.arange(1, 7))[0]
+    weights = 10.0 ** (share[:, :3] * [2.5, 2.5, 2.0] - [0.5, 1.0, 1.0])
+    weights[::2, STEP] = 0.0
+    urgency = np.floor(share[:, 3] * 3) / 2
+    bonus = np.array([0.0, 0.05, 0.2, 1.0, 3.0])[(share[:, 4] * 5).astype(np.int64)]
+    return np.column_stack([weights, urgency, bonus, 10.0 ** (2.5 * share[:, 5] - 2.5)])
+
+
+POLICIES = np.concatenate([np.column_stack([_TUNED, np.tile([0.0, 0.03], (TUNED, 1))]), _spread()])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StatedOrder:
+    """Who prints what, in one order of all; conflicts are decided in this order."""
+
+    order: NDArray[np.int32]  # (n,) contours
+    backwards: NDArray[np.bool_]  # (n,) aligned with order
+    head: NDArray[np.int64]  # (n,) aligned with order
+
+    @staticmethod
+    def of(toolpaths: Sequence[Toolpath]) -> StatedOrder:
+        """Return the joint order of toolpaths that all have turns."""
+        count = [len(toolpath) for toolpath in toolpaths]
+        turn = np.concatenate([np.asarray(toolpath.turn, np.int64) for toolpath in toolpaths])
+        row = np.argsort(turn)
+        return StatedOrder(
+            np.concatenate([toolpath.order for toolpath in toolpaths])[row],
+            np.concatenate([toolpath.reversed for toolpath in toolpaths])[row],
+            np.repeat(np.arange(len(count)), count)[row],
+        )
+
+    def toolpaths(self, heads: int) -> list[Toolpath]:
+        """Return the toolpath of each head, with turns."""
+        made = []
+        for r in range(heads):
+            turn = np.flatnonzero(self.head == r)
+            entry = np.zeros(len(turn), np.int32)
+            made.append(Toolpath(self.order[turn], self.backwards[turn], entry, turn))
+        return made
+
+
+@dataclass(frozen=True, slots=True)
+class Intent:
+    """A decoded plan."""
+
+    shift: NDArray[np.int32]  # (n_macros,) hundredths of a part that each macro-action comes later
+    policy: int  # row of POLICIES
+    serial: Toolpath | None = None  # everything in this order instead
+    stated: StatedOrder | None = None  # who prints what in which order instead
+
+
+def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
+    """Return what a plan says; what means nothing is skipped."""
+    serial, unshifted = n_macros + len(POLICIES), np.zeros(n_macros, np.int32)
+    if len(plan) == n_contours + 1 and plan[0] == serial and n_contours:
+        order, backwards = plan[1:] // 2, plan[1:] % 2 == 1
+        if np.array_equal(np.sort(order), np.arange(n_contours)):
+            return Intent(unshifted, 0, Toolpath.of(order, backwards))
+    stated = _decode_stated(plan, serial + 1, n_contours)
+    if stated is not None:
+        return Intent(unshifted, 0, None, stated)
+    if not len(plan) or not n_macros <= plan[0] < serial:
+        return Intent(unshifted, 0)
+    shift = plan[1:] if len(plan) == n_macros + 1 else unshifted
+    return Intent(np.clip(shift, -MOST_SHIFT, MOST_SHIFT), int(plan[0]) - n_macros)
+
+
+def means_something(plan: NDArray[np.int32], n_macros: int, n_contours: int, heads: int) -> bool:
+    """Return whether `decode` skips nothing of a plan; an empty one holds nothing."""
+    if not len(plan):
+        return True
+    policy, rest = int(plan[0]) - n_macros, plan[1:]
+    if 0 <= policy < len(POLICIES):
+        within = (rest >= -MOST_SHIFT) & (rest <= MOST_SHIFT)
+        return len(rest) in (0, n_macros) and bool(within.all())
+    intent = decode(plan, n_macros, n_contours)
+    if intent.stated is not None:
+        return int(plan[1]) <= heads
+    return intent.serial is not None
+
+
+def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | None:
+    """Return the stated order of a plan that begins with `mark`; None: it is none."""
+    if len(plan) != n + 2 or plan[0] != mark or plan[1] < 1 or not n:
+        return None
+    visit, head = plan[2:] // plan[1], plan[2:] % plan[1]
+    if not np.array_equal(np.sort(visit // 2), np.arange(n)):
+        return None
+    return StatedOrder((visit // 2).astype(np.int32), visit % 2 == 1, head.astype(np.int64))
+
+
+def encode(policy: int, n_macros: int, shift: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
+    """Return the plan of a policy, with macro-actions later than usual by `shift`, (n_macros,)."""
+    if shift is None or not shift.any():
+        return np.array([n_macros + policy], np.int32)
+    within = np.clip(shift, -MOST_SHIFT, MOST_SHIFT)
+    return np.concatenate([[n_macros + policy], within]).astype(np.int32)
+
+
+def encode_serial(toolpath: Toolpath, n_macros: int) -> NDArray[np.int32]:
+    """Return the plan that prints everything in this order, one head at a time."""
+    symbols = 2 * toolpath.order + toolpath.reversed
+    return np.concatenate([[n_macros + len(POLICIES)], symbols]).astype(np.int32)
+
+
+def encode_stated(stated: StatedOrder, heads: int, n_macros: int) -> NDArray[np.int32]:
+    """Return the plan that states who prints what in which order."""
+    symbols = (2 * stated.order.astype(np.int64) + stated.backwards) * heads + stated.head
+    return np.concatenate([[n_macros + len(POLICIES) + 1, heads], symbols]).astype(np.int32)

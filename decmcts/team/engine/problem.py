@@ -1,0 +1,177 @@
+"""The problem a team of heads plans: print, machine, graph, and what is derived from them.
+
+Immutable; every agent builds it from the same inputs and compares the digest
+before it talks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.dispatch import Wishes
+from decmcts._kernels.engine.joint import Visits
+from decmcts._kernels.engine.lags import Lags
+from decmcts._kernels.engine.rooms import Fleet
+from decmcts._kernels.exact.chains import chain_behind
+from decmcts.errors import InputError
+from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.machine_fit import require_printable
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.team.engine.bottleneck import bottleneck
+from decmcts.team.engine.macros import columns_of, cut_macros, part_of, part_progress
+from decmcts.team.engine.order import visits_of
+from decmcts.team.engine.space import (
+    Space,
+    build_space,
+    fleet_of,
+    printing_times,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class TeamProblem:
+    """What agents plan; build it with `build_team_problem`."""
+
+    job: PrintJob
+    machine: Machine
+    graph: DependencyGraph
+    space: Space
+    fleet: Fleet
+    visits: Visits  # as sliced
+    quantile: NDArray[np.float64]  # (n,) share of all work nearer to the first head's side, 0..1
+    progress: NDArray[np.float64]  # (n,) share of its part's work before it
+    urgency: NDArray[np.float64]  # (n,) 0: the longest chain comes after it, 1: nothing does
+    bottleneck: NDArray[np.bool_]  # (n,) see decmcts.team.engine.bottleneck
+    part: NDArray[np.int64]  # (n,) connected footprint
+    column_offsets: NDArray[np.int64]  # (columns + 1,) see decmcts._kernels.engine.dispatch
+    column: NDArray[np.int32]  # (n,)
+    macro: NDArray[np.int32]  # (n,) macro-action of each contour, numbered by progress
+    macro_part: NDArray[np.int64]  # (n_macros,)
+    n_macros: int
+    digest: str
+    # of teams of some heads only, as `decmcts.team.engine.resolve.room_of` finds them
+    rooms: dict[tuple[int, ...], tuple[Fleet, NDArray[np.bool_]]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
+
+    @property
+    def head_names(self) -> tuple[str, ...]:
+        """Names of the heads, in the machine's order."""
+        return tuple(head.name for head in self.machine.heads)
+
+    def side_of(self) -> NDArray[np.int64]:
+        """Return the head in whose share of the machine each contour lies, (n,)."""
+        heads = len(self.machine.heads)
+        return np.minimum((self.quantile * heads).astype(np.int64), heads - 1)
+
+    def wishes(self) -> Wishes:
+        """Return what a policy makes its keys of."""
+        return Wishes(self.progress, self.urgency, self.side_of(), self.bottleneck)
+
+    def places(self) -> NDArray[np.float64]:
+        """Return where each contour comes in each head's sweep, 0..1, (heads, n).
+
+        In step means equal places: heads that sweep alike stay apart.
+        """
+        heads = len(self.machine.heads)
+        return np.clip(self.quantile[None] * heads - np.arange(heads)[:, None], 0.0, 1.0)
+
+
+def build_team_problem(
+    job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags | None = None
+) -> TeamProblem:
+    """Return the problem of printing `job` with all heads of `machine`.
+
+    `lags` say how long what is printed over must cool; None: nothing has to.
+
+    Raises
+    ------
+    InputError
+        If no head may print some contour.
+    """
+    if graph.n != len(job.contours):
+        raise InputError(f"the graph has {graph.n} contours, the print {len(job.contours)}")
+    contours = job.contours
+    space = build_space(job, machine)
+    require_printable(contours, machine, space.eligible)
+    by_head = printing_times(job, machine)
+    seconds = by_head.min(axis=0, initial=np.inf)
+    turns = contours.reversible & ~contours.closed
+    visits = visits_of(
+        contours, graph, by_head, turns, in_pieces=machine.release == "point", lags=lags
+    )
+    quantile = _quantile(seconds, space, machine)
+    part = part_of(contours)
+    progress = part_progress(seconds, part)
+    side = np.minimum((quantile * len(machine.heads)).astype(np.int64), len(machine.heads) - 1)
+    macro = cut_macros(seconds, part, progress, side)
+    column_offsets, column = columns_of(space.boxes, part, axis_of(machine)[0])
+    return TeamProblem(
+        job=job,
+        machine=machine,
+        graph=graph,
+        space=space,
+        fleet=fleet_of(job, machine),
+        visits=visits,
+        quantile=quantile,
+        progress=progress,
+        urgency=_urgency(seconds, graph),
+        bottleneck=bottleneck(space.boxes, seconds, machine),
+        part=part,
+        column_offsets=column_offsets,
+        column=column,
+        macro=macro,
+        macro_part=_first_of(macro, part),
+        n_macros=int(macro.max(initial=-1)) + 1,
+        digest=_with_lags(problem_digest(contours, graph, machine), lags),
+    )
+
+
+def _with_lags(digest: str, lags: Lags | None) -> str:
+    """Return a problem's digest with what must cool in it; as it is where nothing has to."""
+    if lags is None or not len(lags.below):
+        return digest
+    state = blake2b(bytes.fromhex(digest), digest_size=DIGEST_BYTES, person=b"decmcts-lags-1")
+    state.update(lags.offsets.astype("<i8").tobytes())
+    state.update(lags.below.astype("<i8").tobytes())
+    state.update(np.round(lags.seconds / ROUND_TO).astype("<i8").tobytes())
+    return state.hexdigest()
+
+
+def _first_of(macro: NDArray[np.int32], part: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the part of each macro-action, which lies within one part."""
+    return part[np.unique(macro, return_index=True)[1]]
+
+
+def _urgency(seconds: NDArray[np.float64], graph: DependencyGraph) -> NDArray[np.float64]:
+    behind = chain_behind(seconds, graph.succ_offsets, graph.succs)
+    return np.asarray(1.0 - behind / max(float(behind.max(initial=0.0)), 1e-12))
+
+
+def axis_of(machine: Machine) -> tuple[int, bool]:
+    """Return the axis the heads stand along, and whether the first stands lowest.
+
+    That is the rail's, else the one along which the parks lie farthest apart.
+    """
+    if machine.rails:
+        return machine.rails[0].axis, True
+    parks = np.array([head.park[:2] for head in machine.heads], np.float64)
+    axis = int(np.argmax(np.ptp(parks, axis=0)))
+    return axis, bool(parks[0, axis] <= parks[-1, axis])
+
+
+def _quantile(seconds: NDArray[np.float64], space: Space, machine: Machine) -> NDArray[np.float64]:
+    """Return the share of all work on the first head's side of each contour, (n,)."""
+    axis, forwards = axis_of(machine)
+    middle = space.boxes[:, 2 * axis] + space.boxes[:, 2 * axis + 1]
+    order = np.argsort(middle if forwards else -middle, kind="stable")
+    work = seconds[order]
+    quantile = np.empty(len(seconds))
+    quantile[order] = (np.cumsum(work) - work / 2) / max(float(work.sum()), 1e-12)
+    return quantile

@@ -1,0 +1,177 @@
+"""From the heads' plans to one joint order: the function all agents share.
+
+Deterministic: the same problem, plans and live heads give the same joint
+order bit for bit, and its digest is what agents compare. Duplicates go to one
+owner, what nobody planned to whoever is free, conflicts are ordered, and heads
+in the way step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.carry_out import OK, carry_out
+from decmcts._kernels.engine.dispatch import dispatch
+from decmcts._kernels.engine.joint import Units
+from decmcts._kernels.engine.rooms import Fleet
+from decmcts.errors import InputError
+from decmcts.formats.machine_fit import require_printable
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.alone import nearest_first, split
+from decmcts.team.engine.order import refuse, sequences_of, units_of
+from decmcts.team.engine.plans import (
+    HUNDREDTHS,
+    POLICIES,
+    Intent,
+    StatedOrder,
+    decode,
+)
+from decmcts.team.engine.policy import keys_of, policy_of
+from decmcts.team.engine.problem import TeamProblem
+from decmcts.team.engine.space import build_space, fleet_of
+
+
+@dataclass(frozen=True, slots=True)
+class Resolved:
+    """A joint order; `decmcts.team.schedule.joint_plan` makes the exact plan of it."""
+
+    toolpaths: tuple[Toolpath, ...]  # one per head of the machine
+    makespan_s: float  # estimate
+    digest: str
+
+
+def resolve(
+    problem: TeamProblem, plans: Mapping[int, NDArray[np.int32]], live: Sequence[int]
+) -> Resolved:
+    """Merge the plans of the live heads into one joint order.
+
+    Parameters
+    ----------
+    plans : Mapping[int, NDArray[np.int32]]
+        Plan of each head, see `decmcts.team.engine.plans`; plans of heads that are
+        not live, and symbols that mean nothing, are ignored. A head without a
+        plan does what is left.
+    live : Sequence[int]
+        Heads that print; the others stay parked.
+
+    Raises
+    ------
+    InputError
+        If no live head may print some contour.
+    """
+    team = sorted({int(r) for r in live})
+    heads = len(problem.machine.heads)
+    if not team or team[0] < 0 or team[-1] >= heads:
+        raise InputError(f"live heads {list(live)}, expected some of 0..{heads - 1}")
+    fleet, eligible = room_of(problem, team)
+    require_printable(problem.job.contours, problem.machine, eligible, live=team)
+    n = len(problem.job.contours)
+    intents = {
+        r: decode(np.asarray(plans[r], np.int32), problem.n_macros, n) for r in team if r in plans
+    }
+    serial = next((i.serial for i in intents.values() if i.serial is not None), None)
+    if serial is not None and (order := as_allowed(problem, serial)):
+        return _one_by_one(problem, order, fleet, eligible, team)
+    stated = next((i.stated for i in intents.values() if i.stated is not None), None)
+    if stated is not None and (found := _as_stated(problem, stated, fleet, eligible)):
+        return found
+    return _dispatched(problem, intents, fleet, eligible)
+
+
+def room_of(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray[np.bool_]]:
+    """Return the machine where only these heads move, and which of them may print what."""
+    if len(team) == len(problem.machine.heads):
+        return problem.fleet, problem.space.eligible
+    key = tuple(team)
+    if key not in problem.rooms:
+        space = build_space(problem.job, problem.machine, team)
+        problem.rooms[key] = fleet_of(problem.job, problem.machine, team), space.eligible
+    return problem.rooms[key]
+
+
+def _dispatched(
+    problem: TeamProblem,
+    intents: Mapping[int, Intent],
+    fleet: Fleet,
+    eligible: NDArray[np.bool_],
+) -> Resolved:
+    """Let the heads choose by their plans."""
+    heads = range(len(problem.machine.heads))
+    weights = POLICIES[[intents[r].policy if r in intents else 0 for r in heads]]
+    keys = keys_of(problem, weights)
+    for r, intent in intents.items():
+        keys[r] += intent.shift[problem.macro] / HUNDREDTHS  # each macro-action later
+    policy = policy_of(problem, weights, keys, eligible)
+    units, verdict = dispatch(problem.visits, fleet, policy)
+    refuse(verdict, problem.machine)
+    return _resolved(units, len(heads))
+
+
+def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:
+    """Return a serial order with only what may run backwards; None if it breaks the precedence."""
+    if not _keeps_precedence(problem, order.order):
+        return None
+    return Toolpath.of(order.order, order.reversed & problem.visits.reversible[order.order])
+
+
+def is_allowed(problem: TeamProblem, stated: StatedOrder, eligible: NDArray[np.bool_]) -> bool:
+    """Whether a stated order keeps precedence, directions and who may print what."""
+    if stated.head.max(initial=0) >= eligible.shape[1]:
+        return False
+    backwards = stated.backwards & ~problem.visits.reversible[stated.order]
+    may = eligible[stated.order, stated.head]
+    return bool(may.all() and not backwards.any()) and _keeps_precedence(problem, stated.order)
+
+
+def _keeps_precedence(problem: TeamProblem, order: NDArray[np.int32]) -> bool:
+    turn = np.empty(len(order), np.int64)
+    turn[order] = np.arange(len(order))
+    before, after = problem.graph.pairs().T
+    return bool((turn[before] < turn[after]).all())
+
+
+def _one_by_one(
+    problem: TeamProblem,
+    order: Toolpath,
+    fleet: Fleet,
+    eligible: NDArray[np.bool_],
+    team: Sequence[int],
+) -> Resolved:
+    """Print everything in one order, one head at a time where that matters."""
+    toolpaths = split(order, eligible, nearest_first(problem.space, team))
+    return _resolved(units_of(problem.visits, fleet, problem.machine, toolpaths), len(toolpaths))
+
+
+def _as_stated(
+    problem: TeamProblem, stated: StatedOrder, fleet: Fleet, eligible: NDArray[np.bool_]
+) -> Resolved | None:
+    """Let the heads do exactly this; None if these heads can not."""
+    if not is_allowed(problem, stated, eligible):
+        return None
+    heads = len(problem.machine.heads)
+    sequences = sequences_of(stated.toolpaths(heads))
+    units, verdict = carry_out(sequences, problem.visits, fleet)
+    return _resolved(units, heads) if verdict == OK else None
+
+
+def _resolved(units: Units, heads: int) -> Resolved:
+    """Read toolpaths, makespan and digest off the units."""
+    used = int(units.used[0])
+    makespan = float(units.end[:used].max(initial=0.0))
+    state = blake2b(digest_size=32, person=b"decmcts-joint-2")
+    printing = np.flatnonzero(units.contour[:used] >= 0)
+    toolpaths = []
+    for r in range(heads):
+        turn = np.flatnonzero(units.head[printing] == r)
+        order = units.contour[printing[turn]].astype(np.int32)
+        backwards = units.backwards[printing[turn]]
+        entry = np.zeros(len(order), np.int32)
+        toolpaths.append(Toolpath(order, backwards, entry, turn))
+        symbols = np.concatenate([[-1, r], 2 * order.astype(np.int64) + backwards, turn])
+        state.update(np.ascontiguousarray(symbols, "<i8").tobytes())
+    return Resolved(tuple(toolpaths), makespan, state.hexdigest())

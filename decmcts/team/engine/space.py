@@ -1,0 +1,225 @@
+"""The room heads need: who may print what, and how far apart two heads must stay.
+
+Each body of a head, and each slice, is taken as its bounding box and each action
+as the bounding box of its nozzle's path, so a pair found clear here is clear in
+space; the converse need not hold. Heads on one rail are kept in order along it
+(rule J3). No times here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.carry_out import eligible_heads
+from decmcts._kernels.engine.joint import Visits
+from decmcts._kernels.engine.lags import no_lags
+from decmcts._kernels.engine.rooms import Fleet
+from decmcts._kernels.geometry.pieces import cut_pieces
+from decmcts.formats.machine_fit import require_printable
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.machine import Head, Machine, MotionLimits
+from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """Boxes, eligibility and parking places of one print on one machine."""
+
+    boxes: NDArray[np.float64]  # (n, 4) min x, max x, min y, max y of each contour, mm
+    parks: NDArray[np.float64]  # (heads, 3) mm
+    eligible: NDArray[np.bool_]  # (n, heads) may print it, reaches all of it and can be let in
+
+    def __post_init__(self) -> None:
+        for name in self.__slots__:
+            getattr(self, name).setflags(write=False)
+
+
+def contour_boxes(contours: Contours) -> NDArray[np.float64]:
+    """Return min x, max x, min y, max y of each contour's nozzle path, (n, 4)."""
+    n = len(contours)
+    if n == 0:
+        return np.empty((0, 4))
+    low = np.minimum.reduceat(contours.points[:, :2], contours.offsets[:-1])
+    high = np.maximum.reduceat(contours.points[:, :2], contours.offsets[:-1])
+    return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+
+
+def eligibility(contours: Contours, heads: tuple[Head, ...]) -> NDArray[np.bool_]:
+    """Return which head may print which contour: tool and reach, (n, heads)."""
+    boxes, top, bottom = contour_boxes(contours), _tops(contours), _bottoms(contours)
+    columns = []
+    for head in heads:
+        low, high = head.reach_min, head.reach_max
+        inside = (boxes[:, 0] >= low[0]) & (boxes[:, 1] <= high[0])
+        inside &= (boxes[:, 2] >= low[1]) & (boxes[:, 3] <= high[1])
+        inside &= (bottom >= low[2]) & (top <= high[2])
+        tool = (
+            np.isin(contours.tool, head.tools) if head.tools else np.ones(len(contours), np.bool_)
+        )
+        columns.append(inside & tool)
+    return np.stack(columns, axis=1)
+
+
+def _tops(contours: Contours) -> NDArray[np.float64]:
+    return contours.top if len(contours) else np.empty(0)
+
+
+def _bottoms(contours: Contours) -> NDArray[np.float64]:
+    return contours.bottom if len(contours) else np.empty(0)
+
+
+def body_boxes(head: Head) -> NDArray[np.float64]:
+    """Return the box of every body and slice of a head, relative to its tip, (k, 6).
+
+    A slice goes up for ever, as in the definition of what it blocks.
+    """
+    boxes: list[NDArray[np.float64]] = []
+    for piece in head.slices:
+        for polygon in piece.polygons:
+            (x0, y0), (x1, y1) = polygon.min(axis=0), polygon.max(axis=0)
+            boxes.append(np.array([x0, x1, y0, y1, piece.height_mm, np.inf]))
+    boxes += [np.column_stack([body.minimum, body.maximum]).reshape(-1) for body in head.bodies]
+    return np.array(boxes, np.float64).reshape(-1, 6)
+
+
+def relation_of(machine: Machine, r: int, s: int) -> NDArray[np.float64]:
+    """Return the boxes of nozzle of s minus nozzle of r in which two heads are too near, (k, 6)."""
+    mine, other = body_boxes(machine.heads[r]), body_boxes(machine.heads[s])
+    gap = machine.head_clearance_mm
+    low = mine[:, None, 0::2] - other[None, :, 1::2] - gap
+    high = mine[:, None, 1::2] - other[None, :, 0::2] + gap
+    boxes = np.stack([low, high], axis=3).reshape(-1, 6)
+    names = (machine.heads[r].name, machine.heads[s].name)
+    for rail in machine.rails:
+        if not set(names) <= set(rail.order):
+            continue
+        steps = rail.order.index(names[1]) - rail.order.index(names[0])
+        half = np.tile([-np.inf, np.inf], 3)
+        half[2 * rail.axis + (1 if steps > 0 else 0)] = steps * rail.separation_mm
+        boxes = np.concatenate([half[None], boxes])
+    return boxes[_not_within_others(boxes)]
+
+
+def _not_within_others(boxes: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which boxes lie within no other (of equal ones the first is kept)."""
+    within = (boxes[:, None, 0::2] >= boxes[None, :, 0::2]).all(axis=2)
+    within &= (boxes[:, None, 1::2] <= boxes[None, :, 1::2]).all(axis=2)
+    equal = within & within.T
+    within &= ~equal | np.tri(len(boxes), k=-1, dtype=np.bool_)
+    return np.asarray(~within.any(axis=1))
+
+
+def _aside_limits(
+    contours: Contours, machine: Machine
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return least and most x and y each head may step aside to, (heads, 2) each.
+
+    That is bed and print as far as its reach goes, and the way to its park.
+    """
+    both = np.vstack([contours.points[:, :2], [machine.bed_min, machine.bed_max]])
+    parks = np.array([head.park[:2] for head in machine.heads], np.float64)
+    low = np.maximum([head.reach_min[:2] for head in machine.heads], both.min(axis=0))
+    high = np.minimum([head.reach_max[:2] for head in machine.heads], both.max(axis=0))
+    return np.minimum(low, parks), np.maximum(high, parks)
+
+
+def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Fleet:
+    """Return the machine as the kernels of a joint order take it; heads not `live` never move."""
+    heads = machine.heads
+    pairs = [
+        relation_of(machine, r, s) if r != s else np.empty((0, 6))
+        for r in range(len(heads))
+        for s in range(len(heads))
+    ]
+    parks = np.array([head.park for head in heads], np.float64)
+    low, high = _aside_limits(job.contours, machine)
+    still = [r for r in range(len(heads)) if live is not None and r not in live]
+    low[still] = high[still] = parks[still, :2]
+    top = float(job.contours.top.max(initial=0.0))
+    rises = max(machine.lift_mm, job.settings.hop_mm)
+    halves = sum(int(np.isinf(pair[:, :4]).sum() == 3 and len(pair) == 1) for pair in pairs)
+    return Fleet(
+        relation=np.concatenate(pairs),
+        relation_offsets=np.cumsum([0, *(len(pair) for pair in pairs)]).astype(np.int64),
+        parks=parks,
+        low=low,
+        high=high,
+        travel=np.array([travel_row(job.settings, machine.limits_of(head)) for head in heads]),
+        ceiling=max(top, float(parks[:, 2].max())) + rises,
+        lined=halves == len(heads) * (len(heads) - 1),
+    )
+
+
+def printing_times(job: PrintJob, machine: Machine) -> NDArray[np.float64]:
+    """Return the seconds each contour takes each head, under the limits it has, (heads, n)."""
+    limits = [machine.limits_of(head) for head in machine.heads]
+    of_limits = {id(one): job_times(job, one) for one in limits}
+    return np.array([of_limits[id(one)] for one in limits])
+
+
+def travel_row(settings: ProcessSettings, limits: MotionLimits) -> list[float]:
+    """Return what a travel takes, see `decmcts._kernels.engine.rooms.travel_seconds`.
+
+    By length alone: no walls are known here, and what only orders units need not be exact.
+    """
+    return [
+        *level_travel(settings, limits),
+        *upright_travel(settings, limits),
+        retraction_time(settings, limits),
+        settings.retract_min_travel_mm,
+    ]
+
+
+def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Space:
+    """Return the room the heads need for these contours.
+
+    A contour is eligible for a head that reaches it, has its tool and can be let in: while
+    the others are parked, or aside, if they are live.
+    """
+    eligible = eligibility(job.contours, machine.heads)
+    if live is not None:
+        eligible[:, [r for r in range(len(machine.heads)) if r not in live]] = False
+    parks = np.array([head.park for head in machine.heads], np.float64)
+    return Space(contour_boxes(job.contours), parks, _let_in(eligible, job, machine, live))
+
+
+def refuse_shut_in(job: PrintJob, machine: Machine) -> None:
+    """Raise InputError unless some head may print each contour.
+
+    Asks no more heads than it must, which of many heads is far less work than `build_space`.
+    """
+    reached = eligibility(job.contours, machine.heads)
+    able = np.zeros_like(reached)
+    for r in range(len(machine.heads)):
+        asked = np.zeros_like(reached)
+        asked[:, r] = reached[:, r] & ~able.any(axis=1)
+        if asked.any():
+            able |= _let_in(asked, job, machine, None)
+    require_printable(job.contours, machine, able, live=range(len(machine.heads)))
+
+
+def _let_in(
+    reached: NDArray[np.bool_], job: PrintJob, machine: Machine, live: Sequence[int] | None
+) -> NDArray[np.bool_]:
+    """Return which of the heads that reach each contour can be let in, (n, heads)."""
+    contours = job.contours
+    if len(machine.heads) < 2 or not len(contours):
+        return reached
+    ends = np.stack([contours.start, contours.end], axis=1)
+    whole = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
+    none = np.zeros(len(contours) + 1, np.int64)
+    visits = Visits(
+        ends, np.zeros((len(machine.heads), len(contours))), contours.reversible, whole, none,
+        np.empty(0, np.int32), no_lags(len(contours)),
+    )  # fmt: skip
+    fleet, let_in = fleet_of(job, machine, live), np.zeros_like(reached)
+    for r in np.flatnonzero(reached.any(axis=0)):  # one by one: signals are heard in between
+        asked = np.zeros_like(reached)
+        asked[:, r] = reached[:, r]
+        let_in |= eligible_heads(asked, visits, fleet)
+    return let_in

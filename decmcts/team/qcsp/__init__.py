@@ -1,0 +1,1 @@
+"""Bare team problems: cranes on one rail."""

@@ -1,0 +1,377 @@
+"""Bare team problems: cranes on one rail, a schedule of least makespan.
+
+Two threads anneal. Most rounds only hand tasks from crane to crane while all
+cranes sweep along the rail one way (unidirectional schedules are optimal or
+nearly so on all published instances, and few enough to be searched well). One
+such round is hot, since a schedule in which cranes wait for each other in turn is
+not left by small steps at low temperatures; the next is warm. Every other three
+rounds both threads go the way that did better, else one each way. Every third
+round anneals order and cranes of the best schedule freely. Rounds grow longer, so
+that little is lost where the time is short.
+
+References
+----------
+Bierwirth & Meisel 2009 (unidirectional schedules); Meisel & Bierwirth 2011 (the
+instances).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.random import seeded
+from decmcts._kernels.refine.qcsp import Crew, Yard, anneal_crews, copied, decode, weigh
+from decmcts.formats.qcsp import QcspProblem, QcspSchedule
+from decmcts.search.sequence.stopping import Progress
+from decmcts.team.qcsp.bound import least_makespan
+from decmcts.team.qcsp.ways import ways_of
+
+_HOT, _WARM, _COLD = 0.03, 0.008, 0.0005  # temperatures, shares of the makespan
+_FIRST_ROUND = 20_000  # proposals of each thread
+_LONGEST_ROUND = 4_000  # for each task: several rounds end nearer than one that is longer
+_SLICE = 10_000  # proposals between looks at the clock, at most
+_SLICE_WORK = 10_000_000  # tasks times cranes of them
+_ROUNDS = 3  # of one length: a hot sweep, a warm one, and one that moves tasks in the order too
+_LANES = 2  # that anneal at once
+
+
+@dataclass(frozen=True, slots=True)
+class QcspResult:
+    """The best schedule found, and what is proven of it."""
+
+    schedule: QcspSchedule
+    bound: float  # no schedule ends earlier
+    proposals: int
+    history: NDArray[np.float64]  # (k, 3) seconds, proposals, makespan at each improvement
+    seed: int
+
+    @property
+    def optimal(self) -> bool:
+        """Whether no schedule can end earlier."""
+        return self.bound >= self.schedule.makespan
+
+
+@dataclass(slots=True)
+class _Goal:
+    """A makespan that ends a round, and which lanes got there after how many proposals.
+
+    The others go on until they have made as many, and the first of those that got there
+    by then counts, so that which thread is faster does not decide what is found.
+    """
+
+    makespan: float
+    reached: list[tuple[int, int]] = field(default_factory=list)  # proposals, lane; all append
+
+    def is_open(self, made: int) -> bool:
+        """Say whether a lane that made so many proposals may still be first."""
+        return all(made < other for other, _ in self.reached)
+
+
+@dataclass(slots=True)
+class _Lane:
+    """One thread's schedules."""
+
+    number: int
+    yard: Yard
+    sweep: NDArray[np.int32]  # (n,) tasks along the rail
+    rightward: bool
+    crew: Crew
+    best: tuple[NDArray[np.int32], NDArray[np.int32]]  # order and cranes
+    state: NDArray[np.uint64]  # (1,) mutated
+    slice: int  # proposals between looks at the clock
+    least: float = np.inf  # makespan of its best sweep
+
+    def anneal(
+        self, proposals: int, warmest: float, coldest: float, *, free: bool,
+        go_on: Callable[[], bool], goal: _Goal,
+    ) -> int:  # fmt: skip
+        """Anneal once, from the crew at hand; return how many proposals were made.
+
+        Ends early, and tells the others so, once a schedule reaches the goal.
+        """
+        costs = np.full(3, np.inf)
+        sweep = self.sweep[:0] if free else self.sweep
+        made = 0
+        while made < proposals and goal.is_open(made) and go_on():
+            more = min(self.slice, proposals - made)
+            heats = tuple(
+                warmest * (coldest / warmest) ** (at / proposals) for at in (made, made + more)
+            )
+            anneal_crews(
+                self.yard, self.crew, self.best, costs, sweep, self.rightward, self.state,
+                (heats[0], heats[1]), more,
+            )  # fmt: skip
+            made += more
+            if costs[1] <= goal.makespan:
+                goal.reached.append((made, self.number))
+        return made
+
+    def makespan(self) -> float:
+        """Return the makespan of the best schedule of the last round, which the crew becomes."""
+        self.crew.order[:], self.crew.crane[:] = self.best
+        weigh(self.yard, self.crew)
+        decode(self.yard, self.crew, np.inf)
+        return float(self.crew.end.max())
+
+
+def solve_qcsp(
+    problem: QcspProblem,
+    *,
+    time_limit_s: float,
+    seed: int = 0,
+    max_proposals: int | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    target: float = 0.0,
+    progress: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> QcspResult:
+    """Find a schedule of small makespan, on two threads.
+
+    Equal seeds and equal `max_proposals` give equal results, provided the time limit
+    is not what ends the search. Ends early when the result is proven optimal.
+
+    Parameters
+    ----------
+    max_proposals : int | None
+        Limit on the moves proposed, of both threads together.
+    target : float
+        A makespan that is good enough: the search ends once it is reached.
+    stop : Callable[[], bool] | None
+        Polled many times a second; True ends the search with the best so far.
+
+    Raises
+    ------
+    ValueError
+        If a limit is negative.
+
+    Examples
+    --------
+    >>> from decmcts.formats.qcsp import problem_of
+    >>> problem = problem_of({"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6],
+    ...                       "r": [0, 0], "l0": [1, 4], "Phi": [[1, 2]]})
+    >>> solve_qcsp(problem, time_limit_s=1.0, max_proposals=1000).schedule.makespan
+    8.0
+    """
+    if not time_limit_s >= 0.0 or (max_proposals is not None and max_proposals < 0):
+        raise ValueError(f"negative limit: {time_limit_s} s, {max_proposals} proposals")
+    search = _Search(problem, clock, time_limit_s, max_proposals, seed, target, progress, stop)
+    if len(problem):
+        search.run()
+    return search.result()
+
+
+class _Search:
+    """Rounds of annealing and the best schedule of all."""
+
+    def __init__(
+        self,
+        problem: QcspProblem,
+        clock: Callable[[], float],
+        time_limit_s: float,
+        most: int | None,
+        seed: int,
+        target: float,
+        progress: Callable[[Progress], None] | None,
+        stop: Callable[[], bool] | None,
+    ) -> None:
+        self.problem, self.seed = problem, seed
+        self._clock, self._began, self._limit_s = clock, clock(), time_limit_s
+        self._most, self._progress, self._stop = most, progress, stop
+        self._bound = least_makespan(problem)
+        self._goal = max(target, self._bound)
+        self._lanes = list(_lanes_of(problem, seed))
+        self._best = self._lanes[0].crew
+        self._makespan = np.inf if len(problem) else 0.0
+        self._proposals = 0
+        self._history: list[tuple[float, int, float]] = []
+
+    def run(self) -> None:
+        """Anneal until there is no time left, or nothing better."""
+        for lane in self._lanes:  # whatever the limits are, there is a schedule
+            lane.anneal(1, 1.0, 1.0, free=False, go_on=lambda: True, goal=_Goal(self._goal))
+            self._offer(lane)
+        turn, length, speed = 0, _FIRST_ROUND, 0.0
+        longest = max(length, _LONGEST_ROUND * len(self.problem))
+        with ThreadPoolExecutor(_LANES) as pool:
+            while self._may_go_on() and not self._reached():
+                kind = turn % _ROUNDS
+                round_ = self._length(length, speed)
+                began = self._seconds()
+                self._round(
+                    pool, self._at_work(turn // _ROUNDS), round_,
+                    warmest=_HOT if kind == 0 else _WARM, free=kind == _ROUNDS - 1,
+                )  # fmt: skip
+                speed = round_ / max(self._seconds() - began, 1e-6)
+                turn += 1
+                length = length if turn % _ROUNDS else min(2 * length, longest)
+
+    def _at_work(self, cycle: int) -> list[_Lane]:
+        """Return a lane of each direction, every other time two of the better one."""
+        first, second = self._lanes[:2], self._lanes[2:]
+        if cycle % 2 == 0:
+            return first
+        better = int(np.argmin([min(a.least, b.least) for a, b in zip(first, second, strict=True)]))
+        return [first[better], second[better]]
+
+    def result(self) -> QcspResult:
+        """Return the best schedule with the ways of all cranes."""
+        crane, begin = self._best.crane.copy(), self._best.begin.copy()
+        ways = ways_of(self.problem, crane, begin)
+        schedule = QcspSchedule(crane, begin, ways, float(self._makespan))
+        history = np.array(self._history, np.float64).reshape(-1, 3)
+        bound = min(self._bound, schedule.makespan)
+        return QcspResult(schedule, bound, self._proposals, history, self.seed)
+
+    def _round(
+        self, pool: ThreadPoolExecutor, lanes: list[_Lane], proposals: int, *, warmest: float,
+        free: bool,
+    ) -> None:  # fmt: skip
+        """Let lanes anneal once, side by side, and keep what is better."""
+        scale = float(self._makespan)
+        own = [(lane.crew.order.copy(), lane.crew.crane.copy()) for lane in lanes]
+        if free:
+            for lane in lanes:
+                lane.crew.order[:], lane.crew.crane[:] = self._best.order, self._best.crane
+        goal = _Goal(self._goal)
+        works = [
+            pool.submit(
+                lane.anneal, proposals, scale * warmest, scale * _COLD, free=free,
+                go_on=self._has_time, goal=goal,
+            )
+            for lane in lanes
+        ]  # fmt: skip
+        made = [work.result() for work in works]
+        if goal.reached:
+            first, number = min(goal.reached)
+            self._proposals += first * len(lanes)
+            self._offer(self._lanes[number])
+        else:
+            self._proposals += sum(made)
+            self._keep(lanes, own, free=free)
+        if self._progress is not None:
+            self._progress(self._stand())
+
+    def _keep(
+        self,
+        lanes: list[_Lane],
+        own: list[tuple[NDArray[np.int32], NDArray[np.int32]]],
+        *,
+        free: bool,
+    ) -> None:
+        """Take what is better; after a free round lanes go on from the sweep they had, `own`."""
+        for lane, (order, crane) in zip(lanes, own, strict=True):
+            makespan = self._offer(lane)
+            if not free:
+                lane.least = min(lane.least, makespan)
+            else:
+                lane.crew.order[:], lane.crew.crane[:] = order, crane
+
+    def _offer(self, lane: _Lane) -> float:
+        """Take the lane's last result if it is better; return its makespan."""
+        makespan = lane.makespan()
+        if makespan < self._makespan:
+            self._makespan = makespan
+            self._best = copied(lane.crew)
+            self._history.append((self._seconds(), self._proposals, makespan))
+        return makespan
+
+    def _length(self, length: int, speed: float) -> int:
+        """Return the proposals of the next round: `length`, or all that are left if few are."""
+        left = (self._limit_s - self._seconds()) * speed if speed > 0.0 else np.inf
+        if self._most is not None:
+            left = min(left, (self._most - self._proposals) // _LANES)
+        return max(1, int(left)) if left < 1.5 * length else length
+
+    def _may_go_on(self) -> bool:
+        spent = self._most is not None and self._proposals + _LANES > self._most
+        return not spent and self._has_time()
+
+    def _has_time(self) -> bool:
+        asked = self._stop is not None and self._stop()
+        return not asked and self._seconds() < self._limit_s
+
+    def _reached(self) -> bool:
+        return self._makespan <= self._goal
+
+    def _seconds(self) -> float:
+        return self._clock() - self._began
+
+    def _stand(self) -> Progress:
+        improved = self._history[-1][0] if self._history else 0.0
+        cost = float(self._makespan)
+        return Progress(self._seconds(), self._proposals, cost, improved, self._bound)
+
+
+def _lanes_of(problem: QcspProblem, seed: int) -> Iterator[_Lane]:
+    """Yield lanes to the right and left in turn, the work shared out evenly along the rail."""
+    yard, depth = _yard(problem)
+    n, q = len(problem), problem.cranes
+    for lane in range(2 * _LANES):
+        rightward = lane % 2 == 0
+        along = yard.bay if rightward else -yard.bay
+        sweep = np.lexsort((np.arange(n), depth, along)).astype(np.int32)
+        work = problem.duration[sweep]
+        share = (np.cumsum(work) - work / 2) * q / max(float(work.sum()), 1e-300)
+        rank = np.minimum(share.astype(np.int32), q - 1)
+        crew = _crew(n, q, yard.bays)
+        crew.order[:] = sweep
+        crew.crane[sweep] = rank if rightward else q - 1 - rank
+        best = crew.order.copy(), crew.crane.copy()
+        state = seeded(seed * 2 * _LANES + lane)
+        yield _Lane(lane, yard, sweep, rightward, crew, best, state, _slice_of(n, q))
+
+
+def _slice_of(tasks: int, cranes: int) -> int:
+    """Return the proposals between looks at the clock: fewer where each takes long."""
+    return max(1, min(_SLICE, _SLICE_WORK // max(1, tasks * cranes)))
+
+
+def _crew(n: int, q: int, bays: int) -> Crew:
+    """Return arrays for one schedule."""
+    return Crew(
+        np.zeros(n, np.int32),
+        np.zeros(n, np.int32),
+        np.zeros(n),
+        np.zeros(n),
+        np.empty((q, bays)),
+        np.empty((q, bays)),
+        np.zeros(q, np.int32),
+        np.zeros(q),
+        np.zeros(q),
+        np.zeros(q),
+    )
+
+
+def _yard(problem: QcspProblem) -> tuple[Yard, NDArray[np.int64]]:
+    """Return the problem as kernels take it, and how many tasks come before each."""
+    n = len(problem)
+    before = np.zeros((n, n), np.bool_)
+    before[problem.precedence[:, 0], problem.precedence[:, 1]] = True
+    for k in range(n):
+        before |= before[:, [k]] & before[[k], :]
+    counts = before.astype(np.float32)
+    direct = before & ~(counts @ counts > 0.0)
+    preds, succs = np.nonzero(direct.T), np.nonzero(direct)
+    lowest = int(min(problem.bay.min(initial=problem.start[0]), problem.start.min()))
+    bays = int(max(problem.bay.max(initial=0), problem.start.max())) - lowest + 1
+    yard = Yard(
+        problem.duration,
+        problem.bay - np.int32(lowest),
+        np.append(0, np.cumsum(direct.sum(axis=0))).astype(np.int32),
+        preds[1].astype(np.int32),
+        np.append(0, np.cumsum(direct.sum(axis=1))).astype(np.int32),
+        succs[1].astype(np.int32),
+        before,
+        problem.ready,
+        problem.start - np.int32(lowest),
+        problem.travel,
+        problem.spacing,
+        bays,
+    )
+    return yard, before.sum(axis=0)

@@ -1,0 +1,1 @@
+"""From a joint order to exact paths, times and waits."""

@@ -1,0 +1,159 @@
+"""Units become actions: whole paths, waits and nominal times.
+
+The times execute the partial order with the time model: each action begins
+when the one before it on its head and those it comes after have ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.joint import UNIT_PARK, UNIT_PRINT
+from decmcts._kernels.engine.lags import Lags
+from decmcts._kernels.engine.waits import AT_END, earliest
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
+from decmcts.print.toolpath import Toolpath, visit_points
+from decmcts.team.engine.order import UnitOrder
+from decmcts.team.schedule.rests import find_rests, with_rests
+from decmcts.team.schedule.timing import ActionTimes, action_times
+
+
+def join_actions(
+    job: PrintJob,
+    machine: Machine,
+    order: UnitOrder,
+    travels: Sequence[NDArray[np.float64]],
+    toolpaths: Sequence[Toolpath],
+    lags: Lags,
+) -> JointPlan:
+    """Return the joint plan of these units; `travels` are the paths of those that do not print.
+
+    Where something must cool the head rests where it is to print, until it may.
+    """
+    lanes = [
+        _lane(job, order, rows, travels, toolpath)
+        for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
+    ]
+    times = [
+        action_times(
+            job, machine.limits_of(head), lane.path, lane.offsets, lane.contour, lane.flipped,
+            lane.entry, rests=len(lanes) > 1,
+        )
+        for head, lane in zip(machine.heads, lanes, strict=True)
+    ]  # fmt: skip
+    seconds = np.zeros(len(order.head))
+    for rows, timed in zip(_rows(order), times, strict=True):
+        seconds[rows] = timed.seconds
+    passing = _passing(order, times)
+    if len(lags.below):
+        begin, rests = find_rests(order, passing, seconds, lags)
+    else:
+        begin = earliest(order.head, order.own, order.rows, order.after, passing, seconds)
+        rests = None
+    plan = JointPlan(
+        tuple(
+            _head_actions(head.name, order, rows, lane, begin, seconds)
+            for head, rows, lane in zip(machine.heads, _rows(order), lanes, strict=True)
+        )
+    )
+    return plan if rests is None else with_rests(plan, order, rests)
+
+
+def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float64]:
+    """Return the seconds until what a unit waits for is passed, from its begin, (m, heads)."""
+    passing = np.zeros(order.after.shape)
+    for s, timed in enumerate(times):
+        waits = np.flatnonzero(order.after[:, s] >= 0)
+        action, point = order.after[waits, s], order.point[waits, s]
+        passing[waits, s] = timed.seconds[action]
+        within = point != AT_END
+        passing[waits[within], s] = timed.until(action[within], point[within])
+    return passing
+
+
+@dataclass(frozen=True, slots=True)
+class _Lane:
+    """What one head does, without times."""
+
+    contour: NDArray[np.int32]  # (k,) NO_CONTOUR where it travels
+    flipped: NDArray[np.bool_]  # (k,)
+    entry: NDArray[np.int32]  # (k,)
+    path: NDArray[np.float64]  # (offsets[-1], 3)
+    offsets: NDArray[np.int64]  # (k + 1,)
+
+
+def _rows(order: UnitOrder) -> list[NDArray[np.int64]]:
+    """Return the units of each head in its order."""
+    return [order.rows[r, : order.counts[r]] for r in range(len(order.counts))]
+
+
+def _lane(
+    job: PrintJob,
+    order: UnitOrder,
+    rows: NDArray[np.int64],
+    travels: Sequence[NDArray[np.float64]],
+    toolpath: Toolpath,
+) -> _Lane:
+    """Return contours and paths of one head's actions."""
+    prints = order.kind[rows] == UNIT_PRINT
+    contour = np.full(len(rows), NO_CONTOUR, np.int32)
+    contour[prints] = order.contour[rows[prints]]
+    flipped, entry = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int32)
+    flipped[prints], entry[prints] = toolpath.reversed, toolpath.entry
+    paths = _paths(job.contours, contour, flipped, entry, [travels[row] for row in rows])
+    return _Lane(
+        contour, flipped, entry, np.concatenate(paths) if paths else np.empty((0, 3)),
+        np.cumsum([0, *(len(path) for path in paths)]).astype(np.int64),
+    )  # fmt: skip
+
+
+def _head_actions(
+    name: str,
+    order: UnitOrder,
+    rows: NDArray[np.int64],
+    lane: _Lane,
+    begin: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+) -> HeadActions:
+    """Write down the actions of one head."""
+    kind = np.where(order.kind[rows] == UNIT_PARK, ActionKind.PARK, ActionKind.TRAVEL)
+    kind = np.where(lane.contour != NO_CONTOUR, ActionKind.PRINT, kind)
+    waiting, head = np.nonzero(order.after[rows] >= 0)
+    return HeadActions(
+        head=name,
+        kind=kind.astype(np.int8),
+        contour=lane.contour,
+        reversed=lane.flipped,
+        entry=lane.entry,
+        path_offsets=lane.offsets,
+        path=lane.path,
+        begin_s=begin[rows],
+        end_s=begin[rows] + seconds[rows],
+        after_offsets=np.searchsorted(waiting, np.arange(len(rows) + 1)).astype(np.int64),
+        after_head=head.astype(np.int32),
+        after_action=order.after[rows[waiting], head].astype(np.int32),
+        after_point=order.point[rows[waiting], head],
+        after_lag_s=np.zeros(len(head)),
+    )
+
+
+def _paths(
+    contours: Contours,
+    contour: NDArray[np.int32],
+    flipped: NDArray[np.bool_],
+    entry: NDArray[np.int32],
+    travels: Sequence[NDArray[np.float64]],
+) -> list[NDArray[np.float64]]:
+    """Return the nozzle's path of each action."""
+    paths = list(travels)
+    for i in np.flatnonzero(contour != NO_CONTOUR):
+        c, turned, at = int(contour[i]), bool(flipped[i]), int(entry[i])
+        paths[i] = visit_points(contours, c, reversed_=turned, entry=at)
+    return paths

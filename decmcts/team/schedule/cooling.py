@@ -1,0 +1,148 @@
+"""How long each spot of a print must cool before it is printed over, and orders that let it.
+
+The rule is a slicer's: no spot is printed over within so many seconds. The
+source keeps it only for whole layers, so a plan owes a contour no longer a pause
+than the source made between the last of what is under it and its own begin: all
+the other towers' time for a tower, next to nothing for a part alone. Waits become
+actions in `decmcts.team.schedule.waits`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.cooling import follow, printed_over
+from decmcts._kernels.engine.joint import Visits
+from decmcts._kernels.engine.lags import Lags, no_lags
+from decmcts._kernels.engine.rooms import travel_seconds
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.packed_head import pack_contours
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.motion import job_times
+from decmcts.print.plan import ActionKind, HeadActions
+from decmcts.print.toolpath import Toolpath, endpoints
+from decmcts.search.sequence.spacing import Spacing
+from decmcts.team.engine.order import visits_of
+from decmcts.team.engine.space import travel_row
+
+LEAST_LAG_S = 0.05  # what the source gives less than this is nothing to keep
+TRAVEL_SHARE = 0.7  # of the source's mean travel: what a search's takes, for `spacing_of`
+
+
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """An order with its estimated time."""
+
+    toolpath: Toolpath
+    seconds: float  # to the end of the last contour, waits included
+    waited_s: float
+    at_first_s: float  # waited in the order that was given
+
+
+def find_lags(
+    contours: Contours,
+    times: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+    min_layer_time_s: float,
+) -> list[Lags]:
+    """Return how long what is under a contour must cool: the rule, or the source's pause if less.
+
+    Parameters
+    ----------
+    times : sequence of ((n,), (n,))
+        When the source begins and ends each contour; one set of lags for each clock,
+        for an order must be timed by the clock that its source was timed by.
+    """
+    n = len(contours)
+    if n == 0 or min_layer_time_s <= 0.0:
+        return [no_lags(n) for _ in times]
+    top = contours.top
+    by_top = np.argsort(top, kind="stable").astype(np.int32)
+    beads = pack_contours(contours, 0.0)
+    offsets, below = printed_over(beads, by_top, top[by_top], contours.height, contours.width)
+    above = np.repeat(np.arange(n), np.diff(offsets))
+    found = []
+    for begin, end in times:
+        pause = np.full(n, np.inf)  # from the last of what is under a contour to its begin
+        np.minimum.at(pause, above, begin[above] - end[below])
+        lag = np.minimum(min_layer_time_s, pause[above])
+        kept = lag > LEAST_LAG_S
+        count = np.bincount(above[kept], minlength=n)
+        offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+        found.append(Lags(offsets, below[kept], lag[kept]))
+    return found
+
+
+def source_times(
+    job: PrintJob, machine: Machine, graph: DependencyGraph
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return when the source's order begins and ends each contour by the clock of `cooled`."""
+    visits, travel = _visits(job, machine, graph, Toolpath.as_sliced(len(job.contours)))
+    first, last = visits.ends[:, 0], visits.ends[:, 1]
+    stood = np.concatenate([_park(machine)[None], last[:-1]])
+    way = [travel_seconds(p, q, travel) for p, q in zip(stood, first, strict=True)]
+    end = np.cumsum(np.array(way) + visits.seconds[0])
+    return end - visits.seconds[0], end
+
+
+def spacing_of(lags: Lags, begin: NDArray[np.float64], end: NDArray[np.float64]) -> Spacing:
+    """Return the lags as a search keeps them, from `source_times` of at least one contour."""
+    printing = end - begin
+    travel = (end[-1] - printing.sum()) / len(end)
+    return Spacing.owed_by_source(lags, printing + TRAVEL_SHARE * travel)
+
+
+def print_times(actions: HeadActions, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return when each of `n` contours begins and ends in a plan for one head, each (n,)."""
+    rows = actions.kind == ActionKind.PRINT
+    begin, end = np.zeros(n), np.zeros(n)
+    begin[actions.contour[rows]] = actions.begin_s[rows]
+    end[actions.contour[rows]] = actions.end_s[rows]
+    return begin, end
+
+
+def _visits(
+    job: PrintJob, machine: Machine, graph: DependencyGraph, toolpath: Toolpath
+) -> tuple[Visits, NDArray[np.float64]]:
+    """Return the contours as a toolpath runs them, and what travels take."""
+    seconds, nowhere = job_times(job, machine.limits), np.zeros(len(job.contours), np.bool_)
+    visits = visits_of(job.contours, graph, seconds[None], nowhere, in_pieces=False)
+    ends = np.empty_like(visits.ends)
+    ends[toolpath.order] = np.stack(endpoints(job.contours, toolpath), axis=1)
+    return visits._replace(ends=ends), np.array(travel_row(job.settings, machine.limits))
+
+
+def _park(machine: Machine) -> NDArray[np.float64]:
+    return np.array(machine.heads[0].park, np.float64)
+
+
+def cooled(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    lags: Lags,
+    toolpath: Toolpath,
+) -> Timed:
+    """Return an order near `toolpath` that waits little, with its time.
+
+    Where the next contour is still warm, later ones that can be printed now are
+    printed first; if that saves no time on the whole, the order stays as it is.
+    """
+    visits, travel = _visits(job, machine, graph, toolpath)
+    given = (toolpath.order, _park(machine), visits, graph.succ_offsets, graph.succs, lags)
+    _, seconds, waited = follow(*given, travel, False)
+    as_it_is = Timed(toolpath, float(seconds), float(waited), float(waited))
+    if waited <= 0.0:
+        return as_it_is
+    order, seconds, less = follow(*given, travel, True)
+    place = np.empty(len(order), np.int64)
+    place[toolpath.order] = np.arange(len(order))
+    at = place[order]
+    made = Toolpath(order, toolpath.reversed[at], toolpath.entry[at])
+    filled = Timed(made, float(seconds), float(less), float(waited))
+    return min(as_it_is, filled, key=lambda one: one.seconds)

@@ -1,0 +1,228 @@
+"""Where closed contours begin that several heads print: at first, and for agreed sequences.
+
+Heads agree on sequences with every loop at a fixed entry (`first_entries`, `agreed_job`). Where
+loops may begin anywhere, each head's own sequence then has its entries and directions
+chosen by dynamic programming (`decmcts._kernels.sequence.seats`), so that the travels within it
+cost least. A head that travels less may make another wait, so they are taken window by
+window of the joint order, where the makespan falls. No sequence changes here.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.carry_out import OK, carry_out
+from decmcts._kernels.engine.lags import Lags
+from decmcts._kernels.sequence.metric import with_points
+from decmcts._kernels.sequence.seats import choose_visits
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.job import PrintJob
+from decmcts.print.loops import enter_at, turned
+from decmcts.print.machine import Machine
+from decmcts.print.seam import SeamEntries, seam_entries
+from decmcts.print.toolpath import Toolpath, entries_by_contour
+from decmcts.search.sequence.pace import pace_of
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.team.engine.order import sequences_of, visits_of
+from decmcts.team.engine.space import fleet_of, printing_times
+
+SHORTEST = 8  # contours of a window that is not halved any more
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What a head's own order is free to do, and what it saves."""
+
+    freedom: str = "reversible"  # "fixed", "reversible" or "seam"
+    seam: str = "nearest"  # with freedom "seam"
+    objective: str = "travel"  # in mm, or "time" in s
+
+    @property
+    def names_seams(self) -> bool:
+        """Whether a policy names one vertex of each loop."""
+        return self.freedom == "seam" and self.seam != "nearest"
+
+
+def first_entries(job: PrintJob, orders: Orders, alone: Toolpath) -> NDArray[np.int32]:
+    """Return where each loop is entered while heads plan, (n,).
+
+    At the vertex a policy names; with seam `nearest` where the order for one head alone
+    enters it, for many neighbours of that order are neighbours again; else as sliced.
+    """
+    if orders.names_seams:
+        return seam_entries(job.contours, orders.seam).vertices  # type: ignore[arg-type]
+    return entries_by_contour([alone], len(job.contours))
+
+
+def entries_of(job: PrintJob, orders: Orders) -> SeamEntries | None:
+    """Return where loops may be entered; None: as sliced."""
+    if orders.freedom != "seam":
+        return None
+    return seam_entries(job.contours, orders.seam)  # type: ignore[arg-type]
+
+
+def agreed_job(job: PrintJob, orders: Orders, entry: NDArray[np.int32]) -> PrintJob:
+    """Return the print as heads plan it: loops entered there, nothing turned if all is fixed."""
+    contours = job.contours
+    if orders.freedom == "fixed":
+        none = np.zeros(len(contours), np.bool_)
+        return replace(job, contours=replace(contours, reversible=none))
+    if not entry.any():
+        return job
+    run, offsets = turned(contours, entry)
+    entered = replace(
+        contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
+    )
+    accelerations = None if job.acceleration is None else job.acceleration[run.rows]
+    return replace(job, contours=entered, acceleration=accelerations)
+
+
+def with_entries(toolpaths: Sequence[Toolpath], entry: NDArray[np.int32]) -> list[Toolpath]:
+    """Return toolpaths for `agreed_job` as toolpaths for the job it is of."""
+    return [replace(path, entry=entry[path.order]) for path in toolpaths]
+
+
+def choose_entries(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    toolpaths: Sequence[Toolpath],
+    orders: Orders,
+) -> list[Toolpath]:
+    """Return the same sequences with the entries and directions for which travels cost least.
+
+    A head begins and ends at its park; how it steps aside is not known here. Exact,
+    O(n k²) for k entries of one contour. Seconds are by each head's own limits.
+    """
+    problem = OrderProblem.from_job(job, graph, orders.freedom, orders.seam)  # type: ignore[arg-type]
+    chosen = []
+    for head, toolpath in zip(machine.heads, toolpaths, strict=True):
+        pace = pace_of(job, machine.limits_of(head)) if orders.objective == "time" else None
+        chosen.append(_along(replace(problem, pace=pace), toolpath, np.array(head.park, float)))
+    return chosen
+
+
+def best_entries(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    toolpaths: Sequence[Toolpath],
+    orders: Orders,
+    lags: Lags,
+) -> list[Toolpath]:
+    """Return agreed sequences with other entries and directions where the makespan falls.
+
+    All that `choose_entries` changes is tried first, then halves of the joint order where
+    that was no gain, and so on: a policy's seams stay, and nothing is tried if all is fixed.
+
+    Parameters
+    ----------
+    toolpaths : Sequence[Toolpath]
+        One a head, with turns, as agreed on.
+    lags : Lags
+        How long what is printed over must cool.
+    """
+    best = list(toolpaths)
+    if orders.freedom == "fixed" or not len(job.contours):
+        return best
+    chosen = choose_entries(job, machine, graph, best, orders)
+    timed = _Engine(job, machine, graph, lags)
+    best_s = timed.makespan(best)
+    windows, trials = deque([(0, len(job.contours))]), _most_trials(len(job.contours))
+    while windows and trials:
+        begin, end = windows.popleft()
+        tried = _within(best, chosen, begin, end)
+        if not _differ(tried, best):
+            continue
+        trials -= 1
+        found_s = timed.makespan(tried)
+        if found_s < best_s:
+            best, best_s = tried, found_s
+        elif end - begin > SHORTEST:
+            middle = (begin + end) // 2
+            windows += [(begin, middle), (middle, end)]
+    return best
+
+
+def _most_trials(n: int) -> int:
+    """Return how many windows of n contours are tried: each takes time linear in n."""
+    return int(np.clip(500_000 // n, 15, 127))
+
+
+class _Engine:
+    """What joint orders of one print take by the clock that heads agree by."""
+
+    def __init__(self, job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags) -> None:
+        self._job, self._graph, self._lags = job, graph, lags
+        self._fleet = fleet_of(job, machine)
+        self._seconds = printing_times(job, machine)
+        self._in_pieces = machine.release == "point"
+
+    def makespan(self, toolpaths: Sequence[Toolpath]) -> float:
+        """Return the makespan; infinite where heads shut each other in."""
+        n = len(self._job.contours)
+        turns = np.zeros(n, np.bool_)
+        for path in toolpaths:
+            turns[path.order] = path.reversed
+        running = enter_at(self._job.contours, entries_by_contour(toolpaths, n))
+        visits = visits_of(
+            running, self._graph, self._seconds, turns, in_pieces=self._in_pieces, lags=self._lags
+        )
+        units, verdict = carry_out(sequences_of(toolpaths), visits, self._fleet)
+        return float(units.end[: units.used[0]].max(initial=0.0)) if verdict == OK else np.inf
+
+
+def _within(
+    one: Sequence[Toolpath], other: Sequence[Toolpath], begin: int, end: int
+) -> list[Toolpath]:
+    """Return the first toolpaths with entries and directions of the others in turns begin..end."""
+    mixed = []
+    for mine, theirs in zip(one, other, strict=True):
+        turn = np.arange(len(mine)) if mine.turn is None else mine.turn
+        inside = (turn >= begin) & (turn < end)
+        mixed.append(
+            replace(
+                mine,
+                reversed=np.where(inside, theirs.reversed, mine.reversed),
+                entry=np.where(inside, theirs.entry, mine.entry).astype(np.int32),
+            )
+        )
+    return mixed
+
+
+def _differ(one: Sequence[Toolpath], other: Sequence[Toolpath]) -> bool:
+    return any(
+        (a.entry != b.entry).any() or (a.reversed != b.reversed).any()
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def _along(problem: OrderProblem, toolpath: Toolpath, park: NDArray[np.float64]) -> Toolpath:
+    """Return one head's sequence, from its park and back, entered where it costs least."""
+    order, k = toolpath.order, len(toolpath)
+    if not k:
+        return toolpath
+    begins = np.arange(len(problem) + 1) if problem.seams is None else problem.seams.offsets
+    count = np.diff(begins)[order]
+    first = np.cumsum(count) - count
+    option = np.repeat(begins[order] - first, count) + np.arange(count.sum())
+    ends = np.stack([problem.start, problem.end], axis=1)
+    doors = ends
+    if problem.seams is not None:
+        doors = np.stack([problem.seams.enter, problem.seams.leave], axis=1)
+    stop = np.broadcast_to(park, (1, 2, 3))
+    points = np.concatenate([stop, ends[order], stop, stop, doors[option], stop]).reshape(-1, 3)
+    offsets = np.concatenate([[0, 1], 1 + np.cumsum(count), [2 + count.sum()]]).astype(np.int64)
+    turns = np.concatenate([[False], problem.reversible[order], [False]])
+    rows = np.arange(k + 2, dtype=np.int32)
+    flip, seat = choose_visits(with_points(problem.metric(), points), rows, turns, offsets)
+    entry = np.zeros(k, np.int32)
+    if problem.seams is not None:
+        at = np.where(seat[1:-1] >= 0, seat[1:-1] - 1, first)
+        entry = np.ascontiguousarray(problem.seams.vertices[option[at]], np.int32)
+    return replace(toolpath, reversed=flip[1:-1].astype(np.bool_), entry=entry)

@@ -1,0 +1,76 @@
+"""Loops entered so that a head gives back first what the heads beside it want.
+
+A print gives its room back as it goes on, and what it holds longest is where it ends. A
+loop ends where it begins. So where loops may begin anywhere they can be made to *lean*: all
+towards one end of the machine, or each towards the end at which its own head stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.lags import Lags
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.seam import SeamEntries
+from decmcts.team.engine.plans import TUNED, encode
+from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
+from decmcts.team.engine.resolve import resolve
+from decmcts.team.schedule.entries import Orders, agreed_job
+
+PUT = 100_000  # contours put to judge one way to enter all loops, about half a second's work
+LEAST = 4  # policies tried at least, the first ones
+
+Ints = NDArray[np.int32]
+
+
+def lean(
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    orders: Orders,
+    entry: Ints,
+    entries: SeamEntries | None,
+    lags: Lags,
+) -> Ints:
+    """Return where each loop is entered while heads plan: at `entry`, as sliced or leaning, (n,).
+
+    Those entries with which the first policies reach the shortest makespan; `entry` where
+    loops have no choice among `entries`, and where heads hold a contour's room to its end.
+    """
+    if entries is None or len(entries.vertices) == len(job.contours):
+        return entry
+    if machine.release != "point" or len(machine.heads) < 2:
+        return entry
+
+    def entered(chosen: Ints) -> TeamProblem:
+        return build_team_problem(agreed_job(job, orders, chosen), machine, graph, lags)
+
+    usual = entered(entry)
+    others = [np.zeros_like(entry), *_leaning(job, usual, entries)]
+    others = [other for other in others if (other != entry).any()]
+    makespans = [_reached(usual), *(_reached(entered(other)) for other in others)]
+    return (entry, *others)[int(np.argmin(makespans))]
+
+
+def _leaning(job: PrintJob, problem: TeamProblem, entries: SeamEntries) -> Iterator[Ints]:
+    """Yield entries that lean apart, to the low end of the machine, and to the high one."""
+    axis, first_is_low = axis_of(problem.machine)
+    loop = entries.contour()
+    at = job.contours.points[job.contours.offsets[loop] + entries.vertices, axis]
+    low = (problem.quantile < 0.5) == first_is_low
+    for leans_low in (low, np.ones_like(low), np.zeros_like(low)):
+        row = np.lexsort((np.where(leans_low[loop], at, -at), loop))
+        yield entries.vertices[row[entries.offsets[:-1]]]
+
+
+def _reached(problem: TeamProblem) -> float:
+    """Return the shortest makespan of the first policies, all heads by the same one."""
+    heads = range(len(problem.machine.heads))
+    count = min(TUNED, max(LEAST, PUT // max(1, len(problem.macro))))
+    plans = [encode(policy, problem.n_macros) for policy in range(count)]
+    return min(resolve(problem, dict.fromkeys(heads, plan), heads).makespan_s for plan in plans)

@@ -1,0 +1,90 @@
+"""How long each action of a head takes: its moves, as they will be written, through the time model.
+
+Wipe, retraction, lift and priming are counted in. Of the code around the print
+(start and end G-code, blocks) nothing is known here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.motion.program import Habit, Segments, write_moves
+from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.loops import turned
+from decmcts.print.machine import MotionLimits
+from decmcts.print.motion import Program, limit_rows, travel_acceleration, travel_feed
+from decmcts.print.walls import retracted_paths, walls_for
+
+
+@dataclass(frozen=True, slots=True)
+class ActionTimes:
+    """How long the actions of a head take, and their moves."""
+
+    seconds: NDArray[np.float64]  # (k,)
+    passed: NDArray[np.float64]  # (moves + 1,) seconds from the first action's begin, without waits
+    first: NDArray[np.int64]  # (k,) first move of each action
+
+    def until(self, action: NDArray[np.int64], point: NDArray[np.int32]) -> NDArray[np.float64]:
+        """Return the seconds from the begins of prints until a vertex is passed, (j,)."""
+        first = self.first[action]
+        return np.asarray(self.passed[first + point] - self.passed[first])
+
+
+def action_times(
+    job: PrintJob,
+    limits: MotionLimits,
+    path: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    contour: NDArray[np.int32],
+    flipped: NDArray[np.bool_],
+    entry: NDArray[np.int32],
+    *,
+    rests: bool,
+) -> ActionTimes:
+    """Return how long the actions of one head take, k of them.
+
+    Parameters
+    ----------
+    path : (m, 3) mm, of all actions one after the other
+    offsets : (k + 1,) action i owns path[offsets[i]:offsets[i + 1]]
+    contour, flipped, entry : (k,) what it prints and how; contour -1: it travels
+    rests : bool
+        Whether the head stands still between two actions, as where it may have to wait.
+    """
+    c, settings = job.contours, job.settings
+    travelling = replace(limits, travel_acceleration=travel_acceleration(settings, limits))
+    said = np.full(len(c.points), np.nan) if job.acceleration is None else job.acceleration
+    rows, row = limit_rows(travelling, said)
+    habit = habit_of(settings, limits)
+    retracts = retracted_paths(walls_for(job), settings, path, offsets)
+    entries = np.zeros(len(c), np.int32)
+    entries[contour[contour >= 0]] = entry[contour >= 0]
+    run, first = turned(c, entries)
+    segments = Segments(first, run.extrusion, run.feed, row[run.rows])
+    moves = write_moves(path, offsets, contour, flipped, retracts, segments, habit)
+    m = int(moves.used[0])
+    action = moves.action[:m]
+    rest = np.diff(action, prepend=-1) != 0 if rests else np.zeros(m, np.bool_)
+    program = Program(
+        moves.points[: m + 1], moves.filament[:m], moves.feed[:m], moves.row[:m], rows, rest
+    )
+    seconds = program.seconds()
+    return ActionTimes(
+        np.asarray(np.bincount(action, seconds, len(contour)), np.float64),
+        np.concatenate([[0.0], np.cumsum(seconds)]),
+        np.searchsorted(action, np.arange(len(contour))),
+    )
+
+
+def habit_of(settings: ProcessSettings, limits: MotionLimits) -> Habit:
+    """Return how travels are made, as the kernels take it."""
+    feed = travel_feed(settings, limits)
+    wiped = min(settings.wipe_filament_mm, settings.retract_mm) if settings.wipe_mm > 0.0 else 0.0
+    return Habit(
+        feed, settings.z_feed or feed,
+        settings.retract_mm - wiped, settings.retract_feed, settings.retract_mm,
+        settings.unretract_feed, settings.wipe_mm, wiped, settings.wipe_feed or feed,
+    )  # fmt: skip

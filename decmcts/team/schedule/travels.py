@@ -1,0 +1,87 @@
+"""The path of every travel and retreat: lift, go, lower.
+
+A travel of head r must clear whatever *may* be printed by then in any timing
+the partial order allows: all contours of every head not ordered after it (J5).
+That set only grows along a head, so one height field a head is enough.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.routes import Beads, Rows, travel_levels
+from decmcts._kernels.geometry.walls import Walls
+from decmcts.feasibility.packed_head import pack_contours, pack_head
+from decmcts.feasibility.travel import new_height_field
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.walls import bare_pairs
+from decmcts.team.engine.order import UnitOrder
+from decmcts.team.engine.space import Space
+
+
+def unit_travels(
+    job: PrintJob, machine: Machine, order: UnitOrder, space: Space, walls: Walls
+) -> list[NDArray[np.float64]]:
+    """Return the path of each unit as if all were travels, m of (k, 3).
+
+    What a printing unit gets here means nothing; its path is the contour's. A travel
+    that stays bare inside `walls` is not lifted, unless something printed is in its way.
+    """
+    starts, goals = _starts(order, space), order.target.copy()
+    level = np.zeros(len(order.head))  # units that print keep it
+    packed = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
+    beads = Beads(packed.points, packed.offsets, packed.radius)
+    units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
+    for r, head in enumerate(machine.heads):
+        field = new_height_field(job.contours, clearance_mm=machine.clearance_mm)
+        shape = pack_head(head)
+        travel_levels(r, units, starts, goals, beads, field, shape, machine.lift_mm, level)
+    np.maximum(level, _hops(job, machine, order, walls, starts, goals), out=level)
+    return _paths(starts, goals, level)
+
+
+def _hops(
+    job: PrintJob,
+    machine: Machine,
+    order: UnitOrder,
+    walls: Walls,
+    starts: NDArray[np.float64],
+    goals: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how high the source's own habit lifts retracted travels, as far as heads reach, (m,).
+
+    Beads curl up, so a source that lifts over them has a reason.
+    """
+    ends = np.maximum(starts[:, 2], goals[:, 2])
+    far = np.hypot(*(goals - starts)[:, :2].T) >= job.settings.retract_min_travel_mm
+    far &= ~bare_pairs(
+        walls, job.settings.bare_inside_mm, starts, goals, climb_mm=job.settings.bare_climb_mm
+    )
+    top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
+    lifted = np.minimum(ends + job.settings.hop_mm, np.maximum(top, ends))
+    return np.where(far, lifted, ends)
+
+
+def _starts(order: UnitOrder, space: Space) -> NDArray[np.float64]:
+    """Return where the head stands before each unit, (m, 3)."""
+    starts = np.empty_like(order.target)
+    for r in range(len(order.counts)):
+        mine = order.rows[r, : order.counts[r]]
+        starts[mine[1:]] = order.target[mine[:-1]]
+        starts[mine[:1]] = space.parks[r]
+    return starts
+
+
+def _paths(
+    starts: NDArray[np.float64], goals: NDArray[np.float64], level: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
+    """Return start, above start, above goal, goal, without corners that do not move."""
+    across = (starts[:, :2] != goals[:, :2]).any(axis=1)
+    over = np.stack([starts, starts, goals, goals], axis=1)
+    over[:, 1, 2] = np.where(across, level, starts[:, 2])
+    over[:, 2, 2] = np.where(across, level, goals[:, 2])
+    keep = np.ones((len(over), 4), np.bool_)
+    keep[:, 1:] = (np.diff(over, axis=1) != 0.0).any(axis=2)
+    return [corners[mask] for corners, mask in zip(over, keep, strict=True)]

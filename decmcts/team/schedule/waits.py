@@ -1,0 +1,127 @@
+"""Puts the waits for cooling into a plan for one head.
+
+The head does not wait on the print: it lifts off where it stands, waits there,
+and then goes on as planned. Straight up is always clear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.lags import Lags
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.motion import path_time, travel_feed
+from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
+
+LIFT_MM = 2.0  # off the print while it cools
+LEAST_WAIT_S = 0.25  # a shorter wait cools nothing and costs a retraction
+STEP_S = 1e-3  # files give a dwell in whole milliseconds
+
+
+@dataclass(slots=True)
+class _Row:
+    """One action of the new plan; `action` is the old one it is or belongs to."""
+
+    kind: int
+    action: int
+    path: NDArray[np.float64]
+    seconds: float
+
+
+def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> JointPlan:
+    """Return the plan with every wait its lags ask for, to a quarter of a second.
+
+    Each wait is a travel straight up, the wait, if that travel leaves more than a quarter
+    of a second of it, and the travel to the next contour from there.
+
+    Raises
+    ------
+    ValueError
+        If the plan has several heads: across heads no wait is enough, for heads keep no time.
+    """
+    if len(plan.heads) != 1:
+        raise ValueError(f"waits for cooling are for one head, the plan has {len(plan.heads)}")
+    if not len(lags.below):
+        return plan
+    rows = _rows(job, machine, plan.heads[0], lags)
+    return JointPlan((_actions(plan.heads[0], rows),))
+
+
+def _rows(job: PrintJob, machine: Machine, old: HeadActions, lags: Lags) -> list[_Row]:
+    ended = np.zeros(len(job.contours))
+    rows: list[_Row] = []
+    now = 0.0
+    travels: list[_Row] = []  # to the next contour, not yet begun
+    for k in range(len(old)):
+        row = _Row(int(old.kind[k]), k, old.action_path(k), float(old.end_s[k] - old.begin_s[k]))
+        if row.kind != ActionKind.PRINT:
+            travels.append(row)
+            continue
+        contour = int(old.contour[k])
+        below = slice(int(lags.offsets[contour]), int(lags.offsets[contour + 1]))
+        cool = (ended[lags.below[below]] + lags.seconds[below]).max(initial=0.0)
+        begin = now + sum(t.seconds for t in travels)
+        if cool > begin + LEAST_WAIT_S:
+            travels = list(_waiting(job, machine, row, travels, cool - begin))
+        now += sum(t.seconds for t in travels) + row.seconds
+        ended[contour] = now
+        rows += [*travels, row]
+        travels = []
+    return rows + travels
+
+
+def _waiting(
+    job: PrintJob, machine: Machine, to: _Row, travels: list[_Row], wait_s: float
+) -> Iterator[_Row]:
+    """Yield the way to a contour with a wait of `wait_s` in it, high above where it begins."""
+    way = np.concatenate([t.path for t in travels] or [to.path[:1]])
+    start, k = way[0], to.action
+    rises = _rises(way)
+    up = start.copy()
+    up[2] = max(start[2], min(start[2] + LIFT_MM, machine.heads[0].reach_max[2]))
+    if rises:
+        up[2] = max(up[2], way[1, 2])
+    rest = np.concatenate([up[None], way[1:] if rises else way])
+    feed = travel_feed(job.settings, machine.limits)
+    lift = path_time(np.stack([start, up]), feed, machine.limits)
+    onward = max(sum(t.seconds for t in travels), path_time(rest, feed, machine.limits))
+    saved = lift + onward - sum(t.seconds for t in travels)
+    pause = np.ceil((wait_s - saved) / STEP_S) * STEP_S
+    if up[2] > start[2]:
+        yield _Row(ActionKind.TRAVEL, k, np.stack([start, up]), lift)
+    if pause > LEAST_WAIT_S:
+        yield _Row(ActionKind.WAIT, k, up[None], float(pause))
+    yield _Row(ActionKind.TRAVEL, k, rest, onward)
+
+
+def _rises(way: NDArray[np.float64]) -> bool:
+    """Whether a path begins straight upwards."""
+    return len(way) > 1 and bool((way[1, :2] == way[0, :2]).all() and way[1, 2] >= way[0, 2])
+
+
+def _actions(old: HeadActions, rows: list[_Row]) -> HeadActions:
+    kind = np.array([row.kind for row in rows], np.int8)
+    was = np.array([row.action for row in rows], np.int64)
+    printing = kind == ActionKind.PRINT
+    end = np.cumsum([row.seconds for row in rows])
+    return HeadActions(
+        head=old.head,
+        kind=kind,
+        contour=np.where(printing, old.contour[was], NO_CONTOUR).astype(np.int32),
+        reversed=printing & old.reversed[was],
+        entry=np.where(printing, old.entry[was], 0).astype(np.int32),
+        path_offsets=np.cumsum([0, *(len(row.path) for row in rows)]).astype(np.int64),
+        path=np.concatenate([row.path for row in rows]),
+        begin_s=np.concatenate([[0.0], end[:-1]]),
+        end_s=end,
+        after_offsets=np.zeros(len(rows) + 1, np.int64),
+        after_head=np.empty(0, np.int32),
+        after_action=np.empty(0, np.int32),
+        after_point=np.empty(0, np.int32),
+        after_lag_s=np.empty(0),
+    )

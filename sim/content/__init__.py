@@ -1,0 +1,1 @@
+"""What is printed: contours, their paths and entries."""

@@ -1,0 +1,221 @@
+"""What each head does on its own: where it starts, what it follows, where it may go.
+
+Every contour exactly once, by a head that may and can print it, along the
+contour's own polyline, without a jump between actions, parked at both ends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Head
+from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
+from sim.content.seams import Moved, run_of
+from sim.faults import Fault, FaultKind, listed
+
+SAME_MM = 1e-3  # points nearer than this are one point: files keep three decimals
+LARGEST_LAG_S = 1e7
+
+
+def describe(actions: HeadActions, action: int) -> str:
+    """Return the words for one action: head, number, kind and contour."""
+    kind = ActionKind(int(actions.kind[action])).name.lower()
+    contour = int(actions.contour[action])
+    what = f"{kind} contour {contour}" if kind == "print" else kind
+    return f"head {actions.head} action {action} ({what})"
+
+
+def check_structure(document: PlanDocument) -> list[Fault]:
+    """Check that indices mean something; nothing else can be checked where they do not."""
+    heads = document.plan.heads
+    names = [h.name for h in document.machine.heads]
+    lines = [
+        f"the plan has a head {h.head!r} that the machine lacks"
+        for h in heads
+        if h.head not in names
+    ]
+    if len({h.head for h in heads}) < len(heads):
+        lines.append("a head appears twice in the plan")
+    faults = listed(FaultKind.MACHINE, lines)
+    wrong: list[str] = []
+    for actions in heads:
+        wrong += _bad_indices(actions, heads, len(document.contours))
+    return faults + listed(FaultKind.WRONG_PATH, wrong)
+
+
+def _bad_indices(actions: HeadActions, heads: tuple[HeadActions, ...], n: int) -> list[str]:
+    """Return lines for actions that name things which do not exist, or have no path."""
+    name = f"head {actions.head}"
+    printing = actions.kind == ActionKind.PRINT
+    lines = []
+    if ((actions.contour[printing] < 0) | (actions.contour[printing] >= n)).any():
+        lines.append(f"{name} prints a contour outside 0..{n - 1}")
+    if not np.isin(actions.kind, [int(k) for k in ActionKind]).all():
+        lines.append(f"{name} has an action of unknown kind")
+    if len(actions) and int(np.diff(actions.path_offsets).min()) < 1:
+        lines.append(f"{name} has an action without a path")
+    if not np.isfinite(actions.path).all():
+        lines.append(f"{name} has a path that is not finite")
+    return lines + _bad_waits(actions, heads)
+
+
+def _bad_waits(actions: HeadActions, heads: tuple[HeadActions, ...]) -> list[str]:
+    """Return lines for waits for what no head does."""
+    name, lines = f"head {actions.head}", []
+    columns = (actions.after_head, actions.after_action, actions.after_point, actions.after_lag_s)
+    for edge in map(After, *(column.tolist() for column in columns)):
+        if not (0 <= edge.head < len(heads) and 0 <= edge.action < len(heads[edge.head])):
+            lines.append(
+                f"{name} waits for action {edge.action} of head number {edge.head}, "
+                "which is not there"
+            )
+            continue
+        other = heads[edge.head]
+        size = int(np.diff(other.path_offsets)[edge.action])
+        moves = int(other.kind[edge.action]) != ActionKind.WAIT
+        if edge.point != ACTION_END and not (moves and 0 < edge.point < size):
+            points = f"1 to {size - 1}" if moves and size > 1 else "none"
+            lines.append(
+                f"{name} waits for point {edge.point} of {describe(other, edge.action)}, "
+                f"points to pass: {points}"
+            )
+        if not 0.0 <= edge.lag_s <= LARGEST_LAG_S:
+            lines.append(f"{name} waits {edge.lag_s:g} s after {describe(other, edge.action)}")
+    return lines
+
+
+def check_release(document: PlanDocument) -> list[Fault]:
+    """Check that heads which signal only at rest are waited for only where an action ends."""
+    if document.machine.release == "point":
+        return []
+    heads = document.plan.heads
+    lines = [
+        f"{describe(lane, k)} waits for point {edge.point} of "
+        f"{describe(heads[edge.head], edge.action)}; heads of {document.machine.name} signal "
+        "only that an action has ended"
+        for lane in heads
+        for k in np.flatnonzero(np.diff(lane.after_offsets)).tolist()
+        for edge in lane.after_edges(k)
+        if edge.point != ACTION_END
+    ]
+    return listed(FaultKind.MACHINE, lines)
+
+
+def check_once(document: PlanDocument) -> list[Fault]:
+    """J1: every contour is printed exactly once."""
+    printed = [h.contour[h.kind == ActionKind.PRINT] for h in document.plan.heads]
+    count = np.bincount(
+        np.concatenate([*printed, np.empty(0, np.int32)]).astype(np.int64),
+        minlength=len(document.contours),
+    )
+    missing = [f"contour {c} is never printed" for c in np.nonzero(count == 0)[0].tolist()]
+    doubled = [
+        f"contour {c} is printed {count[c]} times" for c in np.nonzero(count > 1)[0].tolist()
+    ]
+    return listed(FaultKind.MISSING, missing) + listed(FaultKind.DOUBLED, doubled)
+
+
+def check_head(contours: Contours, actions: HeadActions, head: Head) -> list[Fault]:
+    """Check one head's paths: joined, as the contours are, in reach, parked at both ends."""
+    return [
+        *_check_joined(actions, head),
+        *_check_waits(actions),
+        *_check_prints(contours, actions),
+        *_check_reach(actions, head),
+        *_check_tools(contours, actions, head),
+    ]
+
+
+def _check_joined(actions: HeadActions, head: Head) -> list[Fault]:
+    """Each path starts where the last one ended; the first and the last point is the park."""
+    if not len(actions):
+        return []
+    park = np.array(head.park)
+    first, last = (
+        actions.path[actions.path_offsets[:-1]],
+        actions.path[actions.path_offsets[1:] - 1],
+    )
+    jump = np.linalg.norm(first[1:] - last[:-1], axis=1)
+    lines = [
+        f"{describe(actions, a + 1)} starts {jump[a]:.3f} mm from where the head stands"
+        for a in np.nonzero(jump > SAME_MM)[0].tolist()
+    ]
+    parked = [
+        f"head {actions.head} {verb} {np.linalg.norm(point - park):.3f} mm from its park position"
+        for verb, point in (("starts", first[0]), ("ends", last[-1]))
+        if np.linalg.norm(point - park) > SAME_MM
+    ]
+    parked += [
+        f"{describe(actions, a)} does not end at the park position"
+        for a in np.nonzero(actions.kind == ActionKind.PARK)[0].tolist()
+        if np.linalg.norm(last[a] - park) > SAME_MM
+    ]
+    return listed(FaultKind.WRONG_PATH, lines) + listed(FaultKind.NOT_PARKED, parked)
+
+
+def _check_waits(actions: HeadActions) -> list[Fault]:
+    """Check that a head that waits stands still and one that moves takes time."""
+    sizes = np.diff(actions.path_offsets)
+    way = np.abs(actions.path - np.repeat(actions.path[actions.path_offsets[:-1]], sizes, axis=0))
+    far = np.zeros(len(actions))
+    np.maximum.at(far, np.repeat(np.arange(len(actions)), sizes), way.max(axis=1, initial=0.0))
+    strays = np.flatnonzero((actions.kind == ActionKind.WAIT) & (far > SAME_MM))
+    lines = [f"{describe(actions, a)} moves by {far[a]:.3f} mm" for a in strays.tolist()]
+    hurried = np.flatnonzero((far > SAME_MM) & (actions.end_s <= actions.begin_s))
+    timeless = [f"{describe(actions, a)} moves in no time" for a in hurried.tolist()]
+    return listed(FaultKind.WRONG_PATH, lines) + listed(FaultKind.TIMES, timeless)
+
+
+def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
+    lines = []
+    for a in np.nonzero(actions.kind == ActionKind.PRINT)[0].tolist():
+        problem = _print_problem(contours, actions, a)
+        if problem:
+            lines.append(f"{describe(actions, a)} {problem}")
+    return listed(FaultKind.WRONG_PATH, lines)
+
+
+def _print_problem(contours: Contours, actions: HeadActions, a: int) -> str:
+    """Return what is wrong with the path of one print action, or nothing."""
+    contour, entry = int(actions.contour[a]), int(actions.entry[a])
+    backwards = bool(actions.reversed[a])
+    if backwards and not contours.reversible[contour]:
+        return "runs backwards, but the source forbids turning it"
+    path = actions.action_path(a)[:: -1 if backwards else 1]
+    if entry:
+        run = run_of(contours, Moved(contour, entry, path))
+        return run if isinstance(run, str) else ""
+    due = contours.polyline(contour)
+    if path.shape != due.shape:
+        return f"has {len(path)} points where the contour has {len(due)}"
+    off = float(np.abs(path - due).max())
+    return f"leaves the contour by {off:.3f} mm" if off > SAME_MM else ""
+
+
+def _check_reach(actions: HeadActions, head: Head) -> list[Fault]:
+    """Check that prints stay within the reach, other paths within it and the way to the park."""
+    low, high, park = np.array(head.reach_min), np.array(head.reach_max), np.array(head.park)
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    printing = (actions.kind[owner] == ActionKind.PRINT)[:, None]
+    least = np.where(printing, low, np.minimum(low, park)) - SAME_MM
+    most = np.where(printing, high, np.maximum(high, park)) + SAME_MM
+    beyond = ((actions.path < least) | (actions.path > most)).any(axis=1)
+    lines = [
+        f"{describe(actions, a)} goes beyond the head's reach"
+        for a in np.unique(owner[beyond]).tolist()
+    ]
+    return listed(FaultKind.OUT_OF_REACH, lines)
+
+
+def _check_tools(contours: Contours, actions: HeadActions, head: Head) -> list[Fault]:
+    if not head.tools:
+        return []
+    printed = np.nonzero(actions.kind == ActionKind.PRINT)[0]
+    tool = contours.tool[actions.contour[printed]]
+    lines = [
+        f"{describe(actions, a)} needs tool {t}, the head has {', '.join(map(str, head.tools))}"
+        for a, t in zip(printed.tolist(), tool.tolist(), strict=True)
+        if t not in head.tools
+    ]
+    return listed(FaultKind.INELIGIBLE, lines)

@@ -1,0 +1,157 @@
+"""Is this the print and the machine that were meant: contours and machine, field by field.
+
+Two prints that share hardly a segment are another print, said in one line: each of
+their segments would be a fault, and none of them the one to look for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Head, Machine, MotionLimits
+from sim.content.inventory import NO_MATCH, Segments
+from sim.faults import LIMIT, Fault, FaultKind, listed
+
+SAME = 1e-6  # mm, mm/s: plan.json keeps every bit, so that this is no rounding
+
+LITTLE = 0.1  # share of the segments of each that two prints have in common at most
+FEW = 20  # of so few segments each fault can be read
+
+PER_POINT = ("points", "extrusion", "feed")
+PER_CONTOUR = (
+    "width", "height", "role", "closed", "layer", "tool", "reversible", "epoch", "line",
+)  # fmt: skip
+
+
+def check_print(
+    ours: Segments, source: Segments, match: NDArray[np.int64], contour: NDArray[np.int64]
+) -> list[Fault]:
+    """Return one fault where nearly nothing of ours is in the source, nor the other way round.
+
+    `match` says which segment of the source each of ours is, `contour` which contour each
+    of the source's is of (below 0: of none).
+    """
+    there = match[match != NO_MATCH]
+    sizes = (len(ours.ends), len(source.ends))
+    if min(sizes) < FEW or len(there) >= LITTLE * min(sizes):
+        return []
+    found = np.zeros(len(source.ends), np.bool_)
+    found[there] = True
+    known = np.unique(contour[contour >= 0])
+    whole = len(np.setdiff1d(known, contour[~found]))
+    text = (
+        f"{whole} of the source's {len(known)} contours and {len(there)} of its {sizes[1]} "
+        "segments are in it; nothing else was compared"
+    )
+    return [Fault(FaultKind.OTHER_PRINT, text)]
+
+
+def is_other_print(faults: Sequence[Fault]) -> bool:
+    """Tell whether the fault found is that this is another print."""
+    return any(fault.kind is FaultKind.OTHER_PRINT for fault in faults)
+
+
+def check_contours(ours: Contours, source: Contours) -> list[Fault]:
+    """Compare the contours of a plan with the source's, number by number."""
+    if len(ours) != len(source):
+        text = f"the plan has {len(ours)} contours, the source {len(source)}"
+        return [Fault(FaultKind.CONTOUR, text)]
+    sizes, due = np.diff(ours.offsets), np.diff(source.offsets)
+    odd = np.flatnonzero(sizes != due)
+    lines = [
+        f"contour {c} has {sizes[c]} points, in the source {due[c]}" for c in odd[:LIMIT].tolist()
+    ]
+    if len(odd):
+        return listed(FaultKind.CONTOUR, lines, total=len(odd))
+    owner = np.repeat(np.arange(len(ours)), sizes)
+    faults: list[Fault] = []
+    for name in PER_POINT + PER_CONTOUR:
+        a = np.asarray(getattr(ours, name), np.float64)
+        b = np.asarray(getattr(source, name), np.float64)
+        off = np.flatnonzero((np.abs(a - b) > SAME).reshape(len(a), -1).any(axis=1))
+        contour = owner[off] if name in PER_POINT else off
+        rows = np.unique(contour, return_index=True)[1]
+        lines = [
+            f"contour {contour[k]}: {name} is {a[off[k]].tolist()}, in the source "
+            f"{b[off[k]].tolist()}"
+            for k in rows[:LIMIT].tolist()
+        ]
+        faults += listed(FaultKind.CONTOUR, lines, total=len(rows))
+    return faults
+
+
+def check_machine(ours: Machine, named: Machine, source: PrintJob | None) -> list[Fault]:
+    """Compare a plan's machine with the one that was named, but for names and remarks.
+
+    A plan for one head of several has that head alone. Where one head prints, it may
+    park above the named park: a plan must not rest inside its print. Limits
+    may be those that the source states; without a source they are not compared.
+    """
+    if len(ours.heads) == 1 < len(named.heads):
+        one = [head for head in named.heads if head.name == ours.heads[0].name]
+        named = named.alone(one[0]) if one else replace(named, heads=())
+    if ours.release == "action":  # such a plan asks for less than any controller can do
+        named = replace(named, release="action")
+    names = [head.name for head in named.heads]
+    if [head.name for head in ours.heads] != names:
+        had = ", ".join(head.name for head in ours.heads)
+        return [_differs("heads", had, ", ".join(names) or "other heads")]
+    faults = [
+        _differs(field.name, getattr(ours, field.name), getattr(named, field.name))
+        for field in fields(Machine)
+        if field.name not in ("name", "source", "heads", "limits")
+        and not _same(getattr(ours, field.name), getattr(named, field.name))
+    ]
+    for head, due in zip(ours.heads, named.heads, strict=True):
+        faults += _check_head(head, due, alone=len(names) == 1)
+    if source is not None:
+        faults += _check_limits(ours.limits, named.limits, source.limits)
+    return faults
+
+
+def _check_head(ours: Head, named: Head, *, alone: bool) -> list[Fault]:
+    if alone and ours.park[:2] == named.park[:2] and ours.park[2] > named.park[2]:
+        named = replace(named, park=ours.park)
+    return [
+        _differs(f"head {ours.name}: {field.name}", *pair)
+        for field in fields(Head)
+        if not _same(*(pair := (getattr(ours, field.name), getattr(named, field.name))))
+    ]
+
+
+def _check_limits(ours: MotionLimits, named: MotionLimits, said: MotionLimits) -> list[Fault]:
+    under = named.under(said)
+    if _same(ours, named) or _same(ours, under):
+        return []
+    return [
+        _differs(f"limits: {field.name}", getattr(ours, field.name), getattr(under, field.name))
+        for field in fields(MotionLimits)
+        if not _same(getattr(ours, field.name), getattr(under, field.name))
+    ]
+
+
+def _same(a: object, b: object) -> bool:
+    """Tell whether two values of a machine are equal, arrays and tuples member by member."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.shape == b.shape and bool((np.abs(a - b) <= SAME).all())
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, float | int) and isinstance(b, float | int):
+        return abs(a - b) <= SAME
+    names = getattr(type(a), "__dataclass_fields__", None)
+    if names and type(a) is type(b):
+        return all(_same(getattr(a, name), getattr(b, name)) for name in names)
+    return a == b
+
+
+def _differs(what: str, ours: object, named: object) -> Fault:
+    short = [
+        text if len(text := str(value)) <= 60 else text[:57] + "..." for value in (ours, named)
+    ]
+    return Fault(FaultKind.MACHINE, f"{what} is {short[0]}, of the machine named {short[1]}")

@@ -1,0 +1,119 @@
+"""Where a nozzle may go: over the bed and where the source goes, and not below the bed.
+
+Machines differ in where their coordinates begin, so where on the bed a print lies
+is its slicer's business. What is judged: no print is larger than the bed (purge lines,
+role CUSTOM, are drawn beside it on purpose); nothing goes lower than the bed, z = 0, or
+than the source goes; and nothing leaves the rectangle round bed, source and park.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import Motions
+from decmcts.print.contours import Contours, Role
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind, HeadActions
+from sim.content.paths import SAME_MM, describe
+from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.printed_file import moving
+
+SIZE_MM = 0.01  # slicers round coordinates
+
+Floats = NDArray[np.float64]
+
+
+def check_extent(
+    contours: Contours,
+    source: Contours | None,
+    lanes: tuple[HeadActions, ...],
+    machine: Machine,
+) -> list[Fault]:
+    """Check the paths of a plan; without a source it must keep above z = 0 in any case."""
+    known = contours if source is None else source
+    low, high = _reached(known.points, machine)
+    low[2] = min(0.0, float(low[2])) if source is not None else 0.0
+    lines: list[str] = []
+    for lane, head in zip(lanes, machine.heads, strict=True):
+        park = np.array(head.park)
+        least, most = np.minimum(low, park), np.maximum(high, park)
+        most[2] = np.inf
+        owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
+        bad = _beyond(lane.path, least, most)
+        # a head that parks below the bed may go there, not print there
+        bad |= (lane.kind[owner] == ActionKind.PRINT) & (lane.path[:, 2] < low[2] - SAME_MM)
+        first = np.unique(owner[bad], return_index=True)[1]
+        lines += [
+            f"{describe(lane, int(owner[i]))} goes {_where(lane.path[i], least)}"
+            for i in np.flatnonzero(bad)[first].tolist()
+        ]
+    return listed(FaultKind.OUT_OF_REACH, [*_too_large(contours, machine), *lines])
+
+
+def check_file_extent(motions: Motions, source: Motions, machine: Machine) -> list[Fault]:
+    """Check the moves of a file."""
+    low, high = _reached(source.points, machine)
+    low[2], high[2] = min(0.0, float(low[2])), np.inf
+    rows = moving(motions)
+    bad = rows[_beyond(motions.points[rows + 1], low, high)]
+    lines = [
+        f"line {motions.line[i]} goes {_where(motions.points[i + 1], low)}"
+        for i in bad[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.OUT_OF_REACH, lines, total=len(bad))
+
+
+def check_file_feeds(motions: Motions, source: Motions) -> list[Fault]:
+    """Check that no move is made at feed 0 that the source does not make so.
+
+    A file's first moves may come before any F; those are the source's.
+    """
+    theirs = {tuple(row) for row in _feedless(source)[1].tolist()}
+    rows, ends = _feedless(motions)
+    new = [
+        i for i, row in zip(rows.tolist(), ends.tolist(), strict=True) if tuple(row) not in theirs
+    ]
+    lines = [f"line {motions.line[i]} moves at feed 0" for i in new[:LIMIT]]
+    return listed(FaultKind.FEED, lines, total=len(new))
+
+
+def _feedless(motions: Motions) -> tuple[NDArray[np.int64], Floats]:
+    """Return the moves without a feed and both their ends, rounded."""
+    rows = moving(motions)
+    start, end = motions.points[rows], motions.points[rows + 1]
+    still = np.asarray(motions.feed)[rows] > 0
+    kept = ~still & (start != end).any(axis=1)
+    return rows[kept], np.round(np.hstack([start, end])[kept], 3)
+
+
+def _reached(points: Floats, machine: Machine) -> tuple[Floats, Floats]:
+    """Return the corners of the box round the bed and these points."""
+    bed = np.array([[*machine.bed_min, 0.0], [*machine.bed_max, 0.0]])
+    both = np.vstack([points, bed])
+    return both.min(axis=0), both.max(axis=0)
+
+
+def _beyond(points: Floats, low: Floats, high: Floats) -> NDArray[np.bool_]:
+    return np.asarray(((points < low - SAME_MM) | (points > high + SAME_MM)).any(axis=1))
+
+
+def _where(point: Floats, low: Floats) -> str:
+    x, y, z = point.tolist()
+    what = "below the bed" if z < low[2] - SAME_MM else "beyond bed, print and park"
+    return f"{what}, to ({x:.2f}, {y:.2f}, {z:.2f})"
+
+
+def _too_large(contours: Contours, machine: Machine) -> list[str]:
+    """Return a line when no place on the bed holds the print."""
+    size = np.diff(contours.offsets)
+    printed = np.repeat(contours.role != Role.CUSTOM, size)
+    if not printed.any():
+        return []
+    half = np.repeat(contours.width / 2.0, size)[printed, None]
+    xy = contours.points[printed, :2]
+    span = (xy + half).max(axis=0) - (xy - half).min(axis=0)
+    bed = np.subtract(machine.bed_max, machine.bed_min)
+    if (span <= bed + SIZE_MM).all():
+        return []
+    return [f"the print is {span[0]:.1f} x {span[1]:.1f} mm, the bed {bed[0]:g} x {bed[1]:g} mm"]

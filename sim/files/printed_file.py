@@ -1,0 +1,72 @@
+"""A one-head G-code file as the judge sees it: moves, and beads that grow with them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import Motions
+from sim.content.inventory import Segments, move_segments
+from sim.replay.material import Beads
+
+
+def laying_moves(motions: Motions) -> NDArray[np.int64]:
+    """Return the moves that lay down material."""
+    moved = (motions.points[1:] != motions.points[:-1]).any(axis=1)
+    return np.nonzero((motions.extrusion > 0) & moved)[0]
+
+
+def segments_of(motions: Motions) -> Segments:
+    """Return the moves that lay down material, as the inventory compares them."""
+    return move_segments(
+        motions.points, motions.extrusion, motions.feed, np.asarray(motions.line, np.int64)
+    )
+
+
+def moves_array(motions: Motions) -> NDArray[np.float64]:
+    """Return every move, (m, 6)."""
+    return np.hstack([motions.points[:-1], motions.points[1:]])
+
+
+def moving(motions: Motions) -> NDArray[np.int64]:
+    """Return the moves the head makes: homing and G92 have no known path.
+
+    A move at feed 0 (`F0`) is one: firmware makes it at the feed before.
+    """
+    known = np.asarray(motions.feed) > 0
+    return np.nonzero(known if motions.placed is None else ~np.asarray(motions.placed))[0]
+
+
+def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:
+    """Return the beads of a file with the first move that may meet each.
+
+    Only contours count: what a start code purges has no stated size, and its
+    order is the source's.
+
+    A contour run as the source runs it may slope over itself, as its slicer
+    meant it; in another traversal each segment is material for the next ones.
+
+    Parameters
+    ----------
+    motions : Motions
+    match : (n,) for each laying move the place of its segment in the source
+    """
+    rows = laying_moves(motions)
+    contour = np.asarray(motions.contour, np.int64)[rows]
+    rows, match, contour = (values[contour >= 0] for values in (rows, match, contour))
+    if not len(rows):
+        raise ValueError("no contour in the file")
+    begins = np.concatenate([[True], contour[1:] != contour[:-1]])
+    run = np.cumsum(begins) - 1
+    last = np.concatenate([np.nonzero(begins)[0][1:] - 1, [len(rows) - 1]])
+    forward = np.concatenate([[True], (np.diff(match) == 1) | begins[1:]])
+    as_sliced = np.logical_and.reduceat(forward, np.nonzero(begins)[0])[run]
+    since = np.where(as_sliced, rows[last[run]], rows) + 1
+    return Beads(
+        motions.points[rows],
+        motions.points[rows + 1],
+        np.asarray(motions.width, np.float64)[rows],
+        np.asarray(motions.height, np.float64)[rows],
+        since,
+        np.asarray(motions.line, np.int64)[rows],
+    )

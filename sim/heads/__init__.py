@@ -1,0 +1,1 @@
+"""Several heads' files, read back together."""

@@ -1,0 +1,173 @@
+"""The file of one head of several as the judge reads it: commands, moves, sync points.
+
+Only reading; what the files must do together is judged in `sim.heads.together`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from decmcts.formats.gcode.lines import Lines, command_of, split_lines
+from decmcts.formats.gcode.motion import Motion, interpret
+from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.gcode.state import Track, track_state
+from sim.heads.heat import SELECTS, heat_of
+
+HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
+_HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
+_SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
+_AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
+_OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
+_E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
+_E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
+_LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool
+
+
+@dataclass(frozen=True, slots=True)
+class Sync:
+    """One synchronisation point of a file."""
+
+    line: int  # from 1
+    signal: bool  # else a wait
+    number: int
+    moving: bool = False  # a signal between two moves, for which the head does not stop
+
+
+@dataclass(frozen=True, slots=True)
+class HeadFile:
+    """One file, read back."""
+
+    path: str
+    name: str  # of the head, as its header says; empty: it says none
+    place: tuple[int, int]  # file k of n
+    lines: Lines
+    motion: Motion
+    track: Track
+    syncs: tuple[Sync, ...]
+    rest: tuple[tuple[int, bytes], ...]  # line (from 1) and command of all that is no sync point
+    loose: tuple[int, ...]  # lines of sync points at rest that no M400 stands before
+
+    def row(self, line: int) -> bytes:
+        """Return a line (from 1) as it stands."""
+        return self.lines.raw(line - 1)
+
+
+def read_head_file(path: Path | str) -> HeadFile:
+    """Read the file of one head.
+
+    Raises
+    ------
+    InputError
+        When it is damaged.
+    """
+    lines = split_lines(load_text(path), path)
+    motion = interpret(lines)
+    name, place = header_of(lines.text)
+    syncs, rest, loose = _parted(lines)
+    return HeadFile(
+        str(path), name, place, lines, motion, track_state(lines, motion), tuple(syncs),
+        tuple(rest), tuple(loose),
+    )  # fmt: skip
+
+
+def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
+    """Return the head a file says it is for and its place among the files; '' for none."""
+    top = b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])
+    match = _HEADER.search(top)
+    if match is None:
+        return "", (0, 0)
+    return match[1].decode("utf-8", "replace"), (int(match[2]), int(match[3]))
+
+
+def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int]]:
+    """Part the commands of a file into sync points, at rest with their M400, and the rest."""
+    syncs, rest, loose = list[Sync](), list[tuple[int, bytes]](), list[int]()
+    for k in range(len(lines)):
+        code = command_of(lines.raw(k))
+        if not code:
+            continue
+        match = _SYNC.match(code)
+        if match is None:
+            rest.append((k + 1, code))
+            continue
+        moving = match[1] == b"PASSED"
+        syncs.append(Sync(k + 1, match[1] != b"WAIT", int(match[2]), moving))
+        if moving:
+            continue
+        if rest and rest[-1][1] == b"M400" and not command_of_between(lines, rest[-1][0], k):
+            rest.pop()
+        else:
+            loose.append(k + 1)
+    return syncs, rest, loose
+
+
+def axis_moves(file: HeadFile) -> list[int]:
+    """Return the lines (from 1) that move along an axis; homing is none."""
+    return [line for line, code in file.rest if _AXIS_MOVE.match(code)]
+
+
+def command_of_between(lines: Lines, first: int, last: int) -> bool:
+    """Tell whether a line first..last - 1 (from 0) commands anything."""
+    return any(command_of(lines.raw(k)) for k in range(first, last))
+
+
+def own_commands(
+    text: bytes, tool: int | None, *, homes: bool, relative_e: bool, selected: int | None = None,
+    all_heat: bool = False, all_off: bool = False,
+) -> list[bytes]:  # fmt: skip
+    """Return what a head's own controller is to be told of verbatim lines of the source.
+
+    No moves along an axis, no homing but in start code (`homes`), no choice of a tool, no
+    command to another head's tool. Where E is absolute, what is left out leaves E set to
+    where it would have led.
+
+    Parameters
+    ----------
+    tool : int | None
+        What the head prints with; None: nothing.
+    relative_e : bool
+        How E counts above the lines.
+    selected : int | None
+        The tool in use above the lines, of a source that has several: filament and hot end
+        of another tool are not this head's. None: the source has one tool.
+    all_heat, all_off : bool
+        What names no tool heats, or switches off, this head whichever tool is selected.
+    """
+    kept = []
+    for code in filter(None, map(command_of, text.split(b"\n"))):
+        name = code.split()[0].upper()
+        relative_e = _E_COUNTS.get(name, relative_e)
+        others = None not in (selected, tool) and selected != tool
+        if SELECTS.match(name):
+            selected = None if selected is None else int(name[1:])
+        elif _AXIS_MOVE.match(code) or (not homes and name in (b"G28", b"G29")):
+            kept += _e_set(code, relative_e)
+        elif (own := _for_tool(code, tool)) is None:
+            continue
+        elif (heat := heat_of(own)) and (all_heat or (all_off and not heat.heats)):
+            kept.append(own)
+        elif others and own == code and _OF_TOOL.match(code):
+            kept += _e_set(code, relative_e)
+        else:
+            kept.append(own)
+    return kept
+
+
+def _for_tool(code: bytes, tool: int | None) -> bytes | None:
+    """Return a command without the tool it names; None if that is another head's."""
+    words = code.split()
+    chosen = [word for word in words[1:] if SELECTS.match(word)]
+    if not chosen or words[0].upper() in _LIMITS:
+        return code
+    if tool is not None and int(chosen[0][1:]) != tool:
+        return None
+    words.remove(chosen[0])
+    return b" ".join(words)
+
+
+def _e_set(code: bytes, relative_e: bool) -> list[bytes]:
+    """Return what sets E to where a command that is left out would have led."""
+    word = None if relative_e else _E_WORD.match(code)
+    return [b"G92 E" + word[1]] if word else []

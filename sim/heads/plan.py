@@ -1,0 +1,311 @@
+"""The joint plan that files of several heads carry out, read from the files alone.
+
+Where no plan.json is at hand the files are judged as what they do: each bead is a print,
+what lies between beads and sync points a travel, and one action waits for another, or for
+a point within it, only where sync points make it. A signal given in motion parts nothing.
+Beads that run a loop of the source from another vertex are known by the segments they share.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import (
+    NO_CONTOUR,
+    ActionKind,
+    After,
+    HeadActions,
+    JointPlan,
+    PlanDocument,
+)
+from sim.content.inventory import (
+    NO_MATCH,
+    Segments,
+    compare,
+    contour_segments,
+    match_segments,
+    move_segments,
+)
+from sim.content.legs import legs_of
+from sim.content.same_print import check_print
+from sim.content.seams import job_with, seams_of_paths
+from sim.faults import Fault
+from sim.heads.file import HeadFile, axis_moves
+from sim.heads.sync import Knowledge
+from sim.heads.walk import SAME_MM
+from sim.replay.execution import execute
+from sim.rules.order import PartialOrder, order_of
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+ACTION_S = 1.0  # times mean nothing here: files of several heads are judged for every timing
+
+
+@dataclass(slots=True)
+class _Act:
+    """One action while it is collected."""
+
+    contour: int
+    path: list[Floats]
+    lines: list[int]  # from 1, of the move to each point but the first
+    turned: bool = False
+
+    @property
+    def first(self) -> int:
+        """Line of the first move."""
+        return self.lines[0]
+
+    @property
+    def last(self) -> int:
+        """Line of the last move."""
+        return self.lines[-1]
+
+
+def plan_of_files(
+    files: Sequence[HeadFile], job: PrintJob, machine: Machine
+) -> tuple[PlanDocument, list[Fault]]:
+    """Return the plan of the files, one for each head of the machine that is in it, in order.
+
+    And what they lay down otherwise than the source.
+    """
+    segments = [_segments(file) for file in files]
+    ours = Segments(
+        np.concatenate([s.ends for s in segments]),
+        np.concatenate([s.extrusion for s in segments]),
+        np.concatenate([s.feed for s in segments]),
+        np.concatenate([s.place for s in segments]),
+        "line",
+    )
+    parts = _by_file(segments, _contours(ours, contour_segments(job.contours)))
+    loops = [path for f, ids in zip(files, parts, strict=True) for path in _beads(f, ids)]
+    moved = {seam.contour: seam for seam in seams_of_paths(loops, job.contours)}
+    entered, _ = job_with(job, moved.values())
+    theirs = contour_segments(entered.contours)
+    match = match_segments(ours, theirs)
+    faults = check_print(ours, theirs, match, theirs.place) or compare(ours, theirs, match)
+    parts = _by_file(segments, _contours(ours, theirs))
+    acts = [_acts(file, ids, entered) for file, ids in zip(files, parts, strict=True)]
+    entry = {contour: seam.entry for contour, seam in moved.items()}
+    known = Knowledge([file.syncs for file in files])
+    lanes = tuple(_lane(h, file.name, acts, known, entry) for h, file in enumerate(files))
+    document = PlanDocument(
+        "",
+        machine,
+        job.contours,
+        np.zeros((0, 2), np.int32),
+        JointPlan(_timed(lanes, job.contours)),
+        {},
+    )
+    return document, faults
+
+
+def _contours(ours: Segments, theirs: Segments) -> Ints:
+    """Return the contour of each of our segments, NO_CONTOUR where it is of none."""
+    match = match_segments(ours, theirs)
+    return np.asarray(np.where(match == NO_MATCH, NO_CONTOUR, theirs.place[match]))
+
+
+def _by_file(segments: Sequence[Segments], contour: Ints) -> list[Ints]:
+    return np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
+
+
+def _beads(file: HeadFile, contour: Ints) -> list[Floats]:
+    """Return the path of each bead, (k, 3), given the contour of each move that lays down any.
+
+    A segment no contour has belongs to the bead before it in a run without travels, at the
+    beginning of a run to the one behind it.
+    """
+    points, moves = file.motion.points, np.array(_laying(file), np.int64)
+    if not len(moves):
+        return []
+    apart = (points[moves[1:]] != points[moves[:-1] + 1]).any(axis=1)
+    runs = np.split(np.arange(len(moves)), np.flatnonzero(apart) + 1)
+    beads = [bead for run in runs for bead in _parted(run, contour[run])]
+    return [np.concatenate([points[moves[b[:1]]], points[moves[b] + 1]]) for b in beads]
+
+
+def _parted(run: Ints, contour: Ints) -> list[Ints]:
+    """Return the beads of a run of moves."""
+    known = np.flatnonzero(contour != NO_CONTOUR)
+    if not len(known):
+        return [run]
+    at = np.searchsorted(known, np.arange(len(run)), side="right") - 1
+    ids = contour[known[np.maximum(at, 0)]]
+    return np.split(run, np.flatnonzero(np.diff(ids)) + 1)
+
+
+def _segments(file: HeadFile) -> Segments:
+    motion = file.motion
+    rows = slice(_begin(file), None)
+    return move_segments(
+        motion.points[rows], motion.extrusion[rows], motion.feed[rows], motion.line[rows] + 1
+    )
+
+
+def _begin(file: HeadFile) -> int:
+    """Return the first move behind the set-up: below the first number that is given.
+
+    A head that has nobody to give one to goes up, across to its park position, and begins.
+    """
+    given = [s.line for s in file.syncs if s.signal]
+    if given:
+        return int(file.motion.before[given[0] - 1])
+    across = axis_moves(file)[1:2]
+    return int(file.motion.before[across[0]]) if across else 0
+
+
+def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Act]:
+    """Return the actions of one file."""
+    motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
+    laid = dict(zip(_laying(file), contour.tolist(), strict=True))
+    apart = _apart(file)
+    acts: list[_Act] = []
+    for m in apart:
+        line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
+        last = acts[-1] if acts else None
+        if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
+            continue  # a wipe back along a bead belongs to it (`sim.heads.walk`)
+        parted = last is None or any(last.last < at < line for at in _near(syncs, line))
+        if parted or last is None or last.contour != key:
+            acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
+        else:
+            last.path.append(motion.points[m + 1])
+            last.lines.append(line)
+    for act in acts:
+        _snap(act, job)
+    for before, act in pairwise(acts):  # files are rounded
+        if act.contour == NO_CONTOUR:
+            act.path[0] = before.path[-1]
+        else:
+            before.path[-1] = act.path[0]
+    return acts
+
+
+def _apart(file: HeadFile) -> list[int]:
+    """Return the moves behind the set-up that go anywhere."""
+    points = file.motion.points
+    moves = range(_begin(file), len(file.motion.extrusion))
+    return [m for m in moves if (points[m] != points[m + 1]).any()]
+
+
+def _laying(file: HeadFile) -> list[int]:
+    """Return those of them that lay down material."""
+    return [m for m in _apart(file) if file.motion.extrusion[m] > 0]
+
+
+def _near(lines: list[int], line: int) -> list[int]:
+    """Return the last of ascending lines above a line, in a list."""
+    k = int(np.searchsorted(lines, line))
+    return lines[max(0, k - 1) : k]
+
+
+def _snap(act: _Act, job: PrintJob) -> None:
+    """Put the path of a bead on its contour's points, in place, and say which way it runs."""
+    if act.contour == NO_CONTOUR:
+        return
+    line, path = job.contours.polyline(act.contour), np.array(act.path)
+    for turned in (False, True):
+        way = line[::-1] if turned else line
+        if (places := _places(way, path)) is not None:
+            act.lines = [act.lines[max(place - 1, 0)] for place in places[1:]]
+            act.path, act.turned = list(way), turned
+            return
+
+
+def _places(way: Floats, path: Floats) -> list[int] | None:
+    """Return the point of a file's path at which each point of a way is; None: it is another.
+
+    Points so near each other that a file of three decimals has one of them are at one.
+    """
+    places = [0]
+    for point in way[1:]:
+        near = np.abs(path[places[-1] : places[-1] + 2] - point).max(axis=1) <= SAME_MM
+        if not near.any():
+            return None
+        places.append(places[-1] + int(near[-1] and len(near) > 1))
+    same = np.abs(way[0] - path[0]).max() <= SAME_MM and places[-1] == len(path) - 1
+    return places if same else None
+
+
+def _lane(
+    h: int, name: str, acts: list[list[_Act]], known: Knowledge, entry: Mapping[int, int]
+) -> HeadActions:
+    """Return the actions of one head with what its sync points make them wait for.
+
+    `entry` is the vertex of contours that are not entered as sliced.
+    """
+    mine = acts[h]
+    after = _waits(h, acts, known)
+    flat = [edge for edges in after for edge in edges]
+    kind = [ActionKind.TRAVEL if a.contour == NO_CONTOUR else ActionKind.PRINT for a in mine]
+    if kind and kind[-1] == ActionKind.TRAVEL:
+        kind[-1] = ActionKind.PARK
+    paths = [np.array(act.path) for act in mine]
+    n = len(mine)
+    return HeadActions(
+        name, np.array(kind, np.int8), np.array([a.contour for a in mine], np.int32),
+        np.array([a.turned for a in mine], np.bool_),
+        np.array([entry.get(a.contour, 0) for a in mine], np.int32),
+        np.cumsum([0, *map(len, paths)]).astype(np.int64),
+        np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(n), np.zeros(n),
+        np.cumsum([0, *map(len, after)]).astype(np.int64),
+        np.array([edge.head for edge in flat], np.int32),
+        np.array([edge.action for edge in flat], np.int32),
+        np.array([edge.point for edge in flat], np.int32), np.zeros(len(flat)),
+    )  # fmt: skip
+
+
+def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]]:
+    """Return for each action of a head the latest of the others' doings it is sure of, if new."""
+    told = [(0, 0)] * len(acts)  # per head: actions ended, and points of the next one passed
+    ended = [np.array([act.last for act in other], np.int64) for other in acts]
+    after: list[list[After]] = []
+    for act in acts[h]:
+        edges = []
+        for g in range(len(acts)):
+            line = known.done(h, act.first, g)
+            count = int(np.searchsorted(ended[g], line))
+            point = bisect_left(acts[g][count].lines, line) if count < len(acts[g]) else 0
+            if g == h or (count, point) <= told[g]:
+                continue
+            if count > told[g][0]:
+                edges.append(After(g, count - 1))
+            if point:
+                edges.append(After(g, count, point))
+            told[g] = (count, point)
+        after.append(edges)
+    return after
+
+
+def _timed(lanes: tuple[HeadActions, ...], contours: Contours) -> tuple[HeadActions, ...]:
+    """Return the lanes with times that keep their order, all printed as slowly as anything."""
+    legs = legs_of(lanes)
+    order = order_of(legs.lanes)
+    if not isinstance(order, PartialOrder):
+        return lanes
+    slowest = float(contours.feed[contours.feed > 0.0].min(initial=1.0))
+    seconds = [ACTION_S + _lengths(lane) / slowest for lane in legs.lanes]
+    begin = execute(legs.lanes, order, seconds)
+    timed = []
+    for h, lane in enumerate(lanes):
+        ends = begin[h] + seconds[h]
+        first = np.searchsorted(legs.origin[h], np.arange(len(lane)))
+        last = np.searchsorted(legs.origin[h], np.arange(len(lane)), side="right") - 1
+        timed.append(replace(lane, begin_s=begin[h][first], end_s=ends[last]))
+    return tuple(timed)
+
+
+def _lengths(lane: HeadActions) -> Floats:
+    """Return the length of each action's path."""
+    paths = (lane.action_path(k) for k in range(len(lane)))
+    lengths = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
+    return np.array(lengths, np.float64)

@@ -1,0 +1,257 @@
+"""Files of several heads judged together against the plan they were made from.
+
+Each file is read back. Its moves are its head's actions, one after the other; its sync
+points, taken with the others', must order all that the plan orders, and never stop for
+good; what else it commands is the source's, as far as one controller of several is to be
+told of it. A single file proves nothing. What the sync points order is judged in
+`sim.heads.order`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.lines import above_comments
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Release
+from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.files.commands import accepted, known_settings
+from sim.heads.file import HeadFile, own_commands, read_head_file
+from sim.heads.heat import Due, heat_due, unheated
+from sim.heads.order import Parts, check_order, check_sync, last_points
+from sim.heads.sync import Knowledge
+from sim.heads.walk import OWED_MM, SAME_MM, Walk, Walker, differing
+
+Point = tuple[float, float, float]
+
+
+def verify_heads(
+    paths: Sequence[Path | str],
+    plan: JointPlan,
+    job: PrintJob,
+    document: GcodeDocument,
+    *,
+    parks: Sequence[Point],
+    release: Release = "action",
+    read: bool = False,
+) -> Verdict:
+    """Check the files of all heads of a plan, in the plan's order of heads.
+
+    Parameters
+    ----------
+    job, document
+        The source the plan was made from.
+    parks : sequence of points
+        Where each head stands before its first action.
+    release : "point" or "action"
+        Whether the machine's controllers can signal in motion.
+    read : bool
+        Whether the plan was read from these files (`sim.heads.plan`).
+    """
+    try:
+        files = [read_head_file(path) for path in paths]
+    except InputError as error:
+        return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
+    faults = _check_names(files, plan)
+    if faults:
+        return Verdict(tuple(faults))
+    parts, walks = [], []
+    let_in, due = last_points(plan), heat_due(document, job)
+    for h, (file, lane, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
+        part, walk, found = _judge_one(file, lane, job, document, park, let_in[h], due)
+        faults += found
+        parts.append(part)
+        walks.append(walk)
+    known = Knowledge([file.syncs for file in files])
+    faults += check_sync(files, known, release)
+    if not known.stuck and all(walk.complete for walk in walks):
+        faults += check_order(files, plan, known, parts, walks, read=read)
+    return Verdict(tuple(faults), {"files": float(len(files))})
+
+
+def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
+    """Check that there is one file for each head, and that each says so."""
+    if len(files) != len(plan.heads):
+        there = {file.name for file in files}
+        absent = ", ".join(lane.head for lane in plan.heads if lane.head not in there)
+        said = f"{len(files)} files for {len(plan.heads)} heads; name the files of all heads"
+        return [Fault(FaultKind.FILE, said + (f", that of {absent} too" if absent else ""))]
+    lines = []
+    for k, (file, lane) in enumerate(zip(files, plan.heads, strict=True)):
+        if file.name != lane.head or file.place != (k + 1, len(files)):
+            says = f"head {file.name}, file {file.place[0]} of {file.place[1]}"
+            lines.append(
+                f"{Path(file.path).name} says it is for {says if file.name else 'no head'}, it "
+                f"should be for head {lane.head}, file {k + 1} of {len(files)}"
+            )
+    return listed(FaultKind.COMMAND, lines)
+
+
+def _judge_one(
+    file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
+    let_in: Mapping[int, int], due: Due,
+) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
+    """Check one file against its head's actions; what the files order comes later."""
+    tools = np.unique(job.contours.tool[lane.contour[lane.kind == ActionKind.PRINT]]).tolist()
+    tool = int(tools[0]) if tools else None
+    words: list[str] = []
+    own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
+    start = own_of(document.preamble, homes=True, relative_e=False, selected=_selected(job, 0))
+    low, parked = _match_start(file, document, start, park, words)
+    ending = own_of(
+        document.postamble, homes=False, relative_e=document.end.relative_e,
+        selected=_selected(job, document.end.tool), all_off=True,
+    )  # fmt: skip
+    high = len(file.rest) - len(ending)
+    if high < low or [code for _, code in file.rest[high:]] != ending:
+        words.append("the end code is not the source's, command by command")
+        high = max(low, min(high, len(file.rest)))
+    beyond = len(file.lines) + 1
+    end_code = file.rest[high][0] if high < len(file.rest) else beyond
+    begin = int(file.motion.before[min(parked, len(file.lines))])
+    end = int(file.motion.before[min(end_code, beyond) - 1])
+    part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
+    others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
+    words += _check_end(file, document, end_code, others=others)
+    theirs = [
+        own_of(
+            b.text,
+            homes=False,
+            relative_e=b.begin.relative_e,
+            selected=_selected(job, b.begin.tool),
+        )
+        for b in document.blocks
+    ]
+    blocks = _take_blocks(file, document, theirs, low, high, words)
+    taken = {line for found in blocks for line in found}
+    if others and taken:
+        words += _check_left(file, max(taken), end_code)
+    walk = Walker(file, lane, job, document, part.begin, part.end, taken, let_in).run()
+    words += walk.faults
+    words += _check_blocks(file, lane, job, document, blocks, walk)
+    if walk.complete and tools:
+        prints = np.flatnonzero(lane.kind == ActionKind.PRINT)
+        own = {line for line, _ in file.rest[:low]} | taken
+        words += unheated(file.rest, walk.first[int(prints[0])], due, own)
+    known = known_settings(document)
+    for line, code in file.rest[low:high]:
+        if line not in taken and not accepted(file.row(line), known):
+            words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
+    words += [f"line {line}: no M400 stands before this sync point" for line in file.loose]
+    where = f"head {lane.head}, "
+    return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])
+
+
+def _selected(job: PrintJob, tool: int) -> int | None:
+    """Return the tool in use, None where a source has but one."""
+    return tool if len(np.unique(job.contours.tool)) > 1 else None
+
+
+def _match_start(
+    file: HeadFile, document: GcodeDocument, start: list[bytes], park: Point, words: list[str]
+) -> tuple[int, int]:
+    """Return the row of `rest` below the set-up, and the line that reaches the park position.
+
+    Writes what is wrong into `words`.
+    """
+    mode = b"M83" if document.start.relative_e else b"M82"
+    due = [*start, b"G90", mode]
+    row = 0
+    for wanted in due:
+        has = file.rest[row][1] if row < len(file.rest) else b""
+        if has != wanted:
+            line = file.rest[row][0] if has else len(file.lines)
+            words.append(f"line {line}: '{_text(has)}', the start code has '{_text(wanted)}' here")
+            return row, line
+        row += 1
+    while row < len(file.rest) and file.rest[row][1].startswith(b"G92 E"):  # as decmcts writes it
+        row += 1
+    row += 2  # up, then across
+    parked = file.rest[min(row, len(file.rest)) - 1][0]
+    stands = file.motion.points[file.motion.before[min(parked, len(file.lines))]]
+    if np.abs(stands - np.array(park)).max() > SAME_MM:
+        words.append(f"line {parked}: the head is not at its park position {park}")
+    return min(row, len(file.rest)), parked
+
+
+def _check_end(file: HeadFile, document: GcodeDocument, line: int, *, others: bool) -> list[str]:
+    """Return what is in force, or retracted, otherwise than where the source's end code begins.
+
+    With `others` the source ends with another head's tool: what this one has retracted stays so.
+    """
+    begins = above_comments(file.lines.raw, line - 1, document.postamble)
+    above, end = begins - 1, document.end
+    modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
+    words = []
+    differs = abs(owed - end.owed) > OWED_MM or bool(modes[3]) != end.firmware_retracted
+    if not others and differs:
+        words.append(f"{owed:.3f} mm are retracted, in the source {end.owed:.3f}")
+    if bool(modes[1]) != end.relative_e:
+        words.append("E is counted in another way")
+    state = int(file.track.at(max(above, 0) + 1))
+    words += differing(file.track.table, state, document.states, end.state)
+    return [f"before the end code {text}" for text in words]
+
+
+def _check_left(file: HeadFile, last: int, end_code: int) -> list[str]:
+    """Return what is pushed back at the end of what the source left retracted, line `last`."""
+    owed = file.motion.extruder[:, 1]
+    pushed = float(owed[last - 1] - owed[max(end_code - 2, 0)])
+    if pushed <= OWED_MM:
+        return []
+    return [f"{pushed:.3f} mm are pushed back at the end, in the source they stay retracted"]
+
+
+def _take_blocks(
+    file: HeadFile, document: GcodeDocument, commands: list[list[bytes]], low: int, high: int,
+    words: list[str],
+) -> list[list[int]]:  # fmt: skip
+    """Return the lines of each block that stands at a barrier; missing ones go into `words`."""
+    found: list[list[int]] = []
+    codes = [code for _, code in file.rest]
+    for block, own in zip(document.blocks, commands, strict=True):
+        due = list(own)
+        if block.moves:
+            due += [b"G90", b"M83" if block.end.relative_e else b"M82"]
+        if not due:
+            found.append([])
+            continue
+        at = next((r for r in range(low, high) if codes[r : r + len(due)] == due), -1)
+        if at < 0:
+            words.append(f"'{_text(due[0])}' of the source's line {block.line} is not there")
+            found.append([])
+            continue
+        found.append([line for line, _ in file.rest[at : at + len(due)]])
+        low = at + len(due)
+    return found
+
+
+def _check_blocks(
+    file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument,
+    blocks: list[list[int]], walk: Walk,
+) -> list[str]:  # fmt: skip
+    """Return the blocks that do not stand between the beads they stand between in the source."""
+    if not walk.complete:
+        return []
+    words = []
+    prints = [k for k in range(len(lane)) if lane.kind[k] == ActionKind.PRINT]
+    epoch = [int(job.contours.epoch[lane.contour[k]]) for k in prints]
+    for block, lines in zip(document.blocks, blocks, strict=True):
+        if not lines:
+            continue
+        above = [walk.last[k] for k, e in zip(prints, epoch, strict=True) if e < block.epoch]
+        below = [walk.first[k] for k, e in zip(prints, epoch, strict=True) if e >= block.epoch]
+        if max(above, default=0) > lines[0] or min(below, default=lines[-1]) < lines[-1]:
+            words.append(f"line {lines[0]}: what the source has at its line {block.line} is moved")
+    return words
+
+
+def _text(code: bytes) -> str:
+    return code[:60].decode("utf-8", "replace")

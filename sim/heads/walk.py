@@ -1,0 +1,268 @@
+"""One head's file walked along its actions of a plan, move by move.
+
+Between two actions a head may push or pull filament standing still; behind a bead it may
+wipe back along it, as far as no other head was let in behind it. Every other move is the
+plan's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.document import DESCRIBES, SILENT, StateTable
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions
+from sim.content.seams import Moved, Run, run_of
+from sim.heads.file import HeadFile
+
+SAME_MM = 1.1e-3  # files have three decimals
+E_MM = 5e-5
+FEED_MM_S = 1e-3
+OWED_MM = 1e-3
+SURPLUS_MM = 0.01
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Walk:
+    """Where each action of a head stands in its file, and what is wrong there."""
+
+    first: list[int] = field(default_factory=list)  # (k,) line of each action's first move
+    last: list[int] = field(default_factory=list)  # (k,) line of the last move up to its end
+    reached: list[list[int]] = field(default_factory=list)  # (k,) line of the move to each point
+    faults: list[str] = field(default_factory=list)
+    complete: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """What one print action lays down, in its direction."""
+
+    points: Floats  # (k, 3)
+    extrusion: Floats  # (k - 1,)
+    feed: Floats  # (k - 1,)
+    state: list[int]  # (k - 1,) rows of the source's states
+
+
+class Walker:
+    """Walks the moves begin..end - 1 of a file along a lane."""
+
+    def __init__(
+        self, file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument,
+        begin: int, end: int, blocks: set[int], let_in: Mapping[int, int],
+    ) -> None:  # fmt: skip
+        """`let_in` has the last point of an action that another head waits for."""
+        self.file, self.lane, self.job, self.document = file, lane, job, document
+        self.at, self.end, self.blocks, self.let_in = begin, end, blocks, let_in
+        self.walk = Walk()
+        self._alike: dict[tuple[int, int], str] = {}
+        settings, starts = job.settings, [document.start, document.end]
+        starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
+        self._deepest = max(
+            settings.retract_mm, float(document.owed.max(initial=0.0)), *(c.owed for c in starts)
+        )
+        self._feeds = (settings.travel_feed or 100.0, settings.z_feed or 0.0)
+
+    def run(self) -> Walk:
+        """Return the walk; it ends at the first move that is not the plan's."""
+        for k in range(len(self.lane)):
+            self.walk.first.append(-1)
+            self.walk.reached.append([])
+            said = self._act(k)
+            if said:
+                self.walk.faults.append(said)
+                return self.walk
+            self.walk.last.append(self._line(self.at - 1))
+        while self.at < self.end:
+            if not self._stays(self.at):
+                self.walk.faults.append(f"line {self._line(self.at)} is a move no plan has")
+                return self.walk
+            self._still()
+        self.walk.complete = True
+        return self.walk
+
+    def _act(self, k: int) -> str:
+        if self.lane.kind[k] == ActionKind.PRINT:
+            return self._print(k) or self._wipe(k)
+        if self.lane.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
+            return self._travel(k)
+        return ""  # it rests: `sim.heads.order` looks for the dwell
+
+    def _travel(self, k: int) -> str:
+        path = self.lane.action_path(k)
+        apart = _apart(path)
+        lines = [self._line(self.at - 1)]
+        for point in path[apart[1:]]:
+            while self.at < self.end and self._stays(self.at):
+                self._still()
+            if self.at >= self.end:
+                return f"the file ends before action {k}"
+            here, line = self.file.motion.points[self.at + 1], self._line(self.at)
+            if np.abs(here - point).max() > SAME_MM:
+                return f"line {line} goes to {_xyz(here)}, the plan's action {k} to {_xyz(point)}"
+            if abs(self.file.motion.extrusion[self.at]) > E_MM:
+                return f"line {line} pushes filament while it travels"
+            if min(abs(self.file.motion.feed[self.at] - f) for f in self._feeds) > FEED_MM_S:
+                return f"line {line} travels at {self.file.motion.feed[self.at]:.3f} mm/s"
+            self._step(k)
+            lines.append(line)
+        places = np.searchsorted(apart, np.arange(len(path)), side="right") - 1
+        self.walk.reached[k] = [lines[place] for place in places.tolist()]
+        return ""
+
+    def _print(self, k: int) -> str:
+        laid = self._laid(k)
+        if isinstance(laid, str):
+            return laid
+        contour, motion = int(self.lane.contour[k]), self.file.motion
+        moves = len(_apart(laid.points[:2])) > 1
+        while self.at < self.end and self._stays(self.at) and moves:
+            self._still()
+        if said := self._begins(contour):
+            return said
+        reached = self.walk.reached[k]
+        reached.append(self._line(self.at - 1))
+        for s in range(len(laid.extrusion)):
+            if self.at >= self.end:
+                return f"the file ends within contour {contour}"
+            line, to = self._line(self.at), laid.points[s + 1]
+            if np.abs(motion.points[self.at + 1] - to).max() > SAME_MM:
+                return (
+                    f"line {line} goes to {_xyz(motion.points[self.at + 1])}, "
+                    f"contour {contour} to {_xyz(to)}"
+                )
+            for has, due, tolerance, unit in (
+                (motion.extrusion[self.at], laid.extrusion[s], E_MM, "mm of filament"),
+                (motion.feed[self.at], laid.feed[s], FEED_MM_S, "mm/s"),
+            ):
+                if abs(has - due) > tolerance:
+                    return f"line {line} has {has:.5f} {unit}, contour {contour} {due:.5f}"
+            if said := self._other_state(laid.state[s]):
+                return f"line {line}: {said}"
+            self._step(k)
+            reached.append(line)
+        return ""
+
+    def _laid(self, k: int) -> Laid | str:
+        """Return what the plan's action lays down, from the source's own contour."""
+        contours, c = self.job.contours, int(self.lane.contour[k])
+        a, b = int(contours.offsets[c]), int(contours.offsets[c + 1])
+        step = -1 if self.lane.reversed[k] else 1
+        rows = np.arange(a, b)
+        run = Run(contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows)
+        if entry := int(self.lane.entry[k]):
+            entered = run_of(contours, Moved(c, entry, self.lane.action_path(k)[::step]))
+            if isinstance(entered, str):
+                return f"contour {c} {entered}"
+            run = entered
+        state = self.document.point_state[run.rows[1:]][::step].tolist()
+        return Laid(run.points[::step], run.extrusion[1:][::step], run.feed[1:][::step], state)
+
+    def _begins(self, contour: int) -> str:
+        """Return what is wrong with the filament retracted where a bead begins."""
+        line = self._line(min(self.at, self.end - 1))
+        owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
+        due = float(self.document.owed[contour])
+        if self.file.motion.modes[max(line - 2, 0), 3] or owed > due + OWED_MM:
+            return f"line {line} begins contour {contour} with {owed:g} mm retracted"
+        return ""
+
+    def _wipe(self, k: int) -> str:
+        """Go past moves that pull filament back along the bead just printed."""
+        motion, path = self.file.motion, self.lane.action_path(k)[self.let_in.get(k, 0) :]
+        while self.at < self.end:
+            if self._stays(self.at):
+                if self._line(self.at) in self.blocks or not self._wipes_next():
+                    return ""
+                self._still()
+                continue
+            if motion.extrusion[self.at] >= 0.0:
+                return ""
+            ends = motion.points[self.at : self.at + 2]
+            if max(_distance(p, path) for p in (*ends, ends.mean(axis=0))) > 2 * SAME_MM:
+                return f"line {self._line(self.at)} wipes beside contour {self.lane.contour[k]}"
+            self._step(k)
+        return ""
+
+    def _wipes_next(self) -> bool:
+        """Tell whether the next move that goes anywhere pulls filament."""
+        m = self.at
+        while m < self.end and self._stays(m):
+            m += 1
+        return m < self.end and bool(self.file.motion.extrusion[m] < 0.0)
+
+    def _still(self) -> None:
+        """Go past a move of filament alone and check its length."""
+        motion, line = self.file.motion, self._line(self.at)
+        pushed = float(motion.extrusion[self.at])
+        owed = float(motion.extruder[max(line - 2, 0), 1])
+        extra = max(0.0, self.document.habits.restart_extra)
+        if line not in self.blocks and pushed > owed + extra + SURPLUS_MM:
+            self.walk.faults.append(f"line {line} pushes {pushed:.3f} mm of filament on the spot")
+        if line not in self.blocks and owed - pushed > self._deepest + SURPLUS_MM:
+            self.walk.faults.append(f"line {line} retracts {owed - pushed:.3f} mm")
+        self.at += 1
+
+    def _step(self, k: int) -> None:
+        if self.walk.first[k] < 0:
+            self.walk.first[k] = self._line(self.at)
+        self.at += 1
+
+    def _stays(self, move: int) -> bool:
+        ends = self.file.motion.points[move : move + 2]
+        return bool(np.abs(ends[1] - ends[0]).max() < 1e-9)
+
+    def _line(self, move: int) -> int:
+        return int(self.file.motion.line[move]) + 1
+
+    def _other_state(self, row: int) -> str:
+        """Return in words how the state in force differs from the source's row."""
+        mine = int(self.file.track.at(self._line(self.at) - 1))
+        if (mine, row) not in self._alike:
+            table = self.file.track.table
+            self._alike[mine, row] = ", ".join(differing(table, mine, self.document.states, row))
+        return self._alike[mine, row]
+
+
+def differing(ours: StateTable, row: int, theirs: StateTable, due: int) -> list[str]:
+    """Return in words what is in force in one state and not in the other."""
+    has, wanted = _in_force(ours, row), _in_force(theirs, due)
+    words = [f"in force is '{text}'" for _, text in sorted(has - wanted)]
+    return words + [f"not in force is '{text}'" for _, text in sorted(wanted - has)]
+
+
+def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
+    """Return slot and text of what commands something; a head's tool is its own."""
+    pairs = zip(table.slots, table.rows[row].tolist(), strict=True)
+    return {
+        (slot, table.values[v])
+        for slot, v in pairs
+        if v and slot not in DESCRIBES and not slot.startswith(SILENT)
+    }
+
+
+def _apart(path: Floats) -> NDArray[np.int64]:
+    """Return the points that a file of three decimals does not take for the one before."""
+    kept = [0]
+    for k, point in enumerate(path[1:], 1):
+        if np.abs(np.round(point, 3) - np.round(path[kept[-1]], 3)).max() > 1e-6:
+            kept.append(k)
+    return np.array(kept)
+
+
+def _distance(point: Floats, path: Floats) -> float:
+    """Return how far a point is from a polyline."""
+    a, way = path[:-1], np.diff(path, axis=0)
+    square = np.maximum((way**2).sum(axis=1), 1e-18)
+    t = np.clip(((point - a) * way).sum(axis=1) / square, 0.0, 1.0)
+    return float(np.linalg.norm(a + t[:, None] * way - point, axis=1).min())
+
+
+def _xyz(point: Floats) -> str:
+    return "(" + ", ".join(f"{v:.3f}" for v in point) + ")"

@@ -1,0 +1,1 @@
+"""Heads and material in space and time: who touches what."""

@@ -1,0 +1,241 @@
+"""Head against head, for every execution the partial order allows.
+
+Two actions of different heads that the order does not separate may run at the
+same time, and a head rests where an action ended until its next one begins. All
+such pairs are checked, without enumerating them: a head is a chain, what may
+run at the same time as one action is an interval of the other chain, and a tree
+of bounding boxes over the chain finds the members of an interval that come near.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.machine import Head
+from decmcts.print.plan import HeadActions
+from sim.replay.boxes import near_in_windows
+from sim.replay.collision import Solid, Vertices, swept_vertices
+from sim.replay.material import parts_of
+from sim.rules.order import PartialOrder
+
+TOLERANCE_MM = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Stations:
+    """Actions or rests of one head, each with what another head may do meanwhile.
+
+    What may happen meanwhile is an interval [low, high) of the other's actions.
+    """
+
+    paths: list[NDArray[np.float64]]  # each (k, 3)
+    boxes: NDArray[np.float64]  # (n, 6) of the nozzle: low, high
+    low: NDArray[np.int64]  # (n,) first action of the other head
+    high: NDArray[np.int64]  # (n,) one past the last
+    action: NDArray[np.int64]  # (n,) own action, or the one a rest comes after; -1 before the first
+    rest: bool
+
+
+def boxes_of(paths: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the bounding boxes of nozzle paths, (n, 6)."""
+    if not paths:
+        return np.empty((0, 6))
+    points = np.concatenate(paths)
+    first = np.concatenate([[0], np.cumsum([len(p) for p in paths])[:-1]])
+    return np.hstack([np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)])
+
+
+def action_stations(actions: HeadActions, order: PartialOrder, head: int, other: int) -> Stations:
+    """Return every action of a head with the actions of `other` it is not ordered against."""
+    paths = [actions.action_path(a) for a in range(len(actions))]
+    low, high = order.preceding(head, other), order.following(head, other)
+    return Stations(paths, boxes_of(paths), low, high, np.arange(len(paths)), False)
+
+
+def rest_stations(
+    actions: HeadActions, order: PartialOrder, head: int, other: int, park: NDArray[np.float64]
+) -> Stations:
+    """Return every rest of a head with the actions of `other` that may pass by then.
+
+    A rest ends when the next action begins, so only what precedes the action
+    before it or follows the action after it is excluded.
+    """
+    k, n_other = len(actions), len(order.clocks[other])
+    ends = [actions.action_path(a)[-1:] for a in range(k)]
+    paths = [park[None, :], *ends]
+    low = np.concatenate([[0], order.preceding(head, other)])
+    high = np.concatenate([order.following(head, other), [n_other]])
+    return Stations(paths, boxes_of(paths), low, high, np.arange(-1, k), True)
+
+
+def concurrent(
+    heads: tuple[Head, ...], lanes: tuple[HeadActions, ...], order: PartialOrder, r: int, s: int
+) -> Iterator[tuple[Stations, Stations]]:
+    """Yield what head r does beside what head s may do meanwhile, each pair of them once.
+
+    Asked for (r, s) and (s, r), this covers all: whenever two heads rest at the
+    same time, the one that came last moved while the other rested, or neither
+    has moved yet.
+    """
+    theirs = action_stations(lanes[s], order, s, r)
+    rests = rest_stations(lanes[r], order, r, s, np.array(heads[r].park))
+    yield rests, theirs
+    if r < s:
+        yield action_stations(lanes[r], order, r, s), theirs
+        yield _parked(heads[r]), _parked(heads[s])
+
+
+def _parked(head: Head) -> Stations:
+    """Return the rest of a head before its first action, beside one of the other head."""
+    paths, one = [np.array([head.park])], np.array([0])
+    return Stations(paths, boxes_of(paths), one, one + 1, one - 1, True)
+
+
+@dataclass(frozen=True, slots=True)
+class Clash:
+    """Two heads that may come too near: indices of actions, and how near."""
+
+    action: int
+    rest: bool
+    other_action: int
+    part: str
+    other_part: str
+    gap_mm: float
+
+
+def find_clashes(
+    stations: Stations,
+    head: Head,
+    others: Stations,
+    other_head: Head,
+    *,
+    clearance_mm: float,
+    limit: int,
+) -> list[Clash]:
+    """Return pairs of a station and a concurrent action of the other head that come too near."""
+    reach = clearance_mm - TOLERANCE_MM
+    parts = [(p, p.vertices()) for p in parts_of(head)]
+    other_parts = [(p, p.vertices()) for p in parts_of(other_head)]
+    if not parts or not other_parts:
+        return []
+    clashes: dict[tuple[int, int], Clash] = {}
+    mine = _grown(stations.boxes, np.concatenate([v for _, v in parts]), reach)
+    theirs = _grown(others.boxes, np.concatenate([v for _, v in other_parts]), 0.0)
+    for pairs in near_in_windows(mine, stations.low, stations.high, theirs):
+        for part, a in parts:
+            for other, b in other_parts:
+                for i, j in _near_pairs(pairs, stations, others, a, b, reach):
+                    if len(clashes) >= limit:
+                        return list(clashes.values())
+                    gap = path_gap(stations.paths[i], a, others.paths[j], b, reach)
+                    if gap < reach and (i, j) not in clashes:
+                        at = (int(stations.action[i]), stations.rest, int(others.action[j]))
+                        clashes[i, j] = Clash(*at, part.name, other.name, gap)
+    return list(clashes.values())
+
+
+def _grown(boxes: NDArray[np.float64], shape: Vertices, margin: float) -> NDArray[np.float64]:
+    """Return the boxes of a shape whose nozzle stays within the given boxes."""
+    return np.asarray(boxes + np.hstack([shape.min(axis=0) - margin, shape.max(axis=0) + margin]))
+
+
+def _near_pairs(
+    pairs: NDArray[np.int64],
+    stations: Stations,
+    others: Stations,
+    a: Vertices,
+    b: Vertices,
+    reach: float,
+) -> list[tuple[int, int]]:
+    """Return the pairs in which these two parts' swept bounding boxes come nearer than `reach`."""
+    mine = _grown(stations.boxes[pairs[:, 0]], a, reach)
+    theirs = _grown(others.boxes[pairs[:, 1]], b, 0.0)
+    near = (mine[:, :3] < theirs[:, 3:]) & (theirs[:, :3] < mine[:, 3:])
+    return [(int(i), int(j)) for i, j in pairs[near.all(axis=1)]]
+
+
+def find_rail_breaks(
+    stations: Stations,
+    others: Stations,
+    *,
+    axis: int,
+    separation_mm: float,
+    below: bool,
+    limit: int,
+) -> list[tuple[int, int, float]]:
+    """Return (own action, other action, distance) of pairs that break the order of a rail.
+
+    Parameters
+    ----------
+    stations, others : Stations
+    axis : 0 for X, 1 for Y
+    separation_mm : least distance of the two nozzles along the axis
+    below : whether the first head is the one with the smaller coordinate
+    limit : stop after this many
+    """
+    boxes = np.empty_like(stations.boxes)
+    boxes[:, :3], boxes[:, 3:] = -np.inf, np.inf
+    side = separation_mm - TOLERANCE_MM
+    if below:
+        boxes[:, axis + 3] = stations.boxes[:, axis + 3] + side
+    else:
+        boxes[:, axis] = stations.boxes[:, axis] - side
+    breaks: list[tuple[int, int, float]] = []
+    for pairs in near_in_windows(boxes, stations.low, stations.high, others.boxes):
+        for i, j in pairs[: limit - len(breaks)].tolist():
+            if below:
+                gap = others.boxes[j, axis] - stations.boxes[i, axis + 3]
+            else:
+                gap = stations.boxes[i, axis] - others.boxes[j, axis + 3]
+            breaks.append((int(stations.action[i]), int(others.action[j]), float(gap)))
+        if len(breaks) >= limit:
+            break
+    return breaks
+
+
+def path_gap(
+    path: NDArray[np.float64],
+    shape: Vertices,
+    other: NDArray[np.float64],
+    other_shape: Vertices,
+    reach: float,
+) -> float:
+    """Return the least distance of two swept shapes, as far as it is below `reach`."""
+    least = np.inf
+    for i, j in _near_segments(path, shape, other, other_shape, reach):
+        least = min(
+            least, _segment_solid(path, i, shape).distance(_segment_solid(other, j, other_shape))
+        )
+        if least == 0.0:
+            break
+    return float(least)
+
+
+def _segment_solid(path: NDArray[np.float64], i: int, shape: Vertices) -> Solid:
+    end = path[min(i + 1, len(path) - 1)]
+    return Solid(swept_vertices(shape, path[i], end))
+
+
+def _segment_boxes(path: NDArray[np.float64], shape: Vertices) -> NDArray[np.float64]:
+    start, end = (path[:-1], path[1:]) if len(path) > 1 else (path, path)
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    return np.hstack([low + shape.min(axis=0), high + shape.max(axis=0)])
+
+
+def _near_segments(
+    path: NDArray[np.float64],
+    shape: Vertices,
+    other: NDArray[np.float64],
+    other_shape: Vertices,
+    reach: float,
+) -> Iterator[tuple[int, int]]:
+    """Yield pairs of segments whose swept boxes come nearer than `reach`."""
+    theirs = _segment_boxes(other, other_shape)
+    for i, box in enumerate(_segment_boxes(path, shape)):
+        near = (theirs[:, :3] < box[3:] + reach) & (theirs[:, 3:] > box[:3] - reach)
+        for j in np.nonzero(near.all(axis=1))[0].tolist():
+            yield i, j

@@ -1,0 +1,294 @@
+"""Replays of a joint plan in time: nominal, random and adversarial timing.
+
+The exact check of `sim.verify` already covers every timing; the replay moves
+the heads through some of them, with other logic, and counts what happens.
+Within a segment the speed is taken as uniform: the timing error tried here is
+far larger than that. Actions that others wait for midway are replayed leg by leg
+(`sim.content.legs`), and a lag counts from when its point was passed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.content.legs import Legs
+from sim.content.seams import Moved, run_of
+from sim.replay.bodies import TOLERANCE_MM
+from sim.replay.collision import Solid, Vertices, swept_vertices
+from sim.replay.compiled import compiled
+from sim.replay.material import parts_of
+from sim.replay.motion import arrival_times
+from sim.rules.order import PartialOrder
+
+SLOWEST, FASTEST = 2.0, 0.5  # timing error of each action
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """Two heads nearer than the clearance at some time of a replay."""
+
+    trial: str
+    time_s: float
+    heads: tuple[int, int]
+    actions: tuple[int, int]  # legs
+    gap_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """Where one head is over time, piecewise straight; rests have two equal points."""
+
+    time: Floats  # (k,) non-decreasing seconds
+    point: Floats  # (k, 3)
+    action: Ints  # (k,) leg the piece that begins here belongs to; -1 before the first
+
+
+def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
+    """Return for each point of a head's path the seconds since its action began."""
+    machine = document.machine
+    limits = machine.limits_of(next(head for head in machine.heads if head.name == lane.head))
+    feed = np.full(len(lane.path), limits.travel_feed)
+    prints = np.repeat(lane.kind == ActionKind.PRINT, np.diff(lane.path_offsets))
+    for a in np.nonzero(lane.kind == ActionKind.PRINT)[0].tolist():
+        due = print_feed(document.contours, lane, a)
+        first, last = int(lane.path_offsets[a]), int(lane.path_offsets[a + 1])
+        if len(due) == last - first - 1:  # a wrong path is reported elsewhere
+            feed[first + 1 : last] = np.where(due > 0, due, limits.travel_feed)
+    arrivals = arrival_times(lane.path, lane.path_offsets, feed, prints, limits)
+    waits = np.nonzero(lane.kind == ActionKind.WAIT)[0]
+    arrivals[lane.path_offsets[waits + 1] - 1] += lane.end_s[waits] - lane.begin_s[waits]
+    return arrivals
+
+
+def print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:
+    """Return the feed of each segment in the traversal of a print action."""
+    contour, entry = int(lane.contour[action]), int(lane.entry[action])
+    step = -1 if lane.reversed[action] else 1
+    rows = slice(int(contours.offsets[contour]), int(contours.offsets[contour + 1]))
+    feed = contours.feed[rows]
+    if entry:
+        run = run_of(contours, Moved(contour, entry, lane.action_path(action)[::step]))
+        feed = feed[:0] if isinstance(run, str) else run.feed
+    return feed[1:][::step]
+
+
+def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:
+    """Yield named timing errors, one factor a leg.
+
+    Nominal; every action at random between half and twice its time; one head
+    all fast and the others all slow, for each head; and fast and slow in turn.
+    Where actions are cut, the same at random and in turn for their legs.
+    """
+    sizes, lanes = [len(lane) for lane in legs.whole], legs.whole
+    yield "nominal", [np.ones(len(lane)) for lane in legs.lanes]
+    for name, factors in _random(sizes, trials, seed):
+        yield name, _of_legs(legs, factors)
+    if len(lanes) < 2:
+        return
+    for fast in range(len(lanes)):
+        factors = [np.full(n, FASTEST if r == fast else SLOWEST) for r, n in enumerate(sizes)]
+        yield f"head {lanes[fast].head} fast", _of_legs(legs, factors)
+    for name, factors in _in_turn(sizes):
+        yield name, _of_legs(legs, factors)
+    if legs.cut:
+        sizes = [len(lane) for lane in legs.lanes]
+        for name, factors in (*_random(sizes, trials, seed), *_in_turn(sizes)):
+            yield f"{name}, each leg", factors
+
+
+def _random(sizes: list[int], trials: int, seed: int) -> Iterator[tuple[str, list[Floats]]]:
+    for trial in range(trials):
+        rng = np.random.default_rng([seed, trial])
+        yield f"random {trial}", [np.exp2(rng.uniform(-1.0, 1.0, n)) for n in sizes]
+
+
+def _in_turn(sizes: list[int]) -> Iterator[tuple[str, list[Floats]]]:
+    for first in range(2):
+        turns = [(np.arange(n) + r + first) % 2 for r, n in enumerate(sizes)]
+        yield f"in turn {first}", [np.where(turn, SLOWEST, FASTEST) for turn in turns]
+
+
+def _of_legs(legs: Legs, factors: list[Floats]) -> list[Floats]:
+    """Return for each leg the factor of its action."""
+    return [factor[origin] for factor, origin in zip(factors, legs.origin, strict=True)]
+
+
+def execute(
+    lanes: tuple[HeadActions, ...], order: PartialOrder, seconds: list[Floats]
+) -> list[Floats]:
+    """Return when each leg begins if each begins as early as order and lags allow."""
+    start = np.concatenate([[0], np.cumsum([len(lane) for lane in lanes])]).astype(np.int64)
+    number = start[order.sequence[:, 0]] + order.sequence[:, 1]
+    first = order.sequence[:, 1] == 0
+    counts = np.concatenate([np.diff(lane.after_offsets) for lane in lanes])
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    after = np.concatenate([start[lane.after_head] + lane.after_action for lane in lanes])
+    lags = np.concatenate([lane.after_lag_s for lane in lanes])
+    taken = np.concatenate(seconds)
+    begin = _earliest(number, first, offsets, after.astype(np.int64), lags, taken)
+    return [begin[start[r] : start[r + 1]] for r in range(len(lanes))]
+
+
+@compiled
+def _earliest(
+    number: Ints, first: Ints, offsets: Ints, after: Ints, lags: Floats, seconds: Floats
+) -> Floats:
+    begin = np.zeros(len(seconds))
+    for k in range(len(number)):
+        a = number[k]
+        if not first[k]:
+            begin[a] = begin[a - 1] + seconds[a - 1]
+        for row in range(offsets[a], offsets[a + 1]):
+            begin[a] = max(begin[a], begin[after[row]] + seconds[after[row]] + lags[row])
+    return begin
+
+
+def course_of(
+    lane: HeadActions, begin: Floats, factor: Floats, arrivals: Floats, park: Floats, end_s: float
+) -> Course:
+    """Return where a head is from 0 to `end_s` seconds."""
+    if not len(lane):
+        return Course(np.array([0.0, end_s]), np.array([park, park]), np.array([-1, -1]))
+    owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
+    return Course(
+        np.concatenate([[0.0], begin[owner] + factor[owner] * arrivals, [end_s]]),
+        np.concatenate([lane.path[:1], lane.path, lane.path[-1:]]),
+        np.concatenate([[-1], owner, [len(lane) - 1]]),
+    )
+
+
+def meetings(
+    machine: Machine, courses: list[Course], pair: tuple[int, int], trial: str, limit: int
+) -> list[Meeting]:
+    """Return the times at which two heads come nearer than the clearance, or break the rail."""
+    a, b = courses[pair[0]], courses[pair[1]]
+    reach = machine.head_clearance_mm - TOLERANCE_MM
+    mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pair)
+    if not mine or not theirs:
+        return []
+    pieces = _shared_pieces(a, b)
+    gaps = _swept_gaps(pieces)
+    every = np.arange(len(pieces.time) - 1)
+    near = _near_pieces(
+        gaps, every, _box(np.concatenate(mine)), _box(np.concatenate(theirs)), reach
+    )
+    found: dict[tuple[int, int], Meeting] = {}
+    boxes = [_box(shape) for shape in theirs]
+    for a_shape in mine:
+        a_box = _box(a_shape)
+        for b_shape, b_box in zip(theirs, boxes, strict=True):
+            for k in _near_pieces(gaps, near, a_box, b_box, reach).tolist():
+                actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
+                if actions in found or len(found) >= limit:
+                    continue
+                gap = _least_gap(a_shape, b_shape, pieces, k)
+                if gap < reach:
+                    found[actions] = Meeting(trial, float(pieces.time[k]), pair, actions, gap)
+    return list(found.values())
+
+
+def _box(shape: Vertices) -> Floats:
+    """Return least and most x, y and z of a shape, (2, 3)."""
+    return np.stack([shape.min(axis=0), shape.max(axis=0)])
+
+
+@dataclass(frozen=True, slots=True)
+class Pieces:
+    """Both heads on one time axis; between two times each moves straight."""
+
+    time: Floats  # (k,)
+    a: Floats  # (k, 3)
+    b: Floats  # (k, 3)
+    actions: Ints  # (k, 2)
+
+
+def _shared_pieces(a: Course, b: Course) -> Pieces:
+    time = np.unique(np.concatenate([a.time, b.time]))
+    middle = np.concatenate([(time[1:] + time[:-1]) / 2, time[-1:]])
+    actions = [c.action[np.searchsorted(c.time, middle, side="right") - 1] for c in (a, b)]
+    return Pieces(time, _positions(a, time), _positions(b, time), np.stack(actions, axis=1))
+
+
+def _positions(course: Course, time: Floats) -> Floats:
+    return np.stack([np.interp(time, course.time, course.point[:, d]) for d in range(3)], axis=1)
+
+
+def _swept_gaps(pieces: Pieces) -> Floats:
+    """Return by how much each tip stays below the other in each piece, mm, (2, k - 1, 3).
+
+    Least of the first less most of the second, and the other way round, axis by axis.
+    """
+    (a_low, a_high), (b_low, b_high) = (
+        (np.minimum(tip[:-1], tip[1:]), np.maximum(tip[:-1], tip[1:]))
+        for tip in (pieces.a, pieces.b)
+    )
+    return np.stack([a_low - b_high, b_low - a_high])
+
+
+def _near_pieces(gaps: Floats, rows: Ints, a_box: Floats, b_box: Floats, reach: float) -> Ints:
+    """Return those of `rows` in which the swept bounding boxes come nearer than `reach`."""
+    limits = (b_box[1] - a_box[0] + reach, a_box[1] - b_box[0] + reach)
+    for gap, limit in zip(gaps, limits, strict=True):
+        rows = rows[(gap[rows] < limit).all(axis=1)]
+    return rows
+
+
+def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
+    """Return how near the two shapes come in one piece.
+
+    Both move straight at uniform speed, so the second as seen from the first
+    does too: sweeping the relative motion is exact.
+    """
+    a0, a1, b0, b1 = pieces.a[k], pieces.a[k + 1], pieces.b[k], pieces.b[k + 1]
+    return Solid(a + a0).distance(Solid(swept_vertices(b, b0, b1 - (a1 - a0))))
+
+
+def rail_breaks(machine: Machine, courses: list[Course], trial: str) -> list[Meeting]:
+    """Return the first time in a replay at which each pair of heads breaks each rail."""
+    names = [head.name for head in machine.heads]
+    found = []
+    for rail in machine.rails:
+        on_rail = list(enumerate(names.index(name) for name in rail.order))
+        for (i, r), (j, s) in combinations(on_rail, 2):
+            pieces = _shared_pieces(courses[r], courses[s])
+            gap = (pieces.b - pieces.a)[:, rail.axis]
+            bad = np.nonzero(gap < (j - i) * rail.separation_mm - TOLERANCE_MM)[0]
+            if len(bad):
+                k = int(bad[0])
+                actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
+                found.append(Meeting(trial, float(pieces.time[k]), (r, s), actions, float(gap[k])))
+    return found
+
+
+def run_trial(
+    machine: Machine,
+    lanes: tuple[HeadActions, ...],
+    order: PartialOrder,
+    arrivals: list[Floats],
+    factors: list[Floats],
+) -> tuple[list[Floats], list[Course]]:
+    """Execute the plan with one timing error; returns begin times and courses of all heads."""
+    seconds = [
+        factor * times[lane.path_offsets[1:] - 1]
+        for lane, factor, times in zip(lanes, factors, arrivals, strict=True)
+    ]
+    begin = execute(lanes, order, seconds)
+    end_s = max(
+        (float((b + d).max()) for b, d in zip(begin, seconds, strict=True) if len(b)), default=0.0
+    )
+    courses = [
+        course_of(lane, b, f, t, np.array(head.park), end_s)
+        for lane, b, f, t, head in zip(lanes, begin, factors, arrivals, machine.heads, strict=True)
+    ]
+    return begin, courses

@@ -1,0 +1,256 @@
+"""Head against printed material: a growing print and a head that moves through it.
+
+Both one-head G-code and joint plans come here as a list of moves, a list of
+beads, and for each bead the first move that may meet it. A head slice k fills
+its polygons from tip + height_k upwards and keeps the machine's clearance from beads;
+the carriage's bodies are boxes, which only must not touch them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from decmcts.print.machine import Head, Machine
+from sim.faults import Fault, FaultKind
+from sim.replay import raster
+from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
+from sim.replay.overlap import meets
+
+FIRST = 1 << 16  # rows of candidates looked for at first
+MOST = 1 << 24  # rows; a print with more near misses is broken, not subtle
+MARGIN_MM = 0.01  # the middle phase looks this much further than the exact check
+ENTRIES_FREE = 1 << 24  # cells that beads may reach into, all together;
+ENTRIES_EACH = 64  # and so many for each bead of a large print
+
+
+class UndecidedError(Exception):
+    """The judge cannot say; a plan it cannot judge does not pass."""
+
+
+def or_undecided(check: Callable[[], list[Fault]]) -> list[Fault]:
+    """Return what a check finds; one that cannot decide is a fault itself."""
+    try:
+        return check()
+    except UndecidedError as error:
+        return [Fault(FaultKind.HEAD_MATERIAL, str(error))]
+
+
+@dataclass(frozen=True, slots=True)
+class Beads:
+    """Printed segments in any order, each with the first move that may meet it."""
+
+    start: NDArray[np.float64]  # (n, 3)
+    end: NDArray[np.float64]  # (n, 3)
+    width: NDArray[np.float64]  # (n,)
+    height: NDArray[np.float64]  # (n,)
+    since: NDArray[np.int64]  # (n,) index of the first move at which it may be there
+    label: NDArray[np.int64]  # (n,) what the caller calls it, e.g. the contour
+
+
+CENTRELINE_MM = 1e-3
+"""Width of a bead that counts as its centreline only, after shrinking."""
+
+
+def as_material(beads: Beads, machine: Machine, tolerance_mm: float) -> Beads:
+    """Return the beads as the machine's model counts them: with their width, or as lines."""
+    if machine.bead_width:
+        return beads
+    return replace(beads, width=np.full_like(beads.width, CENTRELINE_MM + 2 * tolerance_mm))
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """A move in which the head meets a bead."""
+
+    move: int
+    bead: int
+    part: str  # name of the head part
+    depth_mm: float  # how far the bead's top is above the part's lower side
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A convex prism of the head, relative to the tip."""
+
+    name: str
+    polygon: NDArray[np.float64]  # (k, 2) counter-clockwise
+    low: float
+    high: float
+    slice: bool = False  # a slice of the head: it has no top, and keeps the clearance
+
+    def vertices(self) -> Vertices:
+        """Return its corners."""
+        return prism_vertices(self.polygon, self.low, self.high)
+
+
+def parts_of(head: Head) -> list[Part]:
+    """Return the convex parts of a head: every slice polygon and every body."""
+    parts = [
+        Part(
+            f"slice at {s.height_mm:g} mm",
+            np.asarray(polygon, np.float64),
+            s.height_mm,
+            HEAD_TOP_MM,
+            slice=True,
+        )
+        for s in head.slices
+        for polygon in s.polygons
+    ]
+    for body in head.bodies:
+        corners = box_vertices(np.array(body.minimum), np.array(body.maximum))[[0, 4, 6, 2], :2]
+        parts.append(Part(body.name, corners, body.minimum[2], body.maximum[2]))
+    return parts
+
+
+def find_contacts(
+    moves: NDArray[np.float64],
+    beads: Beads,
+    head: Head,
+    *,
+    clearance_mm: float,
+    tolerance_mm: float,
+    limit: int,
+) -> list[Contact]:
+    """Return moves in which a part of the head overlaps a bead by more than the tolerance.
+
+    At most one contact a move is returned, and at most `limit` in all.
+
+    Parameters
+    ----------
+    moves : (m, 6) start and end of each move in the order they are made
+    beads : Beads
+    head : Head
+    clearance_mm : kept between the head's slices and the beads
+    tolerance_mm : overlap that counts as touching, which is allowed
+    limit : stop after this many
+
+    Raises
+    ------
+    UndecidedError
+        When there are too many near misses to judge and no contact among the first, or
+        beads too large to hold.
+    """
+    if not len(beads.start) or not len(moves):
+        return []
+    order = np.argsort(beads.since, kind="stable")
+    parts = parts_of(head)
+    size = FIRST
+    while True:
+        found, total = _candidates(moves, beads, order, parts, (clearance_mm, tolerance_mm), size)
+        search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
+        contacts = _judge_all(search, order, found, limit)
+        if contacts or total <= size:
+            return contacts
+        if size >= MOST:
+            raise UndecidedError(f"over {size} near misses of head and material, too many to judge")
+        size = min(16 * size, MOST)
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What the exact check looks at."""
+
+    moves: NDArray[np.float64]  # (m, 6)
+    beads: Beads
+    parts: list[Part]
+    clearance_mm: float
+    tolerance_mm: float
+
+
+def _judge_all(
+    search: Search, order: NDArray[np.int64], found: NDArray[np.int64], limit: int
+) -> list[Contact]:
+    """Return which candidates are contacts, one a move, at most `limit`."""
+    polygons = [shapely.Polygon(part.polygon) for part in search.parts]
+    for polygon in polygons:
+        shapely.prepare(polygon)
+    contacts: dict[int, Contact] = {}
+    for move, at, part in found.tolist():
+        if len(contacts) >= limit:
+            break
+        if move not in contacts:
+            depth = _judge(search, move, int(order[at]), part, polygons[part])
+            if depth is not None:
+                contacts[move] = Contact(move, int(order[at]), search.parts[part].name, depth)
+    return list(contacts.values())
+
+
+def _candidates(
+    moves: NDArray[np.float64],
+    beads: Beads,
+    order: NDArray[np.int64],
+    parts: list[Part],
+    margins: tuple[float, float],
+    size: int,
+) -> tuple[NDArray[np.int64], int]:
+    """Return rows (move, position in `order`, part) to look at closely, and their number.
+
+    With more than `size` the search stops there and the number is above `size`.
+    `margins` are the clearance and the tolerance.
+    """
+    clearance_mm, tolerance_mm = margins
+    rows = _rectangles(beads, order, clearance_mm)
+    upto = np.searchsorted(beads.since[order], np.arange(len(moves)), side="right")
+    offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
+    heights = np.array([p.low for p in parts]) + tolerance_mm
+    packed = (heights, offsets, np.concatenate([p.polygon for p in parts]))
+    reach = np.hypot(rows[:, 4], rows[:, 5])[:, None]
+    low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
+    grid, shape = raster.grid_over(low, high)
+    entries = raster.count_entries(rows, grid, shape)
+    if entries > max(ENTRIES_FREE, ENTRIES_EACH * len(rows)):
+        raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
+    found = np.empty((size, 3), np.int64)
+    moves = np.ascontiguousarray(moves, np.float64)
+    n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found))
+    return found[: min(n, size)], n
+
+
+def _rectangles(beads: Beads, order: NDArray[np.int64], clearance_mm: float) -> NDArray[np.float64]:
+    """Return boxes round the beads as the raster takes them, (n, 7), a margin too large."""
+    start, end = beads.start[order], beads.end[order]
+    along = end[:, :2] - start[:, :2]
+    length = np.hypot(along[:, 0], along[:, 1])
+    unit = np.where(length[:, None] > 0, along / np.maximum(length, 1e-12)[:, None], [1.0, 0.0])
+    rows = np.empty((len(order), 7))
+    rows[:, :2] = (start[:, :2] + end[:, :2]) / 2
+    rows[:, 2:4] = unit
+    rows[:, 5] = beads.width[order] / 2 + clearance_mm + MARGIN_MM
+    rows[:, 4] = length / 2 + rows[:, 5]
+    rows[:, 6] = np.maximum(start[:, 2], end[:, 2])
+    return rows
+
+
+def _judge(
+    search: Search, move: int, bead: int, number: int, polygon: shapely.Polygon
+) -> float | None:
+    """Return how far a bead is above the underside of a part that meets it; None if it does not."""
+    part, beads = search.parts[number], search.beads
+    start, end = beads.start[bead].tolist(), beads.end[bead].tolist()
+    if start == end:
+        return None  # nothing is laid down where the nozzle stands
+    row = search.moves[move].tolist()
+    reach = float(beads.width[bead]) / 2 + (search.clearance_mm if part.slice else 0.0)
+    if not meets(
+        (row[:3], row[3:]),
+        (start, end),
+        float(beads.height[bead]),
+        polygon,
+        (part.low, math.inf if part.slice else part.high),
+        reach=reach,
+        tolerance_mm=search.tolerance_mm,
+    ):
+        return None
+    return float(max(start[2], end[2]) - (min(row[2], row[5]) + part.low))
+
+
+def place_of(move: NDArray[np.float64]) -> str:
+    """Return the words for the middle of a move."""
+    x, y, z = (move[:3] + move[3:]) / 2
+    return f"({x:.2f}, {y:.2f}, {z:.2f})"

@@ -1,0 +1,60 @@
+"""Whether the nominal times of a plan keep the order the plan itself states.
+
+When an action passes a point by the planner's own motion is not in the plan. It is
+never sooner than all the way to there is printed at the source's feed, without one
+acceleration, and never later than the action's end; so much is held against the plan.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions
+from sim.content.paths import describe
+from sim.faults import Fault, FaultKind, listed
+from sim.replay.execution import print_feed
+
+TIME_TOLERANCE_S = 1e-3
+ROUNDING = 1e-3  # share that rounded coordinates may make a way shorter
+
+Floats = NDArray[np.float64]
+
+
+def check_times(contours: Contours, lanes: tuple[HeadActions, ...]) -> list[Fault]:
+    """Check each action against the one before it and all it waits for, lags included."""
+    lines: list[str] = []
+    for lane in lanes:
+        begin, end = lane.begin_s, lane.end_s
+        own = np.concatenate([[True], begin[1:] >= end[:-1] - TIME_TOLERANCE_S])[: len(lane)]
+        kept = (end >= begin) & own
+        for a in np.flatnonzero(np.diff(lane.after_offsets)).tolist():
+            due = max(_passed(contours, lanes, edge) + edge.lag_s for edge in lane.after_edges(a))
+            kept[a] &= begin[a] >= due - TIME_TOLERANCE_S
+        lines += [
+            f"{describe(lane, a)} begins before what it waits for has happened"
+            for a in np.nonzero(~kept)[0].tolist()
+        ]
+    return listed(FaultKind.TIMES, lines)
+
+
+def _passed(contours: Contours, lanes: tuple[HeadActions, ...], edge: After) -> float:
+    """Return the least time at which what is waited for can have happened."""
+    lane = lanes[edge.head]
+    begin, end = float(lane.begin_s[edge.action]), float(lane.end_s[edge.action])
+    if edge.point == ACTION_END:
+        return end
+    return min(begin + _least_seconds(contours, lane, edge.action, edge.point), end)
+
+
+def _least_seconds(contours: Contours, lane: HeadActions, action: int, point: int) -> float:
+    """Return what printing to a point of an action takes at least; 0 of travels."""
+    if lane.kind[action] != ActionKind.PRINT:
+        return 0.0
+    path, feed = lane.action_path(action), print_feed(contours, lane, action)
+    if len(feed) != len(path) - 1:
+        return 0.0  # a wrong path is reported elsewhere
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1)[:point]
+    moving = feed[:point] > 0.0
+    return float((length[moving] / feed[:point][moving]).sum()) * (1.0 - ROUNDING)

@@ -1,0 +1,177 @@
+"""Whether a plan prints over any spot too soon.
+
+The plan names a rule: no contour begins over another within so many seconds of
+its end, or within the pause that the source made between the last of what is
+under it and its begin where that is less. Of the source's time only what it
+printed in between counts here, so the judge asks for no more than is due. Times
+are those of the judge's own motion model; retractions are no motion, and slicers set
+accelerations for single lines that a plan does not carry, so an action may take as
+long as the plan says within reason. Between several heads only the time counts that
+passes for every timing: along actions, waits and lags (`sim.rules.least_time`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions, OrderRules, PlanDocument
+from sim.content.legs import Legs
+from sim.faults import Fault, FaultKind, listed
+from sim.rules.least_time import LeastTime
+from sim.rules.order import PartialOrder
+
+SLACK_S = 0.5
+SLACK = 0.1  # share of what is due that the models may differ by
+TRAVEL_MORE_S = 1.0  # what a travel may take beyond its motion, retracting and priming
+TIE_MM = 1e-4  # heights and distances nearer than this are equal
+TRAVEL_TIMES = 15.0  # and how much slower than the machine can the source may travel,
+PRINT_TIMES = 3.0  # or print: short lines at a ninth of the machine's acceleration
+
+Floats = NDArray[np.float64]
+Recent = tuple[int, NDArray[Any], Floats]  # a contour, which ended before it, how long before
+
+
+@dataclass(frozen=True, slots=True)
+class _Stack:
+    """The contours on top of each other, and when the source prints them."""
+
+    contours: Contours
+    rule: float
+    before: Floats  # (n + 1,) seconds printed before each contour, as sliced
+    top: Floats  # (n,)
+    floor: Floats  # (n,)
+
+    @staticmethod
+    def of(contours: Contours, rule: float, work: Floats) -> _Stack:
+        """Take what printing each contour takes, (n,)."""
+        before = np.concatenate([[0.0], np.cumsum(work)])
+        return _Stack(contours, rule, before, contours.top, contours.bottom - contours.height)
+
+
+def check_cooling(
+    document: PlanDocument, legs: Legs, order: PartialOrder, arrivals: list[Floats]
+) -> list[Fault]:
+    """Check the plan's rule; `arrivals` are the seconds to each point of each head's paths."""
+    rule = document.min_layer_time_s
+    if rule <= 0.0:
+        return []
+    lanes = legs.whole
+    seconds = [_seconds(lane, times) for lane, times in zip(lanes, arrivals, strict=True)]
+    work = np.zeros(len(document.contours))
+    for lane, taken in zip(lanes, seconds, strict=True):
+        prints = lane.kind == ActionKind.PRINT
+        work[lane.contour[prints]] = taken[prints]
+    busy = [h for h, lane in enumerate(lanes) if (lane.kind == ActionKind.PRINT).any()]
+    if len(busy) == 1:
+        recent = _recent_alone(lanes[busy[0]], seconds[busy[0]], rule)
+    else:
+        recent = _recent_of_all(legs, order, _of_legs(legs, arrivals, seconds), rule)
+    stack = _Stack.of(document.contours, rule, work)
+    lines = [line for b, a, gap in recent for line in _too_soon(stack, b, a, gap)]
+    return listed(FaultKind.COOLING, lines)
+
+
+def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
+    """Check that a plan states no less time than its source's slicer keeps.
+
+    That rule counts as `decmcts plan` and `launch` take it: with quality.
+    """
+    due, stated = source.settings.min_layer_time_s, document.min_layer_time_s
+    if stated >= due or not held.quality:
+        return []
+    text = (
+        f"the plan states {f'{stated:g} s' if stated else 'no time'} before a spot is printed "
+        f"over, the source's slicer {due:g} s; --min-layer-time {stated:g}, if that was asked for"
+    )
+    return [Fault(FaultKind.COOLING, text)]
+
+
+def _recent_alone(lane: HeadActions, seconds: Floats, rule: float) -> Iterator[Recent]:
+    """Yield each contour of a lone head with those that ended within the rule before it."""
+    end = np.cumsum(seconds)
+    rows = np.flatnonzero(lane.kind == ActionKind.PRINT)
+    printed, ended, begun = lane.contour[rows], end[rows], end[rows] - seconds[rows]
+    first = np.searchsorted(ended, begun - rule, side="right")
+    for i, b in enumerate(printed.tolist()):
+        window = slice(int(first[i]), i)
+        yield b, printed[window], begun[i] - ended[window]
+
+
+def _recent_of_all(
+    legs: Legs, order: PartialOrder, seconds: list[Floats], rule: float
+) -> Iterator[Recent]:
+    """Yield each contour with those that may have ended within the rule before it."""
+    time = LeastTime(legs, order, seconds)
+    ends = [legs.last(h) for h in range(len(legs.lanes))]
+    for h, lane in enumerate(legs.lanes):
+        for leg in np.flatnonzero((lane.kind == ActionKind.PRINT) & legs.begins(h)).tolist():
+            found = [
+                (int(legs.lanes[g].contour[k]), passed)
+                for g, k, passed in time.since(h, leg, rule)
+                if legs.lanes[g].kind[k] == ActionKind.PRINT and ends[g][k] == k
+            ]
+            contours = np.array([c for c, _ in found], np.int64)
+            yield int(lane.contour[leg]), contours, np.array([gap for _, gap in found])
+
+
+def _of_legs(legs: Legs, arrivals: list[Floats], seconds: list[Floats]) -> list[Floats]:
+    """Return how long each leg takes: its share of the action by the judge's own motion."""
+    taken = []
+    for h, lane in enumerate(legs.lanes):
+        origin, own = legs.origin[h], legs.arrivals(h, arrivals[h])[lane.path_offsets[1:] - 1]
+        whole = np.bincount(origin, own, len(seconds[h]))[origin]
+        share = np.where(whole > 0.0, own / np.where(whole > 0.0, whole, 1.0), legs.begins(h))
+        taken.append(seconds[h][origin] * share)
+    return taken
+
+
+def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iterator[str]:
+    """Yield a line for each contour under b that ended too short a time before it."""
+    contours, rule, before = stack.contours, stack.rule, stack.before
+    top, floor = stack.top, stack.floor
+    half = contours.height[b] / 2
+    meets = _ends_under(top[recent] - floor[b], half)
+    for k in np.flatnonzero(meets & (recent < b)).tolist():
+        a, gap = int(recent[k]), float(gaps[k])
+        due = min(rule, float(before[b] - before[a + 1]))
+        if gap >= due - SLACK_S - SLACK * due or not _over(contours, a, b):
+            continue
+        under = a + 1 + np.flatnonzero(_ends_under(top[a + 1 : b] - floor[b], half))
+        last = next((c for c in under[::-1].tolist() if _over(contours, c, b)), a)
+        due = min(rule, float(before[b] - before[last + 1]))
+        if gap < due - SLACK_S - SLACK * due:
+            yield f"contour {b} begins {gap:.1f} s after contour {a} under it, {due:.1f} s are due"
+
+
+def _seconds(lane: HeadActions, arrivals: Floats) -> Floats:
+    """Return how long each action takes."""
+    own = arrivals[lane.path_offsets[1:] - 1]
+    stated = lane.end_s - lane.begin_s
+    travel = (lane.kind == ActionKind.TRAVEL) | (lane.kind == ActionKind.PARK)
+    most = np.where(travel, TRAVEL_TIMES * own + TRAVEL_MORE_S, PRINT_TIMES * own)
+    moves = travel | (lane.kind == ActionKind.PRINT)
+    return np.where(moves, np.maximum(own, np.minimum(stated, most)), own)
+
+
+def _ends_under(above_floor: Floats, half: float) -> NDArray[np.bool_]:
+    """Say whether what ends so far above a bead's underside is right under that bead.
+
+    `half` is half the bead's height. A bridge of twice the layer's height begins within
+    the layer that carries it.
+    """
+    return (above_floor > TIE_MM - half) & (above_floor < half + TIE_MM)
+
+
+def _over(contours: Contours, a: int, b: int) -> bool:
+    """Say whether one's centreline runs over the other's bead."""
+    one, other = (shapely.LineString(contours.polyline(c)[:, :2]) for c in (a, b))
+    reach = max(float(contours.width[a]), float(contours.width[b])) / 2 + TIE_MM
+    return bool(shapely.dwithin(one, other, reach))

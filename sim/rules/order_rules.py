@@ -1,0 +1,91 @@
+"""What the order of a plan is held to, and what of it was believed.
+
+Composition only: each kind of edge is found anew in a module of its own.
+"""
+
+from __future__ import annotations
+
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import OrderRules, PlanDocument
+from sim.content.legs import Legs
+from sim.faults import Fault
+from sim.rules.epochs import check_epochs
+from sim.rules.order import PartialOrder
+from sim.rules.precedence import (
+    check_freedom,
+    check_lead,
+    check_precedence,
+    check_touching,
+    prints_of,
+)
+from sim.rules.priming import check_priming
+
+
+def usual_rules(machine: Machine) -> OrderRules:
+    """Return the rules a plan that states none is held to: the defaults of `decmcts plan`.
+
+    Seams may have moved: that they moved rightly is judged in any case.
+    """
+    return OrderRules(quality=machine.bead_width)
+
+
+def check_order(
+    document: PlanDocument,
+    source: PrintJob | None,
+    legs: Legs,
+    order: PartialOrder,
+    rules: OrderRules,
+) -> list[Fault]:
+    """J2: what must come before what, by the plan's pairs and by the definitions.
+
+    What contours are for, where they lie and which barriers part them is taken from
+    the source where there is one with as many.
+    """
+    contours: Contours = document.contours
+    refills: tuple[int, ...] = ()
+    if source is not None:
+        refills = source.refills
+        if len(source.contours) == len(contours):
+            contours = source.contours
+    lanes = legs.lanes
+    prints = prints_of(len(contours), lanes, order)
+    faults = [
+        *check_precedence(document.precedence, prints),
+        *check_touching(contours, prints, rules),
+        *check_epochs(contours, lanes, order),
+        *check_priming(contours, lanes, order, refills=refills),
+        *check_freedom(document.contours, legs.whole, rules),
+    ]
+    if rules.max_layers_ahead is not None:
+        faults += check_lead(contours, lanes, order, rules.max_layers_ahead)
+    return faults
+
+
+def statements(
+    document: PlanDocument,
+    source: PrintJob | None,
+    machine: Machine | None,
+    held: OrderRules,
+    imposed: OrderRules | None,
+) -> tuple[str, ...]:
+    """Return what a plan was held to, and what was believed, one line each."""
+    if imposed is not None:
+        by = "as asked"
+    else:
+        by = "as the plan says" if document.rules else "the usual: no plan says otherwise"
+    ahead = held.max_layers_ahead
+    rule = document.min_layer_time_s
+    cooling = f"{rule:g} s" if rule else "none"
+    own = f"{document.machine.name}, as the plan has it"
+    limits = "" if source is not None else "; its limits were believed"
+    return (
+        f"order: process order {held.process_order}, quality {'on' if held.quality else 'off'}, "
+        f"layers ahead {'unlimited' if ahead is None else ahead}, freedom {held.freedom} ({by})",
+        f"time before a spot is printed over: {cooling} (as the plan says)",
+        f"machine: {own if machine is None else machine.name + limits}",
+        "contours: as the plan has them, no source was given"
+        if source is None
+        else "contours: compared with the source in all fields",
+    )

@@ -1,0 +1,204 @@
+"""What must come before what, found anew: the plan's pairs, roles that touch, layers ahead.
+
+The definitions are in ARCHITECTURE.md; a pair (a, b) of them is kept when the plan's
+partial order has the print of a end before that of b begins. Material that would be in
+the way is not looked at here: `sim.replay.material` moves the head through what may be there,
+which finds every pair of kind GEOMETRY that matters to the head that prints. Barriers
+are `sim.rules.epochs`, what primes the nozzle `sim.rules.priming`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours, Role
+from decmcts.print.plan import ActionKind, HeadActions, OrderRules
+from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.rules.order import PartialOrder
+
+TOUCH_MM = 0.05  # beads nearer than this touch,
+ROUNDING_MM = 1e-6  # unless by no more than this
+SHELLS = (Role.EXTERNAL_PERIMETER, Role.PERIMETER, Role.OVERHANG_PERIMETER)
+IN_SHELLS = (
+    Role.INFILL,
+    Role.SOLID_INFILL,
+    Role.TOP_SOLID_INFILL,
+    Role.BRIDGE_INFILL,
+    Role.GAP_FILL,
+)
+NOT_PRINTED = -1
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Prints:
+    """Where each contour is printed, and what is known to have ended by then."""
+
+    head: Ints  # (n,) NOT_PRINTED where no head prints it
+    first: Ints  # (n,) leg it begins with
+    last: Ints  # (n,) leg it ends with
+    clocks: tuple[Ints, ...]  # of `PartialOrder`
+
+    def kept(self, a: Ints, b: Ints) -> Flags:
+        """Tell whether a ends before b begins, whatever the timing; also if one is missing."""
+        ended = np.empty(len(a), np.int64)
+        for h, clock in enumerate(self.clocks):
+            rows = self.head[b] == h
+            ended[rows] = clock[self.first[b[rows]], np.maximum(self.head[a[rows]], 0)]
+        missing = (self.head[a] == NOT_PRINTED) | (self.head[b] == NOT_PRINTED)
+        return np.asarray(missing | (ended > self.last[a]))
+
+
+def prints_of(n: int, lanes: tuple[HeadActions, ...], order: PartialOrder) -> Prints:
+    """Return where a plan prints its `n` contours; its lanes are legs (`sim.content.legs`)."""
+    head, first, last = (np.full(n, NOT_PRINTED) for _ in range(3))
+    for h, lane in enumerate(lanes):
+        printing = np.nonzero(lane.kind == ActionKind.PRINT)[0]
+        contour = lane.contour[printing]
+        head[contour], last[contour] = h, printing
+        first[contour[::-1]] = printing[::-1]
+    return Prints(head, first, last, order.clocks)
+
+
+def check_precedence(pairs: NDArray[np.int32], prints: Prints) -> list[Fault]:
+    """J2: for each pair (a, b) the action of a precedes the action of b, whatever the timing."""
+    both = pairs.reshape(-1, 2).astype(np.int64)
+    broken = both[~prints.kept(both[:, 0], both[:, 1])]
+    lines = [f"contour {x} must end before contour {y} begins" for x, y in broken[:LIMIT].tolist()]
+    return listed(FaultKind.PRECEDENCE, lines, total=len(broken))
+
+
+def check_touching(contours: Contours, prints: Prints, rules: OrderRules) -> list[Fault]:
+    """Check that what touches on a layer keeps the source's order as its roles demand."""
+    lines: list[str] = []
+    total = 0
+    if len(contours) and (rules.quality or rules.process_order == "keep"):
+        shapes = _lines_of(contours)
+        for a, b in _near(contours, shapes, rules):
+            wrong = ~prints.kept(a, b)
+            a, b = a[wrong], b[wrong]
+            reach = (contours.width[a] + contours.width[b]) / 2 + TOUCH_MM - ROUNDING_MM
+            met = shapely.dwithin(shapes[a], shapes[b], reach)
+            total += int(met.sum())
+            lines += [_broken(contours, x, y) for x, y in zip(a[met], b[met], strict=True)]
+    return listed(FaultKind.PRECEDENCE, lines, total=total)
+
+
+def _broken(contours: Contours, a: int, b: int) -> str:
+    roles = [Role(int(contours.role[c])).name.lower() for c in (a, b)]
+    return (
+        f"contour {a} ({roles[0]}) must end before contour {b} ({roles[1]}) begins: "
+        f"they touch on layer {contours.layer[a]}"
+    )
+
+
+def _lines_of(contours: Contours) -> NDArray[np.object_]:
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    lines: NDArray[np.object_] = shapely.linestrings(contours.points[:, :2], indices=owner)
+    return lines
+
+
+def _near(
+    contours: Contours, shapes: NDArray[np.object_], rules: OrderRules
+) -> Iterator[tuple[Ints, Ints]]:
+    """Yield pairs a < b of a layer whose roles keep their order and whose boxes come near."""
+    bounds = shapely.bounds(shapes) + np.outer(contours.width / 2 + TOUCH_MM, [-1, -1, 1, 1])
+    boxes = shapely.box(*bounds.T)
+    by_layer = np.argsort(contours.layer, kind="stable")
+    cuts = np.flatnonzero(np.diff(contours.layer[by_layer])) + 1
+    for members in np.split(by_layer, cuts):
+        of_role = {int(r): members[contours.role[members] == r] for r in _unique(contours, members)}
+        trees = {r: shapely.STRtree(boxes[ids]) for r, ids in of_role.items()}
+        for r, s in combinations_with_replacement(of_role, 2):
+            if not (must_stay(r, s, rules) or must_stay(s, r, rules)):
+                continue
+            i, j = trees[r].query(boxes[of_role[s]])
+            one, two = of_role[s][i], of_role[r][j]
+            a, b = np.minimum(one, two), np.maximum(one, two)
+            forth = contours.role[a] == r
+            fits = np.where(forth, must_stay(r, s, rules), must_stay(s, r, rules)) & (a < b)
+            yield a[fits], b[fits]
+
+
+def _unique(contours: Contours, members: Ints) -> list[int]:
+    found: list[int] = np.unique(contours.role[members]).tolist()
+    return found
+
+
+def must_stay(first: int, second: int, rules: OrderRules) -> bool:
+    """Tell whether a contour stays before a later one of its layer that it touches, by roles."""
+    if rules.process_order == "keep" and first != second:
+        return True
+    if not rules.quality:
+        return False
+    held = first in SHELLS and (second in SHELLS or second in IN_SHELLS)
+    return held or second == Role.IRONING or first == second == Role.UNKNOWN
+
+
+def check_lead(
+    contours: Contours, lanes: tuple[HeadActions, ...], order: PartialOrder, ahead: int
+) -> list[Fault]:
+    """Check that no print begins before all of the layers more than `ahead` below it ended.
+
+    Layers are counted as the source prints them, anew whenever it goes down again.
+    """
+    if not len(contours):
+        return []
+    step = np.diff(contours.layer)
+    run = np.concatenate([[0], np.cumsum(step != 0)])
+    climb = np.concatenate([[0], np.cumsum(step < 0)])
+    early: list[Ints] = []
+    for r, lane in enumerate(lanes):
+        prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
+        contour = lane.contour[prints].astype(np.int64)
+        below = run[contour] - ahead - 1
+        for s, other in enumerate(lanes):
+            last = _last_of_runs(run, climb, other)
+            same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
+            due = np.where((below >= 0) & same, last[np.maximum(below, 0)], -1)
+            early.append(contour[order.preceding(r, s)[prints] <= due])
+    rows = np.unique(np.concatenate(early))
+    lines = [
+        f"contour {c} of layer {contours.layer[c]} may begin before all that is more than "
+        f"{ahead} layers below it has ended"
+        for c in rows[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.PRECEDENCE, lines, total=len(rows))
+
+
+def _last_of_runs(run: Ints, climb: Ints, lane: HeadActions) -> Ints:
+    """Return of each run of a layer the last action of a head that prints it or one below it."""
+    last = np.full(int(run[-1]) + 1, -1, np.int64)
+    prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
+    np.maximum.at(last, run[lane.contour[prints]], prints)
+    first = np.searchsorted(run, np.arange(len(last)))
+    for part in np.split(np.arange(len(last)), np.flatnonzero(np.diff(climb[first])) + 1):
+        last[part] = np.maximum.accumulate(last[part])
+    return last
+
+
+def check_freedom(
+    contours: Contours, lanes: tuple[HeadActions, ...], rules: OrderRules
+) -> list[Fault]:
+    """Check that each contour is run only in ways that were asked for."""
+    lines: list[str] = []
+    for lane in lanes:
+        prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
+        closed = contours.closed[lane.contour[prints]]
+        turned = lane.reversed[prints] & (rules.freedom == "fixed")
+        turned |= lane.reversed[prints] & closed & (rules.freedom == "reversible")
+        entered = (lane.entry[prints] > 0) & (rules.freedom != "seam")
+        for what, which in (("runs backwards", turned), ("enters elsewhere", entered)):
+            lines += [
+                f"contour {c} {what}, freedom is {rules.freedom}"
+                for c in lane.contour[prints[which]].tolist()
+            ]
+    return listed(FaultKind.WRONG_PATH, lines)

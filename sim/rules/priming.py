@@ -1,0 +1,224 @@
+"""Whether what primes the nozzle comes first: skirt, brim, purge and prime lines.
+
+What the source begins an epoch with is read off here contour by contour, as one
+reads the file, and by looser measures of "touching" than a planner may take, so
+that no more is asked than is due. That wipe towers keep their place is part of the
+epochs (`sim.rules.epochs`): each bead of a tower is one of its own.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from decmcts.print.contours import Contours, Role
+from decmcts.print.plan import ActionKind, HeadActions
+from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.rules.order import PartialOrder
+
+PRIMING = (Role.SKIRT_BRIM, Role.WIPE_TOWER, Role.CUSTOM)
+SAMPLE_MM = 0.2  # contours are looked at in points this far apart
+APART_MM = 0.3  # between beads, and farther: two things that do not touch
+ROUND_MM = 0.05  # what goes round something is farther out by this
+MOST = 64  # of a tool's first contours looked at where no role is named
+TOUCHING_MM = 0.04  # beads nearer than this touch
+
+Ints = NDArray[np.int64]
+
+
+@dataclass(slots=True)
+class _Start:
+    """What one tool prints in one epoch; filled while the contours go by."""
+
+    forced: int  # contours before this one prime the nozzle whatever they are for
+    unknown: bool  # what has no role primes too
+    by_role: bool = True  # all so far has a role that primes
+    first: list[int] = field(default_factory=list)  # primes the nozzle
+    rest: list[int] = field(default_factory=list)
+
+    def take(self, contour: int, role: int) -> None:
+        """Take the next contour; mutates only itself."""
+        self.by_role &= role in PRIMING or (role == Role.UNKNOWN and self.unknown)
+        (self.first if self.by_role or contour < self.forced else self.rest).append(contour)
+
+
+def starts_of(contours: Contours, refills: tuple[int, ...] = ()) -> list[tuple[Ints, Ints]]:
+    """Return of each tool in each epoch what primes it and what must come after that."""
+    role, tool = contours.role.tolist(), contours.tool.tolist()
+    epoch = contours.epoch.tolist()
+    named = {t for t, r in zip(tool, role, strict=True) if r and r not in PRIMING}
+    starts: dict[tuple[int, int], _Start] = {}
+    used: set[int] = set()
+    for i, (e, t, r) in enumerate(zip(epoch, tool, role, strict=True)):
+        if (e, t) not in starts:
+            opens = t not in used
+            count = int(e in refills or (i > 0 and tool[i - 1] != t))
+            if opens and t not in named:
+                count = max(1, _untouched(contours, i))
+            starts[e, t] = _Start(i + count, opens and t in named)
+            used.add(t)
+        starts[e, t].take(i, r)
+    return [
+        (np.array(start.first), np.array(start.rest))
+        for start in starts.values()
+        if start.first and start.rest
+    ]
+
+
+def _untouched(contours: Contours, first: int) -> int:
+    """Return how many contours from `first` on stand apart from all that is printed later.
+
+    They are of one layer, epoch and tool, and nothing of the layer above lies on them
+    unless they go round all that is left of their own.
+    """
+    base = int(contours.layer[first])
+    low = first + np.flatnonzero(contours.layer[first:] <= base)
+    above = np.flatnonzero(contours.layer == base + 1)
+    if not len(above):
+        return 0
+    ours, upper = _Points.of(contours, low), _Points.of(contours, above)
+    alike = (contours.layer, contours.epoch, contours.tool)
+    count, found, held = 0, 0, True
+    while count < MOST and held:
+        reach = count + 1
+        while count < min(reach, MOST) and held:
+            i = first + count
+            held = i < len(contours) and all(a[i] == a[first] for a in alike)
+            if held:
+                reach = max(reach, ours.last_near(contours, i) + 1 - first)
+                count += 1
+        if held and count >= reach and _uncovered(contours, first, count, low, upper):
+            found = count
+    return found
+
+
+def _uncovered(contours: Contours, first: int, count: int, low: Ints, upper: _Points) -> bool:
+    """Say whether each of the first contours is bare above, or goes round the rest of its layer."""
+    rest = low[low >= first + count]
+    if not len(rest):
+        return all(upper.last_near(contours, first + k) < 0 for k in range(count))
+    inner = np.array([_bounds(contours, int(c)) for c in rest])
+    least, most = inner[:, :2].min(axis=0) - ROUND_MM, inner[:, 2:].max(axis=0) + ROUND_MM
+    for i in range(first, first + count):
+        box = _bounds(contours, i)
+        round_it = bool((box[:2] < least).all() and (box[2:] > most).all())
+        if not round_it and upper.last_near(contours, i) >= 0:
+            return False
+    return True
+
+
+def _bounds(contours: Contours, i: int) -> NDArray[np.float64]:
+    xy = contours.polyline(i)[:, :2]
+    return np.concatenate([xy.min(axis=0), xy.max(axis=0)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Points:
+    """Contours as points."""
+
+    tree: cKDTree
+    owner: Ints
+    known: dict[int, int] = field(default_factory=dict)  # what `last_near` found
+
+    @staticmethod
+    def of(contours: Contours, ids: Ints) -> _Points:
+        parts = [_sampled(contours.polyline(int(c))[:, :2]) for c in ids]
+        owner = np.repeat(ids, [len(p) for p in parts])
+        return _Points(cKDTree(np.concatenate(parts)), owner)
+
+    def last_near(self, contours: Contours, i: int) -> int:
+        """Return the last of the contours that comes near contour i, or -1; keeps what it found."""
+        if i not in self.known:
+            near = (contours.width[i] + contours.width.max()) / 2 + APART_MM
+            found = self.tree.query_ball_point(_sampled(contours.polyline(i)[:, :2]), near)
+            rows = np.fromiter(itertools.chain.from_iterable(found), np.int64)
+            self.known[i] = int(self.owner[rows].max(initial=-1))
+        return self.known[i]
+
+
+def _sampled(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points along a polyline, none farther than `SAMPLE_MM` from the next."""
+    step = np.diff(xy, axis=0)
+    count = np.maximum(1, np.ceil(np.linalg.norm(step, axis=1) / SAMPLE_MM)).astype(np.int64)
+    row = np.repeat(np.arange(len(step)), count)
+    part = (np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)) / count[row]
+    return np.concatenate([xy[row] + part[:, None] * step[row], xy[-1:]])
+
+
+def check_priming(
+    contours: Contours,
+    lanes: tuple[HeadActions, ...],
+    order: PartialOrder,
+    *,
+    refills: tuple[int, ...] = (),
+) -> list[Fault]:
+    """Check a plan: what primes a tool ends before its other contours of the epoch begin.
+
+    `refills` are the epochs that begin with a filament change or a pause; a plan does
+    not say, its source does.
+    """
+    n = len(contours)
+    head, action = np.full(n, -1), np.full(n, -1)
+    for h, lane in enumerate(lanes):
+        printing = np.flatnonzero(lane.kind == ActionKind.PRINT)
+        head[lane.contour[printing]], action[lane.contour[printing]] = h, printing
+    early: list[Ints] = []
+    for first, rest in _held(contours, refills):
+        for s in range(len(lanes)):
+            due = int(action[first[head[first] == s]].max(initial=-1))
+            for r in range(len(lanes)):
+                mine = rest[head[rest] == r]
+                early.append(mine[order.preceding(r, s)[action[mine]] <= due])
+    return _faults(np.concatenate([np.empty(0, np.int64), *early]))
+
+
+def check_file_priming(
+    contours: Contours, contour: Ints, *, refills: tuple[int, ...] = ()
+) -> list[Fault]:
+    """Check a file: `contour` is that of the source which each laid move is of, -1: none."""
+    rows = np.flatnonzero(contour >= 0)
+    begins, ends = np.full(len(contours), len(contour)), np.full(len(contours), -1)
+    np.minimum.at(begins, contour[rows], rows)
+    np.maximum.at(ends, contour[rows], rows)
+    early = [rest[begins[rest] < ends[first].max()] for first, rest in _held(contours, refills)]
+    return _faults(np.concatenate([np.empty(0, np.int64), *early]))
+
+
+def _held(contours: Contours, refills: tuple[int, ...]) -> Iterator[tuple[Ints, Ints]]:
+    """Yield what comes first and what comes after it."""
+    yield from starts_of(contours, refills)
+    yield from _brims(contours)
+
+
+def _brims(contours: Contours) -> Iterator[tuple[Ints, Ints]]:
+    """Yield each brim and what touches it later in its layer, of another role."""
+    brims = np.flatnonzero(contours.role == Role.SKIRT_BRIM)
+    low = np.unique(contours.layer[brims])
+    others = np.flatnonzero((contours.role != Role.SKIRT_BRIM) & np.isin(contours.layer, low))
+    if not len(others):
+        return
+    tree = shapely.STRtree([shapely.LineString(contours.polyline(int(c))[:, :2]) for c in others])
+    for a in brims.tolist():
+        line = shapely.LineString(contours.polyline(a)[:, :2])
+        near = others[tree.query(line, "dwithin", distance=float(contours.width.max()) + 1.0)]
+        near = near[(near > a) & (contours.layer[near] == contours.layer[a])]
+        apart = [line.distance(shapely.LineString(contours.polyline(int(b))[:, :2])) for b in near]
+        reach = (contours.width[a] + contours.width[near]) / 2 + TOUCHING_MM
+        touching = near[np.array(apart, float) <= reach]
+        if len(touching):
+            yield np.array([a]), touching
+
+
+def _faults(early: Ints) -> list[Fault]:
+    rows = np.unique(early)
+    lines = [
+        f"contour {c} may begin before what primes the nozzle in the source"
+        for c in rows[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.PRIMING, lines, total=len(rows))

@@ -1,0 +1,77 @@
+"""No order may use two travels of a passage, or the bound would be wrong."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from decmcts._kernels.exact.pricing import cover_mask
+from decmcts.feasibility.build import closure_of
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.bounds import passages
+from decmcts.search.bounds.passages import Passages, single_passages
+
+
+def passages_of(graph: DependencyGraph) -> Passages:
+    """Passages of a graph, as the relaxation asks for them."""
+    rows = closure_of(graph)
+    kept = cover_mask(rows, graph.pred_offsets, graph.preds)
+    heads = np.repeat(np.arange(graph.n), np.diff(graph.pred_offsets))[kept]
+    offsets = np.searchsorted(heads, np.arange(graph.n + 1))
+    return single_passages(rows, offsets, graph.preds[kept])
+
+
+def layered(layers: int, each: int) -> DependencyGraph:
+    """Layers of which each must lie before the next begins."""
+    n = layers * each
+    pairs = [(a, b) for b in range(n) for a in range(b) if a // each < b // each]
+    return DependencyGraph.from_pairs(n, np.array(pairs, np.int32))
+
+
+def nearly_layered(seed: int) -> DependencyGraph:
+    """Six contours in three layers, some of which are free of some of the layer below."""
+    rng = np.random.default_rng(seed)
+    layer = np.sort(rng.integers(0, 3, 6))
+    wanted = (layer[:, None] < layer[None, :]) & (rng.random((6, 6)) < 0.85)
+    return DependencyGraph.from_pairs(6, np.argwhere(wanted).astype(np.int32))
+
+
+def test_every_order_passes_at_most_once() -> None:
+    """The claim itself, over all linear extensions of small graphs."""
+    seen = tight = 0
+    for seed in range(40):
+        graph = nearly_layered(seed)
+        found = passages_of(graph)
+        seen += found.count
+        for order in itertools.permutations(range(6)):
+            place = np.argsort(order)
+            if all(place[a] < place[b] for a, b in graph.pairs()):
+                steps = np.array(order[:-1]) * 6 + np.array(order[1:])
+                used = found.of.T @ np.isin(found.keys, steps).astype(float)
+                assert used.max(initial=0.0) <= 1.0
+                tight += int(used.sum())
+    assert seen > 20
+    assert tight > 100
+
+
+def test_layers_in_series_are_passed_once_each() -> None:
+    """Layers that are neighbours are one passage; contours between are a bend each."""
+    found = passages_of(layered(4, 3))
+    assert sorted(found.of.sum(axis=0)) == [6.0] * 6 + [9.0] * 3
+    assert {(k // 12 // 3, k % 12 // 3) for k in found.keys} == {(0, 1), (1, 2), (2, 3)}
+
+
+def test_a_chain_has_no_passage() -> None:
+    """Sets of one contour say no more than that it is left once."""
+    assert passages_of(layered(5, 1)).count == 0
+    assert passages_of(layered(2, 1)).count == 0
+    assert passages_of(DependencyGraph.from_pairs(3, np.empty((0, 2), np.int32))).count == 0
+
+
+@pytest.mark.parametrize("limit, most", [("MOST_MEMBERS", 20), ("MOST_LOOKS", 50)])
+def test_search_ends_at_its_limits(monkeypatch: pytest.MonkeyPatch, limit: str, most: int) -> None:
+    """Memory and time stay bounded on dense graphs; fewer passages are still valid ones."""
+    monkeypatch.setattr(passages, limit, most)
+    assert 0 < passages_of(layered(6, 3)).count < 17

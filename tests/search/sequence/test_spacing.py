@@ -1,0 +1,214 @@
+"""Time between contours that lie on each other: cheap checks must be the true ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from decmcts._kernels.engine.lags import Lags
+from decmcts._kernels.random import seeded
+from decmcts._kernels.sequence.anneal import anneal
+from decmcts._kernels.sequence.descent import descend
+from decmcts._kernels.sequence.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
+from decmcts._kernels.sequence.sift import try_sift
+from decmcts._kernels.sequence.tour import respects, tour_cost
+from decmcts.search.hybrid.pieces import Sequence, cut
+from decmcts.search.planners import KEEP_TIME, PLANNERS, plan_order, toolpath_cost
+from decmcts.search.sequence.annealing import tour_of
+from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.spacing import Spacing
+from tests.search.problems import random_problem, started, with_loops
+
+
+def spaced_problem(seed: int, n: int, *, density: float, longest: float = 6.0) -> OrderProblem:
+    """A problem in which ends of some edges must be some time apart, as in the source or less."""
+    rng = np.random.default_rng(seed)
+    problem = random_problem(seed, n, density=density)
+    pairs = problem.graph.pairs()
+    pairs = pairs[rng.random(len(pairs)) < 0.7]
+    pairs = pairs[np.lexsort((pairs[:, 0], pairs[:, 1]))]
+    offsets = np.concatenate([[0], np.cumsum(np.bincount(pairs[:, 1], minlength=n))])
+    lags = Lags(
+        offsets.astype(np.int64),
+        pairs[:, 0].astype(np.int32),
+        rng.uniform(0.0, longest, len(pairs)),
+    )
+    seconds = rng.choice([0.3, 1.0, 2.5], n)
+    return replace(problem, spacing=Spacing.owed_by_source(lags, seconds))
+
+
+def tour_for(problem: OrderProblem) -> Tour:
+    return tour_of(started(problem), near_ports(problem))
+
+
+def keeps(problem: OrderProblem, order: np.ndarray) -> bool:
+    """Say whether a sequence leaves enough time, by a clock of the test's own."""
+    assert problem.spacing is not None
+    lags, seconds = problem.spacing.lags, problem.spacing.seconds
+    end = np.empty(len(order))
+    end[order] = np.cumsum(seconds[order])
+    above = np.repeat(np.arange(len(order)), np.diff(lags.offsets))
+    return bool((end[above] - seconds[above] - end[lags.below] >= lags.seconds - 2e-6).all())
+
+
+def is_on_time(tour: Tour) -> bool:
+    """Say whether the times kept with a tour, if any, are those of its sequence."""
+    if not len(tour.pauses.under):
+        return True
+    begin = np.cumsum(tour.pauses.seconds[tour.order]) - tour.pauses.seconds[tour.order]
+    return bool(np.allclose(tour.pauses.begin[tour.order], begin, atol=1e-6))
+
+
+def walked(problem: OrderProblem, seed: int, steps: int = 300) -> Tour:
+    """A tour that is no longer the source's."""
+    tour = tour_for(problem)
+    anneal(tour, seeded(seed), 100.0, steps)
+    return tour
+
+
+@settings(max_examples=150, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_moves_are_allowed_exactly_when_the_result_keeps_graph_and_time(seed: int) -> None:
+    """Too strict wastes moves, too lax prints on warm plastic."""
+    rng = np.random.default_rng(seed)
+    problem = spaced_problem(seed, 12, density=0.15)
+    graph = problem.graph
+    i, j, k = sorted(rng.choice(13, 3, replace=False).tolist())
+
+    def holds(tour: Tour) -> bool:
+        linear = respects(tour.order, graph.succ_offsets, graph.succs)
+        return bool(linear) and keeps(problem, tour.order)
+
+    swapped = walked(problem, seed)
+    assert holds(swapped)
+    allowed = swap_allowed(swapped, i, j, k)
+    apply_swap(swapped, i, j, k)
+    assert allowed == holds(swapped)
+    assert is_on_time(swapped)
+    turned = walked(problem, seed)
+    allowed = turn_allowed(turned, i, k)
+    apply_turn(turned, i, k)
+    assert allowed == holds(turned)
+    assert is_on_time(turned)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    n=st.integers(2, 30),
+    density=st.sampled_from([0.05, 0.1, 0.3]),
+    loops=st.booleans(),
+)
+def test_annealing_and_descent_keep_time(seed: int, n: int, density: float, loops: bool) -> None:
+    """Carries undo a half-made move, sifts rearrange a window: the books must still balance."""
+    problem = spaced_problem(seed, n, density=density)
+    if loops:
+        problem = with_loops(problem, 3)
+    tour = tour_for(problem)
+    before = tour_cost(tour.metric, tour.order, tour.flip)
+    total, _ = anneal(tour, seeded(seed), 5.0, 2000)
+    for p in range(0, n - 2, 3):
+        total += try_sift(tour, p, p + 2, 3.0) + try_sift(tour, p + 1, p, 3.0)
+    total += descend(tour, 0, n, 50)
+    assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(before + total, abs=1e-6)
+    assert respects(tour.order, tour.succ_offsets, tour.succs)
+    assert keeps(problem, tour.order)
+    assert is_on_time(tour)
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_every_planner_leaves_time(planner: str) -> None:
+    """Not all know of time; none may return what does not keep it."""
+    problem = spaced_problem(3, 60, density=0.02)
+    result = plan_order(problem, planner=planner, time_limit_s=20.0, seed=1, max_iterations=20_000)
+    assert keeps(problem, result.toolpath.order)
+    assert result.cost < result.source_cost or planner not in KEEP_TIME
+    assert result.cost <= result.source_cost
+    free = plan_order(
+        replace(problem, spacing=None), planner=planner, time_limit_s=20.0, seed=1,
+        max_iterations=20_000,
+    )  # fmt: skip
+    if planner != "slicer":
+        assert not keeps(problem, free.toolpath.order)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_hybrid_finds_the_optimum_of_small_prints(seed: int) -> None:
+    """Against every order there is; without turns, so that an order has one cost."""
+    problem = spaced_problem(seed, 7, density=0.12, longest=4.0)
+    problem = replace(problem, reversible=np.zeros(7, np.bool_))
+    graph, tour = problem.graph, tour_for(problem)
+    flip, least = np.zeros(7, np.uint8), np.inf
+    for row in permutations(range(7)):
+        order = np.array(row, np.int32)
+        if respects(order, graph.succ_offsets, graph.succs) and keeps(problem, order):
+            least = min(least, tour_cost(tour.metric, order, flip))
+    result = plan_order(problem, planner="hybrid", time_limit_s=20.0, seed=0, max_iterations=50_000)
+    assert result.cost == pytest.approx(least)
+    assert toolpath_cost(problem, result.toolpath) == pytest.approx(least)
+
+
+def test_equal_seeds_give_equal_orders() -> None:
+    """Results must be repeatable, whatever the threads' pace."""
+    problem = spaced_problem(8, 80, density=0.02)
+    first, second = (
+        plan_order(problem, planner="hybrid", time_limit_s=60.0, seed=4, max_iterations=40_000)
+        for _ in range(2)
+    )
+    assert (first.toolpath.order == second.toolpath.order).all()
+    assert first.cost < first.source_cost
+
+
+def test_the_source_owes_no_more_than_it_gives() -> None:
+    """It is the way out when nothing else is found, so it must keep its own lags."""
+    lags = Lags(np.array([0, 0, 0, 1]), np.array([0], np.int32), np.array([10.0]))
+    spacing = Spacing.owed_by_source(lags, np.array([1.0, 4.0, 1.0]))
+    assert spacing.lags.seconds.tolist() == [4.0]
+    assert spacing.keeps(np.array([0, 1, 2], np.int32))
+    assert not spacing.keeps(np.array([0, 2, 1], np.int32))
+    with pytest.raises(ValueError, match="the source does not keep"):
+        Spacing(lags, np.array([1.0, 4.0, 1.0]))
+    with pytest.raises(ValueError, match="times of 3 contours, expected 5"):
+        replace(random_problem(1, 5, density=0.1), spacing=spacing)
+
+
+@pytest.mark.parametrize(
+    ("lags", "seconds", "said"),
+    [
+        (([0, 0, 0, 1], [0], [1.0]), [1.0, 4.0], "lags of 3 contours, times of 2"),
+        (([0, 0, 0, 2], [0], [1.0]), [1.0, 4.0, 1.0], "no compressed rows"),
+        (([0, 2, 1, 1], [0], [1.0]), [1.0, 4.0, 1.0], "no compressed rows"),
+        (([0, 0, 0, 1], [3], [1.0]), [1.0, 4.0, 1.0], "not among the 3"),
+        (([0, 0, 0, 1], [0], [np.nan]), [1.0, 4.0, 1.0], "lag lasts less than no time"),
+        (([0, 0, 0, 1], [0], [1.0]), [1.0, -4.0, 1.0], "contour takes less than no time"),
+        (([0, 0, 0, 1], [0], [1.0]), [1.0, np.inf, 1.0], "or for ever"),
+    ],
+)
+def test_lags_that_are_none_are_refused(lags, seconds, said) -> None:
+    """Kernels trust their arrays: a wrong number would be read beyond their ends."""
+    offsets, below, due = lags
+    rows = Lags(np.array(offsets), np.array(below, np.int32), np.array(due))
+    with pytest.raises(ValueError, match=said):
+        Spacing(rows, np.array(seconds))
+
+
+def test_a_search_that_is_to_stop_does_not_begin() -> None:
+    """Ctrl-C while the first of two searches runs ends both."""
+    problem = spaced_problem(8, 80, density=0.02)
+    result = plan_order(problem, planner="hybrid", time_limit_s=60.0, seed=4, stop=lambda: True)
+    assert result.iterations == 0
+
+
+def test_a_part_of_a_sequence_has_no_time_of_its_own() -> None:
+    """What is due across a cut would be lost."""
+    problem = spaced_problem(2, 20, density=0.1)
+    sequence = Sequence.best_of(started(problem), near_ports(problem))
+    assert len(cut(sequence, 0, 20).ids) == 20
+    with pytest.raises(ValueError, match="keep time"):
+        cut(sequence, 0, 10)

@@ -1,0 +1,95 @@
+"""Pictures show every plan there can be, and thin only what is too much to see."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from decmcts.print.plan import JointPlan
+from sim.pictures import drawings as pictures
+from sim.pictures.activity import EXACT, activity
+from sim.pictures.drawings import (
+    draw_convergence,
+    draw_gantt,
+    draw_machine,
+    draw_plan,
+    lane_segments,
+)
+
+RED = np.array([214, 39, 40]) / 255
+
+
+def has_colour(path, colour, tolerance=0.12):
+    pixels = imread(path)[:, :, :3]
+    return bool((np.abs(pixels - colour).max(axis=2) < tolerance).any())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["tower_plan", "two_head_plan"])
+def test_a_plan_is_drawn_with_travel_in_red(make, name, tmp_path):
+    """The picture every result comes with; travel must be seen."""
+    document = getattr(make, name)()
+    draw_plan(tmp_path / "p.png", document, document)
+    assert has_colour(tmp_path / "p.png", RED, 0.35)
+
+
+@pytest.mark.slow
+def test_gantt_and_convergence(make, tmp_path):
+    """Charts of a two-head plan and of a search that improved once."""
+    draw_gantt(tmp_path / "g.png", make.two_head_plan())
+    draw_convergence(tmp_path / "c.png", [(0.0, 1, 100.0), (2.0, 20, 50.0)])
+    assert has_colour(tmp_path / "g.png", RED)
+    assert imread(tmp_path / "c.png").shape[0] > 100
+
+
+@pytest.mark.slow
+def test_machines_with_and_without_bodies(make, tmp_path):
+    """`decmcts machines --draw` draws whatever a machine file may hold."""
+    for machine in (make.one_head_machine(), make.two_head_machine()):
+        draw_machine(machine, tmp_path / "m.png")
+        assert has_colour(tmp_path / "m.png", RED)
+    head = replace(make.one_head_machine().heads[0], slices=())
+    draw_machine(replace(make.one_head_machine(), heads=(head,)), tmp_path / "m.png")
+
+
+def test_segments_of_a_lane(make):
+    """Every printed millimetre and no other is in the grey lines."""
+    document = make.tower_plan()
+    lane = document.plan.heads[0]
+    printed = lane_segments(lane, printing=True)
+    assert len(printed) == 4 * len(document.contours)
+    assert np.abs(np.diff(printed, axis=1)).sum() == pytest.approx(16.0 * len(document.contours))
+    assert len(lane_segments(lane, printing=False)) == 3 * (len(lane) // 2 + 1)
+
+
+def test_thinning_leaves_out_whole_paths(make):
+    """Half a contour would look like a gap in the print."""
+    lane = make.tower_plan(layers=20).plan.heads[0]
+    some = lane_segments(lane, printing=True, most=40)
+    assert 0 < len(some) <= 44
+    assert len(some) % 4 == 0
+
+
+def test_shares_add_up_to_the_time_spent(make):
+    """Many actions are drawn as shares of intervals; no second may get lost."""
+    for layers in (4, EXACT):
+        lane = make.tower_plan(layers=layers).plan.heads[0]
+        edges, shares = activity(lane, float(lane.end_s[-1]) + 10.0)
+        spent = (shares * np.diff(edges)[:, None]).sum(axis=0)
+        printing = lane.kind == 0
+        length = lane.end_s - lane.begin_s
+        np.testing.assert_allclose(spent, [length[printing].sum(), length[~printing].sum()])
+        assert len(shares) <= max(2 * EXACT, 801)
+
+
+def test_an_idle_head_is_drawn_idle(make, tmp_path):
+    """A head that prints nothing still has its row."""
+    document = make.two_head_plan(meet=False)
+    idle = make.from_rows("right", make.to_rows(document.plan.heads[1])[:1])
+    plan = JointPlan((document.plan.heads[0], idle))
+    edges, shares = activity(idle, plan.makespan_s)
+    assert shares.shape == (len(edges) - 1, 2)
+    assert pictures.head_colour(0, 1) != pictures.head_colour(0, 2)

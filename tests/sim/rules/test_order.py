@@ -1,0 +1,90 @@
+"""The partial order against reachability found the slow way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decmcts.print.plan import ActionKind
+from sim.rules.order import order_of
+
+
+def random_lanes(make, rng, sizes, edges):
+    """Lanes with random `after` edges that follow a random interleaving, so they are acyclic."""
+    slots = [h for h, n in enumerate(sizes) for _ in range(n)]
+    rng.shuffle(slots)
+    seen, sequence = [0] * len(sizes), []
+    for h in slots:
+        sequence.append((h, seen[h]))
+        seen[h] += 1
+    waits = {key: [] for key in sequence}
+    for _ in range(edges):
+        i, j = sorted(rng.choice(len(sequence), 2, replace=False))
+        if sequence[i][0] != sequence[j][0]:
+            waits[sequence[j]].append(sequence[i])
+    stay = np.zeros((1, 3))
+    return tuple(
+        make.lane(
+            f"h{h}",
+            [(ActionKind.WAIT, -1, False)] * n,
+            [stay] * n,
+            [waits[h, a] for a in range(n)],
+        )
+        for h, n in enumerate(sizes)
+    )
+
+
+def reachable(lanes):
+    """All (head, action) pairs each action comes after, by plain search."""
+    before = {}
+    changed = True
+    keys = [(h, a) for h in range(len(lanes)) for a in range(len(lanes[h]))]
+    for key in keys:
+        before[key] = set()
+    while changed:
+        changed = False
+        for h, a in keys:
+            direct = set(lanes[h].after(a)) | ({(h, a - 1)} if a else set())
+            total = direct | {k for d in direct for k in before[d]}
+            if not total <= before[h, a]:
+                before[h, a] |= total
+                changed = True
+    return before
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_windows_are_the_unordered_actions(make, seed):
+    """[preceding, following) of an action is exactly what is ordered neither way."""
+    rng = np.random.default_rng(seed)
+    sizes = [int(n) for n in rng.integers(1, 8, 3)]
+    lanes = random_lanes(make, rng, sizes, edges=6)
+    order, before = order_of(lanes), reachable(lanes)
+    for r in range(3):
+        for s in range(3):
+            if r == s:
+                continue
+            low, high = order.preceding(r, s), order.following(r, s)
+            for u in range(sizes[r]):
+                free = {
+                    v for v in range(sizes[s])
+                    if (s, v) not in before[r, u] and (r, u) not in before[s, v]
+                }  # fmt: skip
+                assert free == set(range(low[u], high[u]))
+
+
+def test_the_sequence_keeps_the_order(make):
+    """Replays execute actions in this sequence, so nothing may come before what it waits for."""
+    lanes = random_lanes(make, np.random.default_rng(3), [6, 5], edges=8)
+    order, before = order_of(lanes), reachable(lanes)
+    seen = set()
+    for h, a in order.sequence.tolist():
+        assert before[h, a] <= seen
+        seen.add((h, a))
+
+
+def test_waiting_for_a_later_action_of_oneself_is_a_deadlock(make):
+    """The head can never reach what it waits for; the action is named."""
+    stay = [np.zeros((1, 3))] * 2
+    rows = [(ActionKind.WAIT, -1, False)] * 2
+    lanes = (make.lane("a", rows, stay, [[(0, 1)], []]), make.lane("b", rows, stay, [[], []]))
+    assert order_of(lanes) == [(0, 0)]

@@ -1,0 +1,56 @@
+"""The plan distribution against the formulas of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from decmcts._kernels.trees.dmcts import step_distribution
+from decmcts.team.dec_mcts.distribution import PlanDistribution
+
+PLANS = tuple(np.array([k], np.int32) for k in range(4))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_steps_sum_to_zero(seed: int) -> None:
+    """With exact expectations q stays a distribution without normalising."""
+    rng = np.random.default_rng(seed)
+    q = rng.dirichlet(np.ones(6))
+    steps = step_distribution(q, rng.random(6), 0.3, 0.01)
+    assert steps.sum() == pytest.approx(0.0, abs=1e-15)
+    assert np.abs(steps).max() > 1e-6
+
+
+def test_fixed_point_is_the_boltzmann_distribution() -> None:
+    """Where E[f|x] is known, q goes to exp(E[f|x] / β) and stays there."""
+    expected = np.array([0.2, 0.5, 0.9, 0.1])
+    wanted = np.exp(expected / 0.5)
+    wanted /= wanted.sum()
+    steps = step_distribution(wanted, expected, 0.5, 0.01)
+    assert np.abs(steps).max() < 1e-15
+    told = PlanDistribution.uniform(PLANS)
+    for _ in range(5000):
+        told = told.updated(expected, beta=0.5, alpha=0.01)
+    assert told.probabilities == pytest.approx(wanted, abs=1e-6)
+
+
+def test_a_certain_plan_has_no_step_of_infinity() -> None:
+    """q(x) = 0 has ln q = -∞ but the step is 0·∞ = 0 there."""
+    steps = step_distribution(np.array([1.0, 0.0]), np.array([0.1, 0.9]), 1.0, 0.1)
+    assert np.isfinite(steps).all()
+
+
+def test_sampling_follows_the_probabilities() -> None:
+    """x⁻ʳ is drawn from q⁻ʳ, not from the likeliest alone."""
+    told = PlanDistribution(PLANS, np.array([0.7, 0.2, 0.1, 0.0]))
+    rng = np.random.default_rng(0)
+    counts = np.bincount([int(told.sample(rng)[0]) for _ in range(2000)], minlength=4)
+    assert counts / 2000 == pytest.approx(told.probabilities, abs=0.04)
+    assert told.likeliest() is PLANS[0]
+
+
+@pytest.mark.parametrize("q", [[0.5, 0.5], [0.5, 0.5, 0.5, 0.5], [1.5, -0.5, 0.0, 0.0]])
+def test_nonsense_is_refused(q: list[float]) -> None:
+    """Wrong length, wrong sum or a negative probability."""
+    with pytest.raises(ValueError, match="probabilities"):
+        PlanDistribution(PLANS, np.array(q))
