@@ -25,6 +25,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from decmcts.samples import SAMPLES
+
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "docs" / "results"
 
@@ -39,7 +41,7 @@ def corpus() -> Path:
 
 def print_path(name: str) -> Path:
     """Return the file of a print: an example of this project, or a model of the corpus."""
-    example = ROOT / "decmcts" / "samples" / f"{name}.gcode.gz"
+    example = SAMPLES / f"{name}.gcode.gz"
     return example if example.is_file() else corpus() / "models" / "gcode" / f"{name}.gcode.gz"
 
 

@@ -18,8 +18,9 @@ import shapely
 import trimesh
 from shapely import Polygon
 
+from decmcts.samples import SAMPLES
+
 HERE = Path(__file__).parent
-SAMPLES = HERE.parent / "decmcts" / "samples"
 SLICER_OPTIONS = HERE / "prusa_slicer.ini"
 Solid = trimesh.Trimesh
 

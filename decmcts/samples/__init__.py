@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+SAMPLES = Path(__file__).parent
+
 
 def sample_path(name: str) -> Path:
     """Return the path of a print that ships with the package, e.g. ``plate.gcode.gz``.
@@ -13,9 +15,8 @@ def sample_path(name: str) -> Path:
     FileNotFoundError
         When there is no such print; the message lists those there are.
     """
-    folder = Path(__file__).parent
-    path = folder / name
+    path = SAMPLES / name
     if not path.is_file():
-        there = sorted(p.name for p in folder.iterdir() if p.name.endswith((".stl", ".gz")))
+        there = sorted(p.name for p in SAMPLES.iterdir() if p.name.endswith((".stl", ".gz")))
         raise FileNotFoundError(f"no print {name!r}; there are {', '.join(there)}")
     return path

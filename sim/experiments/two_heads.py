@@ -26,6 +26,7 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.samples import sample_path
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.team.bounds.makespan import makespan_bound
@@ -38,7 +39,7 @@ from decmcts.team.schedule.metrics import plan_metrics
 from sim.pictures.drawings import draw_gantt, draw_plan
 from sim.verify import verify_plan
 
-EXAMPLE = Path(__file__).parents[2] / "decmcts" / "samples" / "plate.gcode.gz"
+EXAMPLE = sample_path("plate.gcode.gz")
 
 
 @dataclass(frozen=True, slots=True)

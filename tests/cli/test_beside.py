@@ -14,11 +14,12 @@ import pytest
 
 from decmcts.cli import app, beside, order_search, plan
 from decmcts.cli.beside import STILL, searched_beside
+from decmcts.samples import sample_path
 from decmcts.search.planners import plan_order
 from tests.cli.test_first_check import LAYERS, one_fault
 
 SOON_S = 60.0  # far more than anything here takes
-PRINT = Path("decmcts/samples/four_nuts.gcode.gz").resolve()
+PRINT = sample_path("four_nuts.gcode.gz")
 
 
 class Order:

@@ -15,6 +15,7 @@ from decmcts.cli import ahead, warm
 from decmcts.cli.warm import compile_part, smallest_gcode, smallest_job
 from decmcts.formats.gcode import read_gcode
 from decmcts.jit import Store
+from decmcts.samples import sample_path
 
 PART = "slicer for travel"  # needs next to nothing
 
@@ -137,7 +138,7 @@ def test_the_child_ends_when_its_parent_is_killed(tmp_path: Path) -> None:
 def test_ctrl_c_while_compiling_ends_at_once(tmp_path: Path) -> None:
     """Compiling takes a minute; nobody waits for it only to see nothing written."""
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-    command = [sys.executable, "-m", "decmcts.cli", "plan", "decmcts/samples/four_nuts.gcode.gz"]
+    command = [sys.executable, "-m", "decmcts.cli", "plan", str(sample_path("four_nuts.gcode.gz"))]
     command += ["-o", str(tmp_path / "out.gcode")]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=environment) as child:
         assert child.stderr is not None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +11,10 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.print.contours import Contours, Role
 from decmcts.print.loops import allowed_entries, close_gaps, enter_at, exits_of, movable, traversal
 from decmcts.print.toolpath import Toolpath, endpoints, visit_points
+from decmcts.samples import sample_path
 from tests.print.test_toolpath import contours_of
 
-NUTS = Path(__file__).parents[2] / "decmcts" / "samples" / "four_nuts.gcode.gz"
+NUTS = sample_path("four_nuts.gcode.gz")
 FLOW = 0.05  # filament per mm
 SQUARE = [(0, 0, 0.2), (10, 0, 0.2), (10, 10, 0.2), (0, 10, 0.2), (0, 0, 0.2)]
 CLIPPED = [*SQUARE[:4], (0, 0.4, 0.2)]  # ends 0.4 mm before its start

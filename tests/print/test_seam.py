@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +11,10 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.print.contours import Contours, Role
 from decmcts.print.loops import exits_of
 from decmcts.print.seam import MOST_ENTRIES, entry_points, exit_points, seam_entries
+from decmcts.samples import sample_path
 from tests.print.test_toolpath import contours_of
 
-NUTS = Path(__file__).parents[2] / "decmcts" / "samples" / "four_nuts.gcode.gz"
+NUTS = sample_path("four_nuts.gcode.gz")
 SQUARE = [(0, 0, 0.2), (10, 0, 0.2), (10, 10, 0.2), (0, 10, 0.2), (0, 0, 0.2)]
 # an L, counter-clockwise: its concave corner is vertex 3
 ELL = [(0, 0, 0.2), (9, 0, 0.2), (9, 3, 0.2), (3, 3, 0.2), (3, 9, 0.2), (0, 9, 0.2), (0, 0, 0.2)]

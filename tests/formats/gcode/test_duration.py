@@ -14,6 +14,7 @@ from decmcts.formats.gcode import limits
 from decmcts.formats.gcode.duration import text_time
 from decmcts.formats.gcode.source_text import load_text
 from decmcts.print.machine import MotionLimits
+from decmcts.samples import sample_path
 from tests.limits import LIMITS
 
 ROOT = Path(__file__).parents[3]
@@ -120,14 +121,7 @@ def test_prusaslicers_own_estimate(tmp_path, flavor):
     words = ["--load", str(ROOT / "examples/prusa_slicer.ini"), "--gcode-flavor", flavor]
     words += ["--default-acceleration", "1000", "--perimeter-acceleration", "600"]
     words += ["--first-layer-acceleration", "400", "--machine-limits-usage", "emit_to_gcode"]
-    words += [
-        "--retract-lift",
-        "0.3",
-        "-g",
-        "-o",
-        str(out),
-        str(ROOT / "decmcts/samples/four_nuts.stl"),
-    ]
+    words += ["--retract-lift", "0.3", "-g", "-o", str(out), str(sample_path("four_nuts.stl"))]
     subprocess.run(["prusa-slicer", *words], check=True, capture_output=True, timeout=120)
     text = load_text(out)
     assert text_time(text, MotionLimits()).total_s == pytest.approx(estimate(text), rel=0.02)
@@ -137,5 +131,5 @@ def test_prusaslicers_own_estimate(tmp_path, flavor):
 @pytest.mark.parametrize("name", ["four_nuts", "plate"])
 def test_the_examples_take_as_long_as_their_slicer_says(name):
     """Two plates sliced by PrusaSlicer 2.5.0, whose estimate stands in the file: within 1 %."""
-    text = load_text(ROOT / f"decmcts/samples/{name}.gcode.gz")
+    text = load_text(sample_path(f"{name}.gcode.gz"))
     assert text_time(text, MotionLimits()).total_s == pytest.approx(estimate(text), rel=0.01)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,12 +14,12 @@ from decmcts.formats.machine_file import load_machine
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
+from decmcts.samples import sample_path
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.timing import action_times
 from sim.replay.execution import arrivals_of
 from tests.limits import LIMITS
 
-ROOT = Path(__file__).parents[3]
 SETTINGS = ProcessSettings(
     travel_feed=150.0, retract_mm=2.0, retract_feed=40.0, unretract_feed=20.0, z_feed=5.0
 )
@@ -77,7 +76,7 @@ def test_each_segment_keeps_the_acceleration_set_for_it(job):
 @pytest.mark.slow
 def test_a_plan_takes_as_long_as_its_file(tmp_path):
     """The planner's time of the print is that of the text it becomes, to 1 %."""
-    source = ROOT / "decmcts/samples/four_nuts.gcode.gz"
+    source = sample_path("four_nuts.gcode.gz")
     job, document = read_gcode(source)
     machine = load_machine("mk3s")
     machine = replace(machine, limits=machine.limits.under(job.limits))
