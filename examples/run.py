@@ -47,7 +47,7 @@ def demo() -> None:
 
 def tests() -> None:
     """Run everything CI runs."""
-    set_up("[dev]")
+    set_up("[dev,docs]")
     python = BIN / "python"
     run(python, "-m", "ruff", "check", ".")
     run(python, "-m", "ruff", "format", "--check", ".")

@@ -1,0 +1,59 @@
+"""The documentation: pages a forge shows, and the site made of them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")]
+)
+MOST_WORDS = 700  # of the README, which is read before anything else
+
+
+def anchors(page: Path) -> set[str]:
+    """What a forge calls the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", text).strip().lower().replace(" ", "-") for text in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    """A reader on a forge follows links between pages, headings and files."""
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if re.match(r"https?:", target):
+            continue
+        path, _, heading = target.partition("#")
+        to = (page.parent / path).resolve() if path else page
+        assert to.exists(), target
+        assert not heading or heading in anchors(to), target
+
+
+def test_readme_is_short():
+    """Whoever has a printer and five minutes reads all of it."""
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= MOST_WORDS
+
+
+@pytest.mark.slow
+def test_site_is_built_without_warnings(tmp_path):
+    """Broken links, headings, tables and docstrings show here, not to a reader."""
+    options = ["-W", "--keep-going", "-q", "-c", "docs/site", "-d", str(tmp_path / "doctrees")]
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *options, ".", str(tmp_path / "site")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    pages = {str(p.relative_to(tmp_path / "site")) for p in tmp_path.glob("site/**/*.html")}
+    made = {str(p.relative_to(ROOT).with_suffix(".html")) for p in PAGES}
+    assert made - {"examples/README.html"} <= pages
+    api = (tmp_path / "site/docs/site/api.html").read_text(encoding="utf-8")
+    assert 'id="decmcts.search.planners.plan_order"' in api
+    assert "NDArray[np.float64]" in api
