@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pkgutil
 import re
 import subprocess
 import sys
@@ -13,7 +14,14 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted(
     [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").glob("*.md")]
 )
+ELSEWHERE = {"klippy/toolhead.py", "klippy/extras/output_pin.py"}  # files of Klipper
 MOST_WORDS = 700  # of the README, which is read before anything else
+
+
+@pytest.fixture(scope="module")
+def files() -> list[str]:
+    folders = ("agents", "benchmarks", "decmcts", "docs", "examples", "sim", "tests")
+    return [str(p.relative_to(ROOT)) for folder in folders for p in (ROOT / folder).rglob("*.py")]
 
 
 def anchors(page: Path) -> set[str]:
@@ -32,6 +40,20 @@ def test_links_lead_somewhere(page):
         to = (page.parent / path).resolve() if path else page
         assert to.exists(), target
         assert not heading or heading in anchors(to), target
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if page.name != "CHANGELOG.md" and page.parent.name != "results"],
+    ids=lambda page: str(page.relative_to(ROOT)),
+)
+def test_files_named_in_the_text_are_there(page, files):
+    """A page that sends its reader to a module which has moved costs more than it gives."""
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w./-]+\.py)`", text)) - ELSEWHERE
+    assert not {n for n in named if not any(f"/{file}".endswith(f"/{n}") for file in files)}
+    for name in set(re.findall(r"`((?:decmcts|agents|sim)(?:\.\w+)+)", text)):
+        pkgutil.resolve_name(name)
 
 
 def test_readme_is_short():
