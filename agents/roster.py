@@ -1,4 +1,4 @@
-"""Who is there, who may be heard, who is off: the peers as one agent sees them.
+"""Who is there, who may be heard, who is surely off: the peers as one agent sees them.
 
 A part of the agreement's state machine (`agents.protocol` states the rules):
 events in, effects out, nothing else. A head is *present* while a token of it is

@@ -1,6 +1,6 @@
 """The extrusions of a print as a struct of arrays.
 
-A contour is a maximal continuous extrusion (DESIGN of the field: Lensgraf &
+A contour is a maximal continuous extrusion (Lensgraf &
 Mettu 2016; Yoo et al. 2020). Contours are numbered in the order of the source,
 and that order is never changed here: orders live in `decmcts.print.toolpath`.
 """

@@ -1,8 +1,9 @@
 """A planner that begins with another one, until what it needs itself is ready.
 
-On a machine where nothing is compiled yet the search begins with the planner whose
-kernels are few. When those of the other one are there, it goes on from the best
-sequence with the time that is left: phases whose share of it is over are left out.
+On a computer where nothing is compiled yet the search begins with a planner that needs
+few kernels. When the kernels of the other planner are there, that one goes on from the
+best sequence with the time that is left. Those of its phases whose time is over by then
+are left out.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Sets of contours that every order must leave several times.
 
-Where towers stand so near each other that the head must serve them in turns,
-travel between them is forced, and bounds that look at single travels miss it.
+Where towers stand so near each other that the head must print them in turn, it must
+travel between them again and again. Bounds that look at single travels miss that.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Sequences that are proven optimal, for prints whose layers have few contours.
 
-By dynamic programming, see `decmcts._kernels.exact.ideals`; how long that takes is known
-before most of it is done.
+By dynamic programming over order ideals, the sets of contours that may have been printed
+at some time (`decmcts._kernels.exact.ideals`). How long that will take is known early, so
+a print that would take too long is given up soon.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
-"""Sets of travels of which every order uses one at most.
+"""Sets of travels, called passages, of which every order uses one at most.
 
-Where all of one layer must lie before any of the next, an order climbs from one
-to the other once, and enters a contour from below or leaves it upwards. Bounds
-that look at single travels climb at every contour.
+Where all of one layer must be printed before any of the next, an order climbs from
+one layer to the other once. A bound that looks at single travels does not know that:
+it may take the cheap travel upwards at every contour. A passage is such a set of
+travels upwards.
 """
 
 from __future__ import annotations

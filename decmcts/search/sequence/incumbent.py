@@ -1,7 +1,7 @@
 """The best sequence so far, how it came about, and whether to go on.
 
-Planners offer sequences here and ask here whether to stop; that makes every
-planner anytime and never worse than the source, whatever it does.
+Planners offer sequences here and ask here whether to stop. So every planner can be
+stopped at any time, and its result is never worse than the source.
 """
 
 from __future__ import annotations

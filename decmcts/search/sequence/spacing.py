@@ -1,8 +1,8 @@
 """How much time a sequence must leave between contours that lie on each other.
 
-A search reckons time as print time alone, the same for each contour wherever it is
-printed, with a fixed share for travel: cheap to keep in every move, and near enough to
-find orders that wait little or not at all.
+A search takes time to be print time, which is the same for each contour wherever it is
+printed, and a fixed share of that for travel. This is cheap to keep in every move, and near
+enough to find orders that wait little or not at all.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The problem seen as clusters of contours, for the tree search."""
+"""The problem seen as clusters of contours that depend on much the same others, for tree search."""
 
 from __future__ import annotations
 

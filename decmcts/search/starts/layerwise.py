@@ -1,8 +1,8 @@
 """The planner `layerwise`: the best order within each layer, layers in the source's sequence.
 
-What a careful slicer could do without looking across layers. A layer here is a
-maximal run of equal layer numbers in the source, so that objects printed one
-after the other stay so, and the sequence of layers is always allowed.
+This is what a careful slicer could do without looking across layers. A layer here is
+a maximal run of equal layer numbers in the source. So objects that the source prints
+one after the other stay so, and the sequence of layers is always allowed.
 """
 
 from __future__ import annotations

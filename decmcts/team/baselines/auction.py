@@ -1,10 +1,10 @@
 """Sequential single-item auctions with makespan bids and precedence, repeated.
 
-Contours are offered as soon as all they rest on is assigned, the most urgent first;
-each head bids when it would have ended, travel and waits for room included, and the
-lowest bid wins. Then all is auctioned again with other priorities, those of the best
-auction changed a little. Heads append what they win: an insertion into a head's
-schedule would move the room of everything after it.
+Contours are offered as soon as all they rest on is assigned, the most urgent first. Each
+head bids the time at which it would have printed the contour, travel and waits for room
+included, and the lowest bid wins. Then all is auctioned again with other priorities: those
+of the best auction, changed a little. Heads append what they win, since an insertion into a
+head's schedule would move the room of everything after it.
 
 References
 ----------

@@ -1,7 +1,7 @@
 """The best joint order a baseline has found, and how long it may go on looking.
 
-All baselines spend processor time, so that they compare at equal cost whatever
-else the machine does, and all are judged by the same engine.
+The limit of every baseline is processor time, so they compare at equal cost whatever
+else the computer does. All are judged by the same engine.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Regret matching over sampled plans, in the place of Dec-MCTS' step of q.
 
 Every head has candidate plans, drawn as Dec-MCTS draws them: each policy once, then
-exchanges. In turn the heads draw a joint plan by their regrets, one head compares it
-with another candidate of its own, and adds the difference to that one's regret. The
-candidate regretted least gives way to an exchange of the best joint plan's.
+exchanges. In each step all heads draw a plan by their regrets, which gives a joint plan.
+One head, each in turn, compares its plan with another candidate of its own, and adds the
+difference in makespan to that candidate's regret. The candidate that is regretted least
+is replaced by an exchange of the best joint plan's.
 
 References
 ----------

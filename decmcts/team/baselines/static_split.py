@@ -1,9 +1,10 @@
 """Static split by side: every contour belongs to the head in whose share of the bed it lies.
 
-The borders stand where all shares are equal work. The heads follow `hybrid`'s order of
-everything, each as far as it is its own: a rest of one order that precedence allows can
-not contradict the others' rests. Half of the time goes to that order, half to policies and
-moved borders, by which each head chooses among its own.
+The borders stand where all shares are equal work. In half of the time `hybrid` finds one
+order of all contours, and each head follows it, leaving out what is not its own. Such
+orders can not contradict each other, since all are taken from one order that precedence
+allows. In the other half heads choose among their own contours by policies, and borders
+are moved.
 
 References
 ----------

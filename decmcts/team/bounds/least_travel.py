@@ -4,15 +4,16 @@ For bounds. Each contour has a share of the travel that leaves it and a share of
 enters it. For any two contours that one head may print one after the other, the share of leaving
 the first and that of entering the second are together no more than the travel between them takes.
 So whatever the plan, a head spends the one share after the first contour and the other before the
-second, and nothing is counted twice. Only the first and the last contour of a head go without.
+second, and nothing is counted twice. Only a head's first and last contour may go without a
+share.
 
 Travels to near contours are listed; for all others there is a limit to each share. Shares are half
 of the shortest travel, or more where the contours it leads to have less: 2 to 7 % below the best
 such shares, the dual of an assignment problem.
 
-No travel takes less than `Pace.seconds`, by the times of `decmcts.team.schedule.timing`, for
-heads that rest between contours. Where other contours must be printed between two, someone prints
-them meanwhile: then their time counts.
+No travel of a head that rests between contours takes less than `Pace.seconds`, by the times of
+`decmcts.team.schedule.timing`. Two contours may have others that must be printed between them.
+Then some head prints these meanwhile, and the time this takes counts as well.
 """
 
 from __future__ import annotations

@@ -1,20 +1,25 @@
 """How fast a team can be at best: a lower bound on the makespan.
 
-The most of six: all printing shared evenly; what heads on one rail can print at once
-(`decmcts.team.bounds.rail_bound`); what two heads can that no rail joins
-(`decmcts.team.bounds.pair_bound`); what lies where only one head fits at a time
-(`decmcts.team.bounds.window_bound`); the longest chain of the dependency graph; what only one
-head can print. Each contour takes what the fastest head that may print it needs, entered
-where that takes least (`.least_time`), for one head less what it may save by not
-coming to rest at its ends (`.run_on`). For several heads each contour but the first
-and last of a head has its shares of the travels to and from it besides
-(`.least_travel`); the chain has none, for others may print what comes next in it.
+The bound is the largest of six:
+
+- all printing, shared evenly;
+- what heads on one rail can print at once (`decmcts.team.bounds.rail_bound`);
+- what two heads that no rail joins can print at once (`decmcts.team.bounds.pair_bound`);
+- what lies where only one head fits at a time (`decmcts.team.bounds.window_bound`);
+- the longest chain of the dependency graph;
+- what only one head can print.
+
+The time of a contour is what the fastest head that may print it needs, entered where that
+takes least (`.least_time`). Of one head alone it is less by what the head may save by not
+coming to rest at the contour's ends (`.run_on`). For several heads each contour also has
+its shares of the travels to and from it (`.least_travel`), but for the first and the last
+of a head. The chain counts no travel, since another head may print what comes next in it.
 
 Where heads give room back piece by piece (`release` "point") the bounds on a rail and of two
 heads are proven for plans as `decmcts.team.engine.order` makes them: a contour has at most
 `MOST_PIECES` pieces, each begun where its room has shrunk by `PIECE_MM`, and closed ones entered
 as sliced run as sliced. A plan that gives room back at every vertex may be faster; docs/team.md
-says by how much. That of two heads takes rooms as boxes, as plans here do.
+says by how much. The bound of two heads takes rooms as boxes, as plans here do.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """What two heads that no rail joins can print at once at most: a matching and its proof.
 
-Of two contours printed side by side one was begun later, and only once the other head held
-nothing any more of the later one's *whole* room, for a head that prints never waits. So two
-pieces exclude each other if the room still held of either is too near to the room of the
-other's whole contour, whichever head has which. All printing less the largest fractional
-matching of pieces that do not exclude each other is a bound.
+Of two contours printed side by side one was begun later. A head that prints never waits, so
+the later contour was begun only when the other head held nothing any more of its *whole* room.
+So two pieces of contours exclude each other if the room still held of either is too near to
+the room of the other's whole contour, whichever head has which. A bound is the time of all
+printing, less the largest fractional matching of pieces that do not exclude each other.
 
-The matching is half the flow through the double cover of their graph, and the least cover is
-the proof: every piece has a price of 0, 1/2 or 1, two that may be printed at once cost at
-least 1 together, so what is printed at once takes no longer than the prices of all.
+The matching is half the flow through the double cover of their graph. The least cover is the
+proof: every piece has a price of 0, 1/2 or 1, and two that may be printed at once cost at
+least 1 together. So the time printed at once is no more than the prices of all pieces.
 
 Rooms are boxes, as `decmcts.team.engine.space` has them for plans made here, and are rounded
 inwards until there are few enough different ones.

@@ -1,22 +1,22 @@
 """How fast heads in order along one rail can be at best: a linear programme and its proof.
 
-At every moment the heads that print stand a separation apart. So give each piece of work
-a price such that what can be printed at one moment costs at most 1 in all: then work
-worth V takes V seconds at least. The programme finds the prices of most worth. With them
-a longest path finds what can be printed at one moment costs at most, exactly; dividing by
-that, the result is a bound whatever the solver's tolerance.
+At every moment the heads that print stand a separation apart. Give each piece of work a
+price per second, such that what can be printed at one moment costs at most 1 in all. Then
+all work, at these prices, is worth V, and takes V seconds at least. The programme finds
+the prices for which V is largest. With these prices a longest path finds exactly what can
+cost most at one moment; V divided by that is a bound whatever the solver's tolerance.
 
-Of two heads that print side by side one began later. It began only once the other held
-nothing any more of the room of its *whole* contour, for a head that prints never waits. So
-of two neighbours one is as wide as what it still holds and one as wide as its whole contour.
+Of two heads that print side by side one began later. A head that prints never waits, so it
+began only when the other held nothing any more of the room of its *whole* contour. So of
+two neighbours one is as wide as what it still holds, and one as wide as its whole contour.
 
-A head that travels is as narrow as the place it is at; between contours it may be anywhere it can
-have got to, so it holds less than nothing: what it holds wherever it is. No whole contour counts
-for it.
+A head that travels is as narrow as the place it is at. Between contours it may be anywhere
+it can have got to, so only what it holds at each of these places is sure, which may be less
+than nothing. No whole contour counts for it.
 
 Positions are rounded to cells so that heads fit more easily than in truth. Work is the
-pieces of contours, each with the room its head still holds while it prints it; where a
-contour may be run from either end, that way counts in which it is worth less.
+pieces of contours, each with the room its head still holds while it prints the piece. Where
+a contour may be run from either end, the direction counts in which it is worth less.
 """
 
 from __future__ import annotations

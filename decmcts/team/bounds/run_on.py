@@ -1,4 +1,4 @@
-"""What a head saves at most that runs on from one contour to the next without coming to rest.
+"""What a head saves at most if it runs on from one contour to the next without coming to rest.
 
 Heads of a team stand still between actions, for they may have to wait there. A head alone
 does not: through a short travel without retraction, or where contours abut, it keeps the speed

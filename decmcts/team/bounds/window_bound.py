@@ -1,9 +1,10 @@
 """The most work in a window that only one head fits into at a time.
 
-Where any two nozzles in a window are too near to each other, whatever the heads, at most
-one head prints there at every moment. So a plan takes at least as long as all printing
-in that window, whoever does it and however room is released. Shapes are exact, as the
-judge has them, where `decmcts.team.engine.space` takes boxes: round heads fit in diagonally.
+A window is a part of the bed so small that any two nozzles in it are too near to each
+other, whatever the heads. So at most one head prints there at every moment, and a plan takes
+at least as long as all printing in the window, whoever does it and however room is released.
+Shapes are exact, as the judge has them, not boxes as in `decmcts.team.engine.space`: two
+round heads fit diagonally into a window that their boxes fill.
 
 A segment's time is taken to lie evenly along it. Heads are slower near its ends, so of
 segments that a window cuts it may count a little more than is spent in it.

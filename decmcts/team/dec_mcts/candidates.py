@@ -1,7 +1,8 @@
-"""X̂ and q: the plans a head tells, what each was found to gain, and how q moves.
+"""The plans a head tells (X̂), how likely it is to follow each (q), and how q moves.
 
-All of X̂ are valued beside the same plans of the others, so that what differs is the plans.
-Utilities are scaled to [0, 1] over X̂, so a temperature means the same on every print.
+All plans of X̂ are valued beside the same plans of the others, so that a difference in
+value is due to the plans themselves. Utilities are scaled to [0, 1] over X̂, so a
+temperature means the same on every print.
 
 References
 ----------

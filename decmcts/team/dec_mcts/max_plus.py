@@ -1,8 +1,8 @@
 """Which of the heads' plans to try together: max-plus along the chain of neighbours.
 
-The value of a joint plan is taken for a sum over pairs of neighbouring heads, each learnt as
-the mean over the joint plans that were evaluated. On a chain max-plus is exact: it is dynamic
-programming from one end to the other.
+The value of a joint plan is taken to be a sum over pairs of neighbouring heads. The value of
+a pair is learnt as the mean over the joint plans that were evaluated. On a chain of heads
+max-plus is exact: it is dynamic programming from one end to the other.
 
 References
 ----------

@@ -1,8 +1,8 @@
 """What can be set about one head's search in a team, and what is allowed.
 
 Names are those of Dec-MCTS (Best, Cliff, Patten, Mettu & Fitch 2019, IJRR 38(2-3),
-Algs. 1-3) where it has one; `docs/team.md` says what each does. Where values come from
-(a file, a launcher) is no business of this module.
+Algs. 1-3) where it has one; `docs/team.md` says what each does. This module does not
+know where values come from (a file, a launcher).
 """
 
 from __future__ import annotations

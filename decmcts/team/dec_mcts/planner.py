@@ -1,12 +1,14 @@
-"""Dec-MCTS: one head's planner in a team (DESIGN of the field: Best et al. 2019).
+"""Dec-MCTS: one head's planner in a team (Best et al. 2019).
 
-Each head grows a tree over its own plans, judged together with plans of the
-others drawn from what they last told, and tells in turn a few good plans and
-how likely it is to follow each. No messages here: `iterate`, `distribution`
-and `take` are all an agent needs. One head alone is the single-extruder mode.
+Each head grows a tree over its own plans. A plan is judged together with plans of
+the other heads, drawn from what these last told. In turn the head tells a few good
+plans of its own and how likely it is to follow each. No messages here: `iterate`,
+`distribution` and `take` are all an agent needs. One head alone is the
+single-extruder mode.
 
-Work is counted in contours put (`decmcts.team.engine.values`): policies first, then in each round
-a share for tree and distribution, then windows of the best joint order.
+Policies are tried first. Then each round has a share of work for tree and
+distribution, and the rest for windows of the best joint order. Work is counted in
+contours that are put into joint orders (`decmcts.team.engine.values`).
 
 References
 ----------

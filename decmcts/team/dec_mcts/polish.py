@@ -1,8 +1,8 @@
 """Refines one joint order by local search, and joins what two heads made of the same one.
 
 Front of `decmcts._kernels.refine.recreate`, `.polish` and `.join`. A head improves the best joint
-order it knows and tells the team; of what it is told it takes the stretches that are better than
-its own (partition crossover, Whitley, Hains & Howe 2009), so that heads improve different places
+order it knows and tells it to the team. Of an order it is told it takes the pieces that are better
+than its own (partition crossover, Whitley, Hains & Howe 2009). So heads improve different places
 at once.
 """
 

@@ -1,7 +1,7 @@
 """Which policies a head tries first: some of all kinds, then those like the best of them.
 
-The heads share the first ones out. Each then tries what lies nearest, among the rows of
-`POLICIES`, to one of its own best, so heads look at different places.
+The heads share the first policies out among them. Then each head tries those rows of
+`POLICIES` that are most like one of its own best, so heads look at different places.
 """
 
 from __future__ import annotations

@@ -1,12 +1,15 @@
 """A head's D-UCT tree over its own plans, as a struct of arrays.
 
-A node is a whole plan; a child is its parent's plan after one exchange (Fu,
-Qiu & Zha 2021 search complete tours the same way): another policy, or
-some macro-actions sooner or later. A node that has been seen often
-gets more children (progressive widening). Only the arithmetic of selection is
+D-UCT goes down the tree by the largest upper confidence bound, in which old
+rewards count less (discounted), since the other heads' plans change meanwhile.
+
+A node is a whole plan. A child is its parent's plan after one exchange: another
+policy, or some macro-actions sooner or later (Fu, Qiu & Zha 2021 search complete
+tours the same way). A node that has been seen often gets more children
+(progressive widening). Only the arithmetic of selection is
 compiled (`decmcts._kernels.trees.dmcts`): one sample costs a whole rollout.
 
-Where a `temperature` is given children are drawn by a Boltzmann policy instead. The policy
+With `boltzmann` children are drawn by a Boltzmann policy instead. The policy
 that makes Σ π·F + τ·H(π) largest is π ∝ exp(F / τ), so τ is the weight of an entropy bonus;
 it falls with the visits N as (1 + N)^-decay.
 

@@ -1,7 +1,8 @@
 """Compiles, or loads, every kernel of the heads' search with the smallest print there is.
 
-Kernels are compiled for types and not for prints, so what a tiny search took a large one
-finds. Without it the first round of a search would take as long out of its own time.
+Kernels are compiled for types and not for prints, so a large search can use what a tiny
+one has compiled. Without this, compiling would be part of a search's first round and
+take its time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""One head for everything: its order shared out where it must be, and its yardstick."""
+"""One head for everything: the yardstick that several heads are compared with.
+
+Where no head reaches the whole print, several follow the one order in turn.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """The part of the bed where heads on a rail hinder each other most.
 
-Heads on one rail keep a separation, so in a window of m separations at most m can print.
-The window with the most work for each of these is the bottleneck: while less is printed
-there than could be, the print gets later (`decmcts.team.bounds.makespan` has the proof).
+Heads on one rail keep a separation, so in a window as wide as m separations at most m
+heads can print. The bottleneck is the window with the most work for each of its m heads.
+Whenever fewer than m heads print there, the whole print ends later
+(`decmcts.team.bounds.makespan` has the proof).
 """
 
 from __future__ import annotations

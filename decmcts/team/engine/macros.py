@@ -1,8 +1,9 @@
 """Macro-actions: the pieces a head's plan is made of.
 
-A part is a connected footprint on the bed. Each part's work is cut, in source
-order, into chunks, and each chunk by the side that should print it. A plan
-says how much later than usual each of them comes, so it stays short and messages small.
+A part is a connected footprint on the bed. Each part's work is cut into chunks, in
+source order. Each chunk is cut again by the heads' shares of the machine in which
+its contours lie; such a piece is a macro-action. A plan says how much later than
+usual each macro-action comes, so plans stay short and messages small.
 """
 
 from __future__ import annotations

@@ -12,7 +12,8 @@ A plan is a flat int32 sequence, so that it travels in a message as it is:
 - or a stated order: the symbol `n_macros + len(POLICIES) + 1`, the number of heads, then
   (2·contour + backwards)·heads + head for every contour: all heads do exactly this.
 
-What means nothing counts as policy 0 without shifts: a plan may come from a peer.
+A sequence that means nothing counts as policy 0 without shifts, since a plan may come
+from a peer.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """From the heads' plans to one joint order: the function all agents share.
 
-Deterministic: the same problem, plans and live heads give the same joint
-order bit for bit, and its digest is what agents compare. Duplicates go to one
-owner, what nobody planned to whoever is free, conflicts are ordered, and heads
-in the way step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
+Deterministic: the same problem, plans and live heads give the same joint order
+bit for bit, and agents compare its digest. A contour that several plans name goes
+to one head, and one that no plan names to whoever is free. Conflicts between heads
+are ordered, and heads in the way step aside (`decmcts._kernels.engine.dispatch`,
+`.aside`).
 """
 
 from __future__ import annotations

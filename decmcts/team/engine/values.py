@@ -1,7 +1,8 @@
 """What joint plans are worth to one head: each is resolved once, the best are kept.
 
-The work is counted in contours put, so that shares of it are the same on every host and
-in every run. No choice of plans here, see `decmcts.team.dec_mcts.planner`.
+The work is counted in contours that are put into joint orders, so shares of it are the
+same on every host and in every run. Which plans are tried is decided in
+`decmcts.team.dec_mcts.planner`.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """How long cranes on one rail need at least, whatever they do.
 
-At every moment those at work stand at bays `spacing` or more apart: a *row* of at
-most q bays. The least total time of rows under which every bay gets its work is a
-linear programme, a flow from bay to bay along the rail; travel is not counted.
-The longest chain of precedence, from the nearest crane's start on, bounds too.
-Both are rounded down by more than the solver's tolerance; where all times are
-whole numbers, so is the least makespan, and the bound goes up to the next one.
+At every moment the q cranes that work stand at bays `spacing` or more apart: a *row*
+of at most q bays. The least total time of rows under which every bay gets its work is
+a linear programme, a flow from bay to bay along the rail; travel is not counted.
+The longest chain of precedence, from the nearest crane's start on, is a bound too.
+Both are rounded down by more than the solver's tolerance. Where all times are whole
+numbers the least makespan is one too, and the bound goes up to the next whole number.
 """
 
 from __future__ import annotations

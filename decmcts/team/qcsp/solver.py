@@ -1,13 +1,13 @@
 """Bare team problems: cranes on one rail, a schedule of least makespan.
 
-Two threads anneal. Most rounds only hand tasks from crane to crane while all
-cranes sweep along the rail one way (unidirectional schedules are optimal or
-nearly so on all published instances, and few enough to be searched well). One
-such round is hot, since a schedule in which cranes wait for each other in turn is
-not left by small steps at low temperatures; the next is warm. Every other three
-rounds both threads go the way that did better, else one each way. Every third
-round anneals order and cranes of the best schedule freely. Rounds grow longer, so
-that little is lost where the time is short.
+Two threads anneal, in rounds. In most rounds all cranes sweep along the rail one
+way, and tasks are only handed from crane to crane. Such unidirectional schedules are
+optimal or nearly so on all published instances, and few enough to be searched well.
+One such round is hot, since small steps at low temperatures do not lead away from a
+schedule in which cranes wait for each other in turn; the next is warm. In every
+other three rounds both threads sweep in the direction that did better, else one in
+each direction. Every third round anneals order and cranes of the best schedule
+freely. Rounds grow longer, so that little is lost where the time is short.
 
 References
 ----------

@@ -1,7 +1,7 @@
 """Units become actions: whole paths, waits and nominal times.
 
-The times execute the partial order with the time model: each action begins
-when the one before it on its head and those it comes after have ended.
+The times follow from the partial order and the time model: each action begins when
+the one before it on its head, and those it comes after, have ended.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """How long each spot of a print must cool before it is printed over, and orders that let it.
 
-The rule is a slicer's: no spot is printed over within so many seconds. The
-source keeps it only for whole layers, so a plan owes a contour no longer a pause
-than the source made between the last of what is under it and its own begin: all
-the other towers' time for a tower, next to nothing for a part alone. Waits become
-actions in `decmcts.team.schedule.waits`.
+The rule is a slicer's: no spot is printed over within so many seconds. Slicers keep it
+for whole layers only. So a plan need not leave more time than the source did between
+the last of what is under a contour and its own begin. For one tower of
+several that is the time of all the others; for a part alone it is next to nothing.
+Waits become actions in `decmcts.team.schedule.waits`.
 """
 
 from __future__ import annotations

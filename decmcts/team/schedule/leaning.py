@@ -1,8 +1,9 @@
 """Loops entered so that a head gives back first what the heads beside it want.
 
-A print gives its room back as it goes on, and what it holds longest is where it ends. A
-loop ends where it begins. So where loops may begin anywhere they can be made to *lean*: all
-towards one end of the machine, or each towards the end at which its own head stands.
+A head gives its room back while it prints a contour, and holds longest the room where the
+contour ends. A loop ends where it begins. So where loops may begin anywhere they can be made
+to *lean*: all towards one end of the machine, or each towards the end at which its own head
+stands.
 """
 
 from __future__ import annotations

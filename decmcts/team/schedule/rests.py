@@ -1,7 +1,8 @@
 """Where heads of several rest so that what is below can cool, as actions of a plan.
 
-Heads keep no common time. So the time that counts is what a head does itself after
-another's print has surely ended, and what is missing it rests, where it is to print.
+Heads have no common clock. So only the time counts that a head spends itself after
+another head's contour has surely ended. If that is too short, the head rests for what
+is missing, at the place where it is to print.
 """
 
 from __future__ import annotations

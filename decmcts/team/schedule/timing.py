@@ -1,7 +1,7 @@
 """How long each action of a head takes: its moves, as they will be written, through the time model.
 
-Wipe, retraction, lift and priming are counted in. Of the code around the print
-(start and end G-code, blocks) nothing is known here.
+Wipe, retraction, lift and priming are counted. The code around the print (start and
+end G-code, blocks) is not.
 """
 
 from __future__ import annotations
