@@ -52,7 +52,7 @@ class MemoryNetwork:
             transport.inbox.append(arrival)
 
     def _is_stale(self, to: int, arrival: Arrival) -> bool:
-        """Whether a token is told of that is no longer there."""
+        """Whether this arrival announces a token that is not there any more."""
         if not isinstance(arrival, Presence) or not arrival.alive:
             return False
         of = self.transports.get(arrival.head)

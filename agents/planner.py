@@ -26,8 +26,8 @@ class Planner(Protocol):
     """One head's planner.
 
     `take`, `offer` and `resolve` raise `MessageError` for sequences that name work
-    the problem does not have: they come from outside. All that is told the live
-    heads raises `InputError` if these cannot print everything.
+    the problem does not have, since these come from outside. Every method that takes
+    the live heads raises `InputError` if they cannot print everything.
     """
 
     @property

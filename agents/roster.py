@@ -91,7 +91,7 @@ class Roster:
         return [] if epoch is None or head in self.greeted else [self._hello(wants_answer=True)]
 
     def fence(self, head: int, epoch: int) -> None:
-        """Count one incarnation as off for good, and the head until another one speaks."""
+        """Count one incarnation as off for good, and its head as off until another one speaks."""
         if not self.is_peer(head):
             return
         self._dead.add((head, epoch))

@@ -154,7 +154,7 @@ class Incumbent:
 
 
 def _allowed(seat: NDArray[np.int32], seams: Seams) -> bool:
-    """Say whether each contour has an option of its own where it has a choice, else none."""
+    """Say whether contours with a choice have an option of their own, and all others none."""
     choice = np.diff(seams.offsets) > 1
     within = (seat >= seams.offsets[:-1]) & (seat < seams.offsets[1:])
     return bool(np.where(choice, within, seat == -1).all())

@@ -27,10 +27,10 @@ from decmcts.search.sequence.problem import Pace
 def pace_of(job: PrintJob, limits: MotionLimits) -> Pace:
     """Return how fast the travels of a print go.
 
-    Those not shorter than the source's least, but for those that stay bare inside the
-    part, are retracted (wiped, if the source wipes), lifted by the source's own hop,
-    lowered and primed again; the lift over what is printed higher is not known before
-    there is an order.
+    A travel is retracted (wiped, if the source wipes), lifted by the source's own hop,
+    lowered and primed again. Travels shorter than the source's least, and those that
+    stay bare inside the part, go without all that. How far a travel must lift over what
+    is printed higher is not known before there is an order.
     """
     settings = job.settings
     hop_s = retraction_time(settings, limits)

@@ -58,7 +58,7 @@ class Sharing:
 
     @property
     def head(self) -> int:
-        """Who is given the next one: the head with least to do that may do any of the rest."""
+        """Return who gets the next macro-action: the head with least to do that may do any."""
         left = self._may[self.owner < 0]
         return int(np.where(left.any(axis=0), self._load, np.inf).argmin())
 
@@ -77,7 +77,7 @@ class Sharing:
         return int(left[min(int(self._rng.geometric(1.0 - NEAR)), len(left)) - 1])
 
     def give(self, macro: int) -> None:
-        """Give it to the next head."""
+        """Give a macro-action to the next head."""
         head = self.head
         self.owner[macro], self.rank[macro] = head, self._given
         self._load[head] += self._work[macro]

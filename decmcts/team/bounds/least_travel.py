@@ -229,8 +229,8 @@ def _possible(
 ) -> tuple[NDArray[np.bool_], Floats]:
     """Tell which contours a head may print one after the other, and what it must wait, (m,) each.
 
-    Where contours must come between, one that is on the first of them and one that the second
-    is on are printed meanwhile, or the same one.
+    Other contours may have to be printed between the two: one that lies on the first, and one
+    that the second lies on, or a single one that is both. The wait is the longer of their times.
     """
     n = graph.n
     earlier, later = np.minimum(pairs.tail, pairs.head), np.maximum(pairs.tail, pairs.head)
@@ -268,7 +268,7 @@ def _shares(
 
 
 def _even(shares: Floats, heads: int) -> Floats:
-    """Lower the largest, one a head, to the next: those that may go without cost no more then."""
+    """Lower the largest shares, one a head, to the next one; so going without them costs less."""
     if len(shares) <= heads:
         return np.zeros(len(shares))
     return np.asarray(np.minimum(shares, np.partition(shares, -heads - 1)[-heads - 1]))

@@ -47,7 +47,7 @@ def saved_by_running_on(
 def _of_free_ends(job: PrintJob, limits: MotionLimits, entry: NDArray[np.int32]) -> Floats:
     """Return what contours save if they begin, and end, at any speed, (n, 2).
 
-    No more is saved at both ends than these together.
+    Both ends together save no more than the sum of the two.
     """
     rest, begin, end, both = (
         _seconds(job, limits, entry, flying)
@@ -111,7 +111,7 @@ def _run_ups(
 def _paid(
     job: PrintJob, machine: Machine, limits: MotionLimits, entries: SeamEntries | None
 ) -> Floats:
-    """Return the seconds each end takes at least to get away from at speed, (n, 2).
+    """Return the least seconds a head needs to leave, or reach, each end at speed, (n, 2).
 
     Half a bare travel to the nearest other contour, or to the park; or a wipe, if nothing is
     retracted before it. Infinite where travels are too long to be bare.

@@ -54,9 +54,9 @@ class Parameters:
     def for_contours(n: int) -> Parameters:
         """Return parameters for a print of n contours: the larger, the fewer samples.
 
-        Windows too, each of which takes longer: rounds of a large print stay as short. Of very
-        large ones polishing gains more than all before it, so it begins sooner. Few contours
-        are annealed all together, for nearly all the time.
+        There are fewer windows in a round, too, since each takes longer; so rounds stay short.
+        On very large prints polishing gains more than all before it, so it begins sooner. A few
+        contours are annealed all together, for nearly all the time.
         """
         plans = int(np.clip(40_000 // max(n, 1), 5, 10))
         tries = int(np.clip(200_000 // max(n, 1), 32, 128))

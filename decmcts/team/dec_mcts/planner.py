@@ -324,7 +324,7 @@ class DecMcts:
         return self._new_line(StatedOrder.of(self._values.start_paths[team]), team)
 
     def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
-        """Return a joint order to polish; none draws what another one drew."""
+        """Return a joint order to polish; each has random numbers of its own."""
         seed = self._seed * len(self.problem.machine.heads) + self.head
         seed += len(self.problem.machine.heads) * self._lines
         self._lines += 1

@@ -105,7 +105,7 @@ def require_complete(
 
 
 def sequences_of(toolpaths: Sequence[Toolpath]) -> Sequences:
-    """Return the toolpaths as the kernels take them; turns count only if all have them."""
+    """Return the toolpaths as the kernels take them; turns are used if all of them have some."""
     order = np.concatenate([toolpath.order for toolpath in toolpaths]).astype(np.int32)
     backwards = np.concatenate([toolpath.reversed for toolpath in toolpaths]).astype(np.bool_)
     offsets = np.cumsum([0, *(len(toolpath) for toolpath in toolpaths)]).astype(np.int64)

@@ -17,7 +17,7 @@ NEAR = 16  # policies that count as near one
 
 @lru_cache(maxsize=8)
 def places(policies: int) -> NDArray[np.float64]:
-    """Return the first policies as points; a factor of ten in a weight is 1/2.5."""
+    """Return the first policies as points, (k, d); weights ten times apart are 1/2.5 apart."""
     rows = POLICIES[:policies]
     logs = np.log10(np.maximum(rows[:, LOGARITHMIC], LEAST)) / 2.5
     return np.column_stack([logs, rows[:, URGENCY]])

@@ -178,8 +178,8 @@ def travel_row(settings: ProcessSettings, limits: MotionLimits) -> list[float]:
 def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = None) -> Space:
     """Return the room the heads need for these contours.
 
-    A contour is eligible for a head that reaches it, has its tool and can be let in: while
-    the others are parked, or aside, if they are live.
+    A contour is eligible for a head that reaches it, has its tool and can be let in. Heads
+    that are not live stay parked; the live ones may step aside for it.
     """
     eligible = eligibility(job.contours, machine.heads)
     if live is not None:

@@ -59,10 +59,11 @@ class QcspResult:
 
 @dataclass(slots=True)
 class _Goal:
-    """A makespan that ends a round, and which lanes got there after how many proposals.
+    """A makespan that ends a round, and which lanes reached it after how many proposals.
 
-    The others go on until they have made as many, and the first of those that got there
-    by then counts, so that which thread is faster does not decide what is found.
+    A lane that has not reached it goes on until it has made as many proposals as the one that
+    has. Of all lanes that have reached it by then the first one counts. So the result does not
+    depend on which thread is faster.
     """
 
     makespan: float

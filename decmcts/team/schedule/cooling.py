@@ -50,7 +50,7 @@ def find_lags(
     times: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
     min_layer_time_s: float,
 ) -> list[Lags]:
-    """Return how long what is under a contour must cool: the rule, or the source's pause if less.
+    """Return how long what is under a contour must cool: the rule, or the source's lag if less.
 
     Parameters
     ----------

@@ -51,8 +51,9 @@ class Orders:
 def first_entries(job: PrintJob, orders: Orders, alone: Toolpath) -> NDArray[np.int32]:
     """Return where each loop is entered while heads plan, (n,).
 
-    At the vertex a policy names; with seam `nearest` where the order for one head alone
-    enters it, for many neighbours of that order are neighbours again; else as sliced.
+    A seam policy may name the vertex. With seam `nearest` it is where the order for one head
+    alone enters the loop, for many neighbours in that order will be neighbours again. Else it
+    is as sliced.
     """
     if orders.names_seams:
         return seam_entries(job.contours, orders.seam).vertices  # type: ignore[arg-type]

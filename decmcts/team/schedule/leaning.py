@@ -40,8 +40,9 @@ def lean(
 ) -> Ints:
     """Return where each loop is entered while heads plan: at `entry`, as sliced or leaning, (n,).
 
-    Those entries with which the first policies reach the shortest makespan; `entry` where
-    loops have no choice among `entries`, and where heads hold a contour's room to its end.
+    Of these the way is taken with which the first policies reach the shortest makespan. It is
+    `entry` where loops have no choice among `entries`, and where heads hold a contour's room to
+    its end.
     """
     if entries is None or len(entries.vertices) == len(job.contours):
         return entry
