@@ -1,4 +1,6 @@
-"""From one toolpath per head to an exact plan that is safe for every timing (J1-J5).
+"""From one toolpath per head to an exact plan that is safe for every timing.
+
+Safe means rules J1-J5 of ARCHITECTURE.md.
 
 `decmcts.team.engine.order` decides who waits for whom; here every action gets its
 path, checked against whatever may be printed by then, and its nominal times.
