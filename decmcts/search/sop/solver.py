@@ -35,7 +35,8 @@ from decmcts.search.sequence.stopping import (
     TimeLimit,
 )
 from decmcts.search.sop.assignment import Assignment, assign, patched
-from decmcts.search.sop.lanes import FOUND_BY, Race
+from decmcts.search.sop.found import FOUND_BY
+from decmcts.search.sop.lanes import Race
 from decmcts.search.sop.precedence import Precedence
 
 
