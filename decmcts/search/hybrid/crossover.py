@@ -34,10 +34,3 @@ def crossover(sequences: list[Sequence]) -> Sequence:
         seat[followed, best.order],
     )
     return best
-
-
-def joined(sequences: list[Sequence]) -> Sequence:
-    """Return the best of what the sequences have, stretch by stretch, loops entered anew."""
-    best = crossover(sequences)
-    best.settle()
-    return best

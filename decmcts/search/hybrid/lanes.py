@@ -53,10 +53,17 @@ class Lanes:
     pool: ThreadPoolExecutor
     states: list[NDArray[np.uint64]]  # (1,) each, mutated
     cutting: NDArray[np.uint64]  # (1,) mutated
+    crosses: bool = True  # results are joined stretch by stretch; False: the best is taken
 
     def fresh(self, count: int) -> list[NDArray[np.uint64]]:
         """Mutate `cutting`; return `count` new generators."""
         return [seeded(int(uniform(self.cutting) * 2**53)) for _ in range(count)]
+
+    def join(self, found: list[Sequence]) -> Sequence:
+        """Return the best of what was found, a sequence of its own."""
+        if self.crosses:
+            return crossover(found)
+        return min(found, key=lambda sequence: sequence.cost).copy()
 
     def steps(self, budget: Budget) -> float:
         """Return about how many steps each thread has time for in the whole budget."""
@@ -66,11 +73,11 @@ class Lanes:
 
 
 @contextmanager
-def open_lanes(count: int, seed: int) -> Iterator[Lanes]:
+def open_lanes(count: int, seed: int, *, crosses: bool = True) -> Iterator[Lanes]:
     """Yield `count` threads with unrelated generators."""
     states = [seeded(seed * (count + 1) + lane) for lane in range(count + 1)]
     with ThreadPoolExecutor(count) as pool:
-        yield Lanes(pool, states[:count], states[count])
+        yield Lanes(pool, states[:count], states[count], crosses)
 
 
 def anneal_rivals(
@@ -122,7 +129,8 @@ def anneal_pieces(
     """Anneal one sequence on all lanes until the share `until` is spent; return whether to stop.
 
     There are `a_lane` pieces for each lane, fewer where they would be too small; in
-    every other turn each lane has the whole sequence, and the best of both goes on.
+    every other turn, and always if that is 0, each lane has the whole sequence, and the
+    best of both goes on.
     Mutates the sequence and the generators; offers what it passes to the incumbent.
     """
     n, count = len(sequence.order), len(lanes.states)
@@ -132,7 +140,8 @@ def anneal_pieces(
     def begin() -> None:
         nonlocal shares, rivals, begun
         if begun % lasting == 0:
-            rivals = n < _LEAST_PIECE * count or begun // lasting % 2 == 1
+            too_few = a_lane == 0 or n < _LEAST_PIECE * count
+            rivals = too_few or begun // lasting % 2 == 1
             shares = _whole(sequence, count) if rivals else _shared_out(sequence, lanes, a_lane)
         begun += 1
 
@@ -150,7 +159,7 @@ def anneal_pieces(
             for piece in pieces:
                 piece.put_back(own)
         if rivals:
-            sequence.become(crossover(found))
+            sequence.become(lanes.join(found))
         if begun % lasting == 0:  # else the same pieces go on, with entries of their own
             sequence.settle()
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)

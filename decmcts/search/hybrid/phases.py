@@ -22,7 +22,7 @@ from decmcts.search.bounds.exact import WIDEST, Patience, solve_exactly
 from decmcts.search.hybrid.lanes import Lanes, open_lanes
 from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.hybrid.races import Races
-from decmcts.search.hybrid.regions import anneal_regions
+from decmcts.search.hybrid.regions import Regions
 from decmcts.search.hybrid.sharing import Sharing
 from decmcts.search.hybrid.spaced import Spaced
 from decmcts.search.hybrid.structure import Trees
@@ -39,12 +39,15 @@ class Hybrid:
 
     probe: float = 0.15  # share of the budget for finding out what an exact solution takes,
     exact: float = 0.75  # and the share that may take; 0: no exact solutions
-    promising: float = 1.15  # cost of going by layers, in those of the best start, worth a try
+    promising: float = 1.15  # cost of going by layers, in those of the best start, worth a try;
+    # 0: no layered starts
     trees: Trees = field(default_factory=Trees)
     races: Races = field(default_factory=Races)
     sharing: Sharing = field(default_factory=Sharing)
+    regions: Regions = field(default_factory=Regions)
     spaced: Spaced = field(default_factory=Spaced)  # where contours must be some time apart
     end: float = 0.97  # share of the budget at which the descent begins
+    crosses: bool = True  # results of threads are joined stretch by stretch
     threads: int = 2  # fixed, so that results do not depend on the machine
     anneals: bool = True  # False: trees and descent only
 
@@ -67,7 +70,7 @@ class Hybrid:
             return
         near = near_ports(incumbent.problem)
         layered = layered_start(incumbent, near, *by_layers, promising=self.promising)
-        with open_lanes(self.threads, seed) as lanes:
+        with open_lanes(self.threads, seed, crosses=self.crosses) as lanes:
             if self._search(incumbent, near, lanes, layered):
                 return
         incumbent.offer_order(incumbent.order)
@@ -106,10 +109,12 @@ class Hybrid:
             best = Sequence.best_of(incumbent, near)
             return self.trees.grow(incumbent, lanes, best, self.end)
         if not self.races.suit(incumbent, lanes):
-            return self.sharing.run(incumbent, near, lanes, layered, self.trees, self.end)
+            return self.sharing.run(
+                incumbent, near, lanes, layered, self.trees, self.regions, self.end
+            )
         if self.races.run(incumbent, near, lanes, layered, self.trees):
             return True
-        return anneal_regions(incumbent, Sequence.best_of(incumbent, near), lanes, self.end)
+        return self.regions.run(incumbent, Sequence.best_of(incumbent, near), lanes, self.end)
 
 
 def layered_start(
@@ -123,10 +128,10 @@ def layered_start(
     """Return the best sequence if it goes by layers, else the one given if it promises enough.
 
     That one gets the entries that suit it and may then cost `promising` times the best.
-    None too if there is but one layer.
+    None too if there is but one layer, or `promising` is 0.
     """
     best, group = Sequence.best_of(incumbent, near), layer_runs(incumbent.problem.layer)
-    if group[-1] == 0:
+    if group[-1] == 0 or promising == 0.0:
         return None
     if (np.diff(group[best.order]) >= 0).all():
         return best

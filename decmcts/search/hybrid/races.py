@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.hybrid.crossover import joined
 from decmcts.search.hybrid.fusing import merge
 from decmcts.search.hybrid.lanes import Lanes, anneal_rivals
 from decmcts.search.hybrid.pieces import Sequence
@@ -40,7 +39,7 @@ class Races:
     until: float = 0.65  # share of the budget at which they end
     steps: float = 3000.0  # of a lane in a race, for each contour and entry
     most: int = 8  # races
-    settling: float = 0.2  # share of a race for annealing what the best and a rival differ in
+    settling: float = 0.2  # share of a race for what the best and a rival differ in; 0: none
     fused: float = 1.0  # temperature that begins with, in mean travels of what is not fused
     hot: float = 1.5
     mild: float = 0.7  # from here on some of the structure stays
@@ -89,11 +88,13 @@ class Races:
             if anneal_rivals(incumbent, rivals, lanes, coolings, race_ends, groups=groups):
                 return True
             ends += rivals
-            found = joined([Sequence.best_of(incumbent, near), *ends])
+            found = lanes.join([Sequence.best_of(incumbent, near), *ends])
+            found.settle()
             incumbent.offer(found.order, found.flip, found.seat)
             if layered is not None and len(rivals) > 1:
                 in_layers += rivals[0 if ahead else 1 :]
-                layered = joined([layered, *in_layers])
+                layered = lanes.join([layered, *in_layers])
+                layered.settle()
                 incumbent.offer(layered.order, layered.flip, layered.seat)
                 ahead = ahead or rivals[-1].cost < rivals[0].cost
             if self._settle(incumbent, Sequence.best_of(incumbent, near), rivals, lanes, until):
@@ -123,7 +124,7 @@ class Races:
     ) -> bool:
         """Anneal what the best sequence and the next best differ in; return whether to stop."""
         others = [rival for rival in rivals if rival.cost > best.cost]
-        if not others:
+        if not others or self.settling == 0.0:
             return False
         fused = merge(best, min(others, key=lambda rival: rival.cost))
         if len(fused.problem) < 2:

@@ -26,7 +26,6 @@ from scipy.spatial import cKDTree
 
 from decmcts._kernels.random import below, uniform
 from decmcts._kernels.sequence.anneal import anneal
-from decmcts.search.hybrid.crossover import crossover
 from decmcts.search.hybrid.fusing import Fused, fuse
 from decmcts.search.hybrid.lanes import ROUND_S, Lanes
 from decmcts.search.hybrid.pieces import Sequence, cut
@@ -46,7 +45,6 @@ _STRETCHES = (1.0, 3.0, 10.0)  # of heights: towers to layers
 _WHOLE = 6000  # contours up to which regions are taken of the whole print
 _PART = 1500  # contours set free in a part of a larger one
 _PART_PASSES = 2  # parts each contour is to be in
-_STRETCHED = 0.3  # of the time between two meetings: stretches solved exactly
 _WINDOWS = (1, 3)  # stretches of the sequence in a region that is no ball
 
 
@@ -96,62 +94,69 @@ class Places:
         return free
 
 
-def anneal_regions(incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until: float) -> bool:
-    """Improve a sequence until the share `until` is spent; return whether to stop.
+@dataclass(frozen=True, slots=True)
+class Regions:
+    """How the time for regions is used."""
 
-    The incumbent gets what is better. Of a large print a part is fused out first, in
-    which regions are tried for a while: fusing takes time with all contours there are.
-    Mutates the generators.
-    """
-    n, began = len(sequence.order), incumbent.spent
-    stretches = [Stretches() for _ in lanes.states]
-    if n <= _WHOLE:
-        return _improved(incumbent, sequence, lanes, stretches, until)[1]
-    places, turn = Places.of(sequence), (until - began) * _PART / (_PART_PASSES * n)
-    bare, stop = sequence.problem.costs is not None, False
-    while not stop and incumbent.spent < until:
-        if bare:  # all in one place
-            free = places.draw(sequence, _PART, lanes.cutting)
-        else:
-            free = places.ball(_PART, lanes.cutting)
-        fused = _fused_but(sequence, free)
-        turn_ends = min(until, incumbent.spent + turn)
-        found, stop = _improved(incumbent, fused.start(), lanes, stretches, turn_ends, fused)
-        sequence = fused.unfused(found)
-        stop = stop or incumbent.tick()  # a part without travels asks nobody
-    return stop
+    stretched: float = 0.3  # of the time between two meetings: stretches solved exactly
 
+    def run(self, incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until: float) -> bool:
+        """Improve a sequence until the share `until` is spent; return whether to stop.
 
-def _improved(
-    incumbent: Incumbent,
-    sequence: Sequence,
-    lanes: Lanes,
-    stretches: list[Stretches],
-    until: float,
-    fused: Fused | None = None,
-) -> tuple[Sequence, bool]:
-    """Return what regions make of a sequence until the share `until`, and whether to stop.
+        The incumbent gets what is better. Of a large print a part is fused out first, in
+        which regions are tried for a while: fusing takes time with all contours there are.
+        Mutates the generators.
+        """
+        n, began = len(sequence.order), incumbent.spent
+        stretches = [Stretches() for _ in lanes.states]
+        if n <= _WHOLE:
+            return self._improved(incumbent, sequence, lanes, stretches, until)[1]
+        places, turn = Places.of(sequence), (until - began) * _PART / (_PART_PASSES * n)
+        bare, stop = sequence.problem.costs is not None, False
+        while not stop and incumbent.spent < until:
+            if bare:  # all in one place
+                free = places.draw(sequence, _PART, lanes.cutting)
+            else:
+                free = places.ball(_PART, lanes.cutting)
+            fused = _fused_but(sequence, free)
+            turn_ends = min(until, incumbent.spent + turn)
+            start = fused.start()
+            found, stop = self._improved(incumbent, start, lanes, stretches, turn_ends, fused)
+            sequence = fused.unfused(found)
+            stop = stop or incumbent.tick()  # a part without travels asks nobody
+        return stop
 
-    Each lane tries regions by itself for a while; then the best of what both have, stretch
-    by stretch, goes on, to the incumbent too: of a fused problem the whole sequence it
-    stands for.
-    """
-    places, began, made = Places.of(sequence), incumbent.spent, 0
-    while (spent := incumbent.spent) < until and sequence.cost > 0.0:
-        rate = made / (spent - began) if spent > began else 0.0
-        count, steps = len(lanes.states), rate * (until - began)
-        trial = _Trial(incumbent, places, until, rate / count, steps, count)
-        found = list(lanes.pool.map(trial.run, repeat(sequence), lanes.states, stretches))
-        best = crossover([result for result, *_ in found])
-        if best.cost < sequence.cost:
-            whole = best if fused is None else fused.unfused(best)
-            incumbent.offer(whole.order, whole.flip, whole.seat)
-        sequence = best
-        annealed, solved = (sum(numbers) for numbers in list(zip(*found, strict=True))[1:])
-        made += annealed
-        if incumbent.tick(annealed + solved) or incumbent.cost == 0.0:
-            return sequence, True
-    return sequence, False
+    def _improved(
+        self,
+        incumbent: Incumbent,
+        sequence: Sequence,
+        lanes: Lanes,
+        stretches: list[Stretches],
+        until: float,
+        fused: Fused | None = None,
+    ) -> tuple[Sequence, bool]:
+        """Return what regions make of a sequence until the share `until`, and whether to stop.
+
+        Each lane tries regions by itself for a while; then the best of what both have,
+        stretch by stretch, goes on, to the incumbent too: of a fused problem the whole
+        sequence it stands for.
+        """
+        places, began, made = Places.of(sequence), incumbent.spent, 0
+        while (spent := incumbent.spent) < until and sequence.cost > 0.0:
+            rate = made / (spent - began) if spent > began else 0.0
+            count, steps = len(lanes.states), rate * (until - began)
+            trial = _Trial(incumbent, places, until, rate / count, steps, count, self.stretched)
+            found = list(lanes.pool.map(trial.run, repeat(sequence), lanes.states, stretches))
+            best = lanes.join([result for result, *_ in found])
+            if best.cost < sequence.cost:
+                whole = best if fused is None else fused.unfused(best)
+                incumbent.offer(whole.order, whole.flip, whole.seat)
+            sequence = best
+            annealed, solved = (sum(numbers) for numbers in list(zip(*found, strict=True))[1:])
+            made += annealed
+            if incumbent.tick(annealed + solved) or incumbent.cost == 0.0:
+                return sequence, True
+        return sequence, False
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +169,7 @@ class _Trial:
     rate: float  # steps of a lane for all of the budget, 0: not known yet
     steps: float  # of all lanes until the end, 0: not known yet
     lanes: int
+    stretched: float  # of the time between two meetings
 
     def run(
         self, sequence: Sequence, state: NDArray[np.uint64], stretches: Stretches
@@ -182,9 +188,9 @@ class _Trial:
             made += number
             if (now := found.cost) <= cost:
                 sequence, cost = found, now
-            if self.incumbent.seconds >= began + ROUND_S * (1 - _STRETCHED) or self._is_over():
+            if self.incumbent.seconds >= began + ROUND_S * (1 - self.stretched) or self._is_over():
                 break
-        if cost == 0.0 or sequence.problem.costs is not None:
+        if self.stretched == 0.0 or cost == 0.0 or sequence.problem.costs is not None:
             return sequence, made, 0
         sequence = sequence.copy()
         solved = stretches.improve(self.incumbent, sequence, state, self._stretched(made))
@@ -194,14 +200,15 @@ class _Trial:
         """Return the share of the budget at which stretches end, after so many steps."""
         incumbent, limit = self.incumbent, self.incumbent.budget.iterations
         if limit is not None:
-            return incumbent.spent + _STRETCHED / (1.0 - _STRETCHED) * made / limit
-        return min(self.until, incumbent.spent + _STRETCHED * ROUND_S / incumbent.budget.seconds)
+            return incumbent.spent + self.stretched / (1.0 - self.stretched) * made / limit
+        share = self.stretched * ROUND_S / incumbent.budget.seconds
+        return min(self.until, incumbent.spent + share)
 
     def _most(self) -> float:
         """Return the most steps a region may take."""
         budget, left = self.incumbent.budget, self.until - self.incumbent.spent
         if budget.iterations is not None:
-            return left * budget.iterations / self.lanes * (1.0 - _STRETCHED)
+            return left * budget.iterations / self.lanes * (1.0 - self.stretched)
         return self.rate * min(left, _LONGEST_S / budget.seconds) or _MOST_AT_FIRST
 
     def _is_over(self) -> bool:

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.hybrid.crossover import joined
 from decmcts.search.hybrid.lanes import Lanes, anneal_pieces, anneal_rivals
 from decmcts.search.hybrid.pieces import Sequence
-from decmcts.search.hybrid.regions import anneal_regions
+from decmcts.search.hybrid.regions import Regions
 from decmcts.search.hybrid.stretches import solve_all_stretches
 from decmcts.search.hybrid.structure import Trees
 from decmcts.search.sequence.annealing import Cooling
@@ -38,6 +37,7 @@ class Sharing:
     for_regions: float = 15_000.0  # if there are so many steps for each contour in all
     stretches_from: float = 0.85  # or at which stretches are solved exactly,
     for_stretches: float = 2000.0  # if there are only so many
+    pieces: tuple[int, int] = (1, 4)  # of each thread, hot and cold; 0: whole sequences alone
     hot: float = 1.5
     warm: float = 0.2  # from here on the structure stays
     cold: float = 0.03
@@ -53,6 +53,7 @@ class Sharing:
         lanes: Lanes,
         layered: Sequence | None,
         trees: Trees,
+        regions: Regions,
         end: float,
     ) -> bool:
         """Improve the best sequence until the share `end` is spent; return whether to stop."""
@@ -63,9 +64,9 @@ class Sharing:
             return True
         sequence, cooling = Sequence.best_of(incumbent, near), self._cooling(incumbent)
         first = incumbent.spent + self.first
-        if anneal_pieces(incumbent, sequence, lanes, cooling, first, a_lane=1):
+        if anneal_pieces(incumbent, sequence, lanes, cooling, first, a_lane=self.pieces[0]):
             return True
-        return self._anneal(incumbent, near, lanes, trees, end)
+        return self._anneal(incumbent, near, lanes, trees, regions, end)
 
     def _cooling(self, incumbent: Incumbent) -> Cooling:
         """Return all the way from hot to cold, for the best sequence."""
@@ -81,30 +82,37 @@ class Sharing:
         groups = [layer_runs(incumbent.problem.layer)] * len(rivals)
         if anneal_rivals(incumbent, rivals, lanes, coolings, until, groups=groups):
             return True
-        found = joined(rivals)
+        found = lanes.join(rivals)
+        found.settle()
         incumbent.offer(found.order, found.flip, found.seat)
         return False
 
     def _anneal(
-        self, incumbent: Incumbent, near: NDArray[np.int32], lanes: Lanes, trees: Trees, end: float
+        self,
+        incumbent: Incumbent,
+        near: NDArray[np.int32],
+        lanes: Lanes,
+        trees: Trees,
+        regions: Regions,
+        end: float,
     ) -> bool:
         """Cool one sequence down on all threads together; return whether to stop."""
         sequence = Sequence.best_of(incumbent, near)
         mean = incumbent.cost / len(incumbent.problem)
         falling = Cooling(self.hot * mean, self.warm * mean)
-        if anneal_pieces(incumbent, sequence, lanes, falling, self.half_way, a_lane=1):
+        if anneal_pieces(incumbent, sequence, lanes, falling, self.half_way, a_lane=self.pieces[0]):
             return True
         if trees.turn(incumbent, lanes, Sequence.best_of(incumbent, near)):
             return True
         if incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
             sequence = Sequence.best_of(incumbent, near)
         steps = incumbent.iterations / (incumbent.spent * len(incumbent.problem))
-        regions, stretches = steps >= self.for_regions, steps >= self.for_stretches
-        until = self.regions_from if regions else self.stretches_from if stretches else end
+        many, some = steps >= self.for_regions, steps >= self.for_stretches
+        until = self.regions_from if many else self.stretches_from if some else end
         falling = Cooling(self.warm * mean, self.cold * mean)
-        if anneal_pieces(incumbent, sequence, lanes, falling, until, a_lane=4):
+        if anneal_pieces(incumbent, sequence, lanes, falling, until, a_lane=self.pieces[1]):
             return True
         best = Sequence.best_of(incumbent, near)
-        if regions:
-            return anneal_regions(incumbent, best, lanes, end)
-        return stretches and solve_all_stretches(incumbent, best, lanes, end)
+        if many:
+            return regions.run(incumbent, best, lanes, end)
+        return some and solve_all_stretches(incumbent, best, lanes, end)

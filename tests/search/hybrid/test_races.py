@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.search.hybrid.crossover import joined
-from decmcts.search.hybrid.lanes import anneal_rivals
+from decmcts.search.hybrid.lanes import Lanes, anneal_rivals
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.hybrid.races import Races
@@ -48,18 +47,21 @@ def test_stays_within_layers_once_that_is_ahead(
         raced.append(within)
         return stop
 
-    def watched_join(sequences: list[Sequence]) -> Sequence:
+    join = Lanes.join
+
+    def watched_join(lanes: Lanes, sequences: list[Sequence]) -> Sequence:
         assert len({id(sequence) for sequence in sequences}) == len(sequences)
         pools.append(len(sequences))
-        return joined(sequences)
+        return join(lanes, sequences)
 
     monkeypatch.setattr("decmcts.search.hybrid.races.anneal_rivals", watched)
-    monkeypatch.setattr("decmcts.search.hybrid.races.joined", watched_join)
+    monkeypatch.setattr(Lanes, "join", watched_join)
     planner = Hybrid(promising=10.0, races=Races(steps=50.0))
     plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=400_000)
     most = planner.races.most
     assert raced == [[False, True], *[[ahead, True]] * (most - 1)]
     assert heats == [heats[0]] * most  # the best is better by then, but no cooler
+    pools = pools[: 2 * most]  # then come regions
     assert pools[::2] == [1 + 2 * (race + 1) for race in range(most)]
     assert pools[1::2] == [2 + (2 if ahead else 1) * race for race in range(most)]
 

@@ -11,7 +11,7 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
 from decmcts.search.hybrid import regions
 from decmcts.search.hybrid.lanes import open_lanes
-from decmcts.search.hybrid.regions import Places, anneal_regions
+from decmcts.search.hybrid.regions import Places, Regions
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Budget, IterationLimit
 from tests.search.hybrid.test_fusing import found, varied
@@ -32,7 +32,7 @@ def improved(seed: int, iterations: int) -> Incumbent:
     start = found(problem, seed, iterations=10)
     incumbent.offer(start.order, start.flip, start.seat)
     with open_lanes(2, seed) as lanes:
-        anneal_regions(incumbent, start, lanes, 1.0)
+        Regions().run(incumbent, start, lanes, 1.0)
     return incumbent
 
 

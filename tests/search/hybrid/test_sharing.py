@@ -12,6 +12,7 @@ from decmcts.search.hybrid.lanes import anneal_pieces, open_lanes
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.hybrid.races import Races
+from decmcts.search.hybrid.regions import Regions
 from decmcts.search.hybrid.sharing import Sharing
 from decmcts.search.hybrid.structure import Trees
 from decmcts.search.planners import plan_order
@@ -38,7 +39,7 @@ def test_stops_where_no_travel_is_left(has_layered: bool) -> None:
     near, sharing = near_ports(incumbent.problem), Sharing(layers_from=10)
     layered = Sequence.best_of(incumbent, near) if has_layered else None
     with open_lanes(2, 0) as lanes:
-        assert sharing.run(incumbent, near, lanes, layered, Trees(share=0.0), 0.97)
+        assert sharing.run(incumbent, near, lanes, layered, Trees(share=0.0), Regions(), 0.97)
     assert incumbent.iterations == 0
 
 
