@@ -30,12 +30,15 @@ from common import CPU_TIME, Rows, arguments, grouped, markdown, names, of_model
 from cpu_time import WorkClock
 from in_process import less_percent, loaded, searched
 
+from decmcts.search.hybrid.exact import Exact
+from decmcts.search.hybrid.multistart import Multistart
+from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
+from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.pieces import Sequence
-from decmcts.search.hybrid.races import Races
-from decmcts.search.hybrid.regions import Regions
-from decmcts.search.hybrid.sharing import Sharing
-from decmcts.search.hybrid.structure import Trees
+from decmcts.search.hybrid.search import END
+from decmcts.search.hybrid.starts import LayeredStart
+from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import Planner
 
 MODELS = (  # sizes in turn, so that a part of the runs has something of each
@@ -46,31 +49,31 @@ SIZES = {"to 1000": 1000, "to 6000": 6000, "larger": 10**9}  # contours
 TWIN = 1000  # added to its seed
 
 HYBRID = Hybrid()
-RACES, SHARING = HYBRID.races, HYBRID.sharing
-NO_TREES = Trees(share=0.0)
-NO_REGIONS = Sharing(for_regions=math.inf, for_stretches=math.inf)
+SEVERAL, NEVER = HYBRID.multistart, Multistart(always=0, at_most=0)
+NO_EXACT, NO_LAYERS, NO_TREES = Exact(share=0.0), LayeredStart(promising=0.0), Trees(share=0.0)
+ALONE = Partition(for_neighbourhoods=math.inf, for_windows=math.inf)
 BARE = Hybrid(
-    exact=0.0,
-    promising=0.0,
+    exact=NO_EXACT,
+    layered=NO_LAYERS,
     trees=NO_TREES,
-    races=Races(always=10**9, until=HYBRID.end, settling=0.0),
+    multistart=Multistart(always=10**9, until=END, merging=0.0),
     crosses=False,
 )
-ONE_SHARED = Races(always=0, at_most=0)
+BARE_SEARCHED = replace(BARE, multistart=replace(BARE.multistart, until=SEVERAL.until))
 
 
-def raced(contours: int, limit_s: float) -> bool:
-    """Tell whether `hybrid` anneals whole sequences, one a thread, in so much time."""
-    least = 1.5e6 * limit_s / RACES.least
-    return contours <= RACES.always or contours <= min(RACES.at_most, least)
+def started(contours: int, limit_s: float) -> bool:
+    """Tell whether `hybrid` anneals several starts, one a thread, in so much time."""
+    enough = 1.5e6 * limit_s / SEVERAL.least
+    return contours <= SEVERAL.always or contours <= min(SEVERAL.at_most, enough)
 
 
-def shared(contours: int, limit_s: float) -> bool:
-    return not raced(contours, limit_s)
+def parted(contours: int, limit_s: float) -> bool:
+    return not started(contours, limit_s)
 
 
 def layered(contours: int, limit_s: float) -> bool:
-    return raced(contours, limit_s) or contours >= SHARING.layers_from
+    return started(contours, limit_s) or contours >= HYBRID.partition.layers_from
 
 
 def several_gammas(contours: int, limit_s: float) -> bool:
@@ -95,53 +98,54 @@ class Variant:
 VARIANTS = {
     "hybrid": Variant("`hybrid`", HYBRID),
     "twin": Variant("its twin", HYBRID),
-    "no-exact": Variant("without exact solutions", replace(HYBRID, exact=0.0)),
+    "no-exact": Variant("without exact solutions", replace(HYBRID, exact=NO_EXACT)),
     "no-trees": Variant("without trees", replace(HYBRID, trees=NO_TREES)),
     "one-gamma": Variant("Γ = 0.5", replace(HYBRID, trees=Trees(gammas=(0.5,))), several_gammas),
-    "no-races": Variant(
-        "without races: one sequence shared out", replace(HYBRID, races=ONE_SHARED), raced
+    "no-multistart": Variant(
+        "without several starts: a partition", replace(HYBRID, multistart=NEVER), started
     ),
-    "no-sharing": Variant(
-        "without sharing out: races", replace(HYBRID, races=Races(always=10**9)), shared
+    "no-partition": Variant(
+        "without partition: several starts",
+        replace(HYBRID, multistart=Multistart(always=10**9)),
+        parted,
     ),
     "no-pieces": Variant(
-        "shared out, but no pieces", replace(HYBRID, sharing=Sharing(pieces=(0, 0))), shared
+        "partition without pieces", replace(HYBRID, partition=Partition(pieces=(0, 0))), parted
     ),
-    "no-regions": Variant(
-        "without regions and stretches",
-        replace(HYBRID, races=Races(until=HYBRID.end), sharing=NO_REGIONS),
+    "no-neighbourhoods": Variant(
+        "without neighbourhoods and windows",
+        replace(HYBRID, multistart=Multistart(until=END), partition=ALONE),
     ),
-    "no-stretches": Variant(
-        "without stretches",
-        replace(HYBRID, regions=Regions(stretched=0.0), sharing=Sharing(for_stretches=math.inf)),
+    "no-windows": Variant(
+        "without windows",
+        replace(
+            HYBRID,
+            neighbourhoods=Neighbourhoods(windows=0.0),
+            partition=Partition(for_windows=math.inf),
+        ),
     ),
     "no-crossover": Variant("without crossover", replace(HYBRID, crosses=False)),
-    "no-fusing": Variant(
-        "without fusing what is shared", replace(HYBRID, races=Races(settling=0.0)), raced
+    "no-merging": Variant(
+        "without merging", replace(HYBRID, multistart=Multistart(merging=0.0)), started
     ),
-    "no-layers": Variant("without layered starts", replace(HYBRID, promising=0.0), layered),
+    "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_LAYERS), layered),
     "no-settling": Variant("entries by moves alone", HYBRID, seams_only=True, settles=False),
     "one-thread": Variant("one thread", replace(HYBRID, threads=1)),
     "local": Variant("`local`", "local"),
     "bare": Variant("bare", BARE),
     "bare-exact": Variant("bare, exact solutions", replace(BARE, exact=HYBRID.exact)),
     "bare-trees": Variant("bare, trees", replace(BARE, trees=HYBRID.trees)),
-    "bare-sharing": Variant(
-        "bare, one sequence shared out", replace(BARE, races=ONE_SHARED, sharing=NO_REGIONS)
+    "bare-partition": Variant("bare, partition", replace(BARE, multistart=NEVER, partition=ALONE)),
+    "bare-neighbourhoods": Variant(
+        "bare, neighbourhoods", replace(BARE_SEARCHED, neighbourhoods=Neighbourhoods(windows=0.0))
     ),
-    "bare-regions": Variant(
-        "bare, regions",
-        replace(BARE, races=replace(BARE.races, until=RACES.until), regions=Regions(stretched=0.0)),
-    ),
-    "bare-stretches": Variant(
-        "bare, regions and stretches", replace(BARE, races=replace(BARE.races, until=RACES.until))
-    ),
+    "bare-windows": Variant("bare, neighbourhoods and windows", BARE_SEARCHED),
     "bare-crossover": Variant("bare, crossover", replace(BARE, crosses=True)),
-    "bare-fusing": Variant(
-        "bare, fusing what is shared",
-        replace(BARE, races=replace(BARE.races, settling=RACES.settling)),
+    "bare-merging": Variant(
+        "bare, merging",
+        replace(BARE, multistart=replace(BARE.multistart, merging=SEVERAL.merging)),
     ),
-    "bare-layers": Variant("bare, layered starts", replace(BARE, promising=HYBRID.promising)),
+    "bare-layers": Variant("bare, layered starts", replace(BARE, layered=HYBRID.layered)),
 }
 EXPLAINED = """\
 Figures are per cent of travel that a variant makes more than `hybrid`: above 0, what is left

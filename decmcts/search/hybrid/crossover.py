@@ -1,4 +1,4 @@
-"""The best of several sequences, stretch by stretch: what lanes found apart is joined.
+"""The best of several sequences, stretch by stretch: what threads found apart is joined.
 
 References
 ----------

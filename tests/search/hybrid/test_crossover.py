@@ -11,7 +11,7 @@ import pytest
 from decmcts._kernels.sequence.tour import respects
 from decmcts.search.hybrid.crossover import crossover
 from decmcts.search.hybrid.pieces import Sequence
-from tests.search.hybrid.test_fusing import found, varied
+from tests.search.hybrid.test_contraction import found, varied
 
 CASES = [0, 1, 2, 3, 4, 5, 6, 7]  # points, loops, seconds, bare costs, twice; see `varied`
 
