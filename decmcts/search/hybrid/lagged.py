@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from decmcts.search.hybrid.search import END, Search
 from decmcts.search.hybrid.threads import anneal_rivals
-from decmcts.search.sequence.annealing import Cooling, descend_fully, tour_of
+from decmcts.search.sequence.annealing import descend_fully, tour_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +29,8 @@ class Lagged:
         incumbent.tick()
         yield
         for until in self.rounds:
-            cooling = Cooling(self.hot * search.mean, self.cold * search.mean)
             rivals = [search.best() for _ in threads.states]
-            yield from anneal_rivals(incumbent, rivals, threads, [cooling] * len(rivals), until)
+            coolings = [search.cooling(self.hot, self.cold)] * len(rivals)
+            yield from anneal_rivals(incumbent, rivals, threads, coolings, until)
         descend_fully(incumbent, tour_of(incumbent, search.near))
         incumbent.offer_order(incumbent.order)

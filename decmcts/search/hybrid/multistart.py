@@ -64,7 +64,7 @@ class Multistart:
         layers = layer_runs(incumbent.problem.layer)
         began, rounds = incumbent.spent, self._count(search)
         length = (self.until - began) / rounds
-        mean = search.mean  # of all rounds, lest they begin cooler
+        mean = incumbent.cost / len(incumbent.problem)  # of all rounds, lest they begin cooler
         ends: list[Sequence] = []  # of all threads in all rounds,
         in_layers: list[Sequence] = []  # and of those that stayed within layers
         for number in range(rounds):

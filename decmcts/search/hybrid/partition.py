@@ -55,29 +55,24 @@ class Partition:
         if large and search.layered is not None:
             yield from self._within_layers(search, search.layered)
         yield from search.propose(search.best())
-        falls = self._cooling(search, self.hot, self.cold)
-        first = search.incumbent.spent + self.first
-        yield from self._anneal(search, search.best(), falls, first, self.pieces[0])
+        long, short = self.pieces
+        fast = search.cooling(self.hot, self.cold)
+        until = search.incumbent.spent + self.first
+        yield from self._anneal(search, search.best(), fast, until, long)
         sequence = search.best()
-        hot, cold = (
-            self._cooling(search, *heats)
-            for heats in ((self.hot, self.warm), (self.warm, self.cold))
-        )
-        yield from self._anneal(search, sequence, hot, self.half_way, self.pieces[0])
+        hot = search.cooling(self.hot, self.warm)
+        cold = search.cooling(self.warm, self.cold)  # of the same mean travel
+        yield from self._anneal(search, sequence, hot, self.half_way, long)
         yield from search.propose(search.best())
         if search.incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
             sequence = search.best()
-        yield from self._anneal(search, sequence, cold, self._ends(search), self.pieces[1])
+        yield from self._anneal(search, sequence, cold, self._ends(search), short)
 
     def _ends(self, search: Search) -> float:
         """Return the share at which what comes next begins."""
         if self.affords_neighbourhoods(search):
             return self.neighbourhoods_from
         return self.windows_from if self.affords_windows(search) else self.until
-
-    def _cooling(self, search: Search, hot: float, cold: float) -> Cooling:
-        """Return the way between two temperatures, given in mean travels of the best sequence."""
-        return Cooling(hot * search.mean, cold * search.mean)
 
     def _anneal(
         self, search: Search, sequence: Sequence, cooling: Cooling, until: float, pieces: int
@@ -91,7 +86,7 @@ class Partition:
         """Anneal within layers on each thread, and join the best."""
         incumbent, threads = search.incumbent, search.threads
         rivals, until = [layered.copy() for _ in threads.states], incumbent.spent + self.layers
-        coolings = [self._cooling(search, self.hot, self.cold)] * len(rivals)
+        coolings = [search.cooling(self.hot, self.cold)] * len(rivals)
         groups = [layer_runs(incumbent.problem.layer)] * len(rivals)
         yield from anneal_rivals(incumbent, rivals, threads, coolings, until, groups=groups)
         found = threads.join(rivals)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.hybrid.threads import Threads
 from decmcts.search.hybrid.trees import Trees
+from decmcts.search.sequence.annealing import Cooling
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 
@@ -36,10 +37,10 @@ class Search:
             self._near = near_ports(self.incumbent.problem)
         return self._near
 
-    @property
-    def mean(self) -> float:
-        """What a travel of the best sequence costs on average."""
-        return self.incumbent.cost / len(self.incumbent.problem)
+    def cooling(self, hot: float, cold: float) -> Cooling:
+        """Return the way between two temperatures given in mean travels of the best sequence."""
+        mean = self.incumbent.cost / len(self.incumbent.problem)
+        return Cooling(hot * mean, cold * mean)
 
     def best(self) -> Sequence:
         """Return a copy of the best sequence so far."""

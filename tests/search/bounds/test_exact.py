@@ -14,6 +14,7 @@ from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.bounds import exact
 from decmcts.search.bounds.exact import Optimum, Patience, solve_exactly
+from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem, Seams
@@ -113,7 +114,7 @@ def test_annealing_finds_nothing_better(apart: bool) -> None:
         return
     assert found is not None
     check(problem, found)
-    planner = Hybrid(exact=0.0)
+    planner = Hybrid(exact=Exact(share=0.0))
     other = plan_order(problem, planner=planner, stopping=Stopping(iterations=2_000_000), seed=0)
     assert found.cost <= other.cost + 1e-9
     assert other.cost <= 1.2 * found.cost
