@@ -23,7 +23,7 @@ from common import RESULTS, Rows, corpus, markdown, names, setting
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
-from decmcts.cli import pipeline
+from decmcts.cli import order_search, pipeline
 from decmcts.cli.outputs import draft_single
 from decmcts.errors import InputError
 from decmcts.formats.mesh import SliceOptions
@@ -33,7 +33,7 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem, Pace
-from decmcts.search.sequence.stopping import Budget, IterationLimit
+from decmcts.search.sequence.stopping import Stopping
 
 FILES = (
     "cura_5.3.1_marlin_lightning,cura_5.2.1_spool,cura_master_marlin_duet,"
@@ -54,7 +54,7 @@ PRICES: dict[str, Callable[..., Pace]] = {"length": by_length, "walls": pace_of}
 
 def nanoseconds(problem: OrderProblem) -> dict[str, float]:
     """Return the processor time of a proposal, the least of some runs each."""
-    none = Incumbent(problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1))
+    none = Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(seconds=1.0))
     tour, mean = tour_of(none, near_ports(problem)), none.cost / len(problem)
     least: dict[str, float] = {}
     anneal(tour, seeded(0), mean, 1000)
@@ -80,10 +80,14 @@ def attempt(path: Path, steps: int) -> dict[str, Any]:
     for price, pace in PRICES.items():
         timed = replace(plain, pace=pace(loaded.job, loaded.machine.limits))
         row |= {f"{name}_{price}_ns": ns for name, ns in nanoseconds(timed).items()}
-        with patch.object(pipeline, "pace_of", pace), tempfile.TemporaryDirectory() as folder:
+        with (
+            patch.object(pipeline, "pace_of", pace),
+            patch.object(order_search, "Stopping", lambda **_: Stopping(iterations=steps * n)),
+            tempfile.TemporaryDirectory() as folder,
+        ):
             planned = pipeline.plan_single(
                 loaded, planner="hybrid", freedom="reversible", objective="time", seed=0,
-                time_limit_s=36000.0, max_iterations=steps * n, announce=quiet, before=own,
+                time_limit_s=60.0, announce=quiet, before=own,
             )  # fmt: skip
             made = draft_single(planned, Path(folder) / "draft.gcode", Path(folder) / "out.gcode")
         row |= {

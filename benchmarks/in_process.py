@@ -5,6 +5,8 @@ That is the cost over time and iterations, and planners with parts left out.
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from functools import lru_cache
 
 from common import print_path
@@ -32,10 +34,13 @@ def searched(
     *,
     limit_s: float,
     seed: int,
+    clock: Callable[[], float] = time.monotonic,
 ) -> tuple[Loaded, SearchResult]:
     """Search as `decmcts plan` does; compiling and reading are off the clock."""
     prepared = loaded(model, machine, process)
-    result = search(prepared, planner=planner, freedom=freedom, time_limit_s=limit_s, seed=seed)
+    result = search(
+        prepared, planner=planner, freedom=freedom, time_limit_s=limit_s, seed=seed, clock=clock
+    )
     return prepared, result
 
 

@@ -103,6 +103,7 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     from decmcts.formats.gcode.duration import print_time
     from decmcts.formats.mesh import SliceOptions
     from decmcts.search.planners import plan_order
+    from decmcts.search.sequence.stopping import Stopping
     from decmcts.team.schedule.joint_plan import schedule
     from sim.content.seams import seams_of_plan
     from sim.files.written import verify_written
@@ -119,7 +120,7 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     loaded = clock.run("read, graph", read)
     before = clock.run("source order", lambda: source_plan(loaded))
     problem = problem_of(loaded, freedom="reversible", seam="nearest", objective="travel")
-    found = plan_order(problem, planner="greedy", time_limit_s=1.0, seed=0)
+    found = plan_order(problem, planner="greedy", stopping=Stopping(seconds=1.0), seed=0)
     plan = clock.run(
         "schedule", lambda: schedule(loaded.job, loaded.machine, loaded.graph, [found.toolpath])
     )

@@ -12,6 +12,7 @@ from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.planners import PLANNERS, Planner, plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.spacing import no_spacing
+from decmcts.search.sequence.stopping import Stopping
 
 COMPILING_S = 3600.0  # more than all kernels take on the slowest machine
 
@@ -31,8 +32,7 @@ def compile_search(
         row = row_of(n, loops=problem.seams is not None)
         small = replace(row, pace=problem.pace, spacing=spacing)
         plan_order(
-            small, planner=planner, time_limit_s=COMPILING_S, seed=0, max_iterations=iterations,
-            stop=stop,
+            small, planner=planner, stopping=Stopping(iterations=iterations, asked=stop), seed=0,
         )  # fmt: skip
     if isinstance(planner, str) and not stop():
         mark_compiled(part_of(problem, planner))

@@ -18,6 +18,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.cooling import cooled
 
 
@@ -60,8 +61,8 @@ class OrderSearch:
         def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
             spaced = replace(self.problem, spacing=heeded)
             return plan_order(
-                spaced, planner=chosen, time_limit_s=limit_s, seed=self.seed, stop=stop,
-                **self.hooks,
+                spaced, planner=chosen, stopping=Stopping(seconds=limit_s, asked=stop),
+                seed=self.seed, **self.hooks,
             )  # fmt: skip
 
         if self.spacing is None:

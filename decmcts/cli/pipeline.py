@@ -45,6 +45,7 @@ from decmcts.search.planners import (
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.cooling import find_lags, print_times, source_times, spacing_of
 from decmcts.team.schedule.joint_plan import schedule
@@ -206,7 +207,9 @@ def search(
     """Find an order for one head; never worse than the source in what it minimises."""
     problem = problem_of(loaded, freedom=freedom, seam=seam, objective=objective)
     compile_search(problem, planner)
-    return plan_order(problem, planner=planner, time_limit_s=time_limit_s, seed=seed, **hooks)
+    return plan_order(
+        problem, planner=planner, stopping=Stopping(seconds=time_limit_s), seed=seed, **hooks
+    )
 
 
 def problem_of(loaded: Loaded, *, freedom: str, seam: str, objective: str) -> OrderProblem:

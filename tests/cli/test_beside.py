@@ -170,12 +170,12 @@ def test_what_the_judge_refuses_ends_the_search_and_writes_nothing(
     one_fault(monkeypatch)
     begun, stopped, judge = threading.Event(), [], plan.refuse_unsound
 
-    def searched(*args, stop, **options):
+    def searched(*args, stopping, **options):
         begun.set()
-        while not stop():
+        while not stopping.asked():
             threading.Event().wait(0.001)
         stopped.append(True)
-        return plan_order(*args, stop=stop, **options)
+        return plan_order(*args, stopping=stopping, **options)
 
     def judged(*args, **options):
         assert begun.wait(SOON_S)
