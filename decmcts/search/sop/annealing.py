@@ -22,8 +22,9 @@ _COLD = 0.05  # last temperature, in scales
 _COLDER = 0.01  # of every second annealing of the lane with long ones
 _TEMPERATURES = 100  # of an annealing
 _SHORTEST = (2_000, 64_000)  # proposals a node: many short annealings on one thread, few long
+_FIRST = 4_000  # of the first: soon over, and then the pace is known
 _ROUND = 15  # annealings until their lengths come again, once to eight times the shortest
-_LONGEST = 400_000  # proposals a node of the last annealing, which gets what is left
+_LONGEST = 1_000_000  # proposals a node of the last annealing, which gets what is left
 _LAST_ENDS = 0.99  # share of the budget
 _SHARES = Shares(follow=0.7, reverse=0.12)
 _NEAR = 8  # by cost, and as many by reduced cost
@@ -75,6 +76,11 @@ class AnnealLane:
                 self._end(spent)
         return quota
 
+    @property
+    def is_last(self) -> bool:
+        """Whether the last annealing has begun, which takes what is left of the budget."""
+        return self._length == 0 and self._done > 0
+
     def _temperatures(self) -> TemperatureSchedule:
         """Return the temperatures of the present annealing."""
         hot, cold = _HOT if self._length else 2.0 * _HOT, _COLD
@@ -95,7 +101,7 @@ class AnnealLane:
         self.bare.order[:] = incumbent.order
         self.bare.position[incumbent.order] = np.arange(len(incumbent.order))
         self._cost = incumbent.cost
-        self._length = _SHORTEST[0] * len(self.bare.order)  # soon over: then the pace is known
+        self._length = _FIRST * len(self.bare.order)
 
     def _end(self, spent: float) -> None:
         """Begin the next annealing."""

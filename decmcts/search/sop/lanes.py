@@ -34,6 +34,7 @@ _CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may 
     (0.2, 0.005, 0.005),
     (0.4, 0.005, 0.0),
 )
+_NEAR_ENOUGH = 0.05  # share by which a short annealing may lie above beams
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
@@ -177,13 +178,17 @@ class Race:
     def _handed_over(self, lanes: list[Lane], lead: float, *, cost_above: float) -> list[Lane]:
         """Return the lanes: annealing in place of the tree, and of the beams, that will not do.
 
-        Beams have to lag clearly, since they find most towards the end; the tree stays
-        while the cost is not above `cost_above`.
+        Beams have to be behind by `lead`, since they find most towards the end. A long
+        annealing shows what it finds at its end only; there a short one before it has to
+        come near the beams. The tree stays while the cost is not above `cost_above`.
         """
         beams, other, cost = *lanes, self.incumbent.cost
-        if isinstance(beams, BeamLane) and (1.0 + lead) * cost < beams.best:
-            beams = self._annealer(1)
-        if isinstance(other, TreeLane) and cost > cost_above:
+        if isinstance(beams, BeamLane):
+            if isinstance(other, AnnealLane) and other.is_last and np.isfinite(lead):
+                cost, lead = other.best, -_NEAR_ENOUGH
+            if (1.0 + lead) * cost < beams.best:
+                beams = self._annealer(1)
+        if isinstance(other, TreeLane) and self.incumbent.cost > cost_above:
             other = self._annealer(0)
         return [beams, other]
 
