@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import traceback
-from pathlib import Path
 from typing import Annotated
 from unicodedata import category
 
@@ -17,10 +16,9 @@ import typer
 from typer.exceptions import TyperException
 
 from agents.supervisor import LaunchError
-from decmcts import __version__
 from decmcts.cli import signals
 from decmcts.errors import InputError, VerificationError
-from decmcts.print.machine import Machine
+from decmcts.version import __version__
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -48,33 +46,6 @@ def options(
     """Options of every command."""
     if debug:
         os.environ["DECMCTS_DEBUG"] = "1"
-
-
-def machine_for(named: str | None, source: Path) -> tuple[Machine, str]:
-    """Return the machine that is named, else the source's own, and a line on where it is from.
-
-    Raises
-    ------
-    InputError
-        When none is named and the source does not tell.
-    """
-    from decmcts.formats.gcode.source_text import load_text
-    from decmcts.formats.machine_file import load_machine
-    from decmcts.formats.mesh import MESH_SUFFIXES
-    from decmcts.formats.own_machine import PAGE, machine_of_text
-
-    if named is not None:
-        return load_machine(named), ""
-    if not source.exists():
-        raise InputError("no such file", path=source)
-    if source.suffix.lower() in MESH_SUFFIXES:
-        raise InputError(
-            "a mesh names no printer",
-            path=source,
-            advice=f"add --machine NAME (`decmcts machines` lists them; own ones: {PAGE})",
-        )
-    printer = os.environ.get("SLIC3R_PRINTER_MODEL", "")
-    return machine_of_text(load_text(source), source, printer=printer)
 
 
 def run(arguments: list[str]) -> int:

@@ -14,26 +14,34 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps, summary_of, written
-from decmcts.cli.no_slower import kept_line, write_no_slower
-from decmcts.cli.outputs import FileTimes, figures, layers_line, refuse_unwritable, whole_file_line
-from decmcts.cli.pipeline import Planned
-from decmcts.cli.plan import run_single, seam_of, show_notes
-from decmcts.cli.quality import Quality
+from decmcts.cli.lines import figures, kept_line, whole_file_line
+from decmcts.cli.plan import run_single, show_notes
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.planning.options import (
+    Freedom,
+    Limits,
+    Objective,
+    PlannerName,
+    ProcessOrder,
+    Search,
+)
+from decmcts.planning.result import Written
+from decmcts.planning.writing.lines import layers_line
+from decmcts.planning.writing.places import refuse_unwritable
 
 
 @app.command()
 def post(
     path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
     machine: opt.MachineOption = None,
-    planner: opt.PlannerOption = opt.Planner.HYBRID,
-    freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
+    planner: opt.PlannerOption = PlannerName.HYBRID,
+    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
-    process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
-    objective: opt.ObjectiveOption = opt.Objective.TRAVEL,
-    limits: opt.LimitsOption = opt.Limits.SOURCE,
+    process_order: opt.ProcessOption = ProcessOrder.KEEP,
+    objective: opt.ObjectiveOption = Objective.TRAVEL,
+    limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
@@ -46,36 +54,29 @@ def post(
     refuse_unwritable([], path)
     if path.suffix.lower() in MESH_SUFFIXES:
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
-    planned = run_single(
-        path,
-        machine,
-        planner=planner.value,
-        freedom=freedom.value,
-        seam=seam_of(freedom, seam),
-        process_order=process_order.value,
-        objective=objective.value,
-        limits=limits.value,
-        quality=Quality(quality, min_layer_time, max_layers_ahead),
-        time_limit_s=time_limit,
-        seed=seed,
-    )
-    with interrupt_stops() as stop, steps() as (announce, _):
-        planned, times = write_no_slower(
-            planned, path, announce, allow_slower=allow_slower, stop=stop
-        )
+    rules = opt.rules_of(
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+    )  # fmt: skip
+    search = Search(time_limit, seed, planner, objective, certificate=False)
+    result = run_single(path, machine, search, rules, limits=limits)
+    with interrupt_stops() as stop, steps() as told:
+        made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
     with written():
-        show_rewritten(planned, path, times, as_json=as_json)
+        show_rewritten(made, path, as_json=as_json)
 
 
-def show_rewritten(planned: Planned, path: Path, times: FileTimes, *, as_json: bool) -> None:
+def show_rewritten(made: Written, path: Path, *, as_json: bool) -> None:
     """Print the result in one line, for slicers show or log what a script says."""
+    result, times = made.result, made.times
+    kept = times is not None and times.kept
     if as_json:
-        print_json("decmcts-result/1", figures(planned, [] if times.kept else [path], times))
+        print_json("decmcts-result/1", figures(result, [] if kept else [path], times))
         return
-    show_notes(planned)
-    if times.kept:
+    show_notes(result)
+    if times is not None and kept:
         out.print(f"{path}: left as it was; {kept_line(times)}", soft_wrap=True)
         return
+    planned = result.planned
     if line := layers_line(planned):
         err.print(line, soft_wrap=True)
     travel = summary_of(planned.before.metrics, planned.after.metrics)["emitted_travel_mm"]

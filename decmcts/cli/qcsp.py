@@ -8,12 +8,20 @@ from pathlib import Path
 
 import typer
 
-from decmcts.cli.begin import COMPILING_S
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.outputs import STDOUT, name_of, put, refuse_two_on_stdout, refuse_unwritable
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.qcsp import QcspProblem, read_qcsp, schedule_text
+from decmcts.jit.kernel import at_work
+from decmcts.planning.bare import compile_qcsp
+from decmcts.planning.events import Step
+from decmcts.planning.writing.places import (
+    STDOUT,
+    name_of,
+    put,
+    refuse_two_on_stdout,
+    refuse_unwritable,
+)
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from decmcts.team.qcsp.solver import QcspResult, solve_qcsp
 from sim.qcsp import faults_of
@@ -41,14 +49,14 @@ def launch_qcsp(
     refuse_unwritable([output], source)
     refuse_two_on_stdout(output, as_json=as_json)
     with (
-        interrupt_stops() as stop,
-        steps(time_limit_s=time_limit_s, unit="") as (announce, told),
+        interrupt_stops(at_work) as stop,
+        steps(time_limit_s=time_limit_s, unit="") as told,
     ):
-        announce(f"reading {source.name}")
+        told(Step(f"reading {source.name}"))
         problem = read_qcsp(source)
         size = f"{len(problem)} tasks, {problem.cranes} cranes"
-        announce(f"searching ({size}, {time_limit_s:g} s)")
-        solve_qcsp(problem, time_limit_s=COMPILING_S, max_proposals=10, stop=stop)
+        told(Step(f"searching ({size}, {time_limit_s:g} s)"))
+        compile_qcsp(problem, stop)
         started = time.perf_counter()
         found = solve_qcsp(problem, time_limit_s=time_limit_s, seed=seed, progress=told, stop=stop)
         seconds = time.perf_counter() - started

@@ -10,10 +10,10 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TextIO
 
 import typer
 from rich.box import SIMPLE
@@ -24,10 +24,11 @@ from agents.supervisor import AgentStatus
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out
 from decmcts.errors import InputError
+from decmcts.planning.events import Heads
 
 FORMAT = "decmcts-record/1"
 BEGINS = json.dumps({"format": FORMAT})[:-1]
-Keep = Callable[[tuple[AgentStatus, ...]], None]
+Keep = Callable[[Heads], None]
 
 
 def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
@@ -56,18 +57,32 @@ def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
     return table
 
 
-@contextmanager
-def recording(path: Path | None, bound_s: float) -> Iterator[Keep]:
-    """Keep every state that is shown in a file; nothing without one."""
-    if path is None:
-        yield lambda agents: None
-        return
-    started = time.monotonic()
-    with path.open("w", encoding="utf-8") as file:
-        file.write(json.dumps({"format": FORMAT, "bound_s": bound_s}) + "\n")
+def heads_table(heads: Heads) -> Table:
+    """Return the table of an event."""
+    return agents_table(heads.agents, heads.bound_s)
 
-        def keep(agents: tuple[AgentStatus, ...]) -> None:
-            states = [{**asdict(agent), "history": ()} for agent in agents]
+
+@contextmanager
+def recording(path: Path | None) -> Iterator[Keep]:
+    """Keep every state that is told in a file; nothing without one."""
+    if path is None:
+        yield lambda heads: None
+        return
+    with ExitStack() as stack:
+        file: TextIO | None = None
+        started = time.monotonic()
+
+        def keep(heads: Heads) -> None:
+            nonlocal file, started
+            if file is None:  # what was there stays until heads begin
+                file, started = (
+                    stack.enter_context(path.open("w", encoding="utf-8")),
+                    time.monotonic(),
+                )
+                file.write(json.dumps({"format": FORMAT, "bound_s": heads.bound_s}) + "\n")
+            if not heads.agents:
+                return
+            states = [{**asdict(agent), "history": ()} for agent in heads.agents]
             state = {"at_s": round(time.monotonic() - started, 3), "agents": states}
             file.write(json.dumps(state) + "\n")
 

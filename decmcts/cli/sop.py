@@ -7,15 +7,16 @@ import re
 import time
 from pathlib import Path
 
-import numpy as np
 import typer
 
-from decmcts.cli.begin import COMPILING_S
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.outputs import STDOUT, name_of, put, refuse_unwritable
 from decmcts.cli.signals import interrupt_stops
-from decmcts.errors import InputError, VerificationError
+from decmcts.errors import InputError
 from decmcts.formats.sop import SopInstance, read_sop, tour_text
+from decmcts.jit.kernel import at_work
+from decmcts.planning.bare import compile_sop, require_sound
+from decmcts.planning.events import Step
+from decmcts.planning.writing.places import STDOUT, name_of, put, refuse_unwritable
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from decmcts.search.sop.solver import SopResult, solve_sop
 
@@ -45,15 +46,15 @@ def plan_sop(
     refuse_unwritable([target], source)
     seconds: dict[str, float] = {}
     with (
-        interrupt_stops() as stop,
-        steps(time_limit_s=time_limit_s, unit="") as (announce, told),
+        interrupt_stops(at_work) as stop,
+        steps(time_limit_s=time_limit_s, unit="") as told,
     ):
-        announce(f"reading {source.name}")
+        told(Step(f"reading {source.name}"))
         started = time.perf_counter()
         instance = read_sop(source)
         seconds["read"] = time.perf_counter() - started
-        announce(f"searching ({len(instance)} nodes, {time_limit_s:g} s)")
-        compile_search()
+        told(Step(f"searching ({len(instance)} nodes, {time_limit_s:g} s)"))
+        compile_sop()
         started = time.perf_counter()
         try:
             found = solve_sop(
@@ -72,32 +73,6 @@ def plan_sop(
         put(text, target)
     with written():
         show(source, instance, found, seconds, target, as_json=as_json)
-
-
-def compile_search() -> None:
-    """Solve a small problem that no search proves at once, so that compiling is off the clock."""
-    points = np.random.default_rng(0).random((40, 2))
-    costs = np.linalg.norm(points[:, None] - points[None, :], axis=2)
-    nothing = np.empty((0, 2), np.int32)
-    solve_sop(costs, nothing, time_limit_s=COMPILING_S, max_iterations=40_000)
-
-
-def require_sound(instance: SopInstance, found: SopResult) -> None:
-    """Raise VerificationError unless the result is what it says it is.
-
-    The instance as read is the measure: each node once, no constraint broken, the
-    cost as claimed.
-    """
-    position = np.empty(len(instance), np.int64)
-    position[found.order] = np.arange(len(instance))
-    a, b = instance.precedence.T
-    cost = float(instance.costs[found.order[:-1], found.order[1:]].sum())
-    if not (
-        np.array_equal(np.sort(found.order), np.arange(len(instance)))
-        and (position[a] < position[b]).all()
-        and abs(cost - found.cost) <= 1e-6 * (1.0 + cost)
-    ):
-        raise VerificationError("the search returned a wrong sequence; nothing was written")
 
 
 def show(

@@ -2,64 +2,46 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.live import Live
 
 from agents import extruder
-from agents.launch import LaunchResult
-from agents.launch import launch as launch_agents
-from agents.supervisor import AgentStatus, LaunchError
-from decmcts._kernels.engine.lags import Lags
 from decmcts.cli import options as opt
 from decmcts.cli import qcsp
-from decmcts.cli.ahead import TEAM, compilation_announced, compiling_beside, finish_beside
 from decmcts.cli.app import app
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
-from decmcts.cli.first_check import refuse_unsound
-from decmcts.cli.joint import TeamSearch, best_of
-from decmcts.cli.outputs import (
-    figures,
-    head_files,
-    is_longer,
-    refuse_other_suffixes,
-    refuse_unwritable,
-    stem_of,
-    write_extras,
-    write_heads,
-)
-from decmcts.cli.pipeline import (
-    Loaded,
-    Planned,
-    check,
-    load,
-    named,
-    search,
-    source_plan,
-)
-from decmcts.cli.plan import ONLY_SHOWN, seam_of
-from decmcts.cli.quality import Quality, cooling_line
-from decmcts.cli.record import agents_table, recording
+from decmcts.cli.lines import figures
+from decmcts.cli.plan import ONLY_SHOWN, write_extras
+from decmcts.cli.record import heads_table, recording
+from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
-from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
 from decmcts.formats.qcsp import is_qcsp
-from decmcts.formats.reading import read_toml
-from decmcts.print.job import PrintJob
-from decmcts.print.plan import PlanDocument
-from decmcts.team.bounds.makespan import Bound, makespan_bound
-from decmcts.team.dec_mcts.parameters import Parameters, changed
-from decmcts.team.engine.space import eligibility, refuse_shut_in
-from decmcts.team.schedule.cooling import cooled, find_lags, print_times
-from decmcts.team.schedule.entries import Orders, agreed_job, entries_of, first_entries
-from decmcts.team.schedule.leaning import lean
+from decmcts.planning.compiling.child import compiling_beside
+from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.events import Event, Heads, Step
+from decmcts.planning.launch import launch as launch_heads
+from decmcts.planning.options import (
+    Freedom,
+    Limits,
+    Objective,
+    ProcessOrder,
+    Rules,
+    TeamSearch,
+)
+from decmcts.planning.read import read
+from decmcts.planning.result import Result
+from decmcts.planning.team.parameters import read_parameters
+from decmcts.planning.writing.file_times import is_longer
+from decmcts.planning.writing.heads import head_files, stem_of
+from decmcts.planning.writing.lines import cooling_line
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
+from decmcts.samples import sample_path
+from decmcts.team.engine.space import eligibility
 
 StemOption = Annotated[
     Path | None,
@@ -99,7 +81,7 @@ TeamOption = Annotated[
 
 
 TeamObjectiveOption = Annotated[
-    opt.Objective,
+    Objective,
     typer.Option(
         "--objective",
         rich_help_panel=opt.SEARCH,
@@ -115,11 +97,11 @@ def launch(
     source: opt.Input,
     output: StemOption = None,
     machine: HeadsOption = "dual-gantry",
-    freedom: opt.FreedomOption = opt.Freedom.REVERSIBLE,
+    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
-    process_order: opt.ProcessOption = opt.ProcessOrder.KEEP,
-    objective: TeamObjectiveOption = opt.Objective.TRAVEL,
-    limits: opt.LimitsOption = opt.Limits.SOURCE,
+    process_order: opt.ProcessOption = ProcessOrder.KEEP,
+    objective: TeamObjectiveOption = Objective.TRAVEL,
+    limits: opt.LimitsOption = Limits.SOURCE,
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
@@ -137,191 +119,73 @@ def launch(
         qcsp.refuse_for_qcsp(context)
         qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
-    orders = Orders(freedom.value, seam_of(freedom, seam), objective.value)
+    rules = opt.rules_of(
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+    )  # fmt: skip
     stem = None if output is None else stem_of(output)
     heads = [] if stem is None else head_files(stem, load_machine(machine))
     outputs = [*heads, plan_file, report, picture, record]
     refuse_unwritable(outputs, source, *([] if team is None else [team]))
     refuse_other_suffixes(plan_file, report, picture)
     only_shown = not (as_json or stem or plan_file or report or picture or record)
-    parameters = {} if team is None else read_parameters(team)
-    planned = run_team(
-        source,
-        machine,
-        process_order=process_order.value,
-        own_limits=limits == opt.Limits.SOURCE,
-        quality=Quality(quality, min_layer_time, max_layers_ahead),
-        asked=TeamSearch(time_limit, seed, parameters, record, orders),
-        writes=stem is not None,
+    search = TeamSearch(time_limit, seed, objective, {} if team is None else read_parameters(team))
+    result = run_team(
+        source, machine, search, rules, limits=limits, record=record, writes=stem is not None,
         remark=ONLY_SHOWN if only_shown else "",
-    )
-    with interrupt_stops(), steps() as (announce, _):  # a first Ctrl-C lets everything be written
-        announce("writing files")
-        paths = [] if stem is None else write_heads(planned, stem)
-        paths += write_extras(planned, plan=plan_file, report=report, picture=picture)
+    )  # fmt: skip
+    with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
+        told(Step("writing files"))
+        paths = [] if stem is None else list(result.write_gcode(stem).paths)
+        paths += write_extras(result, plan_file, report, picture)
     with written():
-        show_team(planned, paths, as_json=as_json)
+        show_team(result, paths, as_json=as_json)
         if only_shown:
             err.print("nothing was written; `-o STEM` writes the files of all heads")
-
-
-def read_parameters(path: Path) -> Mapping[str, Any]:
-    """Return the parameters that a file sets; raises InputError for what is not allowed."""
-    values = read_toml(path, "file of parameters", page="docs/team.md")
-    changed(Parameters(), values, path=path)
-    return values
 
 
 def run_team(
     source: Path,
     machine: str,
+    search: TeamSearch,
+    rules: Rules,
     *,
-    process_order: str,
-    quality: Quality,
-    asked: TeamSearch,
-    own_limits: bool = True,
+    limits: Limits = Limits.SOURCE,
+    record: Path | None = None,
     writes: bool = True,
     remark: str = "",
-) -> Planned:
-    """Load, let the agents plan and agree, schedule, verify.
+) -> Result:
+    """Read, let the agents plan and agree, verify, and show how that goes.
 
     With `writes` what no head's file could hold is refused before the search, and noted what
     it leaves out; the `remark` is made once the input is known to be of use.
     """
     with (
-        steps() as (said, _),
-        compilation_announced(said) as announce,
-        compiling_beside([TEAM]),
-    ):
-        loaded = load(
-            source,
-            machine,
-            process_order=process_order,
-            quality=quality,
-            options=_slicing(),
-            announce=announce,
-            own_limits=own_limits,
-            freedom=asked.orders.freedom,
-        )
-        announce("the source's own order, one head")
-        before = source_plan(loaded)
-        if writes:
-            refuse_for_heads(loaded.document, loaded.job, loaded.machine)
-            loaded = with_note(loaded, unprimed_note(loaded.document))
-        with named(loaded.path):
-            refuse_shut_in(loaded.job, loaded.machine)
-        refuse_unsound(loaded, before, writes=False)
-        if remark:
-            err.print(remark, soft_wrap=True)
-        lags = lags_of(loaded, before)
-        announce("what one head alone reaches")
-        order = search(
-            loaded,
-            planner="local",
-            freedom=asked.orders.freedom,
-            seam=asked.orders.seam,
-            objective=asked.orders.objective,
-            time_limit_s=min(10.0, asked.time_limit_s / 3),
-            seed=asked.seed,
-        ).toolpath
-        order = cooled(loaded.job, loaded.machine, loaded.graph, lags, order).toolpath
-        entry = first_entries(loaded.job, asked.orders, order)
-        entries = entries_of(loaded.job, asked.orders)
-        if entries is not None:
-            announce("where loops begin")
-        entry = lean(loaded.job, loaded.machine, loaded.graph, asked.orders, entry, entries, lags)
-        announce("a bound on the makespan")
-        bound = makespan_bound(loaded.job, loaded.machine, loaded.graph, entries=entries)
-        finish_beside(TEAM, announce)  # else every agent would load what others compile
-    started = time.perf_counter()
-    job = agreed_job(loaded.job, asked.orders, entry)
-    result = _agreed(loaded, job, lags, bound, asked)
-    seconds = {**loaded.seconds, "plan": time.perf_counter() - started}
-    with steps() as (announce, _):
-        announce("safe travels, times and order across heads")
-        after = best_of(loaded, lags, result, order, entry, bound, asked)
-        history = [] if result is None else _history(result)
-        return check(loaded, before, after, history, seconds, announce)
-
-
-def with_note(loaded: Loaded, note: str | None) -> Loaded:
-    """Return what was loaded with one more note on the source, if there is one."""
-    if note is None:
-        return loaded
-    return replace(loaded, job=replace(loaded.job, notes=(*loaded.job.notes, note)))
-
-
-def lags_of(loaded: Loaded, before: PlanDocument) -> Lags:
-    """Return how long what is printed over must cool, by the source's own times."""
-    times = print_times(before.plan.heads[0], len(loaded.job.contours))
-    return find_lags(loaded.job.contours, [times], loaded.min_layer_time_s)[0]
-
-
-def _agreed(
-    loaded: Loaded, job: PrintJob, lags: Lags, bound: Bound, asked: TeamSearch
-) -> LaunchResult | None:
-    """Return what the agents agreed on, or None: one head alone is always left."""
-    try:
-        result = _planned_by_agents(loaded, job, lags, bound, asked)
-    except LaunchError as error:
-        err.print(f"{error}; one head prints alone", markup=False)
-        return None
-    for lost in (a for a in result.agreement.agents if a.phase == "lost"):
-        err.print(f"head {lost.name} was lost ({lost.note}); the plan does without it")
-    return result
-
-
-def _slicing() -> SliceOptions:
-    return SliceOptions(center=(150.0, 150.0))
-
-
-def _planned_by_agents(
-    loaded: Loaded, job: PrintJob, lags: Lags, bound: Bound, asked: TeamSearch
-) -> LaunchResult:
-    """Run the agents with a live table of what each is doing."""
-    with (
-        interrupt_stops() as stopped,
-        recording(asked.record, bound.bound_s) as keep,
-        Live(console=err, transient=True, refresh_per_second=4) as live,
+        running(time_limit_s=search.time_limit_s, remark=remark, table=heads_table) as (show, stop),
+        recording(record) as keep,
+        compiling_beside([TEAM], show),  # while the source is read
     ):
 
-        def show(agents: tuple[AgentStatus, ...]) -> None:
-            live.update(agents_table(agents, bound.bound_s))
-            keep(agents)
+        def told(event: Event) -> None:
+            if isinstance(event, Heads):
+                keep(event)
+            show(event)
 
-        return launch_agents(
-            job,
-            loaded.machine,
-            loaded.graph,
-            time_limit_s=asked.time_limit_s,
-            seed=asked.seed,
-            lags=lags,
-            parameters=asked.parameters,
-            on_progress=show,
-            should_stop=stopped,
-        )
+        mesh = SliceOptions(center=(150.0, 150.0))
+        found = read(source, machine, limits=limits, mesh=mesh, report=told)
+        return launch_heads(found, search, rules, writes=writes, report=told, stop=stop)
 
 
-def _history(result: LaunchResult) -> list[tuple[float, float]]:
-    """Return the best makespan of any agent over time."""
-    best, history = float("inf"), []
-    for seconds, makespan in sorted(h for a in result.agreement.agents for h in a.history):
-        if makespan < best:
-            best = makespan
-            history.append((seconds, makespan))
-    return history
-
-
-def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
+def show_team(result: Result, paths: list[Path], *, as_json: bool) -> None:
     """Print the summary of a joint plan."""
+    planned, problem = result.planned, result.planned.problem
     before, after = planned.before.metrics, planned.after.metrics
     if as_json:
-        print_json("decmcts-result/1", figures(planned, paths))
+        print_json("decmcts-result/1", figures(result, paths))
         return
-    for note in planned.loaded.job.notes:
+    for note in problem.job.notes:
         err.print(note, soft_wrap=True)
     title = (
-        f"{planned.loaded.path.name}: machine {planned.after.machine.name}, "
+        f"{result.source.path.name}: machine {planned.after.machine.name}, "
         f"planner {after['planner']}, seed {after['seed']}, verified"
     )
     out.print(title, soft_wrap=True)
@@ -336,7 +200,7 @@ def show_team(planned: Planned, paths: list[Path], *, as_json: bool) -> None:
         out.print(line, soft_wrap=True)
     if is_longer(before["makespan_s"], after["makespan_s"]):
         own = f"the source's own order ({before['makespan_s']:,.0f} s)"
-        whole = eligibility(planned.loaded.job.contours, planned.loaded.machine.heads).all(axis=0)
+        whole = eligibility(problem.job.contours, problem.machine.heads).all(axis=0)
         out.print(
             f"longer than one head in {own}: print the source"
             if whole.any()
@@ -368,25 +232,16 @@ def demo(
     seed: opt.SeedOption = 0,
 ) -> None:
     """Plan the plate that ships with the project for two heads; leaves files to look at."""
-    from decmcts.samples import sample_path
     from sim.pictures.drawings import draw_gantt
 
     if folder.exists() and not folder.is_dir():
         raise InputError("is no folder", path=folder, advice="name another with --out")
     folder.mkdir(parents=True, exist_ok=True)
-    planned = run_team(
-        sample_path("plate.gcode.gz"),
-        "dual-gantry",
-        process_order="keep",
-        quality=Quality(),
-        asked=TeamSearch(time_limit, seed),
+    found = run_team(
+        sample_path("plate.gcode.gz"), "dual-gantry", TeamSearch(time_limit, seed), Rules()
     )
-    paths = write_heads(planned, folder / "plate")
-    paths += write_extras(
-        planned,
-        plan=folder / "plan.json",
-        report=folder / "report.html",
-        picture=folder / "plate.png",
-    )
-    draw_gantt(folder / "gantt.png", planned.after)
-    show_team(planned, [*paths, folder / "gantt.png"], as_json=False)
+    paths = list(found.write_gcode(folder / "plate").paths)
+    extras = folder / "plan.json", folder / "report.html", folder / "plate.png"
+    paths += write_extras(found, *extras)
+    draw_gantt(folder / "gantt.png", found.document)
+    show_team(found, [*paths, folder / "gantt.png"], as_json=False)

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from decmcts.cli.app import run
-from decmcts.cli.bound import bound_line, certify
 from decmcts.cli.console import above
+from decmcts.cli.lines import bound_line
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.planning.one_head.certificate import certify
 from decmcts.search.sequence.problem import OrderProblem, Pace
 from decmcts.search.sequence.stopping import Progress
 
@@ -30,27 +31,27 @@ def row(n: int) -> OrderProblem:
 
 def test_gap_is_told_against_the_bound() -> None:
     """Ten contours 1 mm apart need 9 mm; 9.9 mm is a tenth more."""
-    metrics = certify(row(10), 9.9, time_limit_s=1.0)
-    assert metrics["bound_mm"] == pytest.approx(9.0)
-    assert metrics["gap_percent"] == pytest.approx(10.0)
-    line = bound_line({**metrics, "extrusionless_travel_mm": 9.9})
+    found = certify(row(10), 9.9, time_limit_s=1.0)
+    assert found.bound == pytest.approx(9.0)
+    assert found.gap_percent == pytest.approx(10.0)
+    line = bound_line(found)
     assert line == "travel 9.9 mm ≥ bound 9.0 mm → at most 10.0 % above optimal"
 
 
 def test_time_is_bounded_in_seconds() -> None:
     """At 1 mm/s and without end acceleration ten contours 1 mm apart need 9 s."""
     problem = replace(row(10), pace=Pace(1.0, 1e9, 1.0, 1e9))
-    metrics = certify(problem, 9.9, time_limit_s=1.0)
-    assert metrics["bound_s"] == pytest.approx(9.0)
-    line = bound_line({**metrics, "extrusionless_travel_mm": 1.0})
+    found = certify(problem, 9.9, time_limit_s=1.0)
+    assert found.bound == pytest.approx(9.0)
+    line = bound_line(found)
     assert line == "travel time 9.9 s ≥ bound 9.0 s → at most 10.0 % above optimal"
 
 
 def test_a_bound_that_tells_nothing_is_left_to_programs() -> None:
     """'At most 224 % above optimal' is true of next to any order; nobody can use it."""
-    metrics = certify(row(10), 29.2, time_limit_s=1.0)
-    assert metrics["gap_percent"] == pytest.approx(224.4, abs=0.1)
-    line = bound_line({**metrics, "extrusionless_travel_mm": 29.2})
+    found = certify(row(10), 29.2, time_limit_s=1.0)
+    assert found.gap_percent == pytest.approx(224.4, abs=0.1)
+    line = bound_line(found)
     assert line == "travel 29.2 mm; no useful bound was proven in the time it is given"
     far, near = (Progress(1.0, 1, cost, 0.0, 100.0) for cost in (126.0, 124.0))
     assert above(far) == ""
@@ -61,9 +62,9 @@ def test_a_bound_that_tells_nothing_is_left_to_programs() -> None:
 @pytest.mark.parametrize(("n", "time_limit_s"), [(3000, 0.01), (200_000, 100.0)])
 def test_a_print_too_large_for_the_time_says_so(n: int, time_limit_s: float) -> None:
     """Time and memory stay bounded; the user learns why there is no bound."""
-    metrics = certify(row(n), 1.0, time_limit_s=time_limit_s)
-    assert metrics["bound_mm"] is None
-    line = bound_line(metrics)
+    found = certify(row(n), 1.0, time_limit_s=time_limit_s)
+    assert found.bound is None
+    line = bound_line(found)
     assert line is not None
     assert str(n) in line
 
@@ -93,10 +94,10 @@ def test_plan_reports_the_bound(
 def test_what_the_search_has_proven_is_not_lost() -> None:
     """A bound of the search counts where the certificate's own is lower, or is not needed."""
     proven = certify(row(40), 39.0, time_limit_s=1.0, known=39.0)
-    assert proven["gap_percent"] == 0.0
-    assert "proven optimal" in str(bound_line({**proven, "extrusionless_travel_mm": 39.0}))
-    metrics = certify(row(200), 400.0, time_limit_s=0.0, known=199.0)
-    assert metrics["bound_mm"] is None or metrics["bound_mm"] >= 199.0
-    metrics = certify(row(40), 78.0, time_limit_s=1e-3, known=39.0)
-    assert metrics["bound_mm"] == pytest.approx(39.0)
-    assert metrics["gap_percent"] == pytest.approx(100.0)
+    assert proven.gap_percent == 0.0
+    assert "proven optimal" in str(bound_line(proven))
+    found = certify(row(200), 400.0, time_limit_s=0.0, known=199.0)
+    assert found.bound is None or found.bound >= 199.0
+    found = certify(row(40), 78.0, time_limit_s=1e-3, known=39.0)
+    assert found.bound == pytest.approx(39.0)
+    assert found.gap_percent == pytest.approx(100.0)

@@ -13,9 +13,9 @@ import pytest
 from decmcts.cli import app
 from decmcts.cli.app import run
 from decmcts.cli.console import out, steps
-from decmcts.cli.outputs import refuse_unwritable
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import preset_names
+from decmcts.planning.writing.places import refuse_unwritable
 from tests.cli.test_bad_input import SQUARE, gcode
 from tests.formats.gcode.test_layers import PRUSA, towers
 

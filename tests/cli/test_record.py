@@ -13,6 +13,7 @@ from agents.supervisor import AgentStatus
 from decmcts.cli.app import app
 from decmcts.cli.record import agents_table, read_record, recording
 from decmcts.errors import InputError
+from decmcts.planning.events import Heads
 
 LEFT = AgentStatus(0, "left", "planning", (0, 1), 3, 120.0, 1.5, {"Distribution": 2}, entropy=0.4)
 
@@ -20,9 +21,9 @@ LEFT = AgentStatus(0, "left", "planning", (0, 1), 3, 120.0, 1.5, {"Distribution"
 def test_a_recording_comes_back(tmp_path: Path) -> None:
     """Every state that was shown, with the bound."""
     path = tmp_path / "launch.jsonl"
-    with recording(path, 100.0) as keep:
-        keep((LEFT,))
-        keep((LEFT, LEFT))
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+        keep(Heads((LEFT, LEFT), 100.0))
     bound_s, states = read_record(path)
     assert bound_s == 100.0 and [len(agents) for _, agents in states] == [1, 2]
     assert (states[0][1][0].name, states[0][1][0].entropy) == ("left", 0.4)
@@ -31,8 +32,8 @@ def test_a_recording_comes_back(tmp_path: Path) -> None:
 def test_replay_shows_the_last_state(tmp_path: Path) -> None:
     """What is left on the terminal is how it ended."""
     path = tmp_path / "launch.jsonl"
-    with recording(path, 100.0) as keep:
-        keep((LEFT,))
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
     shown = CliRunner().invoke(app, ["replay", str(path), "--speed", "100"])
     assert shown.exit_code == 0 and "left" in shown.output and "1.200" in shown.output
 
@@ -65,9 +66,9 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, text: str) -> None:
 def test_a_recording_that_was_cut_off_is_damaged(tmp_path: Path, cut: int) -> None:
     """Wherever it was; it was called none where it was cut near its beginning."""
     path = tmp_path / "launch.jsonl"
-    with recording(path, 100.0) as keep:
-        keep((LEFT,))
-        keep((LEFT, LEFT))
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+        keep(Heads((LEFT, LEFT), 100.0))
     whole = path.read_text()
     path.write_text(whole[:cut])
     line = whole[:cut].count("\n") + 1
@@ -91,8 +92,8 @@ def test_a_recording_whose_figures_are_none_is_damaged(
 ) -> None:
     """It ended in an internal error when it was shown."""
     path = tmp_path / "launch.jsonl"
-    with recording(path, 100.0) as keep:
-        keep((LEFT,))
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
     whole = path.read_text()
     assert said in whole
     path.write_text(whole.replace(said, instead))
