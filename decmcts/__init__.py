@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from decmcts.version import __version__
 
 if TYPE_CHECKING:
-    from agents.supervisor import LaunchError
     from decmcts.errors import InputError, VerificationError
     from decmcts.formats.machine_file import load_machine, preset_names
     from decmcts.formats.mesh import SliceOptions
@@ -50,7 +49,6 @@ if TYPE_CHECKING:
     from sim.faults import Fault, FaultKind, Verdict
 
 _ROOMS = {
-    "agents.supervisor": ("LaunchError",),
     "decmcts.errors": ("InputError", "VerificationError"),
     "decmcts.formats.machine_file": ("load_machine", "preset_names"),
     "decmcts.formats.mesh": ("SliceOptions",),
@@ -85,7 +83,7 @@ _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
     "Begun", "Certificate", "Event", "Fault", "FaultKind", "Figures", "Freedom", "Heads", "Held",
-    "Incumbent", "InputError", "LaunchError", "Limits", "Machine", "Note", "Objective", "Planner",
+    "Incumbent", "InputError", "Limits", "Machine", "Note", "Objective", "Planner",
     "PlannerName", "ProcessOrder", "Progress", "QcspResult", "Report", "Result", "Rules", "Seam",
     "Search", "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "TeamSearch",
     "Verdict", "VerificationError", "Written", "__version__", "bound", "choose_slicer", "launch",

@@ -31,7 +31,7 @@ from decmcts.planning.options import (
     Rules,
     Search,
 )
-from decmcts.planning.plan import plan as plan_order
+from decmcts.planning.plan import plan as find_order
 from decmcts.planning.problem.slicing import AUTO, Chosen, Slicing, choose_slicer
 from decmcts.planning.read import read
 from decmcts.planning.result import Result, Written
@@ -213,7 +213,7 @@ def run_single(
         compiling_beside(parts_for(search, rules.freedom), told),  # while the source is read
     ):
         found = read(source, machine, limits=limits, mesh=slicing, report=told)
-        return plan_order(found, search, rules, writes=writes, report=told, stop=stop)
+        return find_order(found, search, rules, writes=writes, report=told, stop=stop)
 
 
 def show(

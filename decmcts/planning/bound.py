@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from decmcts.errors import InputError
-from decmcts.planning.one_head.certificate import Certificate, certify
+from decmcts.planning.one_head.certificate import SHARE, Certificate, certify
 from decmcts.planning.options import Search
 from decmcts.planning.result import Result
 from decmcts.search.planners import toolpath_cost
@@ -34,6 +34,7 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
 
     Examples
     --------
+    >>> from decmcts import PlannerName, Search, bound, plan, read, sample_path
     >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
     >>> quick = Search(time_limit_s=1.0, planner=PlannerName.GREEDY, certificate=False)
     >>> found = bound(plan(source, quick), time_limit_s=1.0)
@@ -46,5 +47,5 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
     problem = result.planned.problem.for_one_head(search.objective)
     lane = result.document.plan.heads[0]
     return certify(
-        problem, toolpath_cost(problem, head_toolpath(lane)), time_limit_s=2.0 * time_limit_s
+        problem, toolpath_cost(problem, head_toolpath(lane)), time_limit_s=time_limit_s / SHARE
     )

@@ -51,18 +51,15 @@ def launch(
     VerificationError
         When the judge refuses the plan.
 
-    Notes
-    -----
-    On systems that start processes anew (all, here) a script guards its own start by
-    ``if __name__ == "__main__":`` only if it starts processes itself; `launch` does not ask
-    for it.
-
     Examples
     --------
+    >>> from decmcts import TeamSearch, launch, read, sample_path
     >>> source = read(sample_path("plate.gcode.gz"), "dual-gantry")
-    >>> result = launch(source, TeamSearch(time_limit_s=10.0))  # doctest: +SKIP
-    >>> result.write_gcode("plate").paths  # doctest: +SKIP
-    (PosixPath('plate_left.gcode'), PosixPath('plate_right.gcode'))
+    >>> result = launch(source, TeamSearch(time_limit_s=2.0))
+    >>> result.after.print_time_s < result.before.print_time_s
+    True
+    >>> [head.head for head in result.document.plan.heads]
+    ['left', 'right']
     """
     with compilation_told(report) as told, compiling_beside([TEAM], told):
         problem = problem_of(source, rules, told)

@@ -96,6 +96,7 @@ class Rules:
 
     Examples
     --------
+    >>> from decmcts import Freedom, Rules, Seam
     >>> Rules(freedom=Freedom.SEAM, seam=Seam.REAR).max_layers_ahead is None
     True
     >>> Rules(seam=Seam.REAR)
@@ -160,6 +161,7 @@ class Search:
 
     Examples
     --------
+    >>> from decmcts import Search
     >>> Search(time_limit_s=5.0).planner.value
     'hybrid'
     """
@@ -210,6 +212,7 @@ class TeamSearch:
 
     Examples
     --------
+    >>> from decmcts import TeamSearch
     >>> TeamSearch(time_limit_s=10.0, parameters={"gamma": 0.95}).seed
     0
     """

@@ -54,6 +54,7 @@ def plan(
 
     Examples
     --------
+    >>> from decmcts import PlannerName, Search, plan, read, sample_path
     >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
     >>> result = plan(source, Search(time_limit_s=1.0, planner=PlannerName.GREEDY))
     >>> result.after.travel_mm < result.before.travel_mm
@@ -63,7 +64,7 @@ def plan(
     """
     one = first_head(source, report)
     timed = search.objective == Objective.TIME
-    walls = timed and pace_of(one.job, one.machine.limits.under(one.job.limits)).looks_at_walls
+    walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls
     parts = parts_for(search, rules.freedom, walls=walls)
     with compilation_told(report) as told, compiling_beside(parts, told):
         problem = problem_of(one, rules, told)

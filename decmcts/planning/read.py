@@ -50,9 +50,10 @@ def read(
 
     Examples
     --------
+    >>> from decmcts import read, sample_path
     >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
     >>> source.machine.name, len(source.job.contours)
-    ('mk4s', 956)
+    ('mk4s', 964)
     """
     how = Slicing(choose_slicer()) if mesh is None else mesh
     with compilation_told(report) as told:

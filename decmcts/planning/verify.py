@@ -57,6 +57,7 @@ def verify(
 
     Examples
     --------
+    >>> from decmcts import sample_path, verify
     >>> nuts = sample_path("four_nuts.gcode.gz")
     >>> verify(nuts, source=nuts, machine="mk4s").ok
     True

@@ -15,6 +15,7 @@ from decmcts.cli.app import run
 from decmcts.cli.console import out, steps
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import preset_names
+from decmcts.planning.events import Step
 from decmcts.planning.writing.places import refuse_unwritable
 from tests.cli.test_bad_input import SQUARE, gcode
 from tests.formats.gcode.test_layers import PRUSA, towers
@@ -76,8 +77,8 @@ def test_time_as_the_objective_is_named_and_never_worse(tmp_path, capsys):
 
 def test_steps_are_lines_where_nobody_watches(capsys):
     """A log file wants the steps, no blank lines and no spinner."""
-    with steps() as (announce, _):
-        announce("reading [/a].gcode")
+    with steps() as report:
+        report(Step("reading [/a].gcode"))
     assert capsys.readouterr().err == "reading [/a].gcode\n"
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.cli.test_first_check import LAYERS
 
 from decmcts.cli.app import run
+from tests.planning.problem.test_first_check import LAYERS
 
 WORDS = ["--machine", "paper", "--time-limit", "0.1", "--allow-slower"]
 

@@ -34,7 +34,7 @@ def write_no_slower(
     allow_slower: bool,
     report: Report = unheard,
     stop: Stop = never,
-    draft_of: Callable[..., FileTimes] = draft_single,
+    draft_of: Callable[[Planned, Path, Path], FileTimes] = draft_single,
 ) -> tuple[Planned, FileTimes]:
     """Write the G-code of one head to `path`; returns what was written and its times.
 

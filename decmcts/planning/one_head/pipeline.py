@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -34,6 +35,14 @@ Judge = Callable[[], PlanDocument]
 """Returns the plan of the source's own order once it was judged; InputError if it has faults."""
 
 
+class Refuse(Protocol):
+    """Raises InputError where the source's own order has faults; `refuse_unsound` is one."""
+
+    def __call__(self, problem: PrintProblem, before: PlanDocument, *, writes: bool) -> None:
+        """Judge the plan of that order, and its text if it `writes`."""
+        ...
+
+
 def plan_one_head(
     problem: PrintProblem,
     search: Search,
@@ -42,7 +51,7 @@ def plan_one_head(
     report: Report = unheard,
     stop: Stop = never,
     compiled: Callable[[str], bool] = is_compiled,
-    refuse: Callable[..., None] = refuse_unsound,
+    refuse: Refuse = refuse_unsound,
 ) -> Planned:
     """Have the source's own order judged and find a better one.
 

@@ -166,6 +166,7 @@ class Slicing:
 
     Examples
     --------
+    >>> from decmcts import Slicing, choose_slicer
     >>> Slicing(choose_slicer("builtin")).options.layer_height
     0.2
     """

@@ -6,15 +6,17 @@ No output is written here. See ARCHITECTURE.md, which follows one planning round
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
-from agents.supervisor import AgentStatus, LaunchError
+from agents.supervisor import AgentStatus, LaunchError, OnProgress
 from decmcts._kernels.engine.lags import Lags
+from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.planning.compiling.child import finish_beside
 from decmcts.planning.compiling.parts import TEAM
@@ -26,6 +28,7 @@ from decmcts.planning.problem.planned import History, Planned, check, source_pla
 from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.joint import best_of
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound, makespan_bound
@@ -36,8 +39,25 @@ from decmcts.team.schedule.leaning import lean
 
 ALONE_MOST_S = 10.0  # for what one head alone reaches, and at most a third of the search time
 
-Launch = Callable[..., LaunchResult]
-"""Starts the agents; `agents.launch.launch`, or in a test what stands for it."""
+
+class Launch(Protocol):
+    """Has the agents agree; `agents.launch.launch`, or in a test what stands for it."""
+
+    def __call__(
+        self,
+        job: PrintJob,
+        machine: Machine,
+        graph: DependencyGraph,
+        *,
+        time_limit_s: float,
+        seed: int,
+        lags: Lags | None,
+        parameters: Mapping[str, float | str] | None,
+        on_progress: OnProgress | None,
+        should_stop: Stop | None,
+    ) -> LaunchResult:
+        """Return what they agreed on; raises LaunchError if that is nothing."""
+        ...
 
 
 def plan_team(

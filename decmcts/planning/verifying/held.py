@@ -19,6 +19,7 @@ class Held:
 
     Examples
     --------
+    >>> from decmcts import Held
     >>> Held(quality=True).names()
     ['quality']
     """

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 from decmcts.errors import InputError
 from decmcts.formats.drafts import draft_folder
-from decmcts.formats.gcode import write_head_gcode
+from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, put, require_sound
-from decmcts.print.machine import Machine
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine, Release
+from decmcts.print.plan import JointPlan
 from sim.heads.together import verify_heads
 
 
@@ -37,8 +40,27 @@ def head_files(stem: Path, machine: Machine) -> list[Path]:
     return [stem.with_name(f"{stem.name}_{head.name}.gcode") for head in machine.heads]
 
 
+class HeadWriter(Protocol):
+    """Writes the file of one head of a plan; `write_head_gcode`, or in a test one that fails."""
+
+    def __call__(
+        self,
+        document: GcodeDocument,
+        job: PrintJob,
+        plan: JointPlan,
+        head_index: int,
+        out: Path,
+        *,
+        header_lines: Sequence[str],
+        park: tuple[float, float, float] | None,
+        release: Release,
+    ) -> None:
+        """Write to `out`."""
+        ...
+
+
 def write_heads(
-    planned: Planned, stem: Path, *, write: Callable[..., None] = write_head_gcode
+    planned: Planned, stem: Path, *, write: HeadWriter = write_head_gcode
 ) -> list[Path]:
     """`write` one G-code file per head, `STEM_HEAD.gcode`; returns the paths.
 

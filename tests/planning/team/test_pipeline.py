@@ -21,7 +21,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.seam import seam_entries
 from decmcts.samples import sample_path
 from sim.verify import verify_plan
-from tests.planning.team.conftest import Agents
+from tests.planning.conftest import Agents
 
 SEARCH = TeamSearch(0.5)
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 
-from tests.cli.test_verify_plan import TEXT
-
 from decmcts.cli.app import run
+from tests.planning.verifying.test_verify_plan import TEXT
 
 
 def test_a_source_that_was_kept_is_no_fault(tmp_path, capsys):

@@ -12,7 +12,12 @@ import decmcts
 from decmcts.cli.app import run
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.plan_json import read_plan
+from decmcts.planning.options import TeamSearch
+from decmcts.planning.problem.print_problem import load
+from decmcts.planning.result import Result
+from decmcts.planning.team.pipeline import plan_team
 from sim.heads.file import read_head_file
+from tests.planning.conftest import Agents
 
 PRESET = Path(decmcts.__file__).parent / "machines" / "dual-gantry.toml"
 HOT, STANDBY = (215, 230), (180, 190)
@@ -101,6 +106,15 @@ def one_hot_end(folder: Path, *, first: str, end: str = "M104 S0") -> str:
     return str(path)
 
 
+def launched(source: str, machine: str, folder: Path, agents: Agents) -> str:
+    """Plan for both heads, write their files `out_*.gcode`; return the plan's file."""
+    search, problem = TeamSearch(0.5), load(Path(source), machine)
+    result = Result(plan_team(problem, search, writes=True, agents=agents), search)
+    result.write_plan(folder / "plan.json")
+    result.write_gcode(folder / "out")
+    return str(folder / "plan.json")
+
+
 def temperatures(path: Path) -> list[int]:
     """Return what a file's hot end is set to, in order."""
     rows = [row.split() for row in path.read_text().splitlines() if row[:4] in ("M104", "M109")]
@@ -111,13 +125,11 @@ def temperatures(path: Path) -> list[int]:
 @pytest.mark.slow
 @pytest.mark.parametrize("relative", [True, False])
 def test_each_head_prints_and_heats_its_own_tool(
-    told: list[Any], tmp_path: Path, relative: bool
+    agents: Agents, tmp_path: Path, relative: bool
 ) -> None:
     """What a source says to the tool in use goes to the head that has it, filament too."""
     source, machine = two_tools(tmp_path, relative=relative), machine_file(tmp_path, 0, 1)
-    plan, stem = str(tmp_path / "plan.json"), str(tmp_path / "out")
-    options = ["--machine", machine, "--time-limit", "0.5", "--plan", plan, "-o", stem]
-    assert run(["launch", source, *options]) == 0
+    plan = launched(source, machine, tmp_path, agents)
     job = read_gcode(Path(source))[0]
     for tool, head in enumerate(read_plan(Path(plan)).plan.heads):
         printed = head.contour[head.contour >= 0]
@@ -142,13 +154,11 @@ def test_each_head_prints_and_heats_its_own_tool(
     ],
 )
 def test_each_head_is_hot_before_it_prints_and_off_at_the_end(
-    told: list[Any], tmp_path: Path, first: str, left: list[int], right: list[int]
+    agents: Agents, tmp_path: Path, first: str, left: list[int], right: list[int]
 ) -> None:
     """Though nothing names the second tool: a head that prints cold would be of no use."""
     source, machine = one_hot_end(tmp_path, first=first), machine_file(tmp_path, 0, 1)
-    plan, stem = str(tmp_path / "plan.json"), str(tmp_path / "out")
-    options = ["--machine", machine, "--time-limit", "0.5", "--plan", plan, "-o", stem]
-    assert run(["launch", source, *options]) == 0
+    plan = launched(source, machine, tmp_path, agents)
     files = [tmp_path / f"out_{name}.gcode" for name in ("left", "right")]
     assert [temperatures(path) for path in files] == [left, right]
     assert run(["verify", *map(str, files), "--source", source, "--plan", plan]) == 0
@@ -170,12 +180,11 @@ def test_a_tool_that_nothing_heats_is_one_line(
 @pytest.mark.slow
 @pytest.mark.parametrize("relative", [True, False])
 def test_filament_of_the_other_tool_is_left_alone(
-    told: list[Any], tmp_path: Path, relative: bool
+    agents: Agents, tmp_path: Path, relative: bool
 ) -> None:
     """Pulled far back by each change of the source: twice by a head that heard both."""
     source, machine = two_tools(tmp_path, relative=relative), machine_file(tmp_path, 0, 1)
-    stem = str(tmp_path / "out")
-    assert run(["launch", source, "--machine", machine, "--time-limit", "0.5", "-o", stem]) == 0
+    launched(source, machine, tmp_path, agents)
     for name in ("left", "right"):
         retracted = read_head_file(tmp_path / f"out_{name}.gcode").motion.extruder[:, 1]
         assert retracted.max() == pytest.approx(9.0)
@@ -184,13 +193,11 @@ def test_filament_of_the_other_tool_is_left_alone(
 @pytest.mark.slow
 @pytest.mark.parametrize("relative", [True, False])
 def test_no_filament_moves_in_a_cold_hot_end(
-    told: list[Any], tmp_path: Path, relative: bool
+    agents: Agents, tmp_path: Path, relative: bool
 ) -> None:
     """Neither for the way to the first print nor, by a head the source has left, at the end."""
     source = two_tools(tmp_path, relative=relative, both=False)
-    machine, plan, stem = machine_file(tmp_path, 0, 1), str(tmp_path / "p.json"), tmp_path / "out"
-    options = ["--machine", machine, "--time-limit", "0.5", "--plan", plan, "-o", str(stem)]
-    assert run(["launch", source, *options]) == 0
+    plan = launched(source, machine_file(tmp_path, 0, 1), tmp_path, agents)
     left, right = (tmp_path / f"out_{name}.gcode" for name in ("left", "right"))
     rows = right.read_text().splitlines()
     hot = next(k for k, row in enumerate(rows) if row == f"M109 S{HOT[1]}")
