@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from common import RESULTS, Rows, grouped, markdown, names, seeds, setting
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of

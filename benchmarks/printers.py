@@ -91,7 +91,7 @@ def said(arguments: list[str]) -> dict[str, Any]:
 
     All prints share one process, so that kernels are loaded once.
     """
-    from decmcts.cli.app import run as command
+    from decmcts.cli.run import run as command
 
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

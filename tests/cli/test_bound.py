@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.cli.app import run
 from decmcts.cli.console import above
 from decmcts.cli.lines import bound_line
+from decmcts.cli.run import run
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.planning.one_head.certificate import certify
 from decmcts.search.sequence.problem import OrderProblem, Pace

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import app
-from decmcts.cli.app import run
+from decmcts.cli import run as runner
 from decmcts.cli.console import out, steps
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import preset_names
 from decmcts.planning.events import Step
@@ -90,7 +90,7 @@ def test_names_with_brackets_are_printed_as_they_are(capsys):
 
 def test_interrupted_command_says_so(monkeypatch, capsys):
     """Code 130 without a word leaves the user guessing what was written."""
-    monkeypatch.setattr(app, "app", lambda **_: 130)
+    monkeypatch.setattr(runner, "app", lambda **_: 130)
     assert run(["machines"]) == 130
     assert "stopped" in capsys.readouterr().err
 
@@ -103,7 +103,7 @@ def test_interrupt_while_starting_is_one_line():
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # CI may ignore it
         "class Stop:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'decmcts.cli.app': os.kill(os.getpid(), signal.SIGINT)\n"
+        "        if name == 'decmcts.cli.run': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Stop())\n"
         "cli.main()\n"
     )

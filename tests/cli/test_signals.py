@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import check, signals
-from decmcts.cli.app import run
+from decmcts.cli import signals
+from decmcts.cli.commands import verify
 from decmcts.cli.console import written
+from decmcts.cli.run import run
 from decmcts.cli.signals import interrupt_stops
 
 ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
@@ -155,7 +156,7 @@ def test_an_error_made_of_a_signal_is_that_signal(tmp_path, monkeypatch, capsys)
 
     source = tmp_path / "plan.json"
     source.write_text("{}")
-    monkeypatch.setattr(check, "judge", interrupted)
+    monkeypatch.setattr(verify, "judge", interrupted)
     before = {number: signal.getsignal(number) for number in ALL}
     signals.end_on_signals()
     try:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.formats.plan_json import write_plan
 from decmcts.planning.verifying.judge import digest_of
 from sim.verify import verify_plan

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plan_json import read_plan, write_plan
 from decmcts.planning.verifying.judge import digest_of

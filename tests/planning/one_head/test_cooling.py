@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.machine_file import load_machine

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.formats.plan_json import read_plan
 from sim.verify import verify_plan
 from tests.cli.test_bad_input import TAIL, gcode

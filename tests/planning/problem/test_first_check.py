@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import app
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import NO_QUALITY, Search
@@ -64,9 +64,7 @@ def test_a_file_that_cannot_be_written_again_is_refused_before_the_search(
     one_fault(monkeypatch)
     outputs = ["-o", str(tmp_path / "out.gcode")] if command == "plan" else []
     before = source.read_bytes()
-    assert (
-        app.run([command, str(source), *outputs, "--machine", "paper", "--time-limit", "60"]) == 2
-    )
+    assert run([command, str(source), *outputs, "--machine", "paper", "--time-limit", "60"]) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
     assert f"{source}:10: in its own order this print fails verification with 1 fault" in said
     assert "begins a bead with 3 mm retracted" in said
@@ -97,7 +95,7 @@ def test_a_plan_alone_needs_no_file(source, monkeypatch) -> None:
 )
 def test_options_of_meshes_are_refused_with_gcode(source, capsys, options) -> None:
     """Also at their defaults: who gives one believes it does something."""
-    assert app.run(["plan", str(source), *options]) == 2
+    assert run(["plan", str(source), *options]) == 2
     said = capsys.readouterr().err
     assert options[0] in said and "for meshes" in said and str(source) in said.replace("\n", "")
 
@@ -108,5 +106,5 @@ def test_heads_that_cannot_have_a_file_are_refused_before_the_agents_start(
     """A pause in the middle may move one head while the other prints."""
     source.write_text(LAYERS.replace("G1 X90 Y10 F9000\n", "M600\nG1 X90 Y10 F9000\n"))
     words = ["launch", str(source), "-o", str(tmp_path / "plate"), "--time-limit", "60"]
-    assert app.run(words) == 2
+    assert run(words) == 2
     assert f"{source}:11: 'M600' (filament change) may move the head" in capsys.readouterr().err

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.source import load_source
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.feasibility.graph import EdgeKind
 from decmcts.formats.gcode import read_gcode
 from decmcts.planning.options import ProcessOrder, Rules

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machine_file import load_machine

@@ -7,7 +7,7 @@ import json
 import pytest
 import trimesh
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.formats.plan_json import read_plan
 from tests.cli.test_bad_input import SQUARE, gcode
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode import write_head_gcode
 from decmcts.formats.plan_json import write_plan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from tests.planning.verifying.test_verify_plan import TEXT
 
 

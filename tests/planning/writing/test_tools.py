@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import decmcts
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.plan_json import read_plan
 from decmcts.planning.options import TeamSearch

@@ -9,8 +9,8 @@ import typer
 from rich.console import Console
 
 from decmcts.cli import options as opt
-from decmcts.cli import sop
 from decmcts.cli.app import app
+from decmcts.cli.commands import sop
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.lines import bound_line, figures, kept_line, whole_file_line
 from decmcts.cli.running import running

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli.app import run
-from decmcts.cli.record import read_record
+from decmcts.cli.commands.replay import read_record
+from decmcts.cli.run import run
 from decmcts.formats.plan_json import read_plan
 from decmcts.samples import sample_path
 from sim.verify import verify_plan

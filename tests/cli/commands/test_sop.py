@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from tests.formats.test_sop import HEAD, ROWS
 
 

@@ -9,12 +9,12 @@ import typer
 
 from agents import extruder
 from decmcts.cli import options as opt
-from decmcts.cli import qcsp
 from decmcts.cli.app import app
+from decmcts.cli.commands import qcsp
+from decmcts.cli.commands.plan import ONLY_SHOWN, write_extras
+from decmcts.cli.commands.replay import heads_table, recording
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.lines import figures
-from decmcts.cli.plan import ONLY_SHOWN, write_extras
-from decmcts.cli.record import heads_table, recording
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError

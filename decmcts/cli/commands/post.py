@@ -13,9 +13,9 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
+from decmcts.cli.commands.plan import run_single, show_notes
 from decmcts.cli.console import err, out, print_json, steps, summary_of, written
 from decmcts.cli.lines import figures, kept_line, whole_file_line
-from decmcts.cli.plan import run_single, show_notes
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.mesh import MESH_SUFFIXES

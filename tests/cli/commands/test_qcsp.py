@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from tests.formats.test_qcsp import TINY
 
 

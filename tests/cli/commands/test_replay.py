@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from agents.supervisor import AgentStatus
 from decmcts.cli.app import app
-from decmcts.cli.record import agents_table, read_record, recording
+from decmcts.cli.commands.replay import agents_table, read_record, recording
 from decmcts.errors import InputError
 from decmcts.planning.events import Heads
 
