@@ -30,6 +30,7 @@ CONTENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         ),
         "Programs around it": (
             "docs/api",
+            "examples/README",
             "docs/site/api",
             "docs/plan-format",
             "docs/json-output",

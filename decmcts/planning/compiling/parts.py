@@ -28,7 +28,6 @@ FIRST = "local"  # the planner a search begins with while the kernels of `hybrid
 FOLDERS = [
     Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim.replay)
 ]
-_store = Store(FOLDERS[0])
 
 
 def unit_of(*, seconds: bool, walls: bool) -> str:
@@ -90,13 +89,18 @@ def all_parts() -> list[str]:
 
 def is_compiled(part: str) -> bool:
     """Say whether a part is complete on this machine."""
-    return _store.marked(_mark(part))
+    return _store().marked(_mark(part))
 
 
 def mark_compiled(part: str) -> None:
     """Say that a part is complete on this machine."""
     if not is_compiled(part):
-        _store.mark(_mark(part))
+        _store().mark(_mark(part))
+
+
+def _store() -> Store:
+    """Return the store parts are marked in; where caches are is asked each time."""
+    return Store(cache_home() / FOLDERS[0].name)
 
 
 def _mark(part: str) -> str:
