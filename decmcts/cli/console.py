@@ -41,69 +41,68 @@ def steps(
 
     While agents are heard of, what `table` makes of them is shown in its place.
     """
-    columns = (
-        SpinnerColumn("dots" if err.encoding.startswith("utf") else "line"),
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-    )
-    live = err.is_terminal and not err.is_dumb_terminal
     with ExitStack() as shown:
-        progress = Progress(*columns, console=err, transient=True, disable=not live)
-        view = _View(shown.enter_context(progress), live, time_limit_s, unit)
-        heads: Live | None = None
-
-        def report(event: Event) -> None:
-            nonlocal heads
-            if isinstance(event, Heads) and table is not None:
-                if heads is None:
-                    shown.close()  # one live display at a time
-                    heads = shown.enter_context(Live(console=err, transient=True))
-                heads.update(table(event))
-            elif isinstance(event, Step) and heads is not None:
-                shown.close()
-                heads, view.progress = (
-                    None,
-                    shown.enter_context(
-                        Progress(*columns, console=err, transient=True, disable=not live)
-                    ),
-                )
-                view.begin()
-                view.show(event)
-            else:
-                view.show(event)
-
-        yield report
+        yield _Display(shown, time_limit_s, unit, table).report
 
 
-class _View:
-    """The line that changes, or lines that stay."""
+class _Display:
+    """What is on the terminal: a line that changes, lines that stay, or the table of heads."""
 
-    def __init__(self, progress: Progress, live: bool, time_limit_s: float, unit: str) -> None:
-        self.progress, self._live = progress, live
-        self._limit_s, self._unit, self._said_at_s = time_limit_s, unit, 0.0
-        self.begin()
+    def __init__(
+        self,
+        shown: ExitStack,
+        time_limit_s: float,
+        unit: str,
+        table: Callable[[Heads], Table] | None,
+    ) -> None:
+        self._shown, self._limit_s, self._unit, self._table = shown, time_limit_s, unit, table
+        self._live = err.is_terminal and not err.is_dumb_terminal
+        self._said_at_s = 0.0
+        self._begin_line()
 
-    def begin(self) -> None:
-        """Begin a line."""
-        self._task = self.progress.add_task("starting", total=None)
-
-    def show(self, event: Event) -> None:
+    def report(self, event: Event) -> None:
         """Show an event."""
         if isinstance(event, Step):
-            self.progress.update(self._task, description=event.text, total=None)
-            if not self._live:
-                err.print(event.text, soft_wrap=True)
+            self._step(event.text)
         elif isinstance(event, Note):
             err.print(event.text, soft_wrap=True)
         elif isinstance(event, Searched):
             self._searched(event)
+        elif isinstance(event, Heads) and self._table is not None:
+            self._heads_stand(self._table(event))
+
+    def _begin_line(self) -> None:
+        columns = (
+            SpinnerColumn("dots" if err.encoding.startswith("utf") else "line"),
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TimeElapsedColumn(),
+        )
+        self._heads: Live | None = None
+        self._line = self._shown.enter_context(
+            Progress(*columns, console=err, transient=True, disable=not self._live)
+        )
+        self._task = self._line.add_task("starting", total=None)
+
+    def _step(self, text: str) -> None:
+        if self._heads is not None:
+            self._shown.close()
+            self._begin_line()
+        self._line.update(self._task, description=text, total=None)
+        if not self._live:
+            err.print(text, soft_wrap=True)
+
+    def _heads_stand(self, table: Table) -> None:
+        if self._heads is None:
+            self._shown.close()  # one live display at a time
+            self._heads = self._shown.enter_context(Live(console=err, transient=True))
+        self._heads.update(table)
 
     def _searched(self, state: Searched) -> None:
         # another search began where seconds fall
         self._said_at_s = self._said_at_s if state.seconds >= self._said_at_s else 0.0
         found = f"{amount(state.cost, self._unit)}{above(state)}"
-        self.progress.update(
+        self._line.update(
             self._task,
             total=self._limit_s,
             completed=min(state.seconds, self._limit_s),

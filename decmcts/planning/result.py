@@ -44,6 +44,18 @@ class Result:
         The plan, its source's own order and the verdict, as the rooms below hand them on.
     search : Search | TeamSearch
         What was asked.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from decmcts import PlannerName, Search, plan, read, sample_path
+    >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
+    >>> result = plan(source, Search(1.0, planner=PlannerName.GREEDY))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = result.write_gcode(Path(folder) / "better.gcode")
+    >>> [path.name for path in written.paths], written.times.longer
+    (['better.gcode'], False)
     """
 
     planned: Planned

@@ -110,18 +110,7 @@ def plan_judged(
     bound = _first_bound(bare, search, report, stop)
     report(Step("preparing the search"))
     started = time.perf_counter()
-    lags, guess, spacing = _lags(problem, before)
-    order = OrderSearch(problem, bare, guess, spacing, search, report, bound)
-    found: SearchResult | None = None
-    if before is None:
-        assert judge is not None
-        order.compile_cooling()
-        report(Step("the source's own order, judged while the search begins"))
-        with searched_beside(order, stop=stop, report=report) as searched:
-            before = judge()
-            found = searched()
-        lags, _, _ = _lags(problem, before)
-    result = found or order.search(order.begin(stop), stop)
+    before, lags, result = _searched(problem, bare, search, bound, before, judge, report, stop)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
     report(Step("safe travels and times"))
     plan, toolpath = _scheduled(problem, result.toolpath, lags), result.toolpath
@@ -140,6 +129,31 @@ def plan_judged(
         seconds["bound"] = time.perf_counter() - started
     after = document_of(problem, plan, extra)
     return check(problem, before, after, result.history, seconds, report)
+
+
+def _searched(
+    problem: PrintProblem,
+    bare: OrderProblem,
+    search: Search,
+    bound: float | None,
+    before: PlanDocument | None,
+    judge: Judge | None,
+    report: Report,
+    stop: Stop,
+) -> tuple[PlanDocument, Lags, SearchResult]:
+    """Return the plan of the source's own order, what must cool by it, and what was found."""
+    lags, guess, spacing = _lags(problem, before)
+    order = OrderSearch(problem, bare, guess, spacing, search, report, bound)
+    found: SearchResult | None = None
+    if before is None:
+        assert judge is not None  # one of the two is given
+        order.compile_cooling()
+        report(Step("the source's own order, judged while the search begins"))
+        with searched_beside(order, stop=stop, report=report) as searched:
+            before = judge()
+            found = searched()
+        lags, _, _ = _lags(problem, before)
+    return before, lags, found or order.search(order.begin(stop), stop)
 
 
 def _first_bound(bare: OrderProblem, search: Search, report: Report, stop: Stop) -> float | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,74 +28,77 @@ from decmcts.team.schedule.entries import Orders, best_entries, with_entries
 from decmcts.team.schedule.joint_plan import schedule
 
 
-def plan_alone(
-    problem: PrintProblem, lags: Lags, order: Toolpath, live: Sequence[int]
-) -> PlanDocument:
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What agents plan, and what their plan is measured by."""
+
+    problem: PrintProblem
+    before: PlanDocument  # the source's own order, one head
+    lags: Lags
+    orders: Orders
+    order: Toolpath  # what one head alone reaches
+    entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
+    bound: Bound
+
+    def schedule(self, toolpaths: Sequence[Toolpath]) -> JointPlan:
+        """Return the exact plan of an order for each head."""
+        problem = self.problem
+        return schedule(problem.job, problem.machine, problem.graph, toolpaths, lags=self.lags)
+
+
+def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
     """Schedule one order for one of the live heads, the others parked where possible."""
-    paths = one_head_toolpaths(problem.job, problem.machine, order, live=live)
-    plan = schedule(problem.job, problem.machine, problem.graph, paths, lags=lags)
+    problem = ready.problem
+    paths = one_head_toolpaths(problem.job, problem.machine, ready.order, live=live)
     shared = "one head" if sum(len(path) > 0 for path in paths) < 2 else "one order"
-    return document_of(problem, plan, {"planner": f"local, {shared}"})
+    return document_of(problem, ready.schedule(paths), {"planner": f"local, {shared}"})
 
 
 def best_of(
-    problem: PrintProblem,
-    lags: Lags,
-    result: LaunchResult | None,
-    order: Toolpath,
-    entry: NDArray[np.int32],
-    bound: Bound,
-    asked: TeamSearch,
-    orders: Orders,
-    report: Report,
+    ready: Prepared, result: LaunchResult | None, search: TeamSearch, report: Report
 ) -> PlanDocument:
-    """Schedule what was agreed, or one head alone where that is faster.
-
-    `entry` is where loops were entered when it was agreed, (n,).
-    """
+    """Schedule what was agreed, or one head alone where that is faster."""
+    problem = ready.problem
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
-    alone = plan_alone(problem, lags, order, heads)
-    lone = schedule(problem.job, lone_machine(problem.machine), problem.graph, [order], lags=lags)
+    alone = plan_alone(ready, heads)
+    machine = lone_machine(problem.machine)
+    lone = schedule(problem.job, machine, problem.graph, [ready.order], lags=ready.lags)
     extra: dict[str, object] = {
         "planner": "dec-mcts",
-        **_said(orders),
-        "seed": asked.seed,
-        "time_limit_s": asked.time_limit_s,
-        "parameters": dict(asked.parameters),
+        **_said(ready.orders),
+        "seed": search.seed,
+        "time_limit_s": search.time_limit_s,
+        "parameters": dict(search.parameters),
         "agreed_digest": "" if agreement is None else agreement.digest,
         "live_heads": list(heads),
         "one_head_s": lone.makespan_s,
-        "bound": dataclasses.asdict(bound),
+        "bound": dataclasses.asdict(ready.bound),
         "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
     }
     if result is not None:
-        joint = _joint(problem, lags, result, entry, orders, report)
+        joint = _joint(ready, result, report)
         if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
             return document_of(problem, joint, extra)
     return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
 
 
-def _joint(
-    problem: PrintProblem,
-    lags: Lags,
-    result: LaunchResult,
-    entry: NDArray[np.int32],
-    orders: Orders,
-    report: Report,
-) -> JointPlan | None:
+def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan | None:
     """Return the exact plan of what was agreed: as it is, or with other entries if it ends first.
 
     None where one shuts another in that enters loops elsewhere than as sliced.
     """
-    job, machine, graph = problem.job, problem.machine, problem.graph
-    agreed = with_entries(result.toolpaths, entry)
+    problem = ready.problem
+    agreed = with_entries(result.toolpaths, ready.entry)
+    moved = best_entries(
+        problem.job, problem.machine, problem.graph, agreed, ready.orders, ready.lags
+    )
     plans = []
-    for paths in (agreed, best_entries(job, machine, graph, agreed, orders, lags)):
+    for paths in (agreed, moved):
         try:
-            plans.append(schedule(job, machine, graph, paths, lags=lags))
+            plans.append(ready.schedule(paths))
         except InputError as error:
-            if not entry.any() and not plans:  # then these heads cannot print it at all
+            if not ready.entry.any() and not plans:  # then these heads cannot print it at all
                 raise
             report(Note(f"other entries of loops: {error.what}"))
     return min(plans, key=lambda plan: plan.makespan_s, default=None)

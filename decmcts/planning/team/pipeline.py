@@ -26,12 +26,12 @@ from decmcts.planning.options import PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, check, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
-from decmcts.planning.team.joint import best_of
+from decmcts.planning.team.joint import Prepared, best_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.bounds.makespan import Bound, makespan_bound
+from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule.entries import Orders, agreed_job, entries_of, first_entries
@@ -81,6 +81,21 @@ def plan_team(
     VerificationError
         When the judge refuses the plan.
     """
+    ready = _prepared(problem, search, writes=writes, report=report)
+    finish_beside(TEAM, report)  # else every agent would load what others compile
+    started = time.perf_counter()
+    report(Begun())
+    result = _agreed(ready, search, report, stop, agents)
+    seconds = {**problem.seconds, "plan": time.perf_counter() - started}
+    report(Step("safe travels, times and order across heads"))
+    after = best_of(ready, result, search, report)
+    return check(ready.problem, ready.before, after, _history(result), seconds, report)
+
+
+def _prepared(
+    problem: PrintProblem, search: TeamSearch, *, writes: bool, report: Report
+) -> Prepared:
+    """Have the source's own order judged, and find what agents and their plan are measured by."""
     orders = Orders(problem.rules.freedom.value, problem.rules.seam.value, search.objective.value)
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
@@ -91,25 +106,17 @@ def plan_team(
         refuse_shut_in(problem.job, problem.machine)
     refuse_unsound(problem, before, writes=False)
     report(Sound())
+    job, machine, graph = problem.job, problem.machine, problem.graph
     lags = lags_of(problem, before)
     report(Step("what one head alone reaches"))
     order = _alone(problem, search, lags)
-    entry = first_entries(problem.job, orders, order)
-    entries = entries_of(problem.job, orders)
+    entry, entries = first_entries(job, orders, order), entries_of(job, orders)
     if entries is not None:
         report(Step("where loops begin"))
-    entry = lean(problem.job, problem.machine, problem.graph, orders, entry, entries, lags)
+    entry = lean(job, machine, graph, orders, entry, entries, lags)
     report(Step("a bound on the makespan"))
-    bound = makespan_bound(problem.job, problem.machine, problem.graph, entries=entries)
-    finish_beside(TEAM, report)  # else every agent would load what others compile
-    started = time.perf_counter()
-    job = agreed_job(problem.job, orders, entry)
-    report(Begun())
-    result = _agreed(problem, job, lags, bound, search, report, stop, agents)
-    seconds = {**problem.seconds, "plan": time.perf_counter() - started}
-    report(Step("safe travels, times and order across heads"))
-    after = best_of(problem, lags, result, order, entry, bound, search, orders, report)
-    return check(problem, before, after, _history(result), seconds, report)
+    bound = makespan_bound(job, machine, graph, entries=entries)
+    return Prepared(problem, before, lags, orders, order, entry, bound)
 
 
 def _alone(problem: PrintProblem, search: TeamSearch, lags: Lags) -> Toolpath:
@@ -134,29 +141,23 @@ def lags_of(problem: PrintProblem, before: PlanDocument) -> Lags:
 
 
 def _agreed(
-    problem: PrintProblem,
-    job: PrintJob,
-    lags: Lags,
-    bound: Bound,
-    search: TeamSearch,
-    report: Report,
-    stop: Stop,
-    agents: Launch,
+    ready: Prepared, search: TeamSearch, report: Report, stop: Stop, agents: Launch
 ) -> LaunchResult | None:
     """Return what the agents agreed on, or None: one head alone is always left."""
+    problem = ready.problem
 
     def passed_on(states: tuple[AgentStatus, ...]) -> None:
-        report(Heads(states, bound.bound_s))
+        report(Heads(states, ready.bound.bound_s))
 
     passed_on(())
     try:
         result = agents(
-            job,
+            agreed_job(problem.job, ready.orders, ready.entry),
             problem.machine,
             problem.graph,
             time_limit_s=search.time_limit_s,
             seed=search.seed,
-            lags=lags,
+            lags=ready.lags,
             parameters=search.parameters,
             on_progress=passed_on,
             should_stop=stop,
