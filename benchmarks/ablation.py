@@ -1,10 +1,16 @@
-"""What each part of `hybrid`'s search is worth: without it, at equal time.
+"""What each part of `hybrid` is worth: without it, and alone, at equal time.
 
-    python benchmarks/ablation.py [--time-limit 20] [--settings mk4s-seam] [--seeds 0,1,2]
+    python benchmarks/ablation.py [--seeds 0,1,2] [--time-limit 10]
+    python benchmarks/ablation.py --time-limit 60 --variants hybrid,twin,no-trees
 
-It is the search that is compared: all but one variant solve nothing exactly. No trees:
-greedy start and annealing alone. No local search: trees and a last descent. Γ 0.5: the
-paper's, instead of the best of several. One thread: of two.
+One part is left out at a time. A twin is `hybrid` with another seed: what it differs by
+is noise. `bare` is annealing of whole sequences on two threads, nothing else; on top of
+it comes one part at a time. `local` is the planner of that name, on one thread.
+Where a variant would do the same as `hybrid` it is not run: each is run at the sizes
+where its part is at work.
+Seconds are processor time of the search (`cpu_time.py`). Runs go seed by seed, in each
+of them model by model, which is read once for all variants, so that a stopped benchmark
+has whole rows of the table.
 Writes docs/results/ablation.csv (a row a run, resumable), ablation.md, ablation.png.
 """
 
@@ -12,103 +18,308 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import math
 import statistics
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from common import (
-    Rows,
-    arguments,
-    grouped,
-    markdown,
-    median,
-    names,
-    of_models,
-    run_missing,
-    setting,
-    spread,
-)
-from in_process import less_percent, searched
-from planners import MODELS
+from common import CPU_TIME, Rows, arguments, grouped, markdown, names, of_models, setting
+from cpu_time import WorkClock
+from in_process import less_percent, loaded, searched
 
+from decmcts.search.hybrid.exact import Exact
+from decmcts.search.hybrid.multistart import Multistart
+from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
+from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.structure import Trees
+from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.search import END
+from decmcts.search.hybrid.starts import LayeredStart
+from decmcts.search.hybrid.trees import Trees
+from decmcts.search.planners import Planner
 
-SEARCHING = Hybrid(exact=0.0)
-VARIANTS = {  # name: (what it says in the table, planner)
-    "hybrid": ("hybrid", SEARCHING),
-    "exact": ("with exact solutions", Hybrid()),
-    "no-trees": ("without trees", replace(SEARCHING, trees=Trees(share=0.0))),
-    "no-local": ("without local search", replace(SEARCHING, anneals=False)),
-    "gamma-0.5": ("Γ = 0.5", replace(SEARCHING, trees=Trees(gammas=(0.5,)))),
-    "one-thread": ("one thread", replace(SEARCHING, threads=1)),
+MODELS = (  # sizes in turn, so that a part of the runs has something of each
+    "teaset_chess_7 mozc_arms_6 spiral_cup moveo_covers_4 odri_spacers_6 so100_plate_part1 "
+    "quad_lower_leg_plate mozc_caps_top"
+)
+SIZES = {"to 1000": 1000, "to 6000": 6000, "larger": 10**9}  # contours
+TWIN = 1000  # added to its seed
+
+HYBRID = Hybrid()
+SEVERAL, NEVER = HYBRID.multistart, Multistart(always=0, at_most=0)
+NO_EXACT, NO_LAYERS, NO_TREES = Exact(share=0.0), LayeredStart(promising=0.0), Trees(share=0.0)
+ALONE = Partition(for_neighbourhoods=math.inf, for_windows=math.inf)
+BARE = Hybrid(
+    exact=NO_EXACT,
+    layered=NO_LAYERS,
+    trees=NO_TREES,
+    multistart=Multistart(always=10**9, until=END, merging=0.0),
+    crosses=False,
+)
+BARE_SEARCHED = replace(BARE, multistart=replace(BARE.multistart, until=SEVERAL.until))
+
+
+def started(contours: int, limit_s: float) -> bool:
+    """Tell whether `hybrid` anneals several starts, one a thread, in so much time."""
+    enough = 1.5e6 * limit_s / SEVERAL.least
+    return contours <= SEVERAL.always or contours <= min(SEVERAL.at_most, enough)
+
+
+def parted(contours: int, limit_s: float) -> bool:
+    return not started(contours, limit_s)
+
+
+def layered(contours: int, limit_s: float) -> bool:
+    return started(contours, limit_s) or contours >= HYBRID.partition.layers_from
+
+
+def several_gammas(contours: int, limit_s: float) -> bool:
+    return contours < HYBRID.trees.one_from
+
+
+def anywhere(contours: int, limit_s: float) -> bool:
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A search, and where it is another one than `hybrid`."""
+
+    says: str
+    planner: str | Planner
+    at_work: Callable[[int, float], bool] = anywhere  # of contours and seconds
+    seams_only: bool = False
+    settles: bool = True  # entries are chosen anew, all at once, when threads meet
+
+
+VARIANTS = {
+    "hybrid": Variant("`hybrid`", HYBRID),
+    "twin": Variant("its twin", HYBRID),
+    "no-exact": Variant("without exact solutions", replace(HYBRID, exact=NO_EXACT)),
+    "no-trees": Variant("without trees", replace(HYBRID, trees=NO_TREES)),
+    "one-gamma": Variant("Γ = 0.5", replace(HYBRID, trees=Trees(gammas=(0.5,))), several_gammas),
+    "no-multistart": Variant(
+        "without several starts: a partition", replace(HYBRID, multistart=NEVER), started
+    ),
+    "no-partition": Variant(
+        "without partition: several starts",
+        replace(HYBRID, multistart=Multistart(always=10**9)),
+        parted,
+    ),
+    "no-pieces": Variant(
+        "partition without pieces", replace(HYBRID, partition=Partition(pieces=(0, 0))), parted
+    ),
+    "no-neighbourhoods": Variant(
+        "without neighbourhoods and windows",
+        replace(HYBRID, multistart=Multistart(until=END), partition=ALONE),
+    ),
+    "no-windows": Variant(
+        "without windows",
+        replace(
+            HYBRID,
+            neighbourhoods=Neighbourhoods(windows=0.0),
+            partition=Partition(for_windows=math.inf),
+        ),
+    ),
+    "no-crossover": Variant("without crossover", replace(HYBRID, crosses=False)),
+    "no-merging": Variant(
+        "without merging", replace(HYBRID, multistart=Multistart(merging=0.0)), started
+    ),
+    "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_LAYERS), layered),
+    "no-settling": Variant("entries by moves alone", HYBRID, seams_only=True, settles=False),
+    "one-thread": Variant("one thread", replace(HYBRID, threads=1)),
+    "local": Variant("`local`", "local"),
+    "bare": Variant("bare", BARE),
+    "bare-exact": Variant("bare, exact solutions", replace(BARE, exact=HYBRID.exact)),
+    "bare-trees": Variant("bare, trees", replace(BARE, trees=HYBRID.trees)),
+    "bare-partition": Variant("bare, partition", replace(BARE, multistart=NEVER, partition=ALONE)),
+    "bare-neighbourhoods": Variant(
+        "bare, neighbourhoods", replace(BARE_SEARCHED, neighbourhoods=Neighbourhoods(windows=0.0))
+    ),
+    "bare-windows": Variant("bare, neighbourhoods and windows", BARE_SEARCHED),
+    "bare-crossover": Variant("bare, crossover", replace(BARE, crosses=True)),
+    "bare-merging": Variant(
+        "bare, merging",
+        replace(BARE, multistart=replace(BARE.multistart, merging=SEVERAL.merging)),
+    ),
+    "bare-layers": Variant("bare, layered starts", replace(BARE, layered=HYBRID.layered)),
 }
+EXPLAINED = """\
+Figures are per cent of travel that a variant makes more than `hybrid`: above 0, what is left
+out pays. `hybrid` is the mean of two runs, itself and its twin. After ± stands within what a
+variant that changes nothing would mostly stay: two standard errors, from how far twins are
+apart. Bold is what lies beyond. A variant is run only where it is another search than
+`hybrid`. Where both solve a print exactly there is nothing to compare; such runs are left out
+of the means.
+"""
 KEY = ("model", "machine", "process", "freedom", "variant", "limit_s", "seed")
 ROW = ("machine", "freedom", "process", "model")
 
 
-def run(key: dict[str, Any]) -> dict[str, Any]:
-    prepared, result = searched(
-        key["model"], key["machine"], key["process"], key["freedom"], VARIANTS[key["variant"]][1],
-        limit_s=key["limit_s"], seed=key["seed"],
-    )  # fmt: skip
+@contextmanager
+def settling(wanted: bool) -> Iterator[None]:
+    """Let sequences keep their entries when threads meet, within a `with`."""
+    usual = Sequence.settle
+    if not wanted:
+        Sequence.settle = lambda self: None  # type: ignore[method-assign]  # no library option
+    try:
+        yield
+    finally:
+        Sequence.settle = usual  # type: ignore[method-assign]
+
+
+def run(key: dict[str, Any], variant: Variant) -> dict[str, Any]:
+    with settling(variant.settles):
+        prepared, result = searched(
+            key["model"], key["machine"], key["process"], key["freedom"], variant.planner,
+            limit_s=key["limit_s"], seed=key["seed"] + (TWIN if key["variant"] == "twin" else 0),
+            clock=WorkClock(),
+        )  # fmt: skip
     return key | {
         "contours": len(prepared.job.contours),
         "travel_before_mm": result.source_cost,
         "travel_after_mm": result.cost,
         "less_percent": round(less_percent(result), 2),
+        "proven": result.bound is not None,
         "gamma": result.notes.get("gamma", ""),
         "iterations": result.iterations,
         "error": "",
     }
 
 
-def table(rows: list[dict[str, str]]) -> tuple[str, dict[str, list[float]]]:
-    """Return a line a model, and how much more each variant travels than `hybrid`, in per cent."""
-    lines: list[list[str]] = []
-    above: dict[str, list[float]] = {name: [] for name in VARIANTS if name != "hybrid"}
-    for row, mine in grouped(rows, *ROW).items():
-        found = {key[0]: runs for key, runs in grouped(mine, "variant").items()}
-        if "hybrid" not in found:
-            continue
-        ours = median(found["hybrid"], "travel_after_mm")
-        gammas = [float(r["gamma"]) for r in found["hybrid"] if r["gamma"]]
-        cells = [f"{median(found['hybrid'], 'less_percent'):.2f}"]
-        cells.append(" ".join(f"{gamma:g}" for gamma in gammas))
-        for name, gaps in above.items():
-            if name not in found:
-                cells.append("")
+def run_all(rows: Rows, options: argparse.Namespace) -> None:
+    """Make the runs that are not there yet, on the main thread: its time is the search's."""
+    for seed, model, name in itertools.product(options.seeds, options.models, options.settings):
+        machine, freedom = name.split("-")
+        for variant in options.variants:
+            chosen = VARIANTS[variant]
+            key = dict(zip(KEY, (model, machine, options.process, freedom, variant,
+                                 options.time_limit, seed), strict=True))  # fmt: skip
+            if rows.has(**key) or (chosen.seams_only and freedom != "seam"):
                 continue
-            gaps.append(100 * (median(found[name], "travel_after_mm") / ours - 1) if ours else 0.0)
-            cells.append(f"{gaps[-1]:+.2f}")
-        lines.append([row[3], f"{row[0]} {row[1]}", mine[0]["contours"], *cells])
-    head = ["model", "setting", "contours", "hybrid less %", "Γ chosen"]
-    head += [f"{VARIANTS[name][0]}, travel more %" for name in above]
-    return markdown(lines, head), above
+            contours = len(loaded(model, machine, options.process).job.contours)
+            if chosen.at_work(contours, options.time_limit):
+                rows.append(run(key, chosen))
+                print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
 
 
-def summary(above: dict[str, list[float]]) -> str:
-    text = ""
-    for name, gaps in above.items():
-        if gaps:
-            better = sum(gap < 0 for gap in gaps)
-            text += f"- {VARIANTS[name][0]}: {spread(gaps, 2)} % more travel, mean "
-            text += f"{statistics.mean(gaps):.2f}, {min(gaps):.2f} to {max(gaps):.2f} %; less "
-            text += f"than `hybrid` in {better} of {len(gaps)} rows\n"
-    return text
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """How much more a variant travels than `hybrid` and its twin on one print with one seed."""
+
+    more_percent: float
+    noise: float  # how far apart `hybrid` and its twin are, per cent
 
 
-def plot(above: dict[str, list[float]], path: Path) -> None:
+def effects(rows: list[dict[str, str]]) -> dict[str, list[tuple[dict[str, str], Effect]]]:
+    """Return each variant's effects, with a row each."""
+    found: dict[str, list[tuple[dict[str, str], Effect]]] = {}
+    for mine in grouped(rows, *ROW, "seed").values():
+        travel = {row["variant"]: float(row["travel_after_mm"]) for row in mine}
+        if not {"hybrid", "twin"} <= set(travel):
+            continue
+        base = (travel["hybrid"] + travel["twin"]) / 2
+        apart = 100 * (travel["hybrid"] - travel["twin"]) / base if base else 0.0
+        for row in mine:
+            more = 100 * (travel[row["variant"]] / base - 1) if base else 0.0
+            found.setdefault(row["variant"], []).append((row, Effect(more, apart)))
+    return {name: found[name] for name in VARIANTS if name in found}
+
+
+def mean_and_doubt(them: list[Effect]) -> tuple[float, float]:
+    """Return the mean effect, and within what a variant that changes nothing would mostly stay.
+
+    That is two standard errors: a run varies by 1/√2 of what twins are apart by, the mean
+    of `hybrid` and its twin by half of that variance.
+    """
+    mean = statistics.fmean(effect.more_percent for effect in them)
+    doubt = 2 * math.sqrt(0.75 * sum(effect.noise**2 for effect in them)) / len(them)
+    return mean, doubt
+
+
+def size_of(row: dict[str, str]) -> str:
+    return next(name for name, most in SIZES.items() if int(row["contours"]) <= most)
+
+
+def summary(found: dict[str, list[tuple[dict[str, str], Effect]]]) -> str:
+    """Return the table of mean effects by setting and size; bold what is beyond noise."""
+    settings = list(
+        dict.fromkeys((r["machine"], r["freedom"]) for runs in found.values() for r, _ in runs)
+    )
+    lines = []
+    for name, runs in found.items():
+        if name in ("hybrid", "twin"):
+            continue
+        runs = [(r, e) for r, e in runs if name.startswith("bare") or r["proven"] != "True"]
+        cells = [VARIANTS[name].says, str(len(runs))]
+        for setting_, size in itertools.product(settings, SIZES):
+            them = [e for r, e in runs if ((r["machine"], r["freedom"]), size_of(r)) ==
+                    (setting_, size)]  # fmt: skip
+            cells.append(told(them))
+        lines.append([*cells, told([effect for _, effect in runs])])
+    head = ["variant", "runs"]
+    head += [f"{machine} {freedom}, {size}" for (machine, freedom), size in
+             itertools.product(settings, SIZES)]  # fmt: skip
+    return markdown(lines, [*head, "all"])
+
+
+def told(them: list[Effect]) -> str:
+    if not them:
+        return ""
+    mean, doubt = mean_and_doubt(them)
+    text = f"{mean:+.2f} ± {doubt:.2f}"
+    return f"**{text}**" if abs(mean) > doubt else text
+
+
+def table(found: dict[str, list[tuple[dict[str, str], Effect]]]) -> str:
+    """Return a line a print and setting: `hybrid`, its noise, and every variant's mean effect."""
+    by_row = {name: grouped_effects(runs) for name, runs in found.items()}
+    lines = []
+    hybrids = by_row.get("hybrid", {})
+    for row, runs in sorted(hybrids.items(), key=lambda item: int(item[1][0][0]["contours"])):
+        less = statistics.fmean(float(r["less_percent"]) for r, _ in runs)
+        apart = statistics.fmean(abs(effect.noise) for _, effect in runs)
+        cells = [row[3], f"{row[0]} {row[1]}", runs[0][0]["contours"], str(len(runs))]
+        cells += [f"{less:.2f}", f"{apart:.2f}"]
+        for name in by_row:
+            if name not in ("hybrid", "twin"):
+                mine = by_row[name].get(row, [])
+                more = [effect.more_percent for _, effect in mine]
+                cells.append(f"{statistics.fmean(more):+.2f}" if more else "")
+        lines.append(cells)
+    head = ["print", "setting", "contours", "seeds", "hybrid less %", "twins apart %"]
+    head += [VARIANTS[name].says for name in by_row if name not in ("hybrid", "twin")]
+    return markdown(lines, head)
+
+
+def grouped_effects(
+    runs: list[tuple[dict[str, str], Effect]],
+) -> dict[tuple[str, ...], list[tuple[dict[str, str], Effect]]]:
+    found: dict[tuple[str, ...], list[tuple[dict[str, str], Effect]]] = {}
+    for row, effect in runs:
+        found.setdefault(tuple(row[name] for name in ROW), []).append((row, effect))
+    return found
+
+
+def plot(found: dict[str, list[tuple[dict[str, str], Effect]]], path: Path) -> None:
     import matplotlib.pyplot as plt
 
-    there = {name: gaps for name, gaps in above.items() if gaps}
-    figure, axis = plt.subplots(figsize=(8, 4.5), layout="constrained")
-    axis.axhline(0.0, color="grey")
-    axis.boxplot(list(there.values()), tick_labels=[VARIANTS[name][0] for name in there])
-    axis.set_yscale("symlog", linthresh=1.0)
-    axis.set(ylabel="travel more than hybrid, %")
-    axis.grid(axis="y", alpha=0.3)
+    drawn = [name for name in reversed(found) if name != "hybrid"]
+    figure, axis = plt.subplots(figsize=(9, 0.6 + 0.36 * len(drawn)), layout="constrained")
+    axis.axvline(0.0, color="grey")
+    for size, colour in zip(SIZES, ("C0", "C1", "C2"), strict=True):
+        axis.plot([], [], "o", color=colour, label=f"{size} contours")
+        for at, name in enumerate(drawn):
+            more = [effect.more_percent for row, effect in found[name] if size_of(row) == size]
+            axis.plot(more, [at] * len(more), "o", color=colour, alpha=0.6)
+    axis.set_yticks(range(len(drawn)), [VARIANTS[name].says for name in drawn])
+    axis.set_xscale("symlog", linthresh=0.5)
+    axis.set(xlabel="travel more than hybrid, %")
+    axis.grid(axis="x", alpha=0.3)
+    axis.legend(loc="lower right")
     figure.savefig(path, dpi=110)
 
 
@@ -116,44 +327,35 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     mine = [
         r for r in rows
         if float(r["limit_s"]) == options.time_limit and r["process"] == options.process
-        and not r["error"]
+        and r["variant"] in VARIANTS and not r["error"]
     ]  # fmt: skip
-    seeds = ",".join(sorted({r["seed"] for r in mine}))
+    seeds = ",".join(sorted({r["seed"] for r in mine}, key=int))
     said = setting(
         note=options.note, quality="none", process_order=options.process,
-        time_limit=f"{options.time_limit:g} s", seeds=seeds,
+        time_limit=f"{options.time_limit:g} s", seeds=seeds, seconds=CPU_TIME,
     )  # fmt: skip
-    lines, above = table(mine)
     settings = ",".join(dict.fromkeys(f"{r['machine']}-{r['freedom']}" for r in mine))
     text = f"# What each part of `hybrid` is worth\n\n{said}\n\nRepeat: "
     text += f"`python benchmarks/ablation.py --settings {settings} --process {options.process} "
-    text += f"--time-limit {options.time_limit:g} --seeds {seeds}{of_models(mine, MODELS)}`. "
-    text += "`hybrid` is its search alone here, without exact solutions. One thread also "
-    text += "means no rival starts, no merging, no races within layers. Of "
-    text += "several seeds the median travel counts. The Γ chosen is that of the trees' last "
-    text += "turn, seed by seed.\n\n"
-    text += summary(above) + "\n![ablation](ablation.png)\n\n" + lines
+    text += f"--time-limit {options.time_limit:g} --seeds {seeds}{of_models(mine, MODELS)}`.\n\n"
+    text += EXPLAINED.replace("\n", " ").strip() + "\n\n"
+    found = effects(mine)
+    text += f"## Mean effects\n\n{summary(found)}\n![ablation](ablation.png)\n\n"
+    text += f"## Print by print\n\n{table(found)}"
     (options.results / "ablation.md").write_text(text)
-    if any(above.values()):
-        plot(above, options.results / "ablation.png")
+    if found:
+        plot(found, options.results / "ablation.png")
 
 
 def main() -> None:
-    parser = arguments(__doc__, time_limit=20.0, models=MODELS)
-    parser.add_argument("--settings", type=names, default=["paper-reversible", "mk4s-reversible"])
+    parser = arguments(__doc__, time_limit=10.0, models=MODELS)
+    parser.add_argument("--settings", type=names, default=["paper-reversible", "mk4s-seam"])
     parser.add_argument("--process", default="keep", choices=["keep", "free"])
     parser.add_argument("--variants", type=names, default=list(VARIANTS))
     options = parser.parse_args()
     rows = Rows(options.results / "ablation.csv", KEY)
-    keys = [
-        dict(zip(KEY, (model, name.split("-")[0], options.process, name.split("-")[1], variant,
-                       options.time_limit, seed), strict=True))
-        for name, model, seed, variant in itertools.product(
-            options.settings, options.models, options.seeds, options.variants
-        )
-    ]  # fmt: skip
     if not options.table_only:
-        run_missing(rows, keys, run)
+        run_all(rows, options)
     write_results(rows.rows, options)
 
 

@@ -36,7 +36,7 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem, Pace
-from decmcts.search.sequence.stopping import Budget, IterationLimit
+from decmcts.search.sequence.stopping import Stopping
 
 FILES = (
     "cura_5.3.1_marlin_lightning,cura_5.2.1_spool,cura_master_marlin_duet,"
@@ -57,7 +57,7 @@ PRICES: dict[str, Callable[..., Pace]] = {"length": by_length, "walls": pace_of}
 
 def nanoseconds(problem: OrderProblem) -> dict[str, float]:
     """Return the processor time of a proposal, the least of some runs each."""
-    none = Incumbent(problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1))
+    none = Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(seconds=1.0))
     tour, mean = tour_of(none, near_ports(problem)), none.cost / len(problem)
     least: dict[str, float] = {}
     anneal(tour, seeded(0), mean, 1000)

@@ -5,6 +5,8 @@ That is the cost over time and iterations, and planners with parts left out.
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -42,10 +44,11 @@ def searched(
     *,
     limit_s: float,
     seed: int,
+    clock: Callable[[], float] = time.monotonic,
 ) -> tuple[PrintProblem, SearchResult]:
     """Search as `decmcts plan` does; compiling and reading are off the clock."""
     prepared = freed(loaded(model, machine, process), freedom)
-    return prepared, search_order(prepared, Search(limit_s, seed, named(planner)))
+    return prepared, search_order(prepared, Search(limit_s, seed, named(planner)), clock=clock)
 
 
 def less_percent(result: SearchResult) -> float:

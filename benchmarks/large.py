@@ -97,6 +97,7 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     from decmcts.planning.result import Result
     from decmcts.planning.writing.lines import header_lines
     from decmcts.search.planners import plan_order
+    from decmcts.search.sequence.stopping import Stopping
     from decmcts.team.schedule.joint_plan import schedule
     from sim.content.seams import seams_of_plan
     from sim.files.written import verify_written
@@ -109,7 +110,7 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     loaded = clock.run("read, graph", lambda: load(source, "mk4s", NO_QUALITY))
     before = clock.run("source order", lambda: source_plan(loaded))
     problem = loaded.for_one_head(Objective.TRAVEL)
-    found = plan_order(problem, planner="greedy", time_limit_s=1.0, seed=0)
+    found = plan_order(problem, planner="greedy", stopping=Stopping(seconds=1.0), seed=0)
     plan = clock.run(
         "schedule", lambda: schedule(loaded.job, loaded.machine, loaded.graph, [found.toolpath])
     )

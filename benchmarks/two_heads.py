@@ -46,6 +46,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
@@ -137,8 +138,8 @@ def time_alone(path: Path, name: str, head: HeadActions, seed: int) -> float:
     part, lone = replace(job, contours=taken(job.contours, rows)), lone_machine(machine)
     graph = order_rules(part, lone)
     order = plan_order(
-        OrderProblem.from_job(part, graph, "reversible"), planner="hybrid", time_limit_s=LONE_S,
-        seed=seed,
+        OrderProblem.from_job(part, graph, "reversible"), planner="hybrid",
+        stopping=Stopping(seconds=LONE_S), seed=seed,
     )  # fmt: skip
     return schedule(part, lone, graph, [order.toolpath]).makespan_s
 

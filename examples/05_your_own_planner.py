@@ -23,10 +23,11 @@ class TopologicalWalks:
     drawn: int = 8
 
     def plan(self, incumbent: decmcts.Incumbent, *, seed: int) -> None:
-        """Offer one order after the other until the incumbent says stop."""
+        """Offer one order after the other until the search is over."""
         rng = np.random.default_rng(seed)
-        while not incumbent.tick(1):
+        while not incumbent.over:
             incumbent.offer_order(self.walk(incumbent, rng))
+            incumbent.tick(1)
 
     def walk(
         self, incumbent: decmcts.Incumbent, rng: np.random.Generator

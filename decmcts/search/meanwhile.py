@@ -32,6 +32,6 @@ class Meanwhile:
         if not self.ready():
             with incumbent.ending_when(self.ready):
                 self.first.plan(incumbent, seed=seed)
-            if incumbent.spent >= 1.0 or incumbent.stopped or not self.ready():
+            if incumbent.over or not self.ready():
                 return
         self.then.plan(incumbent, seed=seed)

@@ -22,14 +22,7 @@ from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.stopping import (
-    AnyOf,
-    Asked,
-    Budget,
-    IterationLimit,
-    Progress,
-    TimeLimit,
-)
+from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.starts.greedy import Greedy
 from decmcts.search.starts.layerwise import Layerwise
 from decmcts.search.starts.slicer import Slicer
@@ -39,7 +32,7 @@ class Planner(Protocol):
     """A way to find a good sequence."""
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
-        """Offer sequences to the incumbent until its `tick` says stop or there is no more to do."""
+        """Offer sequences to the incumbent until it is `over` or there is no more to do."""
         ...
 
 
@@ -77,30 +70,24 @@ def plan_order(
     problem: OrderProblem,
     *,
     planner: str | Planner,
-    time_limit_s: float,
+    stopping: Stopping,
     seed: int,
-    max_iterations: int | None = None,
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[Progress], None] | None = None,
-    stop: Callable[[], bool] | None = None,
     bound: float | None = None,
 ) -> SearchResult:
     """Search for a sequence whose travels cost little, in mm, seconds or bare costs.
 
-    Equal seeds and equal `max_iterations` give equal results, provided the time
-    limit is not what ends the search.
+    Equal seeds and equal limits of iterations give equal results, provided nothing else
+    ends the search.
 
     Parameters
     ----------
     planner : str | Planner
         One of `PLANNERS` by name, or a planner of your own making.
-    time_limit_s : float
-        Wall-clock limit, kept to within a fraction of a second plus the time of
-        one greedy pass.
-    max_iterations : int | None
-        Limit on the planner's own iterations (sequences, rollouts or moves tried).
-    stop : Callable[[], bool] | None
-        Polled about twice a second; True ends the search with the best so far.
+    stopping : Stopping
+        What ends the search, with the best so far. Seconds are kept to within a
+        fraction of one plus the time of one greedy pass.
     clock : Callable[[], float]
         Seconds; only differences matter. Threads ask it at the same time.
     bound : float | None
@@ -110,22 +97,12 @@ def plan_order(
     Raises
     ------
     ValueError
-        If the planner is unknown or a limit is negative.
+        If the planner is unknown.
     """
     chosen = PLANNERS.get(planner) if isinstance(planner, str) else planner
     if chosen is None:
         raise ValueError(f"planner {planner!r} is unknown, expected one of {', '.join(PLANNERS)}")
-    if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
-        raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
-    criteria = AnyOf(
-        (TimeLimit(time_limit_s),)
-        + ((IterationLimit(max_iterations),) if max_iterations is not None else ())
-        + ((Asked(stop),) if stop is not None else ())
-    )
-    budget = Budget(time_limit_s, max_iterations)
-    incumbent = Incumbent(
-        problem, clock=clock, budget=budget, criterion=criteria, report=progress, bound=bound
-    )
+    incumbent = Incumbent(problem, clock=clock, stopping=stopping, report=progress, bound=bound)
     chosen.plan(incumbent, seed=seed)
     return SearchResult(
         _toolpath(incumbent),

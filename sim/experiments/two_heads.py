@@ -29,6 +29,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.samples import sample_path
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.dec_mcts.rounds import plan_team
 from decmcts.team.engine.alone import lone_machine
@@ -97,7 +98,7 @@ def plan_alone(
     """Return the plan of one head that reaches everything, the yardstick of the team."""
     machine = lone_machine(machine)
     problem = OrderProblem.from_job(job, graph, "reversible")
-    found = plan_order(problem, planner="local", time_limit_s=time_limit_s, seed=seed)
+    found = plan_order(problem, planner="local", stopping=Stopping(seconds=time_limit_s), seed=seed)
     plan = schedule(job, machine, graph, [found.toolpath])
     return _document(job, machine, graph, plan)
 

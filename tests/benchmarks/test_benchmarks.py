@@ -33,8 +33,8 @@ SMALLEST = {  # script: (options, rows, files)
     ),
     "scale": ([*ONE, "--stop-at", "0.1"], 1, ("scale.md", "scale.png")),
     "ablation": (
-        [*ONE, "--settings", "paper-reversible", "--variants", "hybrid,no-trees"],
-        2,
+        [*ONE, "--settings", "paper-reversible", "--variants", "hybrid,twin,no-trees"],
+        3,
         ("ablation.md", "ablation.png"),
     ),
     "certificates": (ONE, 1, ("certificates.md", "certificates.png")),

@@ -11,7 +11,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.walls import _gridded
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
-from decmcts.search.sequence.stopping import Budget, IterationLimit
+from decmcts.search.sequence.stopping import Stopping
 
 
 def random_problem(
@@ -29,7 +29,7 @@ def random_problem(
 
 def started(problem: OrderProblem) -> Incumbent:
     """The source's own order, where no search has begun."""
-    return Incumbent(problem, clock=lambda: 0.0, budget=Budget(1.0), criterion=IterationLimit(1))
+    return Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(seconds=1.0))
 
 
 def with_loops(problem: OrderProblem, seed: int) -> OrderProblem:

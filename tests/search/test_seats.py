@@ -21,6 +21,7 @@ from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Pace, Seams
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, started
 
 
@@ -197,7 +198,7 @@ def test_every_planner_uses_the_freedom_and_reports_the_vertex(planner: str) -> 
     problem = loops(3, 40, density=0.05)
     seams = problem.seams
     assert seams is not None
-    result = plan_order(problem, planner=planner, time_limit_s=60.0, seed=1, max_iterations=20_000)
+    result = plan_order(problem, planner=planner, stopping=Stopping(iterations=20_000), seed=1)
     start, end = problem.start.copy(), problem.end.copy()
     for c, vertex in zip(result.toolpath.order, result.toolpath.entry, strict=True):
         option = seams.offsets[c] + vertex
@@ -213,16 +214,14 @@ def test_every_planner_uses_the_freedom_and_reports_the_vertex(planner: str) -> 
         toolpath_cost(problem, replace(result.toolpath, entry=result.toolpath.entry + 99))
     if planner != "slicer":
         fixed = replace(problem, seams=None)
-        without = plan_order(
-            fixed, planner=planner, time_limit_s=60.0, seed=1, max_iterations=20_000
-        )
+        without = plan_order(fixed, planner=planner, stopping=Stopping(iterations=20_000), seed=1)
         assert result.cost < without.cost
 
 
 def test_a_search_out_of_iterations_still_ends_with_the_best_entries() -> None:
     """The exact choice for the order found must not be lost when the descent is cut short."""
     problem = loops(5, 300, density=0.01)
-    result = plan_order(problem, planner="hybrid", time_limit_s=60.0, seed=1, max_iterations=9000)
+    result = plan_order(problem, planner="hybrid", stopping=Stopping(iterations=9000), seed=1)
     flip, seat = problem.visits_for(problem.metric(), result.toolpath.order)
     least = visits_cost(problem.metric(), result.toolpath.order, flip, seat)
     assert result.cost == pytest.approx(least)

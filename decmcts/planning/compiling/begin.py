@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from decmcts._kernels.exact.ideals import WINDOW
@@ -14,6 +13,7 @@ from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.planners import PLANNERS, Planner, plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.spacing import no_spacing
+from decmcts.search.sequence.stopping import Stopping
 
 
 def compile_search(problem: OrderProblem, planner: str | Planner, stop: Stop = never) -> None:
@@ -29,8 +29,7 @@ def compile_search(problem: OrderProblem, planner: str | Planner, stop: Stop = n
         row = row_of(n, loops=problem.seams is not None)
         small = replace(row, pace=problem.pace, spacing=spacing)
         plan_order(
-            small, planner=planner, time_limit_s=math.inf, seed=0, max_iterations=iterations,
-            stop=stop,
+            small, planner=planner, stopping=Stopping(iterations=iterations, asked=stop), seed=0,
         )  # fmt: skip
     if isinstance(planner, str) and not stop():
         mark_compiled(part_of(problem, planner))

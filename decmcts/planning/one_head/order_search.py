@@ -16,6 +16,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.cooling import cooled
 
 
@@ -69,9 +70,9 @@ class OrderSearch:
 
         def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
             return plan_order(
-                replace(self.problem, spacing=heeded), planner=chosen, time_limit_s=limit_s,
-                seed=self.asked.seed, max_iterations=self.asked.max_iterations,
-                progress=self.report, stop=stop, bound=self.bound,
+                replace(self.problem, spacing=heeded), planner=chosen,
+                stopping=Stopping(limit_s, self.asked.max_iterations, stop), seed=self.asked.seed,
+                progress=self.report, bound=self.bound,
             )  # fmt: skip
 
         return run

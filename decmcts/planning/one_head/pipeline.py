@@ -27,6 +27,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult, plan_order, toolpath_cost
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.cooling import find_lags, print_times, source_times, spacing_of
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
@@ -79,13 +80,15 @@ def plan_one_head(
     return plan_judged(problem, search, before=judged(), report=report, stop=stop)
 
 
-def search_order(problem: PrintProblem, search: Search) -> SearchResult:
+def search_order(
+    problem: PrintProblem, search: Search, *, clock: Callable[[], float] = time.monotonic
+) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
     bare = problem.for_one_head(search.objective)
     compile_search(bare, search.planner)
     return plan_order(
-        bare, planner=search.planner, time_limit_s=search.time_limit_s, seed=search.seed,
-        max_iterations=search.max_iterations,
+        bare, planner=search.planner, seed=search.seed, clock=clock,
+        stopping=Stopping(search.time_limit_s, search.max_iterations),
     )  # fmt: skip
 
 

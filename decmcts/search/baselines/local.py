@@ -40,7 +40,8 @@ class Local:
             return
         incumbent.offer(*nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer)))
         Greedy().plan(incumbent, seed=seed)
-        if incumbent.tick():
+        incumbent.tick()
+        if incumbent.over:
             return
         rounds = self.rounds_if_small if n <= self.small else self.rounds
         self._anneal(incumbent, near_ports(incumbent.problem), seeded(seed), rounds)
@@ -55,10 +56,9 @@ class Local:
     ) -> None:
         for until in rounds:
             mean = incumbent.cost / len(incumbent.problem)
-            if mean == 0.0:
-                return
             tour = tour_of(incumbent, near)
             cooling = Cooling(self.hot * mean, self.cold * mean)
-            if anneal_until(incumbent, tour, state, cooling, until):
+            anneal_until(incumbent, tour, state, cooling, until)
+            if incumbent.over:
                 return
         descend_fully(incumbent, tour_of(incumbent, near))

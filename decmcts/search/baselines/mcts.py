@@ -22,7 +22,6 @@ from decmcts._kernels.trees.tree import grown, new_tree, simulate_many
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.stopping import NoImprovement
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
 _POLL_S = 0.1  # how often a search looks at the clock and the stop wish
@@ -46,9 +45,9 @@ class Mcts:
         rollout, state = fresh_rollout(clustered), seeded(seed)
         tried = np.zeros(len(clustered.outer_preds), np.bool_)
         longest = incumbent.problem.longest_hop() * len(rollout.order)
-        tree, chunk, patience = new_tree(1024), 1, NoImprovement(self.patience_s)
+        tree, chunk = new_tree(1024), 1
         order, flip, best = rollout.order.copy(), rollout.flip.copy(), math.inf
-        while True:
+        while not incumbent.over and not self._has_lost_patience(incumbent):
             if tree.size[0] + chunk > len(tree.parent):
                 tree = grown(tree, min(2 * len(tree.parent) + chunk, _MOST_NODES))
             before, was = incumbent.seconds, best
@@ -60,13 +59,17 @@ class Mcts:
             if best < was:
                 incumbent.offer(order, flip)
                 incumbent.offer_order(order)
-            if incumbent.tick() or patience(incumbent.progress):
-                return
+            incumbent.tick()
             chunk = _next_chunk(incumbent, chunk, incumbent.seconds - before)
+
+    def _has_lost_patience(self, incumbent: Incumbent) -> bool:
+        """Tell whether nothing better was found for long (the paper's rule)."""
+        now = incumbent.progress
+        return now.seconds - now.improved_at_s >= self.patience_s
 
 
 def _next_chunk(incumbent: Incumbent, chunk: int, took_s: float) -> int:
     """Return how many iterations to do before looking at the clock again."""
-    if incumbent.budget.iterations is not None:
-        return max(1, min(_CHUNK, incumbent.budget.iterations - incumbent.iterations))
+    if incumbent.stopping.iterations is not None:
+        return max(1, min(_CHUNK, incumbent.stopping.iterations - incumbent.iterations))
     return int(min(max(1.0, chunk * _POLL_S / max(took_s, 1e-6)), 4.0 * chunk, 100_000.0))

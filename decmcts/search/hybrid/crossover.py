@@ -1,4 +1,4 @@
-"""The best of several sequences, stretch by stretch: what lanes found apart is joined.
+"""The best of several sequences, stretch by stretch: what threads found apart is joined.
 
 References
 ----------
@@ -33,11 +33,4 @@ def crossover(sequences: list[Sequence]) -> Sequence:
         flip[followed, best.order],
         seat[followed, best.order],
     )
-    return best
-
-
-def joined(sequences: list[Sequence]) -> Sequence:
-    """Return the best of what the sequences have, stretch by stretch, loops entered anew."""
-    best = crossover(sequences)
-    best.settle()
     return best

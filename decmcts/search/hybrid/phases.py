@@ -1,10 +1,12 @@
-"""The planner `hybrid`: tree search for the large structure, annealing for the rest.
+"""The planner `hybrid`: phases, one after the other, until the search is over.
 
-Prints whose layers have few contours are solved exactly, if there is time. Else trees
-over clusters, one for each Γ, propose a start (`structure`), and what follows depends
-on size and time: races of whole sequences (`races`) and then regions, one after the
-other, or one sequence shared out among the threads (`sharing`). Last comes a descent.
-Where contours must be some time apart, annealing takes the place of all that (`spaced`).
+Prints whose layers have few contours are solved exactly (`exact`), if there is time.
+Else trees over clusters, one for each Γ, propose a start (`trees`), and what follows
+depends on size and time: several starts annealed as whole sequences (`multistart`) and
+then a large neighbourhood search (`neighbourhoods`), or one sequence parted among the
+threads (`partition`), and then neighbourhoods, or windows put in their best order
+(`windows`). Last comes a descent. Where contours must be some time apart, annealing
+takes the place of all that (`lagged`).
 
 References
 ----------
@@ -13,123 +15,87 @@ Yoo et al. 2020 (tree and clusters); Gambardella & Dorigo 2000 (moves).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
-from decmcts.search.bounds.exact import WIDEST, Patience, solve_exactly
-from decmcts.search.hybrid.lanes import Lanes, open_lanes
-from decmcts.search.hybrid.pieces import Sequence
-from decmcts.search.hybrid.races import Races
-from decmcts.search.hybrid.regions import anneal_regions
-from decmcts.search.hybrid.sharing import Sharing
-from decmcts.search.hybrid.spaced import Spaced
-from decmcts.search.hybrid.structure import Trees
+from decmcts.search.hybrid.exact import Exact
+from decmcts.search.hybrid.lagged import Lagged
+from decmcts.search.hybrid.multistart import Multistart
+from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
+from decmcts.search.hybrid.partition import Partition
+from decmcts.search.hybrid.search import Phase, Search
+from decmcts.search.hybrid.starts import LayeredStart, Starts
+from decmcts.search.hybrid.threads import open_threads
+from decmcts.search.hybrid.trees import Trees
+from decmcts.search.hybrid.windows import Windows
 from decmcts.search.sequence.annealing import descend_fully, tour_of
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.neighbours import near_ports
-from decmcts.search.starts.greedy import Greedy
-from decmcts.search.starts.layerwise import layer_runs, nearest_in_layers
+
+
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """The last of each search: the nearest local optimum, directions and entries that suit it."""
+
+    def run(self, search: Search) -> Iterator[None]:
+        """Take moves that gain, as long as there are any."""
+        incumbent = search.incumbent
+        incumbent.offer_order(incumbent.order)
+        descend_fully(incumbent, tour_of(incumbent, search.near))
+        incumbent.offer_order(incumbent.order)
+        yield
 
 
 @dataclass(frozen=True, slots=True)
 class Hybrid:
-    """Exact solution, or tree search and annealing in turns."""
+    """The phases, and what they share."""
 
-    probe: float = 0.15  # share of the budget for finding out what an exact solution takes,
-    exact: float = 0.75  # and the share that may take; 0: no exact solutions
-    promising: float = 1.15  # cost of going by layers, in those of the best start, worth a try
+    starts: Starts = field(default_factory=Starts)
+    exact: Exact = field(default_factory=Exact)
+    layered: LayeredStart = field(default_factory=LayeredStart)
     trees: Trees = field(default_factory=Trees)
-    races: Races = field(default_factory=Races)
-    sharing: Sharing = field(default_factory=Sharing)
-    spaced: Spaced = field(default_factory=Spaced)  # where contours must be some time apart
-    end: float = 0.97  # share of the budget at which the descent begins
+    multistart: Multistart = field(default_factory=Multistart)
+    partition: Partition = field(default_factory=Partition)
+    neighbourhoods: Neighbourhoods = field(default_factory=Neighbourhoods)
+    windows: Windows = field(default_factory=Windows)
+    descent: Descent = field(default_factory=Descent)
+    lagged: Lagged = field(default_factory=Lagged)  # where contours must be some time apart
+    crosses: bool = True  # results of threads are joined stretch by stretch
     threads: int = 2  # fixed, so that results do not depend on the machine
-    anneals: bool = True  # False: trees and descent only
 
     def __post_init__(self) -> None:
         if self.threads < 1:
             raise ValueError("threads: expected 1 or more")
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
-        """Spend the budget, or stop at the first sequence without any travel."""
+        """Run the phases until the search is over, at the latest when no travel is left."""
         if len(incumbent.problem) < 2:
             return
-        if incumbent.problem.spacing is not None:
-            with open_lanes(self.threads, seed) as lanes:
-                self.spaced.run(incumbent, lanes)
+        with open_threads(self.threads, seed, crosses=self.crosses) as threads:
+            for _ in self._steps(Search(incumbent, threads, self.trees)):
+                if incumbent.over:
+                    break
+
+    def _steps(self, search: Search) -> Iterator[None]:
+        """Yield wherever the search may end."""
+        for phase in self.phases(search):
+            yield from phase.run(search)
+            yield
+
+    def phases(self, search: Search) -> Iterator[Phase]:
+        """Yield the phases; each is chosen when it is due."""
+        if search.incumbent.problem.spacing is not None:
+            yield self.lagged
             return
-        by_layers = nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer))
-        incumbent.offer(*by_layers)
-        Greedy().plan(incumbent, seed=seed)
-        if incumbent.tick() or self._solve(incumbent) or incumbent.tick():
-            return
-        near = near_ports(incumbent.problem)
-        layered = layered_start(incumbent, near, *by_layers, promising=self.promising)
-        with open_lanes(self.threads, seed) as lanes:
-            if self._search(incumbent, near, lanes, layered):
-                return
-        incumbent.offer_order(incumbent.order)
-        descend_fully(incumbent, tour_of(incumbent, near))
-        incumbent.offer_order(incumbent.order)
-
-    def _solve(self, incumbent: Incumbent) -> bool:
-        """Solve the problem exactly, if it is of that kind; return whether it was."""
-        if self.exact == 0.0:
-            return False
-        patience, widest = Patience(lambda: incumbent.spent, self.probe, self.exact), WIDEST
-        if incumbent.budget.iterations is not None:
-            widest = min(widest, 1 + int(self.probe * incumbent.budget.iterations))
-
-        def go_on(made: int, share: float) -> bool:
-            return not incumbent.tick(made) and patience.lasts(share)
-
-        optimum = solve_exactly(incumbent.problem, go_on, widest=widest)
-        if optimum is not None:
-            incumbent.offer(optimum.order, optimum.flip, optimum.seat)
-            incumbent.prove(optimum.bound)
-            incumbent.tick()
-        return optimum is not None
-
-    def _search(
-        self,
-        incumbent: Incumbent,
-        near: NDArray[np.int32],
-        lanes: Lanes,
-        layered: Sequence | None,
-    ) -> bool:
-        """Take turns until the descent is due; return whether to stop."""
-        if incumbent.cost == 0.0:
-            return True
-        if not self.anneals:
-            best = Sequence.best_of(incumbent, near)
-            return self.trees.grow(incumbent, lanes, best, self.end)
-        if not self.races.suit(incumbent, lanes):
-            return self.sharing.run(incumbent, near, lanes, layered, self.trees, self.end)
-        if self.races.run(incumbent, near, lanes, layered, self.trees):
-            return True
-        return anneal_regions(incumbent, Sequence.best_of(incumbent, near), lanes, self.end)
-
-
-def layered_start(
-    incumbent: Incumbent,
-    near: NDArray[np.int32],
-    order: NDArray[np.int32],
-    flip: NDArray[np.uint8],
-    *,
-    promising: float,
-) -> Sequence | None:
-    """Return the best sequence if it goes by layers, else the one given if it promises enough.
-
-    That one gets the entries that suit it and may then cost `promising` times the best.
-    None too if there is but one layer.
-    """
-    best, group = Sequence.best_of(incumbent, near), layer_runs(incumbent.problem.layer)
-    if group[-1] == 0:
-        return None
-    if (np.diff(group[best.order]) >= 0).all():
-        return best
-    layered = replace(best.copy(), order=order.copy(), flip=flip.copy())
-    layered.settle()
-    return layered if layered.cost <= promising * best.cost else None
+        yield self.starts
+        yield self.exact
+        yield self.layered
+        if self.multistart.suits(search):
+            yield self.multistart
+            yield self.neighbourhoods
+        else:
+            yield self.partition
+            if self.partition.affords_neighbourhoods(search):
+                yield self.neighbourhoods
+            elif self.partition.affords_windows(search):
+                yield self.windows
+        yield self.descent

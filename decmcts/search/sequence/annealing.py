@@ -1,4 +1,4 @@
-"""Annealing of a whole sequence and descent to its local optimum, paced by the budget."""
+"""Annealing of a whole sequence and descent to its local optimum, paced by when it ends."""
 
 from __future__ import annotations
 
@@ -72,32 +72,31 @@ def tour_of(
 
 def anneal_until(
     incumbent: Incumbent, tour: Tour, state: NDArray[np.uint64], cooling: Cooling, until: float
-) -> bool:
-    """Anneal the tour until the share `until` of the budget is spent; return whether to stop.
+) -> None:
+    """Anneal the tour until the share `until` is spent or the search is over.
 
     Mutates the tour and the generator state. The best sequence at the end of a
     piece of work is offered to the incumbent.
     """
     began, chunk = incumbent.spent, 1000
-    if incumbent.budget.iterations is not None:
-        left = (until - began) * incumbent.budget.iterations
+    limit = incumbent.stopping.iterations
+    if limit is not None:
+        left = (until - began) * limit
         chunk = int(min(max(left / _CHUNKS, 1.0), _LARGEST_CHUNK))
-    while (spent := incumbent.spent) < until:
+    while not incumbent.over and (spent := incumbent.spent) < until:
         share = (spent - began) / (until - began)
         before = incumbent.seconds
         anneal(tour, state, cooling.at(share), chunk)
         incumbent.iterations += chunk
         incumbent.offer(tour.order, tour.flip, tour.seat)
-        if incumbent.tick():
-            return True
-        if incumbent.budget.iterations is None:
+        incumbent.tick()
+        if limit is None:
             speed = chunk / max(incumbent.seconds - before, 1e-6)
             chunk = int(min(max(_POLL_S * speed, 1000.0), 4.0 * chunk, _LARGEST_CHUNK))
-    return False
 
 
-def descend_fully(incumbent: Incumbent, tour: Tour) -> bool:
-    """Improve the tour until no nearby move does; return whether to stop.
+def descend_fully(incumbent: Incumbent, tour: Tour) -> None:
+    """Improve the tour until no nearby move does or the search is over.
 
     Mutates the tour. Each position looked at counts as an iteration.
     """
@@ -107,6 +106,6 @@ def descend_fully(incumbent: Incumbent, tour: Tour) -> bool:
         for first in range(0, n, _STRETCH):
             gain += descend(tour, first, min(first + _STRETCH, n), _LONGEST_SWAP)
             incumbent.offer(tour.order, tour.flip, tour.seat)
-            if incumbent.tick(min(_STRETCH, n - first)):
-                return True
-    return False
+            incumbent.tick(min(_STRETCH, n - first))
+            if incumbent.over:
+                return

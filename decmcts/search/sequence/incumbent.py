@@ -1,13 +1,15 @@
-"""The best sequence so far, how it came about, and whether to go on.
+"""The best sequence so far, how it came about, and whether the search is over.
 
-Planners offer sequences here and ask here whether to stop. So every planner can be
-stopped at any time, and its result is never worse than the source.
+Planners offer sequences and count their work here. So every planner can be stopped at
+any time, and its result is never worse than the source. Once the search is over the
+incumbent says so (`Incumbent.over`); nobody hands that on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.sequence.seats import visits_cost
 from decmcts._kernels.sequence.tour import respects
 from decmcts.search.sequence.problem import OrderProblem, Seams
-from decmcts.search.sequence.stopping import AnyOf, Asked, Budget, Progress, StoppingCriterion
+from decmcts.search.sequence.stopping import Progress, Stopping
 
 
 class Incumbent:
@@ -25,10 +27,8 @@ class Incumbent:
     ----------
     clock : Callable[[], float]
         Seconds; only differences matter.
-    budget : Budget
-        What planners pace themselves by.
-    criterion : StoppingCriterion
-        Asked after every piece of work.
+    stopping : Stopping
+        What planners pace themselves by; asked after every piece of work.
     report : Callable[[Progress], None] | None
         Told of progress after every piece of work.
     bound : float | None
@@ -40,13 +40,12 @@ class Incumbent:
         problem: OrderProblem,
         *,
         clock: Callable[[], float],
-        budget: Budget,
-        criterion: StoppingCriterion,
+        stopping: Stopping,
         report: Callable[[Progress], None] | None = None,
         bound: float | None = None,
     ) -> None:
         self.problem = problem
-        self.budget = budget
+        self.stopping = stopping
         self.metric = problem.metric()
         self.order: NDArray[np.int32] = np.arange(len(problem), dtype=np.int32)
         self.flip: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
@@ -59,7 +58,8 @@ class Incumbent:
         self.iterations = 0
         self.notes: dict[str, float] = {}  # what a planner chose, by name
         self._clock, self._report = clock, report
-        self._criterion: StoppingCriterion = criterion
+        self._ended = False  # as `stopping` says
+        self._finished = False  # as the planner says
         self.bound = bound  # what no sequence can cost less than, if known
         self._started, self._improved_at_s = clock(), 0.0
         self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
@@ -76,8 +76,13 @@ class Incumbent:
 
     @property
     def spent(self) -> float:
-        """Share of the budget used, 1 or more at the end."""
-        return self.budget.spent(self.seconds, self.iterations)
+        """Share used of what the search may use, 1 or more at the end."""
+        return self.stopping.spent(self.seconds, self.iterations)
+
+    @property
+    def over(self) -> bool:
+        """Whether the search has ended: by its limits, proven optimal, or with no travel left."""
+        return self._finished or self._ended or self.cost == 0.0
 
     @property
     def history(self) -> NDArray[np.float64]:
@@ -130,27 +135,28 @@ class Incumbent:
         """Take a bound that the planner has proven, if it is higher than what was known."""
         self.bound = bound if self.bound is None else max(self.bound, bound)
 
-    def tick(self, iterations: int = 0) -> bool:
-        """Count `iterations`, report, and return whether to stop."""
+    def finish(self) -> None:
+        """End the search: nothing better is left."""
+        self._finished = True
+
+    def tick(self, iterations: int = 0) -> None:
+        """Count `iterations`, report, and end the search if it is time."""
         self.iterations += iterations
         now = self.progress
         if self._report is not None:
             self._report(now)
-        return self._criterion(now)
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the search shall end."""
-        return self._criterion(self.progress)
+        self._ended = self._ended or self.stopping.ends(now)
 
     @contextmanager
     def ending_when(self, asked: Callable[[], bool]) -> Iterator[None]:
-        """Let `tick` say stop also when `asked` does, within a `with`."""
-        usual, self._criterion = self._criterion, AnyOf((self._criterion, Asked(asked)))
+        """Let the search be over also when `asked` says so, within a `with`."""
+        usual = self.stopping
+        wish = usual.asked or (lambda: False)
+        self.stopping = replace(usual, asked=lambda: asked() or wish())
         try:
             yield
         finally:
-            self._criterion = usual
+            self.stopping, self._ended = usual, usual.ends(self.progress)
 
 
 def _allowed(seat: NDArray[np.int32], seams: Seams) -> bool:

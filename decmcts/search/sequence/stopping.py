@@ -1,10 +1,9 @@
-"""When a search ends. Criteria are asked; they hold no counters of their own."""
+"""When a search ends, and how far on it is: one value, made once and handed down."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,78 +17,56 @@ class Progress:
     bound: float | None = None  # no sequence costs less, if known
 
 
-class StoppingCriterion(Protocol):
-    """Says whether the search ends now."""
-
-    def __call__(self, progress: Progress) -> bool:
-        """Return True to end the search."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
-class TimeLimit:
-    """Ends after so many seconds."""
+class Stopping:
+    """When a search ends: at the first of the limits that are given, or when asked to.
 
-    seconds: float
+    Planners pace themselves by it: by iterations where these are limited, and then
+    equal seeds give equal results; else by seconds. So one of the two is needed. It is
+    asked, and counts nothing itself.
 
-    def __call__(self, progress: Progress) -> bool:
-        """Return True when the time is used up."""
-        return progress.seconds >= self.seconds
+    Parameters
+    ----------
+    seconds : float | None
+        By the clock of the search; None: no limit.
+    iterations : int | None
+        Of the planner's own: sequences, rollouts or moves tried; None: no limit.
+    asked : Callable[[], bool] | None
+        Polled several times a second; True ends the search, for example on Ctrl-C.
 
+    Raises
+    ------
+    ValueError
+        If there is neither a limit of seconds nor of iterations, or one is negative.
+    """
 
-@dataclass(frozen=True, slots=True)
-class IterationLimit:
-    """Ends after so many iterations."""
+    seconds: float | None = None
+    iterations: int | None = None
+    asked: Callable[[], bool] | None = None
 
-    iterations: int
+    def __post_init__(self) -> None:
+        if self.seconds is None and self.iterations is None:
+            raise ValueError("a search needs a limit of seconds or iterations to pace itself by")
+        if self.seconds is not None and not self.seconds >= 0.0:
+            raise ValueError(f"negative limit: {self.seconds} s")
+        if self.iterations is not None and self.iterations < 0:
+            raise ValueError(f"negative limit: {self.iterations} iterations")
 
-    def __call__(self, progress: Progress) -> bool:
-        """Return True when the iterations are used up."""
-        return progress.iterations >= self.iterations
-
-
-@dataclass(frozen=True, slots=True)
-class NoImprovement:
-    """Ends when nothing better was found for so many seconds (the paper's rule)."""
-
-    seconds: float
-
-    def __call__(self, progress: Progress) -> bool:
-        """Return True when the last improvement is long ago."""
-        return progress.seconds - progress.improved_at_s >= self.seconds
-
-
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """Ends when somebody outside asks for it, e.g. Ctrl-C."""
-
-    stop: Callable[[], bool]
-
-    def __call__(self, progress: Progress) -> bool:
-        """Return True when asked to stop."""
-        return self.stop()
-
-
-@dataclass(frozen=True, slots=True)
-class AnyOf:
-    """Ends as soon as one of several criteria does."""
-
-    criteria: tuple[StoppingCriterion, ...]
-
-    def __call__(self, progress: Progress) -> bool:
-        """Return True when any criterion holds."""
-        return any(criterion(progress) for criterion in self.criteria)
-
-
-@dataclass(frozen=True, slots=True)
-class Budget:
-    """How much a search may use, for planners that pace themselves by it."""
-
-    seconds: float
-    iterations: int | None = None  # when set, pace is kept by iterations and is repeatable
+    def ends(self, progress: Progress) -> bool:
+        """Return whether the search ends here."""
+        return (
+            (self.seconds is not None and progress.seconds >= self.seconds)
+            or (self.iterations is not None and progress.iterations >= self.iterations)
+            or (self.asked is not None and self.asked())
+        )
 
     def spent(self, seconds: float, iterations: int) -> float:
         """Return the share used, 0 at the start, 1 or more at the end."""
         if self.iterations is not None:
             return iterations / self.iterations if self.iterations else 1.0
+        assert self.seconds is not None
         return seconds / self.seconds if self.seconds > 0.0 else 1.0
+
+    def share_of(self, seconds: float) -> float:
+        """Return the share that so many seconds are; 0 where iterations keep the pace."""
+        return self.spent(seconds, 0)

@@ -181,13 +181,13 @@ class Race:
         lanes: list[Lane] = [self._beams(), self._annealer(0) if large else self._tree()]
         with ThreadPoolExecutor(len(lanes)) as pool:
             while True:
-                stop = incumbent.tick(pace.slice(pool, lanes, incumbent))
+                incumbent.tick(pace.slice(pool, lanes, incumbent))
                 for lane in lanes:
                     lane.meet(incumbent)
                 bound = max(bound, *map(self._bound, lanes))
                 if incumbent.cost - bound < self.least_gain:
                     return incumbent.cost
-                if stop:
+                if incumbent.over:
                     return bound
                 if changes and incumbent.spent >= changes[0][0]:
                     _, lead, gap = changes.pop(0)
@@ -269,7 +269,7 @@ class _Pace:
 
     @staticmethod
     def of(incumbent: Incumbent) -> _Pace:
-        limit = incumbent.budget.iterations
+        limit = incumbent.stopping.iterations
         share = 20_000 if limit is None else max(limit // (2 * _SLICES), 1)
         return _Pace([min(share, _LARGEST_SLICE)] * 2, limit is None)
 

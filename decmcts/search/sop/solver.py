@@ -26,14 +26,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.sop import MOST_COST
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.stopping import (
-    AnyOf,
-    Asked,
-    Budget,
-    IterationLimit,
-    Progress,
-    TimeLimit,
-)
+from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.sop.assignment import Assignment, assign, patched
 from decmcts.search.sop.lanes import FOUND_BY, Race
 from decmcts.search.sop.precedence import Precedence
@@ -101,8 +94,7 @@ def solve_sop(
     ([2, 0, 1], 3.0, True)
     """
     bare, pairs = _checked(costs, precedence)
-    if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
-        raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
+    stopping = Stopping(time_limit_s, max_iterations, stop)
     n = len(bare)
     started = clock()
     numbered = Precedence.of(*_with_ends(n, pairs))
@@ -111,16 +103,10 @@ def solve_sop(
     full = np.ascontiguousarray(full[np.ix_(numbered.original, numbered.original)])
     np.fill_diagonal(full, 0.0)
     assignment = assign(full, numbered.possible)
-    criteria = AnyOf(
-        (TimeLimit(time_limit_s),)
-        + ((IterationLimit(max_iterations),) if max_iterations is not None else ())
-        + ((Asked(stop),) if stop is not None else ())
-    )
     incumbent = Incumbent(
         _problem(full, numbered),
         clock=_since(clock, started),
-        budget=Budget(time_limit_s, max_iterations),
-        criterion=criteria,
+        stopping=stopping,
         report=progress,
     )
     bound = _search(incumbent, numbered, assignment, seed)
@@ -192,7 +178,8 @@ def _search(
     assert costs is not None
     wish = patched(costs, precedence.possible, assignment.following)
     incumbent.offer(precedence.repaired(wish), incumbent.flip)
-    if len(costs) <= 3 or incumbent.tick():
+    incumbent.tick()
+    if len(costs) <= 3 or incumbent.over:
         return incumbent.cost if len(costs) <= 3 else assignment.bound
     whole = bool((costs == np.rint(costs)).all())
     least_gain = 0.5 if whole else 1e-9 * (1.0 + float(costs.max()))

@@ -29,7 +29,8 @@ class Greedy:
             order, flip = nearest_feasible(incumbent, heights, buffer=buffer, slab=slab)
             incumbent.offer(order, flip)
             incumbent.offer_order(order)
-            if incumbent.tick(1):
+            incumbent.tick(1)
+            if incumbent.over:
                 return
 
 

@@ -32,14 +32,14 @@ class Layerwise:
             return
         group = layer_runs(incumbent.problem.layer)
         incumbent.offer(*nearest_in_layers(incumbent, group))
-        if incumbent.tick(1):
+        incumbent.tick(1)
+        if incumbent.over:
             return
         tour = tour_of(incumbent, near_ports(incumbent.problem), group)
         mean = incumbent.cost / len(incumbent.problem)
-        if mean == 0.0:
-            return
         cooling = Cooling(self.hot * mean, self.cold * mean)
-        if anneal_until(incumbent, tour, seeded(seed), cooling, 0.97):
+        anneal_until(incumbent, tour, seeded(seed), cooling, 0.97)
+        if incumbent.over:
             return
         descend_fully(incumbent, tour)
         incumbent.offer_order(incumbent.order)

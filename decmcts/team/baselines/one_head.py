@@ -5,6 +5,7 @@ from __future__ import annotations
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
 from decmcts.team.engine.plans import encode_serial
 from decmcts.team.engine.problem import TeamProblem
@@ -18,8 +19,10 @@ def hybrid_order(problem: TeamProblem, budget: Budget, share: float, seed: int) 
     return plan_order(
         OrderProblem.from_job(problem.job, problem.graph, "reversible"),
         planner="hybrid",
-        time_limit_s=share * budget.cpu_s,
-        max_iterations=None if budget.orders is None else STEPS * budget.orders,
+        stopping=Stopping(
+            seconds=share * budget.cpu_s,
+            iterations=None if budget.orders is None else STEPS * budget.orders,
+        ),
         clock=budget.clock,
         seed=seed,
     ).toolpath

@@ -27,6 +27,7 @@ from decmcts.errors import InputError
 from decmcts.formats.machine_fit import require_printable
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.candidates import Candidates
 from decmcts.team.dec_mcts.distribution import PlanDistribution
 from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
@@ -364,8 +365,7 @@ class DecMcts:
         result = plan_order(
             OrderProblem.from_job(problem.job, problem.graph, "reversible"),
             planner="local",
-            time_limit_s=1e9,
-            max_iterations=effort,
+            stopping=Stopping(iterations=effort),
             seed=self._seed + self._alone,
         )
         plan = encode_serial(result.toolpath, problem.n_macros)

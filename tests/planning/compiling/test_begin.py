@@ -14,6 +14,7 @@ from decmcts.planning.compiling.begin import compile_search
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.spacing import no_spacing
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, with_bare, with_loops, with_pace
 
 planner, kind, ahead = sys.argv[1:]
@@ -34,7 +35,7 @@ if kind == "cooling":
 if ahead == "yes":
     compile_search(problem, planner)
 """
-SEARCH = "plan_order(problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=30_000)"
+SEARCH = "plan_order(problem, planner=planner, stopping=Stopping(iterations=30_000), seed=0)"
 
 
 def late(planner: str, kind: str, *, ahead: bool) -> list[str]:

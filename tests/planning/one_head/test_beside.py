@@ -63,7 +63,8 @@ class Searching:
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
         self.told.append("searched")
         self.began.set()
-        while not (self.enough or incumbent.tick()):
+        while not (self.enough or incumbent.over):
+            incumbent.tick()
             threading.Event().wait(0.001)
         self.told.append("ended")
 

@@ -20,6 +20,7 @@ from decmcts.search.bounds.certificate import Ascent, lower_bound
 from decmcts.search.bounds.relaxation import Relaxation
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import Freedom, OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import price, random_problem, ways, with_bare, with_loops, with_pace
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3].parent / "shared"))
@@ -272,7 +273,7 @@ def test_bound_stays_below_what_planners_find(seed: int) -> None:
     problem = random_problem(seed, 60, density=(0.0, 0.02, 0.1)[seed % 3], turning=seed % 2)
     problem = varied(problem, 2 * seed)
     found = lower_bound(problem, time_limit_s=60.0, max_iterations=600)
-    best = plan_order(problem, planner="local", time_limit_s=60.0, seed=0, max_iterations=300_000)
+    best = plan_order(problem, planner="local", stopping=Stopping(iterations=300_000), seed=0)
     assert found.method == "arborescence"
     near = 0.5 if problem.seams is None else 0.25  # entry and exit are chosen apart
     assert near * best.cost <= found.bound <= best.cost
@@ -338,7 +339,7 @@ def test_bound_of_a_real_print(freedom: Freedom) -> None:
         process_order="free",
     )
     problem = OrderProblem.from_job(job, graph, freedom)
-    best = plan_order(problem, planner="local", time_limit_s=60.0, seed=0, max_iterations=3_000_000)
+    best = plan_order(problem, planner="local", stopping=Stopping(iterations=3_000_000), seed=0)
     found = lower_bound(problem, time_limit_s=60.0, max_iterations=500)
     assert found.bound <= best.cost
     assert best.cost < {"fixed": 1.08, "reversible": 1.15, "seam": 5.0}[freedom] * found.bound

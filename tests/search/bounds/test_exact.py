@@ -14,9 +14,11 @@ from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.bounds import exact
 from decmcts.search.bounds.exact import Optimum, Patience, solve_exactly
+from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem, Seams
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import price, random_problem, ways, with_bare, with_loops, with_pace
 
 
@@ -112,10 +114,8 @@ def test_annealing_finds_nothing_better(apart: bool) -> None:
         return
     assert found is not None
     check(problem, found)
-    planner = Hybrid(exact=0.0)
-    other = plan_order(
-        problem, planner=planner, time_limit_s=60.0, seed=0, max_iterations=2_000_000
-    )
+    planner = Hybrid(exact=Exact(share=0.0))
+    other = plan_order(problem, planner=planner, stopping=Stopping(iterations=2_000_000), seed=0)
     assert found.cost <= other.cost + 1e-9
     assert other.cost <= 1.2 * found.cost
 
@@ -181,9 +181,7 @@ def test_nothing_and_one() -> None:
 def test_hybrid_proves_what_it_can(max_iterations: int | None) -> None:
     """It ends early then, and says that the result is optimal."""
     problem = layers(2, 60, 4)
-    result = plan_order(
-        problem, planner="hybrid", time_limit_s=60.0, seed=0, max_iterations=max_iterations
-    )
+    result = plan_order(problem, planner="hybrid", stopping=Stopping(60.0, max_iterations), seed=0)
     assert result.bound is not None
     assert result.bound <= result.cost
     assert result.cost == pytest.approx(result.bound)
@@ -200,8 +198,8 @@ def test_next_to_no_budget(max_iterations: int) -> None:
         return len(asked) > 1000
 
     plan_order(
-        layers(2, 5, 3), planner="hybrid", time_limit_s=60.0, seed=0,
-        max_iterations=max_iterations, stop=stop,
+        layers(2, 5, 3), planner="hybrid", seed=0,
+        stopping=Stopping(iterations=max_iterations, asked=stop),
     )  # fmt: skip
     assert len(asked) < 1000
 
@@ -209,9 +207,7 @@ def test_next_to_no_budget(max_iterations: int) -> None:
 def test_hybrid_searches_where_it_cannot_prove() -> None:
     """A hopeless attempt takes a small share of the budget and no bound is claimed."""
     problem = layers(2, 4, 20)
-    result = plan_order(
-        problem, planner="hybrid", time_limit_s=60.0, seed=0, max_iterations=200_000
-    )
+    result = plan_order(problem, planner="hybrid", stopping=Stopping(iterations=200_000), seed=0)
     assert result.bound is None
     assert result.cost < result.source_cost
 

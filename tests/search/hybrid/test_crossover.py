@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.hybrid.crossover import crossover, joined
+from decmcts.search.hybrid.crossover import crossover
 from decmcts.search.hybrid.pieces import Sequence
-from tests.search.hybrid.test_fusing import found, varied
+from tests.search.hybrid.test_contraction import found, varied
 
 CASES = [0, 1, 2, 3, 4, 5, 6, 7]  # points, loops, seconds, bare costs, twice; see `varied`
 
@@ -110,7 +110,7 @@ def test_joining_leaves_what_is_joined_as_it_was(count: int) -> None:
     """Races go on with the sequences they have."""
     given = [found(varied(1), k, iterations=1000) for k in range(count)]
     before = [sequence.copy() for sequence in given]
-    assert joined(given).cost <= min(sequence.cost for sequence in before) * (1 + 1e-12)
+    assert crossover(given).cost <= min(sequence.cost for sequence in before) * (1 + 1e-12)
     for sequence, was in zip(given, before, strict=True):
         assert (sequence.order == was.order).all()
         assert (sequence.flip == was.flip).all()

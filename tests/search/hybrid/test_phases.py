@@ -2,75 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from decmcts._kernels.sequence.seats import visits_cost
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid.phases import Hybrid, layered_start
-from decmcts.search.hybrid.races import Races
+from decmcts.search.hybrid.exact import Exact
+from decmcts.search.hybrid.multistart import Multistart
+from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.search import Phase, Search
 from decmcts.search.planners import SearchResult, plan_order
-from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.stopping import Budget, IterationLimit
-from decmcts.search.starts.greedy import Greedy
-from decmcts.search.starts.layerwise import layer_runs, nearest_in_layers
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, with_loops
 
 
 def repeatable(problem: OrderProblem, *, iterations: int) -> SearchResult:
-    return plan_order(
-        problem, planner="hybrid", time_limit_s=60.0, seed=1, max_iterations=iterations
-    )
-
-
-@pytest.mark.parametrize("loops", [False, True])
-def test_hybrid_tries_layers_though_another_start_is_a_little_better(loops: bool) -> None:
-    """Annealing within layers ended better there on real prints, and it was never begun."""
-    problem = random_problem(4, 60, density=0.02)
-    problem = with_loops(problem, 4) if loops else problem
-    incumbent = Incumbent(
-        problem, clock=lambda: 0.0, budget=Budget(1.0, None), criterion=IterationLimit(1000)
-    )
-    group = layer_runs(problem.layer)
-    order, flip = nearest_in_layers(incumbent, group)
-    Greedy().plan(incumbent, seed=0)
-    assert (np.diff(group[incumbent.order]) < 0).any()  # greedy's own does not go by layers
-    given, near = (order, flip), near_ports(problem)
-    layered = layered_start(incumbent, near, *given, promising=100.0)
-    assert layered is not None
-    assert (layered.order == order).all()
-    ratio = layered.cost / incumbent.cost
-    assert ratio > 1.0
-    assert layered_start(incumbent, near, *given, promising=0.99 * ratio) is None
-    if loops:
-        assert layered.cost == visits_cost(
-            incumbent.metric, order, *problem.visits_for(incumbent.metric, order)
-        )
-    incumbent.order, incumbent.flip, incumbent.seat = layered.order, layered.flip, layered.seat
-    best = layered_start(incumbent, near, *given, promising=0.0)
-    assert best is not None
-    assert (best.order == incumbent.order).all()
+    return plan_order(problem, planner="hybrid", stopping=Stopping(iterations=iterations), seed=1)
 
 
 def test_hybrid_says_which_gamma_it_chose() -> None:
     """The paper leaves the choice open; users and benchmarks want to see it."""
     problem = random_problem(3, 60, density=0.05)
     assert 0.0 < repeatable(problem, iterations=2000).notes["gamma"] < 1.0
-
-
-def test_hybrid_has_no_races_within_a_single_layer() -> None:
-    """There they would be races of the whole."""
-    problem = random_problem(2, 30)
-    problem = replace(problem, layer=np.zeros_like(problem.layer))
-    incumbent = Incumbent(
-        problem, clock=lambda: 0.0, budget=Budget(1.0, None), criterion=IterationLimit(1000)
-    )
-    given = nearest_in_layers(incumbent, layer_runs(problem.layer))
-    assert layered_start(incumbent, near_ports(problem), *given, promising=9.0) is None
 
 
 @pytest.mark.slow
@@ -96,10 +52,55 @@ def test_hybrid_stops_where_no_travel_is_left(always: int) -> None:
     problem = OrderProblem(start, end, np.zeros(60, np.bool_), np.zeros(60, np.int32), graph)
     result = plan_order(
         problem,
-        planner=Hybrid(races=Races(always=always)),
-        time_limit_s=60.0,
+        planner=Hybrid(multistart=Multistart(always=always)),
+        stopping=Stopping(iterations=100_000),
         seed=0,
-        max_iterations=100_000,
     )
     assert result.cost == 0.0
     assert result.iterations < 100_000
+
+
+def test_phases_follow_one_another_and_the_first_that_ends_the_search_is_the_last() -> None:
+    """A phase need not ask whether to go on: the loop does, wherever it yields."""
+    made: list[str] = []
+
+    @dataclass(frozen=True)
+    class Told:
+        name: str
+        steps: int = 1
+
+        def run(self, search: Search) -> Iterator[None]:
+            for _ in range(self.steps):
+                made.append(self.name)
+                search.incumbent.tick(1)
+                yield
+
+    class Three(Hybrid):
+        def phases(self, search: Search) -> Iterator[Phase]:
+            yield from (Told("one"), Told("two", 5), Told("three"))
+
+    plan_order(random_problem(1, 9), planner=Three(), stopping=Stopping(iterations=3), seed=0)
+    assert made == ["one", "two", "two"]
+
+
+@pytest.mark.parametrize(
+    ("always", "expected"),
+    [
+        (1000, "Starts Exact LayeredStart Multistart Neighbourhoods Descent"),
+        (1, "Starts Exact LayeredStart Partition Descent"),
+    ],
+)
+def test_size_and_time_choose_the_phases(always: int, expected: str) -> None:
+    """What is not worth its time is not begun."""
+    begun: list[str] = []
+
+    class Noted(Hybrid):
+        def phases(self, search: Search) -> Iterator[Phase]:
+            for phase in Hybrid.phases(self, search):
+                begun.append(type(phase).__name__)
+                yield phase
+
+    planner = Noted(exact=Exact(share=0.0), multistart=Multistart(always=always, at_most=1))
+    problem = random_problem(5, 60, density=0.05)
+    plan_order(problem, planner=planner, stopping=Stopping(iterations=60_000), seed=0)
+    assert " ".join(begun) == expected

@@ -14,6 +14,7 @@ from decmcts.print.machine import MotionLimits
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import Pace
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem
 from tests.team.conftest import make_contours
 
@@ -81,7 +82,7 @@ def test_a_search_for_time_finds_no_more_seconds_than_one_for_travel():
     problem = random_problem(5, 40, density=0.05)
     pace = Pace(150.0, 1500.0, 10.0, 100.0, hop_s=0.3, free_mm=2.0)
     timed = replace(problem, pace=pace)
-    options = {"planner": "local", "time_limit_s": 20.0, "seed": 1, "max_iterations": 400}
+    options = {"planner": "local", "seed": 1, "stopping": Stopping(iterations=400)}
     fast, short = plan_order(timed, **options), plan_order(problem, **options)
     assert fast.unit == "s" and short.unit == "mm"
     assert fast.cost <= fast.source_cost

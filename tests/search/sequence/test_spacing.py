@@ -23,6 +23,7 @@ from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, started, with_loops
 
 
@@ -126,13 +127,13 @@ def test_annealing_and_descent_keep_time(seed: int, n: int, density: float, loop
 def test_every_planner_leaves_time(planner: str) -> None:
     """Not all know of time; none may return what does not keep it."""
     problem = spaced_problem(3, 60, density=0.02)
-    result = plan_order(problem, planner=planner, time_limit_s=20.0, seed=1, max_iterations=20_000)
+    result = plan_order(problem, planner=planner, stopping=Stopping(iterations=20_000), seed=1)
     assert keeps(problem, result.toolpath.order)
     assert result.cost < result.source_cost or planner not in KEEP_TIME
     assert result.cost <= result.source_cost
     free = plan_order(
-        replace(problem, spacing=None), planner=planner, time_limit_s=20.0, seed=1,
-        max_iterations=20_000,
+        replace(problem, spacing=None), planner=planner, seed=1,
+        stopping=Stopping(iterations=20_000),
     )  # fmt: skip
     if planner != "slicer":
         assert not keeps(problem, free.toolpath.order)
@@ -149,7 +150,7 @@ def test_hybrid_finds_the_optimum_of_small_prints(seed: int) -> None:
         order = np.array(row, np.int32)
         if respects(order, graph.succ_offsets, graph.succs) and keeps(problem, order):
             least = min(least, tour_cost(tour.metric, order, flip))
-    result = plan_order(problem, planner="hybrid", time_limit_s=20.0, seed=0, max_iterations=50_000)
+    result = plan_order(problem, planner="hybrid", stopping=Stopping(iterations=50_000), seed=0)
     assert result.cost == pytest.approx(least)
     assert toolpath_cost(problem, result.toolpath) == pytest.approx(least)
 
@@ -158,7 +159,7 @@ def test_equal_seeds_give_equal_orders() -> None:
     """Results must be repeatable, whatever the threads' pace."""
     problem = spaced_problem(8, 80, density=0.02)
     first, second = (
-        plan_order(problem, planner="hybrid", time_limit_s=60.0, seed=4, max_iterations=40_000)
+        plan_order(problem, planner="hybrid", stopping=Stopping(iterations=40_000), seed=4)
         for _ in range(2)
     )
     assert (first.toolpath.order == second.toolpath.order).all()
@@ -201,7 +202,9 @@ def test_lags_that_are_none_are_refused(lags, seconds, said) -> None:
 def test_a_search_that_is_to_stop_does_not_begin() -> None:
     """Ctrl-C while the first of two searches runs ends both."""
     problem = spaced_problem(8, 80, density=0.02)
-    result = plan_order(problem, planner="hybrid", time_limit_s=60.0, seed=4, stop=lambda: True)
+    result = plan_order(
+        problem, planner="hybrid", stopping=Stopping(seconds=60.0, asked=lambda: True), seed=4
+    )
     assert result.iterations == 0
 
 

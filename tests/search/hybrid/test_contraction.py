@@ -1,4 +1,4 @@
-"""Fusing loses nothing and allows nothing new but other orders of what is left."""
+"""A contraction loses nothing and allows nothing new but other orders of what is left."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.hybrid.fusing import fuse, merge
+from decmcts.search.hybrid.contraction import contract, merge
 from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, with_loops, with_pace
 
 
 def found(problem: OrderProblem, seed: int, iterations: int = 3000) -> Sequence:
     """A sequence that a short search ends with."""
     result = plan_order(
-        problem, planner="local", time_limit_s=60.0, seed=seed, max_iterations=iterations
+        problem, planner="local", stopping=Stopping(iterations=iterations), seed=seed
     )
     n, order = len(problem), result.toolpath.order
     flip, seat = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
@@ -44,27 +45,27 @@ def varied(seed: int) -> OrderProblem:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
-def test_fused_sequences_stand_for_allowed_ones_at_their_cost(seed: int) -> None:
-    """In any order of the runs the travels inside them stay, the others are the fused ones."""
+def test_sequences_of_it_stand_for_allowed_ones_at_their_cost(seed: int) -> None:
+    """In any order of the runs the travels inside them stay, the others are those between runs."""
     problem = varied(seed)
     one, other = found(problem, 0), found(problem, 1)
     few = merge(one, other)
     start = few.start()
     assert len(few.problem) < len(problem)
-    assert (few.unfused(start).order == one.order).all()
+    assert (few.expanded(start).order == one.order).all()
     inside = one.cost - start.cost
     graph = problem.graph
     for again in range(3):
-        fused = found(few.problem, again, iterations=500 * again)
-        whole = few.unfused(fused)
+        small = found(few.problem, again, iterations=500 * again)
+        whole = few.expanded(small)
         assert sorted(whole.order.tolist()) == list(range(len(problem)))
         assert respects(whole.order, graph.succ_offsets, graph.succs)
         assert not (whole.flip & ~problem.reversible).any()
-        assert whole.cost == pytest.approx(inside + fused.cost)
+        assert whole.cost == pytest.approx(inside + small.cost)
 
 
 @pytest.mark.slow
-def test_what_both_share_is_fused_and_nothing_else() -> None:
+def test_what_both_share_is_contracted_and_nothing_else() -> None:
     """Two sequences that are one leave a single run; without any in common all stay."""
     problem = random_problem(5, 30, density=0.0, turning=0.0)
     one = found(problem, 0)
@@ -78,16 +79,16 @@ def test_what_both_share_is_fused_and_nothing_else() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("timed", [False, True])
 @pytest.mark.parametrize("seed", range(8))
-def test_any_runs_may_be_fused(seed: int, timed: bool) -> None:
-    """Single contours keep their freedoms, whatever else is fused; entries stay allowed."""
+def test_any_runs_may_be_contracted(seed: int, timed: bool) -> None:
+    """Single contours keep their freedoms, whatever else is contracted; entries stay allowed."""
     problem = varied(seed)
     if timed and problem.costs is None:
         problem = with_pace(problem)
     whole = found(problem, seed)
-    few = fuse(whole, np.random.default_rng(seed).random(len(problem) - 1) < 0.5)
+    few = contract(whole, np.random.default_rng(seed).random(len(problem) - 1) < 0.5)
     inside = whole.cost - few.start().cost
     result = found(few.problem, seed, iterations=2000)
-    again = few.unfused(result)
+    again = few.expanded(result)
     assert sorted(again.order.tolist()) == list(range(len(problem)))
     assert respects(again.order, problem.graph.succ_offsets, problem.graph.succs)
     assert not (again.flip & ~problem.reversible).any()

@@ -11,13 +11,13 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts._kernels.trees.guided import block_ranks, explore
 from decmcts._kernels.trees.tree import new_tree
-from decmcts.search.hybrid.lanes import open_lanes
 from decmcts.search.hybrid.pieces import Sequence
-from decmcts.search.hybrid.structure import Trees
+from decmcts.search.hybrid.threads import open_threads
+from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.stopping import Budget, TimeLimit
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 from tests.search.problems import random_problem
 from tests.search.test_planners import cheapest_by_brute_force
@@ -88,11 +88,11 @@ def test_trees_have_a_turn_where_there_is_time(trees: Trees, budget_s: float, gr
     incumbent = Incumbent(
         problem,
         clock=lambda: float(next(clock)),
-        budget=Budget(budget_s, None),
-        criterion=TimeLimit(budget_s),
+        stopping=Stopping(seconds=budget_s),
     )
     guest = Sequence.best_of(incumbent, near_ports(problem))
-    with open_lanes(2, 0) as lanes:
-        assert not trees.turn(incumbent, lanes, guest)
+    with open_threads(2, 0) as threads:
+        for _ in trees.turn(incumbent, threads, guest):
+            assert not incumbent.over
     assert ("gamma" in incumbent.notes) == grown
     assert (guest.cost < incumbent.source_cost) == grown

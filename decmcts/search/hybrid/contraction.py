@@ -1,7 +1,8 @@
-"""Runs of a sequence fused to single contours: what is left to search is small.
+"""Runs of a sequence contracted to single contours: what is left to search is small.
 
-What two good sequences share is fused to search only what they differ in
-(`merge`), and all but a region to search that alone (`decmcts.search.hybrid.regions`).
+What two good sequences share is contracted, to search only what they differ in
+(`merge`), and all but a neighbourhood, to search that alone
+(`decmcts.search.hybrid.neighbourhoods`).
 Either way few, partly long contours are left, on which annealing moves large
 structure for next to no time. A run is printed as it is, or backwards where all of
 it may turn. Contours that stay single keep their freedoms.
@@ -26,8 +27,8 @@ from decmcts.search.sequence.problem import OrderProblem, Seams
 
 
 @dataclass(frozen=True, slots=True)
-class Fused:
-    """A sequence's problem with runs fused; run r of `whole` is its contour r."""
+class Contraction:
+    """A sequence's problem with runs contracted; run r of `whole` is its contour r."""
 
     whole: Sequence
     problem: OrderProblem
@@ -35,7 +36,7 @@ class Fused:
     options: NDArray[np.int64]  # (m,) number in the whole problem of each option of single ones
 
     def start(self) -> Sequence:
-        """Return the fused problem's sequence that is `whole`."""
+        """Return the small problem's sequence that is `whole`."""
         runs, seams = len(self.problem), self.problem.seams
         seat = np.full(runs, -1, np.int32)
         if seams is not None:
@@ -52,28 +53,28 @@ class Fused:
             seat,
         )
 
-    def unfused(self, fused: Sequence) -> Sequence:
-        """Return the sequence of all contours that a fused one stands for."""
-        whole, sizes = self.whole, np.diff(self.begins)[fused.order]
-        backwards = np.repeat(fused.flip[fused.order] == 1, sizes)
+    def expanded(self, small: Sequence) -> Sequence:
+        """Return the sequence of all contours that one of the small problem stands for."""
+        whole, sizes = self.whole, np.diff(self.begins)[small.order]
+        turned = np.repeat(small.flip[small.order] == 1, sizes)
         place = np.arange(len(whole.order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        first = np.repeat(self.begins[fused.order], sizes)
-        last = np.repeat(self.begins[fused.order + 1] - 1, sizes)
-        order = whole.order[np.where(backwards, last - place, first + place)]
+        first = np.repeat(self.begins[small.order], sizes)
+        last = np.repeat(self.begins[small.order + 1] - 1, sizes)
+        order = whole.order[np.where(turned, last - place, first + place)]
         flip, seat = whole.flip.copy(), whole.seat.copy()
-        flip[order[backwards]] ^= 1
-        seated = np.flatnonzero(fused.seat >= 0)
-        seat[whole.order[self.begins[seated]]] = self.options[fused.seat[seated]]
+        flip[order[turned]] ^= 1
+        seated = np.flatnonzero(small.seat >= 0)
+        seat[whole.order[self.begins[seated]]] = self.options[small.seat[seated]]
         return Sequence(whole.problem, whole.metric, whole.near, order, flip, seat)
 
 
-def merge(one: Sequence, other: Sequence) -> Fused:
-    """Fuse all that two sequences share, as `one` has it."""
-    return fuse(one, _shared(one, other))
+def merge(one: Sequence, other: Sequence) -> Contraction:
+    """Contract all that two sequences share, as `one` has it."""
+    return contract(one, _shared(one, other))
 
 
-def fuse(sequence: Sequence, together: NDArray[np.bool_]) -> Fused:
-    """Fuse the contours at positions p and p + 1 for which `together[p]`, (n - 1,).
+def contract(sequence: Sequence, together: NDArray[np.bool_]) -> Contraction:
+    """Contract the contours at positions p and p + 1 for which `together[p]`, (n - 1,).
 
     Stored edges suffice: a run is contiguous in a linear extension, so a chain of edges
     between two of its contours stays within, and one from run to run is a chain of runs.
@@ -103,7 +104,7 @@ def fuse(sequence: Sequence, together: NDArray[np.bool_]) -> Fused:
         costs=None if costs is None else costs[np.ix_(last, first)],
         seams=seams,
     )
-    return Fused(sequence, problem, begins, options)
+    return Contraction(sequence, problem, begins, options)
 
 
 def _shared(one: Sequence, other: Sequence) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ whose result guides the next call.
 from __future__ import annotations
 
 import math
+from collections.abc import Generator, Iterator
 from collections.abc import Sequence as Several
 from dataclasses import dataclass
 from itertools import repeat
@@ -21,8 +22,8 @@ from decmcts._kernels.trees.guided import block_ranks, explore
 from decmcts._kernels.trees.rollout import Clustered, Rollout
 from decmcts._kernels.trees.tree import Tree, new_tree
 from decmcts.feasibility.clustering import cluster_contours
-from decmcts.search.hybrid.lanes import Lanes
 from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.threads import Threads
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
@@ -37,38 +38,31 @@ _MOST_ROLLOUTS = 1000  # a slice and Γ
 class Trees:
     """What trees are grown, and for how long."""
 
-    share: float = 0.02  # of the budget for each turn; 0: no trees
+    share: float = 0.02  # of the search for each turn; 0: no trees
     gammas: tuple[float, ...] = (0.3, 0.5, 0.7, 0.9)
     one_from: int = 6000  # contours from which one Γ, the second, is all that time allows
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
 
-    def turn(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence) -> bool:
-        """Mutate the guest to the trees' best, if they have time; return whether to stop."""
-        if incumbent.cost == 0.0 or not self._have_time(incumbent):
-            return incumbent.cost == 0.0
-        stop = self.grow(incumbent, lanes, guest, incumbent.spent + self.share)
-        return stop or incumbent.cost == 0.0
-
-    def grow(self, incumbent: Incumbent, lanes: Lanes, guest: Sequence, until: float) -> bool:
-        """Mutate the guest to the best of trees grown until that share; return whether to stop."""
-        gammas = self._gammas_for(incumbent)
-        searches = gamma_searches(incumbent, gammas, lanes.fresh(len(gammas)))
-        best, stop = search_structure(
-            incumbent, searches, lanes, exploration=self.exploration, until=until
+    def turn(self, incumbent: Incumbent, threads: Threads, guest: Sequence) -> Iterator[None]:
+        """Mutate the guest to the best of trees grown for their share, if they have time."""
+        if not self._have_time(incumbent):
+            return
+        until, gammas = incumbent.spent + self.share, self._gammas_for(incumbent)
+        searches = gamma_searches(incumbent, gammas, threads.fresh(len(gammas)))
+        best = yield from search_structure(
+            incumbent, searches, threads, exploration=self.exploration, until=until
         )
         guest.order[:], guest.flip[:] = best.order, best.flip
         guest.settle()
         incumbent.offer(guest.order, guest.flip, guest.seat)
         incumbent.notes["gamma"] = best.gamma
-        return stop
+        yield
 
     def _have_time(self, incumbent: Incumbent) -> bool:
         """Tell whether clustering takes no more than their share of time."""
-        edges, budget = len(incumbent.problem.graph.preds), incumbent.budget
-        if self.share == 0.0 or budget.iterations is not None:
-            return self.share > 0.0
+        edges = len(incumbent.problem.graph.preds)
         seconds = _CLUSTERING_S * edges * len(self._gammas_for(incumbent))
-        return seconds <= self.share * budget.seconds
+        return self.share > 0.0 and incumbent.stopping.share_of(seconds) <= self.share
 
     def _gammas_for(self, incumbent: Incumbent) -> tuple[float, ...]:
         """Return each Γ to be tried."""
@@ -123,29 +117,29 @@ def gamma_searches(
 def search_structure(
     incumbent: Incumbent,
     searches: list[GammaSearch],
-    lanes: Lanes,
+    threads: Threads,
     *,
     exploration: float,
     until: float,
-) -> tuple[GammaSearch, bool]:
-    """Grow all trees until the share `until` of the budget; return the best and whether to stop.
+) -> Generator[None, None, GammaSearch]:
+    """Grow all trees until the share `until` is spent or the search is over; return the best.
 
     A rollout counts an iteration a contour. At least one is made for each Γ.
     """
-    n, rollouts, limit = len(incumbent.problem), 1, incumbent.budget.iterations
+    n, rollouts, limit = len(incumbent.problem), 1, incumbent.stopping.iterations
     if limit is not None:
         share = max(until - incumbent.spent, 0.0) * limit / (n * len(searches) * _ROUNDS)
         rollouts = int(min(max(share, 1.0), _MOST_ROLLOUTS))
     while True:
         before, reference, step = incumbent.seconds, incumbent.cost, rollouts
         growing = (searches, repeat(step), repeat(reference), repeat(exploration))
-        list(lanes.pool.map(GammaSearch.grow, *growing))
+        list(threads.pool.map(GammaSearch.grow, *growing))
         best = min(searches, key=lambda search: search.best_mm)
         incumbent.offer(best.order, best.flip)
-        if incumbent.tick(step * n * len(searches)):
-            return best, True
-        if incumbent.spent >= until:
-            return best, False
+        incumbent.tick(step * n * len(searches))
+        if incumbent.over or incumbent.spent >= until:
+            return best
         if limit is None:
             speed = step / max(incumbent.seconds - before, 1e-6)
             rollouts = int(min(max(_POLL_S * speed, 1.0), 4.0 * step, _MOST_ROLLOUTS))
+        yield

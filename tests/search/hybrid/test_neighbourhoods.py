@@ -1,4 +1,4 @@
-"""Annealing of regions: every result is allowed, none is worse, equal seeds give equal ones."""
+"""Neighbourhoods annealed anew: allowed results, none worse, equal ones for equal seeds."""
 
 from __future__ import annotations
 
@@ -9,36 +9,37 @@ import pytest
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.hybrid import regions
-from decmcts.search.hybrid.lanes import open_lanes
-from decmcts.search.hybrid.regions import Places, anneal_regions
+from decmcts.search.hybrid import neighbourhoods
+from decmcts.search.hybrid.neighbourhoods import Neighbourhoods, Places
+from decmcts.search.hybrid.threads import open_threads
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.stopping import Budget, IterationLimit
-from tests.search.hybrid.test_fusing import found, varied
+from decmcts.search.sequence.stopping import Stopping
+from tests.search.hybrid.test_contraction import found, varied
 from tests.search.problems import random_problem
 
 CASES = [0, 1, 2, 3]  # points, loops, seconds, bare costs; see `varied`
 
 
 def improved(seed: int, iterations: int) -> Incumbent:
-    """The incumbent after regions of a poor sequence were annealed."""
+    """The incumbent after neighbourhoods of a poor sequence were annealed."""
     problem = varied(seed)
     incumbent = Incumbent(
         problem,
         clock=time.monotonic,
-        budget=Budget(60.0, iterations),
-        criterion=IterationLimit(iterations),
+        stopping=Stopping(iterations=iterations),
     )
     start = found(problem, seed, iterations=10)
     incumbent.offer(start.order, start.flip, start.seat)
-    with open_lanes(2, seed) as lanes:
-        anneal_regions(incumbent, start, lanes, 1.0)
+    with open_threads(2, seed) as threads:
+        for _ in Neighbourhoods(until=1.0).improve(incumbent, start, threads):
+            if incumbent.over:
+                break
     return incumbent
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", CASES)
-def test_regions_improve_and_stay_allowed(seed: int) -> None:
+def test_they_improve_and_stay_allowed(seed: int) -> None:
     """What comes out is a better linear extension, with directions and entries allowed."""
     incumbent = improved(seed, 200_000)
     problem, before = incumbent.problem, found(incumbent.problem, seed, iterations=10).cost
@@ -55,20 +56,20 @@ def test_equal_seeds_and_iterations_give_equal_sequences(seed: int) -> None:
     one, other = improved(seed, 20_000), improved(seed, 20_000)
     assert one.cost == other.cost
     assert (one.order == other.order).all()
-    assert one.iterations == other.iterations <= 21_000  # a slice, or a stretch, that is begun ends
+    assert one.iterations == other.iterations <= 21_000  # a slice, or a window, that is begun ends
 
 
 @pytest.mark.slow
-def test_loops_of_a_region_find_better_entries() -> None:
-    """Single contours keep their options: regions of loops end with other entries."""
+def test_loops_find_better_entries() -> None:
+    """Single contours keep their options: neighbourhoods of loops end with other entries."""
     problem = varied(1)
     start, incumbent = found(problem, 1, iterations=10), improved(1, 40_000)
     assert (incumbent.seat != start.seat).any()
 
 
 @pytest.mark.slow
-def test_a_region_is_some_contours_but_not_all() -> None:
-    """Balls have the size asked for, stretches of the sequence no more."""
+def test_a_neighbourhood_is_some_contours_but_not_all() -> None:
+    """Balls have the size asked for, parts of the sequence no more."""
     problem = random_problem(3, 300, density=0.01)
     sequence, state = found(problem, 3, iterations=10), seeded(1)
     places = Places.of(sequence)
@@ -83,9 +84,9 @@ def test_a_region_is_some_contours_but_not_all() -> None:
 def test_parts_of_a_large_print_are_put_back_whole(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Regions within parts: the result is complete, allowed, better and repeatable."""
-    monkeypatch.setattr(regions, "_WHOLE", 20)
-    monkeypatch.setattr(regions, "_PART", 30)
+    """Neighbourhoods within parts: the result is complete, allowed, better and repeatable."""
+    monkeypatch.setattr(neighbourhoods, "_WHOLE", 20)
+    monkeypatch.setattr(neighbourhoods, "_PART", 30)
     incumbent, again = improved(seed, 40_000), improved(seed, 40_000)
     problem = incumbent.problem
     assert incumbent.cost < found(problem, seed, iterations=10).cost

@@ -1,4 +1,4 @@
-"""Stretches of a sequence in their best order: as recursion finds it, and nothing else moves."""
+"""Windows of a sequence in their best order: as recursion finds it, and nothing else moves."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from decmcts._kernels.exact.stretch import solve_stretch
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
 from decmcts.search.bounds.exact import room_for, slack_of
-from decmcts.search.hybrid.lanes import open_lanes
 from decmcts.search.hybrid.pieces import Sequence, cut
-from decmcts.search.hybrid.stretches import Stretches, solve_all_stretches
+from decmcts.search.hybrid.threads import open_threads
+from decmcts.search.hybrid.windows import WindowSolver, improve_windows
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.stopping import Budget, IterationLimit
+from decmcts.search.sequence.stopping import Stopping
 from tests.search.bounds.test_exact import kinds
-from tests.search.hybrid.test_fusing import found, varied
+from tests.search.hybrid.test_contraction import found, varied
 from tests.search.problems import price, random_problem, ways
 
 
@@ -84,7 +84,7 @@ def least(sequence: Sequence, first: int, last: int) -> float:
     return rest(frozenset(), None)
 
 
-def stretch_cost(sequence: Sequence, first: int, last: int) -> float:
+def window_cost(sequence: Sequence, first: int, last: int) -> float:
     """What the travels between these positions cost."""
     problem, total = sequence.problem, 0.0
     for a, b in zip(
@@ -105,7 +105,7 @@ def check(sequence: Sequence) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [s for s in range(24) if s % 5 != 4])
-def test_a_stretch_ends_in_the_best_order_there_is(seed: int) -> None:
+def test_a_window_ends_in_the_best_order_there_is(seed: int) -> None:
     """At the beginning, the end and between, of every kind of print; the rest stays."""
     problem = kinds(random_problem(seed, 20, density=(0.0, 0.1, 0.4)[seed % 3]), seed)
     sequence = found(problem, seed, iterations=1)
@@ -114,7 +114,7 @@ def test_a_stretch_ends_in_the_best_order_there_is(seed: int) -> None:
         before, best = sequence.copy(), least(sequence, first, last)
         assert solved(sequence, first, last)
         check(sequence)
-        assert stretch_cost(sequence, first, last) == pytest.approx(best)
+        assert window_cost(sequence, first, last) == pytest.approx(best)
         outside = [p for p in range(20) if not first <= p < last]
         kept = before.order[outside]
         assert (kept == sequence.order[outside]).all()
@@ -135,7 +135,7 @@ def test_what_takes_too_much_stays_as_it_was() -> None:
 
 
 @pytest.mark.slow
-def test_stretches_grow_while_they_are_solved() -> None:
+def test_windows_grow_while_they_are_solved() -> None:
     """A print whose layers have one contour each is solved however long they are."""
     problem = random_problem(4, 200, density=0.0)
     chain = np.stack([np.arange(199), np.arange(1, 200)], axis=1).astype(np.int32)
@@ -143,10 +143,10 @@ def test_stretches_grow_while_they_are_solved() -> None:
         problem.start, problem.end, problem.reversible, np.arange(200, dtype=np.int32),
         type(problem.graph).from_pairs(200, chain),
     ), 0, iterations=1)  # fmt: skip
-    before, lane = sequence.cost, Stretches()
+    before, solver = sequence.cost, WindowSolver()
     incumbent = of_iterations(sequence.problem, 1_000_000)
-    made = lane.improve(incumbent, sequence, seeded(1), 1.0)
-    assert lane.length == 62
+    made = solver.improve(incumbent, sequence, seeded(1), 1.0)
+    assert solver.length == 62
     assert 1_000_000 <= made <= 1_100_000
     check(sequence)
     assert sequence.cost <= before
@@ -157,22 +157,24 @@ def of_iterations(problem: OrderProblem, limit: int) -> Incumbent:
     return Incumbent(
         problem,
         clock=time.monotonic,
-        budget=Budget(60.0, limit),
-        criterion=IterationLimit(limit),
+        stopping=Stopping(iterations=limit),
     )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_all_lanes_improve_one_sequence_and_repeat(seed: int) -> None:
+def test_all_threads_improve_one_sequence_and_repeat(seed: int) -> None:
     """Better than before, allowed, the same for equal seeds, and not much over the budget."""
     results = []
     for _ in range(2):
         problem = varied(seed)
         sequence, incumbent = found(problem, seed, iterations=10), of_iterations(problem, 50_000)
         before = sequence.cost
-        with open_lanes(2, seed) as lanes:
-            assert solve_all_stretches(incumbent, sequence, lanes, 1.0)
+        with open_threads(2, seed) as threads:
+            for _ in improve_windows(incumbent, sequence, threads, 1.0):
+                if incumbent.over:
+                    break
+        assert incumbent.over
         check(sequence)
         assert incumbent.cost == pytest.approx(sequence.cost)
         assert sequence.cost < before

@@ -28,66 +28,74 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded, uniform
 from decmcts._kernels.sequence.anneal import anneal
+from decmcts.search.hybrid.contraction import Contraction
 from decmcts.search.hybrid.crossover import crossover
-from decmcts.search.hybrid.fusing import Fused
 from decmcts.search.hybrid.pieces import Piece, Sequence, cut
 from decmcts.search.sequence.annealing import Cooling
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.stopping import Budget
+from decmcts.search.sequence.stopping import Stopping
 
-ROUND_S = 0.4  # how long lanes work before they meet: a lane held up keeps others waiting then
-_CHUNK_S = 0.02  # how often a lane looks at the clock
+ROUND_S = 0.4  # how long threads work before they meet: one held up keeps others waiting then
+_CHUNK_S = 0.02  # how often a thread looks at the clock
 _LARGEST_CHUNK = 4_000_000
 _ROUNDS = 400  # of a search that is limited by iterations
 _CUT_A_ROUND = 1_000_000  # a cut lasts a round for so many contours and edges: cutting takes time
 _LEAST_PIECE = 100  # contours
-_STEPS_A_S = 1.5e6  # of a lane, about
+_STEPS_A_S = 1.5e6  # of a thread, about
 
 Chunks: TypeAlias = Iterator[tuple[float, int]]
 
 
 @dataclass(frozen=True, slots=True)
-class Lanes:
+class Threads:
     """The threads, a generator for each, and one more that places the cuts."""
 
     pool: ThreadPoolExecutor
     states: list[NDArray[np.uint64]]  # (1,) each, mutated
     cutting: NDArray[np.uint64]  # (1,) mutated
+    crosses: bool = True  # results are joined stretch by stretch; False: the best is taken
 
     def fresh(self, count: int) -> list[NDArray[np.uint64]]:
         """Mutate `cutting`; return `count` new generators."""
         return [seeded(int(uniform(self.cutting) * 2**53)) for _ in range(count)]
 
-    def steps(self, budget: Budget) -> float:
-        """Return about how many steps each thread has time for in the whole budget."""
-        if budget.iterations is not None:
-            return budget.iterations / len(self.states)
-        return budget.seconds * _STEPS_A_S
+    def join(self, found: list[Sequence]) -> Sequence:
+        """Return the best of what was found, a sequence of its own."""
+        if self.crosses:
+            return crossover(found)
+        return min(found, key=lambda sequence: sequence.cost).copy()
+
+    def steps(self, stopping: Stopping) -> float:
+        """Return about how many steps each thread has time for in the whole search."""
+        if stopping.iterations is not None:
+            return stopping.iterations / len(self.states)
+        assert stopping.seconds is not None
+        return stopping.seconds * _STEPS_A_S
 
 
 @contextmanager
-def open_lanes(count: int, seed: int) -> Iterator[Lanes]:
+def open_threads(count: int, seed: int, *, crosses: bool = True) -> Iterator[Threads]:
     """Yield `count` threads with unrelated generators."""
-    states = [seeded(seed * (count + 1) + lane) for lane in range(count + 1)]
+    states = [seeded(seed * (count + 1) + thread) for thread in range(count + 1)]
     with ThreadPoolExecutor(count) as pool:
-        yield Lanes(pool, states[:count], states[count])
+        yield Threads(pool, states[:count], states[count], crosses)
 
 
 def anneal_rivals(
     incumbent: Incumbent,
     rivals: list[Sequence],
-    lanes: Lanes,
+    threads: Threads,
     coolings: list[Cooling],
     until: float,
     *,
     groups: list[NDArray[np.int32]] | None = None,
-    fused: Fused | None = None,
-) -> bool:
-    """Anneal one whole sequence a lane until the share `until` is spent; return whether to stop.
+    contraction: Contraction | None = None,
+) -> Iterator[None]:
+    """Anneal one whole sequence a thread until the share `until` is spent; yield at meetings.
 
     Each has a cooling of its own, and moves stay within equal `groups`, (n,) by contour
     and non-decreasing along the sequence. Mutates the sequences and the generators; the
-    incumbent gets what is best, of fused sequences the whole one they stand for.
+    incumbent gets what is best, of a contraction the whole sequence it stands for.
     """
     tours: list[Piece] = []
 
@@ -96,106 +104,104 @@ def anneal_rivals(
         if groups is not None:
             tours[:] = [tour.within(group) for tour, group in zip(tours, groups, strict=True)]
 
-    def work(lane: int, chunks: Chunks) -> None:
+    def work(thread: int, chunks: Chunks) -> None:
+        state, cooling = threads.states[thread], coolings[thread]
         for share, proposals in chunks:
-            anneal(tours[lane].tour, lanes.states[lane], coolings[lane].at(share), proposals)
+            anneal(tours[thread].tour, state, cooling.at(share), proposals)
 
     def meet() -> None:
         for rival, tour in zip(rivals, tours, strict=True):
             tour.put_back(rival)
             rival.settle()
-            found = rival if fused is None else fused.unfused(rival)
+            found = rival if contraction is None else contraction.expanded(rival)
             incumbent.offer(found.order, found.flip, found.seat)
 
-    return _in_rounds(incumbent, lanes, until, begin, work, meet)
+    yield from _in_rounds(incumbent, threads, until, begin, work, meet)
 
 
 def anneal_pieces(
     incumbent: Incumbent,
     sequence: Sequence,
-    lanes: Lanes,
+    threads: Threads,
     cooling: Cooling,
     until: float,
     *,
-    a_lane: int,
-) -> bool:
-    """Anneal one sequence on all lanes until the share `until` is spent; return whether to stop.
+    pieces: int,
+) -> Iterator[None]:
+    """Anneal one sequence on all threads until the share `until` is spent; yield at meetings.
 
-    There are `a_lane` pieces for each lane, fewer where they would be too small; in
-    every other turn each lane has the whole sequence, and the best of both goes on.
+    There are so many `pieces` for each thread, fewer where they would be too small; in
+    every other turn, and always if that is 0, each thread has the whole sequence, and the
+    best of both goes on.
     Mutates the sequence and the generators; offers what it passes to the incumbent.
     """
-    n, count = len(sequence.order), len(lanes.states)
+    n, count = len(sequence.order), len(threads.states)
     shares: list[list[Piece]] = []
     rivals, begun, lasting = False, 0, 1 + (n + len(sequence.problem.graph.preds)) // _CUT_A_ROUND
 
     def begin() -> None:
         nonlocal shares, rivals, begun
         if begun % lasting == 0:
-            rivals = n < _LEAST_PIECE * count or begun // lasting % 2 == 1
-            shares = _whole(sequence, count) if rivals else _shared_out(sequence, lanes, a_lane)
+            too_few = pieces == 0 or n < _LEAST_PIECE * count
+            rivals = too_few or begun // lasting % 2 == 1
+            shares = _whole(sequence, count) if rivals else _parted(sequence, threads, pieces)
         begun += 1
 
-    def work(lane: int, chunks: Chunks) -> None:
-        contours = sum(len(piece.ids) for piece in shares[lane])
+    def work(thread: int, chunks: Chunks) -> None:
+        contours = sum(len(piece.ids) for piece in shares[thread])
         for share, proposals in chunks:
             heat = cooling.at(share)
-            for piece in shares[lane]:
+            for piece in shares[thread]:
                 steps = max(1, proposals * len(piece.ids) // contours)
-                anneal(piece.tour, lanes.states[lane], heat, steps)
+                anneal(piece.tour, threads.states[thread], heat, steps)
 
     def meet() -> None:
         found = [sequence.copy() if rivals else sequence for _ in shares]
-        for own, pieces in zip(found, shares, strict=True):
-            for piece in pieces:
+        for own, mine in zip(found, shares, strict=True):
+            for piece in mine:
                 piece.put_back(own)
         if rivals:
-            sequence.become(crossover(found))
+            sequence.become(threads.join(found))
         if begun % lasting == 0:  # else the same pieces go on, with entries of their own
             sequence.settle()
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)
 
-    return _in_rounds(incumbent, lanes, until, begin, work, meet)
+    yield from _in_rounds(incumbent, threads, until, begin, work, meet)
 
 
 def _in_rounds(
     incumbent: Incumbent,
-    lanes: Lanes,
+    threads: Threads,
     until: float,
     begin: Callable[[], None],
     work: Callable[[int, Chunks], None],
     meet: Callable[[], None],
-) -> bool:
-    """Let lanes work until the budget's share `until` is spent; return whether to stop.
+) -> Iterator[None]:
+    """Let threads work until the share `until` is spent; yield whenever they have met.
 
-    They meet after each round only: on a machine that is shared a lane is held up now
+    They meet after each round only: on a machine that is shared a thread is held up now
     and then, and others shall not wait for it more often than needed.
     """
-    began, count = incumbent.spent, len(lanes.states)
-    sizes = [2000] * count
-    if incumbent.budget.iterations is not None:
-        size = min(max(incumbent.budget.iterations / _ROUNDS, 1.0), _LARGEST_CHUNK)
-        sizes = [int(size)] * count
+    began, limit, count = incumbent.spent, incumbent.stopping.iterations, len(threads.states)
+    first = 2000 if limit is None else int(min(max(limit / _ROUNDS, 1.0), _LARGEST_CHUNK))
+    sizes = [first] * count
     while incumbent.spent < until:
         begin()
-        ends = incumbent.spent
-        if incumbent.budget.iterations is None:
-            ends = min(until, ends + ROUND_S / incumbent.budget.seconds)
+        ends = min(until, incumbent.spent + incumbent.stopping.share_of(ROUND_S))
         rounds = [_Round(incumbent, began, until, ends, size) for size in sizes]
-        list(lanes.pool.map(work, range(count), map(_Round.chunks, rounds)))
+        list(threads.pool.map(work, range(count), map(_Round.chunks, rounds)))
         meet()
         sizes = [round_.size for round_ in rounds]
-        if incumbent.tick(sum(round_.made for round_ in rounds)) or incumbent.cost == 0.0:
-            return True
-    return False
+        incumbent.tick(sum(round_.made for round_ in rounds))
+        yield
 
 
 @dataclass(slots=True)
 class _Round:
-    """A lane's proposals between two meetings: until a time, or one chunk of a set size."""
+    """A thread's proposals between two meetings: until a time, or one chunk of a set size."""
 
     incumbent: Incumbent
-    began: float  # share of the budget spent at the first round
+    began: float  # share spent at the first round
     until: float  # and after the last
     ends: float  # and after this one
     size: int  # proposals of the next chunk
@@ -204,7 +210,7 @@ class _Round:
     def chunks(self) -> Chunks:
         """Yield the share done of all rounds and how many proposals to make, chunk by chunk."""
         incumbent, length = self.incumbent, self.until - self.began
-        if incumbent.budget.iterations is not None:
+        if incumbent.stopping.iterations is not None:
             self.made = self.size
             yield (incumbent.spent - self.began) / length, self.size
             return
@@ -218,16 +224,16 @@ class _Round:
 
 
 def _whole(sequence: Sequence, count: int) -> list[list[Piece]]:
-    """Return the whole sequence for each lane."""
+    """Return the whole sequence for each thread."""
     piece = cut(sequence, 0, len(sequence.order))
     return [[piece], *([piece.twin()] for _ in range(count - 1))]
 
 
-def _shared_out(sequence: Sequence, lanes: Lanes, a_lane: int) -> list[list[Piece]]:
-    """Return the pieces of each lane, about as many contours for each."""
-    n, count = len(sequence.order), len(lanes.states)
-    parts = min(n // (_LEAST_PIECE * count), a_lane) * count  # at least `count`
-    shift = uniform(lanes.cutting)
+def _parted(sequence: Sequence, threads: Threads, most: int) -> list[list[Piece]]:
+    """Return the pieces of each thread, `most` at the most, about as many contours for each."""
+    n, count = len(sequence.order), len(threads.states)
+    parts = min(n // (_LEAST_PIECE * count), most) * count  # at least `count`
+    shift = uniform(threads.cutting)
     places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n]
     pieces = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
     shares: list[list[Piece]] = [[] for _ in range(count)]

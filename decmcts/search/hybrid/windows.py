@@ -1,4 +1,4 @@
-"""Stretches of a sequence put in their best order, one after the other, exactly.
+"""Windows of a sequence put in their best order, one after the other, exactly.
 
 Annealing leaves some dozens of contours that follow each other in a good order; which
 is the best is found in milliseconds (`decmcts._kernels.exact.stretch`).
@@ -6,6 +6,7 @@ is the best is found in milliseconds (`decmcts._kernels.exact.stretch`).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import repeat
 
@@ -15,9 +16,9 @@ from numpy.typing import NDArray
 from decmcts._kernels.exact.ideals import Ideals
 from decmcts._kernels.exact.stretch import solve_stretches
 from decmcts.search.bounds.exact import room_for, slack_of
-from decmcts.search.hybrid.crossover import crossover
-from decmcts.search.hybrid.lanes import ROUND_S, Lanes
 from decmcts.search.hybrid.pieces import Sequence, cut
+from decmcts.search.hybrid.search import END, Search
+from decmcts.search.hybrid.threads import ROUND_S, Threads
 from decmcts.search.sequence.incumbent import Incumbent
 
 _IDEALS, _STEPS, _TRAVELS = 100_000, 400_000, 2_000_000  # 25 MiB, if all is used
@@ -28,8 +29,8 @@ _LEAST_CHUNK, _LARGEST_CHUNK = 1_000, 4_000_000  # travels priced
 
 
 @dataclass(slots=True)
-class Stretches:
-    """What one lane has learnt of stretches, and its room for solving them."""
+class WindowSolver:
+    """What one thread has learnt of windows, and its room for solving them."""
 
     length: float = 8.0  # positions
     chunk: int = _LEAST_CHUNK  # travels
@@ -45,7 +46,7 @@ class Stretches:
         if len(sequence.order) <= 2:
             return 0
         piece, slack, made = cut(sequence, 0, len(sequence.order)), slack_of(sequence.problem), 0
-        limit, spent, most = incumbent.budget.iterations, incumbent.spent, _TRAVELS
+        limit, spent, most = incumbent.stopping.iterations, incumbent.spent, _TRAVELS
         if limit is not None:
             self.chunk = most = int((until - spent) * limit)
         while spent < until:
@@ -63,29 +64,39 @@ class Stretches:
         return made
 
 
-def solve_all_stretches(
-    incumbent: Incumbent, sequence: Sequence, lanes: Lanes, until: float
-) -> bool:
-    """Improve a sequence until the share `until` is spent; return whether to stop.
+def improve_windows(
+    incumbent: Incumbent, sequence: Sequence, threads: Threads, until: float
+) -> Iterator[None]:
+    """Improve a sequence until the share `until` is spent; yield at meetings.
 
-    Each lane solves stretches of its own, and the best of all goes on. Mutates the sequence
+    Each thread solves windows of its own, and the best of all goes on. Mutates the sequence
     and the generators; the incumbent gets what is better.
     """
-    stretches, count = [Stretches() for _ in lanes.states], len(lanes.states)
+    solvers, count = [WindowSolver() for _ in threads.states], len(threads.states)
     while (spent := incumbent.spent) < until:
-        ends = spent + (until - spent) / count  # of iterations each lane makes its part
-        if incumbent.budget.iterations is None:
-            ends = min(until, spent + ROUND_S / incumbent.budget.seconds)
-        found = [sequence.copy() for _ in stretches]
-        made = lanes.pool.map(
-            Stretches.improve, stretches, repeat(incumbent), found, lanes.states, repeat(ends)
+        ends = spent + (until - spent) / count  # of iterations each thread makes its part
+        if incumbent.stopping.iterations is None:
+            ends = min(until, spent + incumbent.stopping.share_of(ROUND_S))
+        found = [sequence.copy() for _ in solvers]
+        made = threads.pool.map(
+            WindowSolver.improve, solvers, repeat(incumbent), found, threads.states, repeat(ends)
         )
         total = sum(made)
-        sequence.become(crossover(found))
+        sequence.become(threads.join(found))
         sequence.settle()
         incumbent.offer(sequence.order, sequence.flip, sequence.seat)
-        if incumbent.tick(total) or incumbent.cost == 0.0:
-            return True
+        incumbent.tick(total)
+        yield
         if total == 0:  # too few contours, or iterations
-            break
-    return False
+            return
+
+
+@dataclass(frozen=True, slots=True)
+class Windows:
+    """Windows of the best sequence, where there is no time for neighbourhoods."""
+
+    until: float = END  # share
+
+    def run(self, search: Search) -> Iterator[None]:
+        """Improve the best sequence."""
+        yield from improve_windows(search.incumbent, search.best(), search.threads, self.until)

@@ -1,0 +1,36 @@
+"""Annealing where contours that lie on each other must be some time apart.
+
+Trees, neighbourhoods and exact solutions know no time. What is left is strong enough:
+moves that keep the time, on one whole sequence a thread, from the source's own order
+on, which keeps it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from decmcts.search.hybrid.search import END, Search
+from decmcts.search.hybrid.threads import anneal_rivals
+from decmcts.search.sequence.annealing import descend_fully, tour_of
+
+
+@dataclass(frozen=True, slots=True)
+class Lagged:
+    """Rounds of annealing, each from the best so far; temperatures in mean travels."""
+
+    rounds: tuple[float, ...] = (0.1, END)  # shares at which rounds end
+    hot: float = 0.5
+    cold: float = 0.03
+
+    def run(self, search: Search) -> Iterator[None]:
+        """Anneal in rounds, and descend."""
+        incumbent, threads = search.incumbent, search.threads
+        incumbent.tick()
+        yield
+        for until in self.rounds:
+            rivals = [search.best() for _ in threads.states]
+            coolings = [search.cooling(self.hot, self.cold)] * len(rivals)
+            yield from anneal_rivals(incumbent, rivals, threads, coolings, until)
+        descend_fully(incumbent, tour_of(incumbent, search.near))
+        incumbent.offer_order(incumbent.order)

@@ -1,0 +1,130 @@
+"""Several starts (multistart): whole sequences, one a thread, from unlike beginnings.
+
+What annealing ends in depends on what it begins with, and no start is best for all
+prints. In each round one thread begins with the best sequence so far, or with that of
+the trees. The others begin with the plain start, by turns at a high temperature (`hot`)
+and at a lower one that keeps some of the start's structure (`mild`). Where there is a
+layered start they begin with what annealing within layers has made of it so far, at the
+high one. Once that wins a round, every thread stays within layers, and the first begins
+at the lower temperature. Were the best shared with all threads, their results would be
+alike.
+
+After each round what all so far ended in is joined stretch by stretch: where layers
+follow each other strictly, that has the best that was found of each. Then what the
+best and the next best still differ in is annealed, the rest contracted to runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.search.hybrid.contraction import merge
+from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.search import Search
+from decmcts.search.hybrid.threads import anneal_rivals
+from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.starts.layerwise import layer_runs
+
+
+@dataclass(frozen=True, slots=True)
+class Multistart:
+    """How many rounds there are, and how hot: in mean travels before the first of them."""
+
+    always: int = 1000  # contours up to which several starts beat parting one sequence,
+    at_most: int = 6000  # or up to this many,
+    least: float = 15_000.0  # if a thread has time for so many steps for each
+    until: float = 0.65  # share at which they end
+    steps: float = 3000.0  # of a thread in a round, for each contour and entry
+    most: int = 8  # rounds
+    merging: float = 0.2  # share of a round for what the best and a rival differ in; 0: none
+    merged: float = 1.0  # temperature that begins with, in mean travels of what is left
+    hot: float = 1.5
+    mild: float = 0.7  # from here on some of the structure stays
+    cold: float = 0.03
+
+    def __post_init__(self) -> None:
+        if min(self.steps, self.most) < 1:
+            raise ValueError("steps and most: expected 1 or more")
+        if min(self.hot, self.mild, self.cold, self.merged) <= 0.0:
+            raise ValueError("hot, mild, cold and merged: expected more than 0")
+
+    def suits(self, search: Search) -> bool:
+        """Tell whether whole sequences, one a thread, end better than one parted among them."""
+        n, steps = len(search.incumbent.problem), search.threads.steps(search.incumbent.stopping)
+        return n <= self.always or n <= min(self.at_most, steps / self.least)
+
+    def run(self, search: Search) -> Iterator[None]:
+        """Anneal all starts; what is best is the incumbent's."""
+        incumbent, threads = search.incumbent, search.threads
+        plain, layered, ahead = search.best(), search.layered, False  # ahead: the layered one
+        layers = layer_runs(incumbent.problem.layer)
+        began, rounds = incumbent.spent, self._count(search)
+        length = (self.until - began) / rounds
+        mean = incumbent.cost / len(incumbent.problem)  # of all rounds, lest they begin cooler
+        ends: list[Sequence] = []  # of all threads in all rounds,
+        in_layers: list[Sequence] = []  # and of those that stayed within layers
+        for number in range(rounds):
+            other, best = plain if layered is None else layered, search.best()
+            rivals = [other.copy() if ahead else best, *(other.copy() for _ in threads.states[1:])]
+            if number in (0, rounds // 2) and not ahead:
+                yield from search.propose(rivals[0])
+            until = began + length * (number + 1)
+            heats = self._heats(number, layered is not None, ahead, len(rivals))
+            groups = _groups(layers, layered is not None, ahead, len(rivals))
+            coolings = [Cooling(heat * mean, self.cold * mean) for heat in heats]
+            annealed = until - self.merging * length
+            yield from anneal_rivals(incumbent, rivals, threads, coolings, annealed, groups=groups)
+            ends += rivals
+            found = threads.join([search.best(), *ends])
+            found.settle()
+            incumbent.offer(found.order, found.flip, found.seat)
+            if layered is not None and len(rivals) > 1:
+                in_layers += rivals[0 if ahead else 1 :]
+                layered = threads.join([layered, *in_layers])
+                layered.settle()
+                incumbent.offer(layered.order, layered.flip, layered.seat)
+                ahead = ahead or rivals[-1].cost < rivals[0].cost
+            yield from self._merge(search, rivals, until)
+
+    def _count(self, search: Search) -> int:
+        """Return how many rounds there is time for."""
+        incumbent, problem = search.incumbent, search.incumbent.problem
+        choices = len(problem)
+        if problem.seams is not None:
+            choices += int((np.diff(problem.seams.offsets) - 1).clip(0).sum())
+        steps = search.threads.steps(incumbent.stopping) * (self.until - incumbent.spent)
+        return int(min(max(1.0, steps / (self.steps * choices)), self.most))
+
+    def _heats(self, number: int, has_layered: bool, ahead: bool, count: int) -> list[float]:
+        """Return how hot each of `count` threads begins, in mean travels."""
+        other = self.mild if number % 2 and not has_layered else self.hot
+        return [self.mild if ahead else self.hot, *[other] * (count - 1)]
+
+    def _merge(self, search: Search, rivals: list[Sequence], until: float) -> Iterator[None]:
+        """Anneal what the best sequence and the next best differ in."""
+        best, threads = search.best(), search.threads
+        others = [rival for rival in rivals if rival.cost > best.cost]
+        if not others or self.merging == 0.0:
+            return
+        merged = merge(best, min(others, key=lambda rival: rival.cost))
+        if len(merged.problem) < 2:
+            return
+        starts = [merged.start() for _ in threads.states]
+        mean = starts[0].cost / len(merged.problem)
+        coolings = [Cooling(self.merged * mean, self.cold * mean) for _ in starts]
+        if mean > 0.0:
+            yield from anneal_rivals(
+                search.incumbent, starts, threads, coolings, until, contraction=merged
+            )
+
+
+def _groups(
+    layers: NDArray[np.int32], has_layered: bool, ahead: bool, count: int
+) -> list[NDArray[np.int32]]:
+    """Return what the moves of each of `count` threads stay within: layers, or the whole."""
+    whole = np.zeros_like(layers)
+    return [layers if ahead else whole, *[layers if has_layered else whole] * (count - 1)]

@@ -1,0 +1,101 @@
+"""One sequence parted among all threads, for prints too large for several starts.
+
+On the largest a layered start is annealed within layers first. Then come the trees
+and a first, fast annealing, then a long one: in long pieces while hot, where long
+moves decide the large structure, in many short ones while cold. Half-way the trees,
+guided by what annealing made of the sequence, get another turn. It leaves time for
+neighbourhoods, or for windows where there is less; for neither where there is least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.search import END, Search
+from decmcts.search.hybrid.threads import anneal_pieces, anneal_rivals
+from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.starts.layerwise import layer_runs
+
+
+@dataclass(frozen=True, slots=True)
+class Partition:
+    """Shares of the search, and temperatures in multiples of the mean travel."""
+
+    layers_from: int = 6000  # contours from which a layered start is annealed first
+    layers: float = 0.06  # share for that
+    first: float = 0.05  # share for a first, fast annealing
+    half_way: float = 0.5  # share at which the trees get their second turn
+    neighbourhoods_from: float = 0.75  # share at which neighbourhoods begin,
+    for_neighbourhoods: float = 15_000.0  # if there are so many steps for each contour in all
+    windows_from: float = 0.85  # or at which windows are solved exactly,
+    for_windows: float = 2000.0  # if there are only so many
+    until: float = END  # if there are fewer still
+    pieces: tuple[int, int] = (1, 4)  # of each thread, hot and cold; 0: whole sequences alone
+    hot: float = 1.5
+    warm: float = 0.2  # from here on the structure stays
+    cold: float = 0.03
+
+    def __post_init__(self) -> None:
+        if min(self.hot, self.warm, self.cold) <= 0.0:
+            raise ValueError("hot, warm and cold: expected more than 0")
+
+    def affords_neighbourhoods(self, search: Search) -> bool:
+        """Tell whether, at the pace so far, there is time for neighbourhoods."""
+        return _steps_each(search) >= self.for_neighbourhoods
+
+    def affords_windows(self, search: Search) -> bool:
+        """Tell whether, at the pace so far, there is time for windows."""
+        return _steps_each(search) >= self.for_windows
+
+    def run(self, search: Search) -> Iterator[None]:
+        """Anneal the best sequence on all threads together, with the trees' help."""
+        large = len(search.incumbent.problem) >= self.layers_from
+        if large and search.layered is not None:
+            yield from self._within_layers(search, search.layered)
+        yield from search.propose(search.best())
+        long, short = self.pieces
+        fast = search.cooling(self.hot, self.cold)
+        until = search.incumbent.spent + self.first
+        yield from self._anneal(search, search.best(), fast, until, long)
+        sequence = search.best()
+        hot = search.cooling(self.hot, self.warm)
+        cold = search.cooling(self.warm, self.cold)  # of the same mean travel
+        yield from self._anneal(search, sequence, hot, self.half_way, long)
+        yield from search.propose(search.best())
+        if search.incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
+            sequence = search.best()
+        yield from self._anneal(search, sequence, cold, self._ends(search), short)
+
+    def _ends(self, search: Search) -> float:
+        """Return the share at which what comes next begins."""
+        if self.affords_neighbourhoods(search):
+            return self.neighbourhoods_from
+        return self.windows_from if self.affords_windows(search) else self.until
+
+    def _anneal(
+        self, search: Search, sequence: Sequence, cooling: Cooling, until: float, pieces: int
+    ) -> Iterator[None]:
+        """Anneal the sequence, parted among the threads."""
+        yield from anneal_pieces(
+            search.incumbent, sequence, search.threads, cooling, until, pieces=pieces
+        )
+
+    def _within_layers(self, search: Search, layered: Sequence) -> Iterator[None]:
+        """Anneal within layers on each thread, and join the best."""
+        incumbent, threads = search.incumbent, search.threads
+        rivals, until = [layered.copy() for _ in threads.states], incumbent.spent + self.layers
+        coolings = [search.cooling(self.hot, self.cold)] * len(rivals)
+        groups = [layer_runs(incumbent.problem.layer)] * len(rivals)
+        yield from anneal_rivals(incumbent, rivals, threads, coolings, until, groups=groups)
+        found = threads.join(rivals)
+        found.settle()
+        incumbent.offer(found.order, found.flip, found.seat)
+        yield
+
+
+def _steps_each(search: Search) -> float:
+    """Return how many steps the whole search has for each contour, at the pace so far."""
+    incumbent = search.incumbent
+    return incumbent.iterations / (incumbent.spent * len(incumbent.problem))

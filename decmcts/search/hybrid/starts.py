@@ -1,0 +1,53 @@
+"""What the search begins with: orders made at once, and whether going by layers promises much."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from decmcts.search.hybrid.search import Search
+from decmcts.search.starts.greedy import Greedy
+from decmcts.search.starts.layerwise import layer_runs, nearest_in_layers
+
+
+@dataclass(frozen=True, slots=True)
+class Starts:
+    """The nearest next within layers, and within height buffers of several sizes."""
+
+    def run(self, search: Search) -> Iterator[None]:
+        """Offer all of them."""
+        incumbent = search.incumbent
+        search.by_layers = nearest_in_layers(incumbent, layer_runs(incumbent.problem.layer))
+        incumbent.offer(*search.by_layers)
+        Greedy().plan(incumbent, seed=0)
+        incumbent.tick()
+        yield
+
+
+@dataclass(frozen=True, slots=True)
+class LayeredStart:
+    """Whether annealing within layers is worth it, and from what."""
+
+    promising: float = 1.15  # cost of going by layers, in those of the best start; 0: never
+
+    def run(self, search: Search) -> Iterator[None]:
+        """Set the layered start: the best sequence if it goes by layers, else the nearest.
+
+        That one gets the entries that suit it and may then cost `promising` times the
+        best. There is none if there is but one layer.
+        """
+        group = layer_runs(search.incumbent.problem.layer)
+        if self.promising == 0.0 or group[-1] == 0:
+            return
+        best = search.best()
+        if (np.diff(group[best.order]) >= 0).all():
+            search.layered = best
+        elif search.by_layers is not None:
+            order, flip = search.by_layers
+            layered = replace(best.copy(), order=order.copy(), flip=flip.copy())
+            layered.settle()
+            if layered.cost <= self.promising * best.cost:
+                search.layered = layered
+        yield

@@ -1,0 +1,122 @@
+"""Several starts: when there are any, and what they begin with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from decmcts.search.hybrid.multistart import Multistart
+from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.starts import LayeredStart
+from decmcts.search.hybrid.threads import Threads, anneal_rivals
+from decmcts.search.planners import plan_order
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import Stopping
+from tests.search.problems import random_problem, with_loops
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_stays_within_layers_once_that_is_ahead(
+    monkeypatch: pytest.MonkeyPatch, ahead: bool
+) -> None:
+    """Sequences annealed within layers, joined layer by layer, beat others on real prints."""
+    layer = np.repeat(np.arange(8, dtype=np.int32), 25)
+    problem = replace(random_problem(2, 200, density=0.01), layer=layer)
+    found: list[float] = []  # by those that stayed within layers
+    rounds: list[list[bool]] = []
+    heats: list[float] = []  # of threads that begin hot
+    pools: list[int] = []  # how many are joined: what all ended in, or those within layers
+
+    def watched(
+        incumbent: Incumbent, rivals: list[Sequence], *args: Any, **options: Any
+    ) -> Iterator[None]:
+        if "groups" not in options:
+            yield from anneal_rivals(incumbent, rivals, *args, **options)
+            return
+        within = [bool(group.any()) for group in options["groups"]]
+        coolings = args[1]
+        assert (coolings[0].hot_mm < coolings[1].hot_mm) == within[0]
+        heats.append(coolings[1].hot_mm)
+        for rival, stays in zip(rivals, within, strict=True):
+            assert not stays or (np.diff(layer[rival.order]) >= 0).all()
+            assert not stays or rival.cost <= min(found, default=np.inf) + 1e-9
+        yield from anneal_rivals(incumbent, rivals, *args, **options)
+        if not within[0]:  # one of them has bad luck
+            rivals[0 if ahead else 1].order[:] = np.arange(200)
+            rivals[0 if ahead else 1].flip[:] = 0
+        found.extend(rival.cost for rival, stays in zip(rivals, within, strict=True) if stays)
+        rounds.append(within)
+
+    join = Threads.join
+
+    def watched_join(threads: Threads, sequences: list[Sequence]) -> Sequence:
+        assert len({id(sequence) for sequence in sequences}) == len(sequences)
+        pools.append(len(sequences))
+        return join(threads, sequences)
+
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_rivals", watched)
+    monkeypatch.setattr(Threads, "join", watched_join)
+    planner = Hybrid(layered=LayeredStart(promising=10.0), multistart=Multistart(steps=50.0))
+    plan_order(problem, planner=planner, stopping=Stopping(iterations=400_000), seed=0)
+    most = planner.multistart.most
+    assert rounds == [[False, True], *[[ahead, True]] * (most - 1)]
+    assert heats == [heats[0]] * most  # the best is better by then, but no cooler
+    pools = pools[: 2 * most]  # then come neighbourhoods
+    assert pools[::2] == [1 + 2 * (number + 1) for number in range(most)]
+    assert pools[1::2] == [2 + (2 if ahead else 1) * number for number in range(most)]
+
+
+@pytest.mark.parametrize(("at_most", "steps", "several"), [(100, 400, True), (100, 100, False),
+                                                         (50, 400, False)])  # fmt: skip
+def test_several_starts_on_larger_prints_if_there_is_time(
+    monkeypatch: pytest.MonkeyPatch, at_most: int, steps: int, several: bool
+) -> None:
+    """With a minute, several starts end better on prints of some thousand contours too."""
+    rounds: list[int] = []
+
+    def watched(*args: Any, **options: Any) -> Iterator[None]:
+        rounds.append(1)
+        yield from anneal_rivals(*args, **options)
+
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_rivals", watched)
+    planner = Hybrid(multistart=Multistart(always=10, at_most=at_most, least=100.0))
+    problem = random_problem(5, 60, density=0.05)
+    plan_order(problem, planner=planner, stopping=Stopping(iterations=60 * steps), seed=0)
+    assert bool(rounds) == several
+
+
+@pytest.mark.parametrize(("loops", "expected"), [(False, 3), (True, 1)])
+def test_entries_of_loops_make_rounds_longer(
+    monkeypatch: pytest.MonkeyPatch, loops: bool, expected: int
+) -> None:
+    """Each further entry counts like a contour; counted as loops there would be two rounds.
+
+    One long annealing ended 2 % lower on a real print with seams than six short ones.
+    """
+    rounds: list[int] = []
+
+    def watched(*args: Any, **options: Any) -> Iterator[None]:
+        rounds.append("groups" in options)
+        yield from anneal_rivals(*args, **options)
+
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_rivals", watched)
+    planner = Hybrid(multistart=Multistart(steps=100.0))
+    problem = random_problem(5, 60, density=0.05)
+    problem = with_loops(problem, 5) if loops else problem
+    plan_order(problem, planner=planner, stopping=Stopping(iterations=70_000), seed=0)
+    assert sum(rounds) == expected
+
+
+@pytest.mark.parametrize(
+    "options", [{"steps": 0.5}, {"most": 0}, {"hot": 0.0}, {"mild": 0.0},
+                {"cold": 0.0}, {"merged": -1.0}],
+)  # fmt: skip
+def test_bad_settings_are_refused(options: dict[str, float]) -> None:
+    """Annealing divides by temperatures."""
+    with pytest.raises(ValueError, match=next(iter(options))):
+        Multistart(**options)  # type: ignore[arg-type]  # bad on purpose

@@ -1,0 +1,50 @@
+"""One sequence parted among threads, for prints too large for several starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from decmcts.search.hybrid.multistart import Multistart
+from decmcts.search.hybrid.partition import Partition
+from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.threads import anneal_pieces
+from decmcts.search.hybrid.trees import Trees
+from decmcts.search.planners import plan_order
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import Stopping
+from tests.search.problems import random_problem
+
+NO_STARTS = Multistart(always=10, at_most=10)
+
+
+@pytest.mark.parametrize("trees", [0.0, 0.02])
+def test_goes_on_from_the_best_of_what_it_has_half_way(
+    monkeypatch: pytest.MonkeyPatch, trees: float
+) -> None:
+    """A large print half-way is still warm and may cost more than the first, fast annealing."""
+    begun: list[tuple[float, float]] = []
+
+    def watched(
+        incumbent: Incumbent, sequence: Sequence, *args: Any, **options: Any
+    ) -> Iterator[None]:
+        begun.append((sequence.cost, incumbent.cost))
+        yield from anneal_pieces(incumbent, sequence, *args, **options)
+
+    monkeypatch.setattr("decmcts.search.hybrid.partition.anneal_pieces", watched)
+    hardly_cooled = Partition(warm=1.4)
+    planner = Hybrid(multistart=NO_STARTS, partition=hardly_cooled, trees=Trees(share=trees))
+    problem = random_problem(5, 300, density=0.01)
+    plan_order(problem, planner=planner, stopping=Stopping(iterations=200_000), seed=0)
+    assert len(begun) == 3
+    assert begun[2][0] == begun[2][1]
+
+
+@pytest.mark.parametrize("options", [{"hot": 0.0}, {"warm": 0.0}, {"cold": -0.1}])
+def test_bad_settings_are_refused(options: dict[str, float]) -> None:
+    """Annealing divides by temperatures."""
+    with pytest.raises(ValueError, match=next(iter(options))):
+        Partition(**options)  # type: ignore[arg-type]  # bad on purpose

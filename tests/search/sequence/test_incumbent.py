@@ -1,0 +1,67 @@
+"""The incumbent knows when the search is over, so that nobody has to hand it on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import Progress, Stopping
+from tests.search.problems import random_problem
+
+
+def begun(stopping: Stopping, told: list[Progress] | None = None) -> Incumbent:
+    """An incumbent of a small print, at a clock that stands still."""
+    report = None if told is None else told.append
+    return Incumbent(random_problem(1, 9), clock=lambda: 0.0, stopping=stopping, report=report)
+
+
+def test_work_that_is_counted_ends_the_search() -> None:
+    """And it stays over, whatever the stopping would say later."""
+    asked = iter([False, True, False])
+    incumbent = begun(Stopping(iterations=100, asked=lambda: next(asked)))
+    incumbent.tick(3)
+    assert not incumbent.over
+    incumbent.tick(4)
+    assert incumbent.over
+    incumbent.tick()
+    assert incumbent.over
+    assert incumbent.iterations == 7
+
+
+def test_each_piece_of_work_is_reported() -> None:
+    """A progress bar needs no clock of its own."""
+    told: list[Progress] = []
+    incumbent = begun(Stopping(iterations=10), told)
+    for _ in range(3):
+        incumbent.tick(2)
+    assert [progress.iterations for progress in told] == [2, 4, 6]
+    assert incumbent.spent == 0.6
+
+
+def test_what_is_proven_optimal_ends_the_search() -> None:
+    """No limit need be used up for it."""
+    incumbent = begun(Stopping(iterations=10))
+    incumbent.finish()
+    assert incumbent.over
+
+
+def test_without_any_travel_there_is_nothing_to_search() -> None:
+    """Temperatures are multiples of the mean travel; zero is none."""
+    problem = random_problem(1, 9)
+    alike = np.zeros_like(problem.start)
+    problem = replace(problem, start=alike, end=alike.copy())
+    assert Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(seconds=1.0)).over
+
+
+def test_a_wish_counts_only_as_long_as_it_holds() -> None:
+    """What one planner is to end for, the next may go on with."""
+    incumbent = begun(Stopping(iterations=10))
+    with incumbent.ending_when(lambda: True):
+        incumbent.tick(1)
+        assert incumbent.over
+    assert not incumbent.over
+    with incumbent.ending_when(lambda: False):
+        incumbent.tick(9)
+    assert incumbent.over
