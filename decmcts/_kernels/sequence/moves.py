@@ -129,33 +129,61 @@ def swap_change(
 
 
 @kernel
-def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
-    """Say whether no edge leads from [i, j) into [j, k), and pauses are kept.
-
-    O(shorter segment's edges), and what lies within the longest pause.
-    """
-    order, position = tour.order, tour.position
-    if tour.group[order[i]] != tour.group[order[k - 1]]:
-        return False
+def edge_leads(
+    order: NDArray[np.int32],
+    position: NDArray[np.int32],
+    pred_offsets: NDArray[np.int64],
+    preds: NDArray[np.int32],
+    succ_offsets: NDArray[np.int64],
+    succs: NDArray[np.int32],
+    i: int,
+    j: int,
+    k: int,
+) -> bool:
+    """Say whether an edge leads from [i, j) into [j, k). O(edges of the shorter segment)."""
     if j - i <= k - j:
         for p in range(j - 1, i - 1, -1):
             c = order[p]
-            for e in range(tour.succ_offsets[c], tour.succ_offsets[c + 1]):
-                if j <= position[tour.succs[e]] < k:
-                    return False
+            for e in range(succ_offsets[c], succ_offsets[c + 1]):
+                if j <= position[succs[e]] < k:
+                    return True
     else:
         for p in range(j, k):
             c = order[p]
-            for e in range(tour.pred_offsets[c], tour.pred_offsets[c + 1]):
-                if i <= position[tour.preds[e]] < j:
-                    return False
-    return swap_keeps(tour.pauses, order, position, i, j, k)
+            for e in range(pred_offsets[c], pred_offsets[c + 1]):
+                if i <= position[preds[e]] < j:
+                    return True
+    return False
 
 
 @kernel
-def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
-    """Mutate the tour: exchange [i, j) and [j, k). O(k - i)."""
-    order, scratch, position = tour.order, tour.scratch, tour.position
+def edge_inside(
+    order: NDArray[np.int32],
+    position: NDArray[np.int32],
+    succ_offsets: NDArray[np.int64],
+    succs: NDArray[np.int32],
+    i: int,
+    k: int,
+) -> bool:
+    """Say whether an edge lies inside [i, k). O(edges of the segment)."""
+    for p in range(i, k - 1):
+        c = order[p]
+        for e in range(succ_offsets[c], succ_offsets[c + 1]):
+            if position[succs[e]] < k:
+                return True
+    return False
+
+
+@kernel
+def exchange(
+    order: NDArray[np.int32],
+    position: NDArray[np.int32],
+    scratch: NDArray[np.int32],
+    i: int,
+    j: int,
+    k: int,
+) -> None:
+    """Mutate order and position: exchange [i, j) and [j, k). O(k - i)."""
     left, right = j - i, k - j
     if left <= right:
         scratch[:left] = order[i:j]
@@ -169,6 +197,29 @@ def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
         order[i : i + right] = scratch[:right]
     for p in range(i, k):
         position[order[p]] = p
+
+
+@kernel
+def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
+    """Say whether no edge leads from [i, j) into [j, k), and pauses are kept.
+
+    O(shorter segment's edges), and what lies within the longest pause.
+    """
+    order, position = tour.order, tour.position
+    if tour.group[order[i]] != tour.group[order[k - 1]]:
+        return False
+    if edge_leads(
+        order, position, tour.pred_offsets, tour.preds, tour.succ_offsets, tour.succs, i, j, k
+    ):
+        return False
+    return swap_keeps(tour.pauses, order, position, i, j, k)
+
+
+@kernel
+def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
+    """Mutate the tour: exchange [i, j) and [j, k). O(k - i)."""
+    order, right = tour.order, k - j
+    exchange(order, tour.position, tour.scratch, i, j, k)
     retime(tour.pauses, order, i, k)
     refresh(tour, i - 1, i)
     refresh(tour, i + right - 1, i + right)
@@ -233,12 +284,7 @@ def is_unrelated(tour: Tour, i: int, k: int) -> bool:
     order, position = tour.order, tour.position
     if tour.group[order[i]] != tour.group[order[k - 1]]:
         return False
-    for p in range(i, k - 1):
-        c = order[p]
-        for e in range(tour.succ_offsets[c], tour.succ_offsets[c + 1]):
-            if position[tour.succs[e]] < k:
-                return False
-    return True
+    return not edge_inside(order, position, tour.succ_offsets, tour.succs, i, k)
 
 
 @kernel

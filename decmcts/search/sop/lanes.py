@@ -9,36 +9,30 @@ the threads.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.anneal import anneal
+from decmcts._kernels.sequence.bare import Bare
 from decmcts._kernels.sequence.metric import Matrix
-from decmcts._kernels.sequence.moves import Tour
-from decmcts.search.sequence.annealing import Cooling, tour_of
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.neighbours import near_ports
+from decmcts.search.sop.annealing import AnnealLane, near_nodes
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
+from decmcts.search.sop.found import offer
 from decmcts.search.sop.precedence import Precedence
 
-FOUND_BY = ("start", "beam", "annealing", "assignments")
 _SLICE_S = 0.15
 _SLICES = 400  # of a search that is limited by iterations
 _LARGEST_SLICE = 4_000_000
 _LAG = 4  # the beam from the worse end is so many times narrower
-_CYCLES = (0.15, 0.25, 0.4, 0.55, 0.75, 0.98)  # ends of annealings, shares
-_HOT = (1.0, 0.3, 2.0)  # in turn; multiples of the mean reduced cost of near steps
-_COLD = 0.01
-_NEAR = 12
 _CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may keep working on
     (0.08, np.inf, 0.02),
-    (0.2, 0.05, 0.02),
-    (0.4, 0.02, 0.0),
+    (0.2, 0.005, 0.005),
+    (0.4, 0.005, 0.0),
 )
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
@@ -78,7 +72,7 @@ class BeamLane:
     def meet(self, incumbent: Incumbent) -> None:
         """Offer what runs have found; from now on look below the incumbent only."""
         for order in self._found:
-            _offer(incumbent, order.astype(np.int32), self.name)
+            offer(incumbent, order.astype(np.int32), self.name)
         self._found = []
         self.below = min(self.below, incumbent.cost)
 
@@ -90,36 +84,6 @@ class BeamLane:
             for beam, best in zip(self.beams, self._bests, strict=True)
         ]
         return int(np.argmin(widths))
-
-
-@dataclass(slots=True)
-class AnnealLane:
-    """Annealing after annealing from the best sequence, some hot, some warm."""
-
-    tour: Tour
-    near: NDArray[np.int32]  # (2n, k) successors to try
-    scale: float  # mean reduced cost of those
-    state: NDArray[np.uint64]  # (1,)
-    turn: int  # which heat comes first
-    name: str = "annealing"
-    _began: float = 0.0
-    _until: float = 0.0
-
-    def work(self, quota: int, spent: float) -> int:
-        """Make `quota` proposals at the temperature of this part of the budget."""
-        share = (spent - self._began) / (self._until - self._began)
-        cooling = Cooling(_HOT[self.turn % len(_HOT)] * self.scale, _COLD * self.scale)
-        anneal(self.tour, self.state, cooling.at(share), quota)
-        return quota
-
-    def meet(self, incumbent: Incumbent) -> None:
-        """Offer the sequence at hand; start anew from the best where an annealing is over."""
-        _offer(incumbent, self.tour.order, self.name)
-        spent = incumbent.spent
-        if spent >= self._until:
-            self._began, self._until = spent, min((e for e in _CYCLES if e > spent), default=1.01)
-            self.tour = tour_of(incumbent, self.near)
-            self.turn += 1
 
 
 @dataclass(slots=True)
@@ -155,7 +119,7 @@ class TreeLane:
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best repaired wish; from now on look below the incumbent only."""
         if self._found is not None:
-            _offer(incumbent, self._found, self.name)
+            offer(incumbent, self._found, self.name)
             self._found = None
         self.below = min(self.below, incumbent.cost)
 
@@ -249,13 +213,15 @@ class Race:
 
     def _annealer(self, number: int) -> AnnealLane:
         """Return a lane that anneals from the best sequence."""
-        problem = self.incumbent.problem
-        near = near_ports(replace(problem, costs=self.assignment.reduced), width=_NEAR)
-        into = near[1::2]
-        steps = np.take_along_axis(self.assignment.reduced, np.maximum(into >> 1, 0), axis=1)
-        scale = max(float(steps[into >= 0].mean()), self.least_gain)
+        near, scale = near_nodes(self.costs, self.assignment.reduced, self.precedence.possible)
+        graph, n = self.incumbent.problem.graph, len(self.costs)
+        nodes = np.arange(n, dtype=np.int32)
+        bare = Bare(
+            self.costs, near, graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
+            nodes, nodes.copy(), np.empty(n, np.int32),
+        )  # fmt: skip
         state = seeded(2 * self.seed + number)
-        lane = AnnealLane(tour_of(self.incumbent, near), near, scale, state, number)
+        lane = AnnealLane(bare, max(scale, self.least_gain), state, long=number > 0)
         lane.meet(self.incumbent)
         return lane
 
@@ -287,9 +253,3 @@ class _Pace:
             return made
 
         return sum(pool.map(work, range(len(lanes))))
-
-
-def _offer(incumbent: Incumbent, order: NDArray[np.int32], name: str) -> None:
-    """Offer a sequence and note who found it."""
-    if incumbent.offer(order, incumbent.flip):
-        incumbent.notes["found_by"] = FOUND_BY.index(name)

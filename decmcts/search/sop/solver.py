@@ -28,7 +28,8 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.sop.assignment import Assignment, assign, patched
-from decmcts.search.sop.lanes import FOUND_BY, Race
+from decmcts.search.sop.found import FOUND_BY
+from decmcts.search.sop.lanes import Race
 from decmcts.search.sop.precedence import Precedence
 
 

@@ -1,0 +1,138 @@
+"""Annealing of a bare sequence, in slices: how long, how hot, and towards which nodes.
+
+References
+----------
+Luby, Sinclair & Zuckerman 1993, "Optimal speedup of Las Vegas algorithms".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
+from decmcts.search.sequence.annealing import Cooling as TemperatureSchedule
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sop.found import offer
+
+_HOT = 1.0  # first temperature, in scales; of the last annealing twice that
+_COLD = 0.05  # last temperature, in scales
+_COLDER = 0.01  # of every second annealing of the lane with long ones
+_TEMPERATURES = 100  # of an annealing
+_SHORTEST = (2_000, 64_000)  # proposals a node: many short annealings on one thread, few long
+_ROUND = 15  # annealings until their lengths come again, once to eight times the shortest
+_LONGEST = 400_000  # proposals a node of the last annealing, which gets what is left
+_LAST_ENDS = 0.99  # share of the budget
+_SHARES = Shares(follow=0.7, reverse=0.12)
+_NEAR = 8  # by cost, and as many by reduced cost
+
+
+@dataclass(slots=True)
+class AnnealLane:
+    """Annealing after annealing; each goes on from where the one before ended.
+
+    They are once, twice, four and eight times as long as the shortest, and each length
+    gets as much time (Luby's sequence). Small problems need many short ones, large ones
+    a long one: what is left, once it is little for the size, goes to a last one.
+    """
+
+    bare: Bare
+    scale: float  # mean cost of steps to near nodes beyond that to the nearest
+    state: NDArray[np.uint64]  # (1,)
+    long: bool  # whether its annealings are long ones
+    name: str = "annealing"
+    best: float = np.inf  # least cost seen where the temperature changes
+    _cost: float = np.inf
+    _found: NDArray[np.int32] | None = None  # since the last meeting
+    _count: int = 0  # annealings ended
+    _length: int = 0  # proposals of the present one, 0: as many as the budget allows
+    _done: int = 0  # proposals made in it
+    _began: float = 0.0  # budget spent when the last annealing began
+    _quota: int = 0  # of the slice before
+    _spent: float = np.inf  # budget spent when it began
+    _pace: float = np.inf  # proposals for the whole budget, once known
+
+    def work(self, quota: int, spent: float) -> int:
+        """Make `quota` proposals, in as many annealings as that takes."""
+        if spent > self._spent and quota <= 2 * self._quota:  # else slices still grow
+            self._pace = self._quota / (spent - self._spent)
+        left, self._quota, self._spent = quota, quota, spent
+        while left > 0:
+            share = (spent - self._began) / max(_LAST_ENDS - self._began, 1e-9)
+            step = left
+            if self._length:
+                step = min(left, max(self._length // _TEMPERATURES, 1), self._length - self._done)
+                share = self._done / self._length
+            temperature = self._temperatures().at(share)
+            self._cost += anneal_bare(self.bare, _SHARES, self.state, temperature, step)
+            self._done += step
+            left -= step
+            if self._cost < self.best:
+                self.best, self._found = self._cost, self.bare.order.copy()
+            if self._done == self._length:
+                self._end(spent)
+        return quota
+
+    def _temperatures(self) -> TemperatureSchedule:
+        """Return the temperatures of the present annealing."""
+        hot, cold = _HOT if self._length else 2.0 * _HOT, _COLD
+        if self._length and self.long and self._count & 1:
+            cold = _COLDER
+        return TemperatureSchedule(hot * self.scale, cold * self.scale)
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer the best sequence seen since the last meeting."""
+        if self._length == self._done == 0:
+            self._begin(incumbent)
+        if self._found is not None:
+            offer(incumbent, self._found, self.name)
+            self._found = None
+
+    def _begin(self, incumbent: Incumbent) -> None:
+        """Take over the best sequence known."""
+        self.bare.order[:] = incumbent.order
+        self.bare.position[incumbent.order] = np.arange(len(incumbent.order))
+        self._cost = incumbent.cost
+        self._length = _SHORTEST[0] * len(self.bare.order)  # soon over: then the pace is known
+
+    def _end(self, spent: float) -> None:
+        """Begin the next annealing."""
+        self._count, self._done = self._count + 1, 0
+        self._length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * len(self.bare.order)
+        if self._pace * (1.0 - spent) < max(_LONGEST * len(self.bare.order), self._length):
+            self._length, self._began = 0, spent
+
+
+def luby(k: int) -> int:
+    """Return the k-th number, from 1, of Luby, Sinclair & Zuckerman's: 1, 1, 2, 1, 1, 2, 4."""
+    while (k + 1) & k:
+        k -= (1 << (k.bit_length() - 1)) - 1
+    return (k + 1) >> 1
+
+
+def near_nodes(
+    costs: NDArray[np.float64], reduced: NDArray[np.float64], possible: NDArray[np.bool_]
+) -> tuple[NDArray[np.int32], float]:
+    """Return (n, k) nodes cheap to reach from each, and how much dearer they are than the cheapest.
+
+    Half of them by cost, half by reduced cost; -1 padded. The second is a mean, over
+    the k cheapest by cost.
+    """
+    by_cost, excess = _nearest(costs, possible, 2 * _NEAR)
+    by_reduced, _ = _nearest(reduced, possible, _NEAR)
+    return np.concatenate([by_cost[:, :_NEAR], by_reduced], axis=1), excess
+
+
+def _nearest(
+    costs: NDArray[np.float64], possible: NDArray[np.bool_], width: int
+) -> tuple[NDArray[np.int32], float]:
+    """Return the cheapest possible successors of each node, cheapest first, and the mean excess."""
+    table = np.where(possible, costs, np.inf)
+    nodes = np.argsort(table, axis=1, kind="stable")[:, :width]
+    found = np.take_along_axis(table, nodes, axis=1)
+    there = np.isfinite(found)
+    least = np.where(there[:, :1], found[:, :1], 0.0)
+    excess = float((found - least)[there].sum())
+    return np.where(there, nodes, -1).astype(np.int32), excess / max(int(there.sum()), 1)
