@@ -23,10 +23,13 @@ from common import RESULTS, Rows, corpus, markdown, names, setting
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
-from decmcts.cli import order_search, pipeline
-from decmcts.cli.outputs import draft_single
 from decmcts.errors import InputError
-from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.one_head.pipeline import plan_judged
+from decmcts.planning.options import NO_QUALITY, Objective, Search
+from decmcts.planning.problem import print_problem
+from decmcts.planning.problem.planned import source_plan
+from decmcts.planning.problem.print_problem import load
+from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.walls import no_walls
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.incumbent import Incumbent
@@ -70,25 +73,19 @@ def nanoseconds(problem: OrderProblem) -> dict[str, float]:
 
 def attempt(path: Path, steps: int) -> dict[str, Any]:
     """Search a print by either price and write both files."""
-    quiet, row = (lambda _: None), {"file": path.name, "steps": steps}
-    loaded = pipeline.load(
-        path, "paper", process_order="keep", options=SliceOptions(), announce=quiet
-    )
-    own, n = pipeline.source_plan(loaded), len(loaded.job.contours)
-    plain = pipeline.problem_of(loaded, freedom="reversible", seam="nearest", objective="travel")
+    row: dict[str, Any] = {"file": path.name, "steps": steps}
+    loaded = load(path, "paper", NO_QUALITY)
+    own, n = source_plan(loaded), len(loaded.job.contours)
+    plain = loaded.for_one_head(Objective.TRAVEL)
     row |= {f"{name}_travel_ns": ns for name, ns in nanoseconds(plain).items()}
     for price, pace in PRICES.items():
         timed = replace(plain, pace=pace(loaded.job, loaded.machine.limits))
         row |= {f"{name}_{price}_ns": ns for name, ns in nanoseconds(timed).items()}
-        with (
-            patch.object(pipeline, "pace_of", pace),
-            patch.object(order_search, "Stopping", lambda **_: Stopping(iterations=steps * n)),
-            tempfile.TemporaryDirectory() as folder,
-        ):
-            planned = pipeline.plan_single(
-                loaded, planner="hybrid", freedom="reversible", objective="time", seed=0,
-                time_limit_s=60.0, announce=quiet, before=own,
-            )  # fmt: skip
+        search = Search(
+            36000.0, objective=Objective.TIME, max_iterations=steps * n, certificate=False
+        )
+        with patch.object(print_problem, "pace_of", pace), tempfile.TemporaryDirectory() as folder:
+            planned = plan_judged(loaded, search, before=own)
             made = draft_single(planned, Path(folder) / "draft.gcode", Path(folder) / "out.gcode")
         row |= {
             f"{price}_s": made.after_s,

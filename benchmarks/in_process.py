@@ -7,22 +7,32 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 from common import print_path
 
-from decmcts.cli.pipeline import Loaded, load, search
-from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.one_head.pipeline import search_order
+from decmcts.planning.options import NO_QUALITY, Freedom, PlannerName, ProcessOrder, Search
+from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.search.planners import Planner, SearchResult
 
 
 @lru_cache(maxsize=1)
-def loaded(model: str, machine: str, process: str) -> Loaded:
+def loaded(model: str, machine: str, process: str) -> PrintProblem:
     """Return a print with its graph, quality rules left out."""
-    return load(
-        print_path(model), machine, process_order=process, options=SliceOptions(),
-        announce=lambda step: None,
-    )  # fmt: skip
+    rules = replace(NO_QUALITY, process_order=ProcessOrder(process))
+    return load(print_path(model), machine, rules)
+
+
+def freed(problem: PrintProblem, freedom: str) -> PrintProblem:
+    """Return a problem with another freedom on the graph it has."""
+    return replace(problem, rules=replace(problem.rules, freedom=Freedom(freedom)))
+
+
+def named(planner: str | Planner) -> PlannerName | Planner:
+    """Return a planner by its name, or as it is."""
+    return PlannerName(planner) if isinstance(planner, str) else planner
 
 
 def searched(
@@ -35,13 +45,10 @@ def searched(
     limit_s: float,
     seed: int,
     clock: Callable[[], float] = time.monotonic,
-) -> tuple[Loaded, SearchResult]:
+) -> tuple[PrintProblem, SearchResult]:
     """Search as `decmcts plan` does; compiling and reading are off the clock."""
-    prepared = loaded(model, machine, process)
-    result = search(
-        prepared, planner=planner, freedom=freedom, time_limit_s=limit_s, seed=seed, clock=clock
-    )
-    return prepared, result
+    prepared = freed(loaded(model, machine, process), freedom)
+    return prepared, search_order(prepared, Search(limit_s, seed, named(planner)), clock=clock)
 
 
 def less_percent(result: SearchResult) -> float:

@@ -22,7 +22,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -90,18 +89,13 @@ class Clock:
 
 def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     """Take one print through all steps."""
-    from decmcts.cli.outputs import header_lines, write_extras
-    from decmcts.cli.pipeline import (
-        Loaded,
-        Planned,
-        document_of,
-        load,
-        problem_of,
-        source_plan,
-    )  # fmt: skip
     from decmcts.formats.gcode import write_gcode
     from decmcts.formats.gcode.duration import print_time
-    from decmcts.formats.mesh import SliceOptions
+    from decmcts.planning.options import NO_QUALITY, Objective, Search
+    from decmcts.planning.problem.planned import Planned, document_of, source_plan
+    from decmcts.planning.problem.print_problem import load
+    from decmcts.planning.result import Result
+    from decmcts.planning.writing.lines import header_lines
     from decmcts.search.planners import plan_order
     from decmcts.search.sequence.stopping import Stopping
     from decmcts.team.schedule.joint_plan import schedule
@@ -113,13 +107,9 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     with source.open("w") as file:
         file.writelines(gcode(contours))
 
-    def read() -> Loaded:
-        options = SliceOptions()
-        return load(source, "mk4s", process_order="keep", options=options, announce=lambda _: None)
-
-    loaded = clock.run("read, graph", read)
+    loaded = clock.run("read, graph", lambda: load(source, "mk4s", NO_QUALITY))
     before = clock.run("source order", lambda: source_plan(loaded))
-    problem = problem_of(loaded, freedom="reversible", seam="nearest", objective="travel")
+    problem = loaded.for_one_head(Objective.TRAVEL)
     found = plan_order(problem, planner="greedy", stopping=Stopping(seconds=1.0), seed=0)
     plan = clock.run(
         "schedule", lambda: schedule(loaded.job, loaded.machine, loaded.graph, [found.toolpath])
@@ -145,11 +135,10 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     )
     assert judged.ok, judged.faults[:3]
     clock.run("time", lambda: print_time(draft, loaded.machine.limits, own_limits=True))
-    for name, path in (("plan.json", {"plan": folder / "plan.json"}),
-                       ("report", {"report": folder / "report.html"}),
-                       ("picture", {"picture": folder / "picture.png"})):  # fmt: skip
-        outputs: dict[str, Any] = {"plan": None, "report": None, "picture": None, **path}
-        clock.run(name, partial(write_extras, planned, **outputs))
+    result = Result(planned, Search())
+    clock.run("plan.json", lambda: result.write_plan(folder / "plan.json"))
+    clock.run("report", lambda: result.write_report(folder / "report.html"))
+    clock.run("picture", lambda: result.write_picture(folder / "picture.png"))
     return {"contours": len(loaded.job.contours), "MiB": round(draft.stat().st_size / 2**20, 1)}
 
 

@@ -26,10 +26,10 @@ from typing import Any
 import numpy as np
 from common import RESULTS, Rows, grouped, markdown, names, seeds, setting
 
-from decmcts.cli.app import run
-from decmcts.cli.check import digest_of
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plan_json import read_plan
+from decmcts.planning.verifying.judge import digest_of
 from sim.experiments.made_print import made_gcode
 from sim.experiments.mutants import Mutant, NotHereError
 from sim.experiments.mutants_gcode import GCODE_MUTANTS, HEAD_MUTANTS

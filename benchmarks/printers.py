@@ -51,12 +51,9 @@ def movable(before: NDArray[np.int32], layer: NDArray[np.int32]) -> int:
 
 def movable_with(path: Path, machine: Any) -> int:
     """Count the contours of a file that could move under a machine's head."""
-    from decmcts.cli.pipeline import load
-    from decmcts.cli.quality import Quality
-    from decmcts.formats.mesh import SliceOptions
+    from decmcts.planning.problem.print_problem import load
 
-    loaded = load(path, machine, process_order="keep", quality=Quality(None, None, None),
-                  options=SliceOptions(), announce=lambda _: None)  # fmt: skip
+    loaded = load(path, machine)
     return movable(loaded.graph.pairs(), loaded.job.contours.layer.astype(np.int32))
 
 
@@ -94,7 +91,7 @@ def said(arguments: list[str]) -> dict[str, Any]:
 
     All prints share one process, so that kernels are loaded once.
     """
-    from decmcts.cli.app import run as command
+    from decmcts.cli.run import run as command
 
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

@@ -57,19 +57,21 @@ FIGURES = (
 
 def work(asked: dict[str, Any]) -> dict[str, Any]:
     """Plan one print twice, in this process; see `FIGURES`."""
-    from in_process import loaded
+    from in_process import freed, loaded, named
 
-    from decmcts.cli.pipeline import plan_single
+    from decmcts.planning.one_head.pipeline import plan_judged
+    from decmcts.planning.options import Search
 
     prepared = loaded(asked["model"], asked["machine"], asked["process"])
-    common = {"planner": asked["planner"], "freedom": asked["freedom"], "seed": asked["seed"]}
-    common |= {"time_limit_s": asked["limit_s"], "announce": lambda step: None}
+    prepared = freed(prepared, asked["freedom"])
+    planner = named(asked["planner"])
+    search = Search(asked["limit_s"], asked["seed"], planner, certificate=False)
     began = time.perf_counter()
-    first = plan_single(
-        prepared, **common, stop=lambda: time.perf_counter() - began >= asked["stop_at_s"]
+    first = plan_judged(
+        prepared, search, stop=lambda: time.perf_counter() - began >= asked["stop_at_s"]
     )
     first_s = time.perf_counter() - began
-    final = plan_single(prepared, **common)
+    final = plan_judged(prepared, search)
     history, iterations = final.history, int(final.after.metrics["iterations"])
     early, late = less_percent(first.history), less_percent(history)
     return {

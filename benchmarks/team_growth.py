@@ -38,8 +38,8 @@ from common import (
 from team_prints import job_named, machine_named
 
 from agents.pack import Pack, write_pack
-from decmcts.cli.pipeline import parked_above
 from decmcts.feasibility.rules import order_rules
+from decmcts.planning.problem.print_problem import parked_above
 
 KEY = ("part", "print", "contours", "heads", "seed", "seconds")
 CONTOURS = (1000, 2000, 5000, 10000, 20000, 40000)

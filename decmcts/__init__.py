@@ -1,6 +1,106 @@
 """Finds a better, proven-safe order for the extrusions of a 3D print.
 
-`decmcts` computes; `agents` communicates; `sim` judges. See ARCHITECTURE.md.
+`decmcts` computes; `agents` communicates; `sim` judges. See ARCHITECTURE.md. The names below
+are what programs use (docs/api.md); each is loaded when it is first asked for, so that
+`import decmcts` takes no time.
 """
 
-__version__ = "0.1.0"
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from decmcts.version import __version__
+
+if TYPE_CHECKING:
+    from decmcts.errors import InputError, VerificationError
+    from decmcts.formats.machine_file import load_machine, preset_names
+    from decmcts.formats.mesh import SliceOptions
+    from decmcts.formats.qcsp import read_qcsp
+    from decmcts.formats.sop import read_sop
+    from decmcts.planning.bound import bound
+    from decmcts.planning.events import Begun, Event, Heads, Note, Progress, Report, Sound, Step
+    from decmcts.planning.launch import launch
+    from decmcts.planning.one_head.certificate import Certificate
+    from decmcts.planning.options import (
+        Freedom,
+        Limits,
+        Objective,
+        PlannerName,
+        ProcessOrder,
+        Rules,
+        Seam,
+        Search,
+        TeamSearch,
+    )
+    from decmcts.planning.plan import plan
+    from decmcts.planning.problem.slicing import Slicing, choose_slicer
+    from decmcts.planning.problem.source import Source
+    from decmcts.planning.read import read
+    from decmcts.planning.result import Figures, Result, Written
+    from decmcts.planning.verify import verify
+    from decmcts.planning.verifying.held import Held
+    from decmcts.print.machine import Machine
+    from decmcts.samples import sample_path
+    from decmcts.search.planners import Planner
+    from decmcts.search.sequence.incumbent import Incumbent
+    from decmcts.search.sop.solver import SopResult, solve_sop
+    from decmcts.team.qcsp.solver import QcspResult, solve_qcsp
+    from sim.faults import Fault, FaultKind, Verdict
+
+_ROOMS = {
+    "decmcts.errors": ("InputError", "VerificationError"),
+    "decmcts.formats.machine_file": ("load_machine", "preset_names"),
+    "decmcts.formats.mesh": ("SliceOptions",),
+    "decmcts.formats.qcsp": ("read_qcsp",),
+    "decmcts.formats.sop": ("read_sop",),
+    "decmcts.planning.bound": ("bound",),
+    "decmcts.planning.events": (
+        "Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "Step",
+    ),
+    "decmcts.planning.launch": ("launch",),
+    "decmcts.planning.one_head.certificate": ("Certificate",),
+    "decmcts.planning.options": (
+        "Freedom", "Limits", "Objective", "PlannerName", "ProcessOrder", "Rules", "Seam",
+        "Search", "TeamSearch",
+    ),
+    "decmcts.planning.plan": ("plan",),
+    "decmcts.planning.problem.slicing": ("Slicing", "choose_slicer"),
+    "decmcts.planning.problem.source": ("Source",),
+    "decmcts.planning.read": ("read",),
+    "decmcts.planning.result": ("Figures", "Result", "Written"),
+    "decmcts.planning.verify": ("verify",),
+    "decmcts.planning.verifying.held": ("Held",),
+    "decmcts.print.machine": ("Machine",),
+    "decmcts.samples": ("sample_path",),
+    "decmcts.search.planners": ("Planner",),
+    "decmcts.search.sequence.incumbent": ("Incumbent",),
+    "decmcts.search.sop.solver": ("SopResult", "solve_sop"),
+    "decmcts.team.qcsp.solver": ("QcspResult", "solve_qcsp"),
+    "sim.faults": ("Fault", "FaultKind", "Verdict"),
+}  # fmt: skip
+_HOME = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = [
+    "Begun", "Certificate", "Event", "Fault", "FaultKind", "Figures", "Freedom", "Heads", "Held",
+    "Incumbent", "InputError", "Limits", "Machine", "Note", "Objective", "Planner",
+    "PlannerName", "ProcessOrder", "Progress", "QcspResult", "Report", "Result", "Rules", "Seam",
+    "Search", "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "TeamSearch",
+    "Verdict", "VerificationError", "Written", "__version__", "bound", "choose_slicer", "launch",
+    "load_machine", "plan", "preset_names", "read", "read_qcsp", "read_sop", "sample_path",
+    "solve_qcsp", "solve_sop", "verify",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> object:
+    """Return a public name from the room it lives in."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names, loaded or not."""
+    return sorted({*globals(), *__all__})

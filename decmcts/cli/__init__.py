@@ -1,8 +1,8 @@
-"""The command line: the composition root, the only place that may import everything.
+"""The command line: arguments, what a person sees, and how a run is stopped.
 
-`app` declares the commands; `pipeline` runs one print from file to checked plan;
-`outputs` writes what was asked for; `console` shows progress and tables on `streams`
-that never fail; `signals` is how a run is stopped.
+`commands` has one module a command, `options` what several share; `run` turns every failure
+into one line. `running` shows what `decmcts.planning` reports, on a `console` whose `streams`
+never fail; `lines` says how it went; `signals` stop it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def main() -> None:
     signals.end_on_signals()
     gc.disable()  # what modules make stays: looking for garbage in it takes a seventh of the start
     try:
-        from decmcts.cli.app import run  # takes a second: Ctrl-C may come in it
+        from decmcts.cli.run import run  # takes a second: Ctrl-C may come in it
 
         gc.freeze()  # nor later, whenever there is something else to look through
         gc.enable()

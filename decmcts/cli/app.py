@@ -1,35 +1,19 @@
-"""Declares the commands and turns every failure into one clear line.
-
-Exit codes: 0 done, 1 the result or the checked file has faults, 2 the input
-cannot be used, 70 an internal error (a traceback only with `--debug`), 130, 143
-and 129 stopped by Ctrl-C, SIGTERM and SIGHUP before there was a result.
-"""
+"""The program commands register on, and the options of every command."""
 
 from __future__ import annotations
 
 import os
-import traceback
-from pathlib import Path
 from typing import Annotated
-from unicodedata import category
 
 import typer
-from typer.exceptions import TyperException
 
-from agents.supervisor import LaunchError
-from decmcts import __version__
-from decmcts.cli import signals
-from decmcts.errors import InputError, VerificationError
-from decmcts.print.machine import Machine
+from decmcts.version import __version__
 
 app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     help="Finds a better, proven-safe order for the extrusions of a 3D print.",
 )
-
-
-STOPPED = 130  # what typer makes of a KeyboardInterrupt
 
 
 def _show_version(value: bool) -> None:
@@ -48,95 +32,3 @@ def options(
     """Options of every command."""
     if debug:
         os.environ["DECMCTS_DEBUG"] = "1"
-
-
-def machine_for(named: str | None, source: Path) -> tuple[Machine, str]:
-    """Return the machine that is named, else the source's own, and a line on where it is from.
-
-    Raises
-    ------
-    InputError
-        When none is named and the source does not tell.
-    """
-    from decmcts.formats.gcode.source_text import load_text
-    from decmcts.formats.machine_file import load_machine
-    from decmcts.formats.mesh import MESH_SUFFIXES
-    from decmcts.formats.own_machine import PAGE, machine_of_text
-
-    if named is not None:
-        return load_machine(named), ""
-    if not source.exists():
-        raise InputError("no such file", path=source)
-    if source.suffix.lower() in MESH_SUFFIXES:
-        raise InputError(
-            "a mesh names no printer",
-            path=source,
-            advice=f"add --machine NAME (`decmcts machines` lists them; own ones: {PAGE})",
-        )
-    printer = os.environ.get("SLIC3R_PRINTER_MODEL", "")
-    return machine_of_text(load_text(source), source, printer=printer)
-
-
-def run(arguments: list[str]) -> int:
-    """Run one command and return its exit code."""
-    signals.forget()
-    try:
-        code = app(args=arguments, prog_name="decmcts", standalone_mode=False)
-    except TyperException as error:
-        usage = _usage(error)
-        return _failed(usage, 2) if usage else 2
-    except (InputError, VerificationError, LaunchError) as error:
-        return _failed(error, 2 if isinstance(error, InputError) else 1)
-    except OSError as error:
-        return _failed(_in_words(error), 2)
-    except MemoryError:
-        return _failed("out of memory; no file was left half written", 70)
-    except Exception as error:
-        if signals.is_ending():  # compiled code that a signal came into turns it into another error
-            return _stopped()
-        return _failed(
-            f"internal error: {type(error).__name__}: {error}; no file was left "
-            "half written; `decmcts --debug COMMAND` shows the traceback",
-            70,
-        )
-    if code == STOPPED:
-        return _stopped()
-    return code if isinstance(code, int) else 0
-
-
-def _stopped() -> int:
-    """Say that the program was stopped; return its exit code."""
-    return _failed("stopped; no file was left half written", signals.exit_code())
-
-
-def _in_words(error: OSError) -> str:
-    """Return what the system refused, without its number."""
-    if error.strerror is None:
-        return str(error)
-    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
-
-
-def _usage(error: TyperException) -> str:
-    """Return what is wrong with the command line, and where help is; '' when that was shown."""
-    if not error.format_message():
-        return ""  # help was shown
-    context = getattr(error, "ctx", None)
-    command = context.command_path if context is not None else "decmcts"
-    said = error.format_message().rstrip(".").replace("Value error, ", "")
-    return f"{said}; `{command} --help` lists what there is"
-
-
-def _failed(error: Exception | str, code: int) -> int:
-    """Say what failed in one line; with --debug also where."""
-    from decmcts.cli.console import err
-
-    if os.environ.get("DECMCTS_DEBUG"):
-        traceback.print_exc()
-    line = " ".join(f"decmcts: {error}".split())
-    # What comes out of a damaged file must not command the terminal.
-    err.print("".join("?" if category(c) == "Cc" else c for c in line), soft_wrap=True)
-    return code
-
-
-# The commands register themselves on `app`; imported last because they need it.
-from decmcts.cli import check, plan, post, team, warming  # noqa: E402, F401  # registration needs `app`

@@ -11,15 +11,18 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from decmcts.cli import signals
+from decmcts.planning.events import Event, Heads, Note, Report, Step
+from decmcts.planning.events import Progress as Searched
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
@@ -29,41 +32,86 @@ LINE_EVERY_S = 5.0  # of a search, where lines stay
 
 @contextmanager
 def steps(
-    *, time_limit_s: float = 0.0, unit: str = "mm"
-) -> Iterator[tuple[Callable[[str], None], Callable[[Any], None]]]:
-    """Show the current step with a spinner; yields (announce, search progress) callbacks."""
-    columns = (
-        SpinnerColumn("dots" if err.encoding.startswith("utf") else "line"),
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        TimeElapsedColumn(),
-    )
-    live = err.is_terminal and not err.is_dumb_terminal
-    said_at_s = 0.0
-    with Progress(*columns, console=err, transient=True, disable=not live) as progress:
-        task = progress.add_task("starting", total=None)
+    *,
+    time_limit_s: float = 0.0,
+    unit: str = "mm",
+    table: Callable[[Heads], Table] | None = None,
+) -> Iterator[Report]:
+    """Show what is done, with a spinner; yields the report to make events to.
 
-        def announce(step: str) -> None:
-            progress.update(task, description=step, total=None)
-            if not live:
-                err.print(step, soft_wrap=True, markup=False)
+    While agents are heard of, what `table` makes of them is shown in its place.
+    """
+    with ExitStack() as shown:
+        yield _Display(shown, time_limit_s, unit, table).report
 
-        def searched(state: Any) -> None:
-            nonlocal said_at_s
-            said_at_s = said_at_s if state.seconds >= said_at_s else 0.0  # another search began
-            found = f"{amount(state.cost, unit)}{above(state)}"
-            progress.update(
-                task,
-                total=time_limit_s,
-                completed=min(state.seconds, time_limit_s),
-                description=f"searching: {found}",
-            )
-            if not live and state.seconds >= said_at_s + LINE_EVERY_S:
-                said_at_s = state.seconds
-                of = f" of {time_limit_s:g}" if state.seconds <= time_limit_s else ""
-                err.print(f"{state.seconds:.0f}{of} s: {found}", soft_wrap=True, markup=False)
 
-        yield announce, searched
+class _Display:
+    """What is on the terminal: a line that changes, lines that stay, or the table of heads."""
+
+    def __init__(
+        self,
+        shown: ExitStack,
+        time_limit_s: float,
+        unit: str,
+        table: Callable[[Heads], Table] | None,
+    ) -> None:
+        self._shown, self._limit_s, self._unit, self._table = shown, time_limit_s, unit, table
+        self._live = err.is_terminal and not err.is_dumb_terminal
+        self._said_at_s = 0.0
+        self._begin_line()
+
+    def report(self, event: Event) -> None:
+        """Show an event."""
+        if isinstance(event, Step):
+            self._step(event.text)
+        elif isinstance(event, Note):
+            err.print(event.text, soft_wrap=True)
+        elif isinstance(event, Searched):
+            self._searched(event)
+        elif isinstance(event, Heads) and self._table is not None:
+            self._heads_stand(self._table(event))
+
+    def _begin_line(self) -> None:
+        columns = (
+            SpinnerColumn("dots" if err.encoding.startswith("utf") else "line"),
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            TimeElapsedColumn(),
+        )
+        self._heads: Live | None = None
+        self._line = self._shown.enter_context(
+            Progress(*columns, console=err, transient=True, disable=not self._live)
+        )
+        self._task = self._line.add_task("starting", total=None)
+
+    def _step(self, text: str) -> None:
+        if self._heads is not None:
+            self._shown.close()
+            self._begin_line()
+        self._line.update(self._task, description=text, total=None)
+        if not self._live:
+            err.print(text, soft_wrap=True)
+
+    def _heads_stand(self, table: Table) -> None:
+        if self._heads is None:
+            self._shown.close()  # one live display at a time
+            self._heads = self._shown.enter_context(Live(console=err, transient=True))
+        self._heads.update(table)
+
+    def _searched(self, state: Searched) -> None:
+        # another search began where seconds fall
+        self._said_at_s = self._said_at_s if state.seconds >= self._said_at_s else 0.0
+        found = f"{amount(state.cost, self._unit)}{above(state)}"
+        self._line.update(
+            self._task,
+            total=self._limit_s,
+            completed=min(state.seconds, self._limit_s),
+            description=f"searching: {found}",
+        )
+        if not self._live and state.seconds >= self._said_at_s + LINE_EVERY_S:
+            self._said_at_s = state.seconds
+            of = f" of {self._limit_s:g}" if state.seconds <= self._limit_s else ""
+            err.print(f"{state.seconds:.0f}{of} s: {found}", soft_wrap=True)
 
 
 @contextmanager
@@ -92,7 +140,7 @@ def clock_time(seconds: float) -> str:
     return f"{hours} h {minutes:02d} min {left:02d} s" if hours else f"{minutes} min {left:02d} s"
 
 
-def above(state: Any) -> str:
+def above(state: Searched) -> str:
     """Return how far from optimal a search is at most, as words; nothing if that tells nothing."""
     if state.bound is None or state.bound <= 0.0:
         return ""

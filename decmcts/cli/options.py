@@ -2,61 +2,21 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-
-class Freedom(StrEnum):
-    """Which traversals of a contour a planner may choose."""
-
-    FIXED = "fixed"
-    REVERSIBLE = "reversible"
-    SEAM = "seam"
-
-
-class Seam(StrEnum):
-    """Where freedom `seam` may let closed contours begin."""
-
-    NEAREST = "nearest"
-    ALIGNED = "aligned"
-    REAR = "rear"
-    CORNER = "corner"
-
-
-class Planner(StrEnum):
-    """One-head planners."""
-
-    SLICER = "slicer"
-    LAYERWISE = "layerwise"
-    GREEDY = "greedy"
-    LOCAL = "local"
-    MCTS = "mcts"
-    HYBRID = "hybrid"
-
-
-class Objective(StrEnum):
-    """What the search minimises."""
-
-    TRAVEL = "travel"
-    TIME = "time"
-
-
-class Limits(StrEnum):
-    """Whose motion limits count where both state some."""
-
-    SOURCE = "source"
-    MACHINE = "machine"
-
-
-class ProcessOrder(StrEnum):
-    """Whether touching contours of different roles keep the slicer's order."""
-
-    KEEP = "keep"
-    FREE = "free"
-
+from decmcts.errors import InputError
+from decmcts.planning.options import (
+    Freedom,
+    Limits,
+    Objective,
+    PlannerName,
+    ProcessOrder,
+    Rules,
+    Seam,
+)
 
 BASICS, SEARCH, QUALITY, OUTPUT, MESH = "Basics", "Search", "Quality", "Output", "Mesh input"
 
@@ -84,7 +44,7 @@ ListedMachineOption = Annotated[
     ),
 ]
 PlannerOption = Annotated[
-    Planner,
+    PlannerName,
     typer.Option(
         "--planner",
         rich_help_panel=SEARCH,
@@ -298,3 +258,22 @@ MESH_OPTIONS = (  # they mean nothing to G-code
     "slicer", "slicer_config", "sliced", "layer_height", "nozzle", "density", "perimeters",
     "temperature", "bed_temperature",
 )  # fmt: skip
+
+
+def rules_of(
+    freedom: Freedom,
+    seam: Seam | None,
+    process_order: ProcessOrder,
+    quality: bool | None,
+    min_layer_time_s: float | None,
+    max_layers_ahead: int | None,
+) -> Rules:
+    """Return the rules that were asked for; InputError for a seam that would mean nothing."""
+    if seam is not None and freedom != Freedom.SEAM:
+        raise InputError(
+            f"--seam {seam.value} needs --freedom seam, this is freedom {freedom.value}",
+            advice="add --freedom seam, or leave --seam out",
+        )
+    return Rules(
+        process_order, quality, min_layer_time_s, max_layers_ahead, freedom, seam or Seam.NEAREST
+    )

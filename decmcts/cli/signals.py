@@ -34,7 +34,6 @@ class Stopped(KeyboardInterrupt):
 _asked = threading.Event()  # to stop, by any signal since `forget`
 _finished = threading.Event()  # everything asked for is written
 _numbers: list[int] = []  # of the signals that came
-_nothing_to_keep: list[Callable[[], bool]] = []
 _raised: list[Stopped] = []  # kept: see `Stopped`
 
 
@@ -47,11 +46,6 @@ def end_on_signals() -> None:
             _end()
 
     _handle(on_signal)
-
-
-def end_at_once_while(nothing_to_keep: Callable[[], bool]) -> None:
-    """Let the first signal end the program also in `interrupt_stops`, while this holds."""
-    _nothing_to_keep.append(nothing_to_keep)
 
 
 def ignore_signals() -> None:
@@ -83,17 +77,20 @@ def forget() -> None:
 
 
 @contextlib.contextmanager
-def interrupt_stops() -> Iterator[Callable[[], bool]]:
+def interrupt_stops(
+    nothing_to_keep: Callable[[], bool] = lambda: False,
+) -> Iterator[Callable[[], bool]]:
     """Let the first signal end the search, not the program; yields `stop()`.
 
-    The second one ends the program, also where another `with` is by then at work.
+    The second one ends the program, also where another `with` is by then at work; and the
+    first does while there is `nothing_to_keep`.
     """
 
     def on_signal(number: int, _frame: FrameType | None) -> None:
         _numbers.append(number)
         if _finished.is_set():
             return
-        if _asked.is_set() or any(at_once() for at_once in _nothing_to_keep):
+        if _asked.is_set() or nothing_to_keep():
             _end()
         _asked.set()
         again = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name

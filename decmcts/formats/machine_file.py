@@ -85,6 +85,7 @@ def load_machine(name_or_path: str) -> Machine:
 
     Examples
     --------
+    >>> from decmcts import load_machine
     >>> load_machine("paper").heads[0].slices[0].polygons[0].tolist()
     [[-7.0, -7.0], [7.0, -7.0], [7.0, 7.0], [-7.0, 7.0]]
     """

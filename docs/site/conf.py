@@ -26,7 +26,7 @@ extensions = [
     "written",
 ]
 root_doc = "README"
-include_patterns = ["*.md", "docs/**"]
+include_patterns = ["*.md", "docs/**", "examples/README.md"]
 exclude_patterns = [".*", "out"]
 myst_heading_anchors = 4  # links to headings are as on a forge
 default_role = "code"  # `name` in docstrings

@@ -29,6 +29,8 @@ CONTENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "docs/gains",
         ),
         "Programs around it": (
+            "docs/api",
+            "examples/README",
             "docs/site/api",
             "docs/plan-format",
             "docs/json-output",
@@ -122,7 +124,8 @@ def _entries(module_name: str, names: Iterable[str]) -> list[str]:
     lines = []
     for name in names:
         member = getattr(module, name)
-        kind = "class" if inspect.isclass(member) else "function" if callable(member) else "data"
+        kind = "class" if inspect.isclass(member) else "data"
+        kind = "function" if inspect.isroutine(member) else kind
         options = ["   :members:"] if kind == "class" else []
         options += ["   :undoc-members:"] if kind == "class" and issubclass(member, Enum) else []
         lines += [f".. auto{kind}:: {module_name}.{name}", *options, ""]

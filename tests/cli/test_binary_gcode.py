@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from decmcts.cli.app import run
+from decmcts.cli.run import run
 from decmcts.formats.gcode.binary import is_binary, pack, read_blocks, unpack
 from tests.formats.gcode.test_binary import text
 

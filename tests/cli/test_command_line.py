@@ -10,12 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import app
-from decmcts.cli.app import run
+from decmcts.cli import run as runner
 from decmcts.cli.console import out, steps
-from decmcts.cli.outputs import refuse_unwritable
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.machine_file import preset_names
+from decmcts.planning.events import Step
+from decmcts.planning.writing.places import refuse_unwritable
 from tests.cli.test_bad_input import SQUARE, gcode
 from tests.formats.gcode.test_layers import PRUSA, towers
 
@@ -76,8 +77,8 @@ def test_time_as_the_objective_is_named_and_never_worse(tmp_path, capsys):
 
 def test_steps_are_lines_where_nobody_watches(capsys):
     """A log file wants the steps, no blank lines and no spinner."""
-    with steps() as (announce, _):
-        announce("reading [/a].gcode")
+    with steps() as report:
+        report(Step("reading [/a].gcode"))
     assert capsys.readouterr().err == "reading [/a].gcode\n"
 
 
@@ -89,7 +90,7 @@ def test_names_with_brackets_are_printed_as_they_are(capsys):
 
 def test_interrupted_command_says_so(monkeypatch, capsys):
     """Code 130 without a word leaves the user guessing what was written."""
-    monkeypatch.setattr(app, "app", lambda **_: 130)
+    monkeypatch.setattr(runner, "app", lambda **_: 130)
     assert run(["machines"]) == 130
     assert "stopped" in capsys.readouterr().err
 
@@ -102,7 +103,7 @@ def test_interrupt_while_starting_is_one_line():
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # CI may ignore it
         "class Stop:\n"
         "    def find_spec(self, name, path=None, target=None):\n"
-        "        if name == 'decmcts.cli.app': os.kill(os.getpid(), signal.SIGINT)\n"
+        "        if name == 'decmcts.cli.run': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Stop())\n"
         "cli.main()\n"
     )

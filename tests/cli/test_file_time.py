@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from decmcts.cli.console import gain_table
-from decmcts.cli.outputs import file_time_line, is_longer
+from decmcts.cli.lines import file_time_line
+from decmcts.planning.writing.file_times import is_longer
 
 
 @pytest.mark.parametrize(("after_s", "longer"), [(1000.0, False), (1036.0, False), (1109.0, True)])

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.cli.pipeline import parked_above
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machine_file import check_fits, load_machine
+from decmcts.planning.problem.print_problem import parked_above
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.cli.app import run
 from decmcts.cli.console import print_json
+from decmcts.cli.run import run
 from tests.cli.test_bad_input import SQUARE, gcode
 
 RESULT = {

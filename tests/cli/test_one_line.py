@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import check, plan, post, team
-from decmcts.cli.app import run
+from decmcts.cli.commands import launch, machines, plan, post, verify
+from decmcts.cli.run import run
 from tests.cli.test_bad_input import SQUARE, gcode
 
 WRONG = [
@@ -62,9 +62,9 @@ def test_what_cannot_be_done_is_said_in_one_line(line: str, place: Path, capsys)
     [
         ("plan a.gcode --machine paper", plan, "run_single"),
         ("post a.gcode --machine paper", post, "run_single"),
-        ("launch a.gcode", team, "run_team"),
-        ("verify a.gcode", check, "judge"),
-        ("machines", check, "preset_names"),
+        ("launch a.gcode", launch, "run_team"),
+        ("verify a.gcode", verify, "judge"),
+        ("machines", machines, "preset_names"),
     ],
 )
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli.app import run
-from tests.cli.test_first_check import LAYERS
+from decmcts.cli.run import run
+from tests.planning.problem.test_first_check import LAYERS
 
 WORDS = ["--machine", "paper", "--time-limit", "0.1", "--allow-slower"]
 

@@ -13,9 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import check, signals
-from decmcts.cli.app import run
+from decmcts.cli import signals
+from decmcts.cli.commands import verify
 from decmcts.cli.console import written
+from decmcts.cli.run import run
 from decmcts.cli.signals import interrupt_stops
 
 ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
@@ -147,7 +148,7 @@ def test_what_a_signal_came_into_lives_to_the_end() -> None:
 def test_an_error_made_of_a_signal_is_that_signal(tmp_path, monkeypatch, capsys) -> None:
     """Compiled code may end in "returned a result with an exception set": no error of ours."""
 
-    def interrupted(_path: Path) -> None:
+    def interrupted(*_: object, **__: object) -> None:
         try:
             os.kill(os.getpid(), signal.SIGTERM)
         except KeyboardInterrupt as stop:
@@ -155,7 +156,7 @@ def test_an_error_made_of_a_signal_is_that_signal(tmp_path, monkeypatch, capsys)
 
     source = tmp_path / "plan.json"
     source.write_text("{}")
-    monkeypatch.setattr(check, "read_plan", interrupted)
+    monkeypatch.setattr(verify, "judge", interrupted)
     before = {number: signal.getsignal(number) for number in ALL}
     signals.end_on_signals()
     try:

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.cli.app import run
-from decmcts.cli.check import digest_of
+from decmcts.cli.run import run
 from decmcts.formats.plan_json import write_plan
+from decmcts.planning.verifying.judge import digest_of
 from sim.verify import verify_plan
 
 ROOM = 2**30

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.cli.app import run
-from decmcts.cli.check import digest_of
+from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plan_json import read_plan, write_plan
+from decmcts.planning.verifying.judge import digest_of
 from sim.experiments.made_print import made_gcode
 from sim.experiments.mutants import NotHereError
 from sim.experiments.mutants_gcode import GCODE_MUTANTS

@@ -107,7 +107,7 @@ def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) ->
         )
 
 
-OWN_HEADER = re.compile(  # as `decmcts.cli.outputs` words it
+OWN_HEADER = re.compile(  # as `decmcts.planning.writing.lines` words it
     rb"^; reordered by decmcts [^\n]*\n(?:;[^\n]*\n){0,12}?; verified: every extrusion[^\n]*\n",
     re.MULTILINE,
 )

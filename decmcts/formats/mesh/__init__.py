@@ -12,12 +12,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from decmcts import __version__
 from decmcts.errors import InputError
 from decmcts.formats.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions
 from decmcts.print.job import PrintJob
+from decmcts.version import __version__
 
 __all__ = ["MESH_SUFFIXES", "SliceOptions", "read_sliced", "slice_mesh", "slice_to_gcode"]
 

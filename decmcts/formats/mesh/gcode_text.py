@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts import __version__
 from decmcts.formats.mesh.options import SliceOptions
 from decmcts.formats.mesh.sections import Layers
 from decmcts.formats.mesh.shells import find_shells
 from decmcts.formats.mesh.skirt import skirt_beads
 from decmcts.formats.mesh.toolpaths import Bead, layer_beads
 from decmcts.print.contours import Role
+from decmcts.version import __version__
 
 _TYPES = {
     Role.EXTERNAL_PERIMETER: "External perimeter",

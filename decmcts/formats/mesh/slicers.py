@@ -1,6 +1,6 @@
 """The commands of real slicers: what is handed on to each, and how.
 
-Nothing is run here; `decmcts.cli.slicing` runs what these functions return.
+Nothing is run here; `decmcts.planning.problem.slicing` runs what these functions return.
 PrusaSlicer takes options as words, CuraEngine as settings beside a definition file,
 OrcaSlicer from profile files only (its command line knows no single settings and does
 not follow `inherits`), so edited copies of those are handed on.

@@ -31,7 +31,7 @@ Method = Literal["exact", "arborescence"]
 
 
 @dataclass(frozen=True, slots=True)
-class Certificate:
+class LowerBound:
     """No order that the graph and the freedom allow has less travel than `bound`."""
 
     bound: float  # in the unit of the problem
@@ -61,7 +61,7 @@ def lower_bound(
     clock: Callable[[], float] = time.monotonic,
     upper_bound: float | None = None,
     max_iterations: int | None = None,
-) -> Certificate:
+) -> LowerBound:
     """Return a bound on the travel of every order and every choice of directions allowed.
 
     Up to `EXACT_UP_TO` contours the bound is the optimum (rounded down), and beyond
@@ -124,7 +124,7 @@ def lower_bound(
         raise ValueError("bare costs are bounded by `decmcts.search.sop.solver`")
     n, began = len(problem), clock()
     if n < 2:
-        return Certificate(0.0, 0, "exact", 0)
+        return LowerBound(0.0, 0, "exact", 0)
 
     patience = Patience(lambda: clock() / max(time_limit_s, 1e-9), PROBE_SHARE, EXACT_SHARE)
 
@@ -134,14 +134,14 @@ def lower_bound(
     if n <= EXACT_UP_TO or (max_iterations is None and time_limit_s > 0.0):
         optimum = solve_exactly(problem, go_on)
         if optimum is not None:
-            return Certificate(optimum.bound, 0, "exact", 0)
+            return LowerBound(optimum.bound, 0, "exact", 0)
     end = began + time_limit_s
     ascent = Ascent(Relaxation(problem), _target(problem, upper_bound))
     while clock() < end and ascent.may_go_on(max_iterations):
         if not ascent.round(lambda: clock() < end):
             break
     bound = max(0.0, ascent.bound)
-    return Certificate(bound, ascent.iterations, "arborescence", len(ascent.relaxation.codes))
+    return LowerBound(bound, ascent.iterations, "arborescence", len(ascent.relaxation.codes))
 
 
 def _target(problem: OrderProblem, upper_bound: float | None) -> float:

@@ -146,6 +146,11 @@ def solve_qcsp(
     stop : Callable[[], bool] | None
         Polled many times a second; True ends the search with the best so far.
 
+    Returns
+    -------
+    QcspResult
+        The best schedule found, and a bound no schedule beats.
+
     Raises
     ------
     ValueError

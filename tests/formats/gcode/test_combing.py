@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.cli.pipeline import load, plan_single
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.document import GcodeDocument
-from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.one_head.pipeline import plan_judged
+from decmcts.planning.options import NO_QUALITY, PlannerName, Search
+from decmcts.planning.problem.print_problem import load
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import retracts, walls_for
@@ -21,6 +22,8 @@ END = "G1 E-1 F2400\nM104 S0\n"
 U_SHAPE = ((100, 100), (160, 100), (160, 150), (145, 150), (145, 115), (115, 115), (115, 150),
            (100, 150))  # fmt: skip
 STROKES = (105, 110, 150, 155)  # x of infill strokes: two in each arm, all above the base
+
+SLICED = Search(0.1, planner=PlannerName.SLICER, certificate=False)
 
 
 def part(*, bare_mm: float, roles: bool = True, layers: int = 4, bare_changes: bool = False) -> str:
@@ -128,13 +131,8 @@ def as_tuples(way: np.ndarray) -> list[tuple[float, float, float]]:
 
 def planned(tmp_path: Path, job: PrintJob, document: GcodeDocument) -> tuple[str, HeadActions]:
     """Return the file and the actions of the source's own order."""
-    loaded = load(
-        tmp_path / "part.gcode", "paper", process_order="keep", options=SliceOptions(),
-        announce=lambda _: None,
-    )  # fmt: skip
-    lane = plan_single(
-        loaded, planner="slicer", freedom="fixed", time_limit_s=0.1, seed=0, announce=str
-    ).after.plan.heads[0]
+    loaded = load(tmp_path / "part.gcode", "paper", NO_QUALITY)
+    lane = plan_judged(loaded, SLICED).after.plan.heads[0]
     out = io.BytesIO()
     write_gcode(document, job, lane, out)
     return out.getvalue().decode(), lane

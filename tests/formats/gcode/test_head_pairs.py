@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from decmcts.cli.pipeline import load
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, write_head_gcode
 from decmcts.formats.machine_file import load_machine
-from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.options import NO_QUALITY
+from decmcts.planning.problem.print_problem import load
 from decmcts.print.plan import ActionKind, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath
 from decmcts.samples import sample_path
@@ -223,7 +223,7 @@ def test_shipped_plate_runs_in_any_timing():
     """A real plate on two heads: both files follow the plan's paths and nothing else."""
     path = sample_path("plate.gcode.gz")
     machine = replace(load_machine("dual-gantry"), release="action")  # signals at rest
-    loaded = load(path, machine, process_order="keep", options=SliceOptions(), announce=str)
+    loaded = load(path, machine, NO_QUALITY)
     job, document = read_gcode(path)
     space = build_space(job, machine)
     middle = np.median(job.contours.start[:, 0])

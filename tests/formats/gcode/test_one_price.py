@@ -19,11 +19,12 @@ from decmcts._kernels.sequence.metric import (
     price,
     with_points,
 )
-from decmcts.cli.pipeline import Loaded, load, plan_single
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.duration import text_time
-from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.one_head.pipeline import plan_judged
+from decmcts.planning.options import NO_QUALITY, PlannerName, Search
+from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.walls import retracts, walls_for
@@ -38,6 +39,8 @@ PRINTS = (
     "cura_4.6.1_marlin_benchy", "cura_5.2.1_spool", "cura_5.3.1_marlin_lightning",
     "superslicer_2.3.56_klipper_arcs_crlf", "prusaslicer_2.1.1_reprap",
 )  # fmt: skip
+
+SLICED = Search(0.1, planner=PlannerName.SLICER, certificate=False)
 
 
 def metric_of(job: PrintJob) -> Metric:
@@ -91,14 +94,10 @@ def kinds_seen(job: PrintJob, rng: np.random.Generator, count: int) -> set[tuple
     return seen
 
 
-def own_order(path: Path) -> tuple[Loaded, HeadActions]:
+def own_order(path: Path) -> tuple[PrintProblem, HeadActions]:
     """Return a file and the plan of its own order."""
-    loaded = load(
-        path, "paper", process_order="keep", options=SliceOptions(), announce=lambda _: None
-    )
-    planned = plan_single(
-        loaded, planner="slicer", freedom="fixed", time_limit_s=0.1, seed=0, announce=str
-    )
+    loaded = load(path, "paper", NO_QUALITY)
+    planned = plan_judged(loaded, SLICED)
     return loaded, planned.after.plan.heads[0]
 
 

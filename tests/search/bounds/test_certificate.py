@@ -191,7 +191,7 @@ def test_edges_given_twice_change_nothing() -> None:
 def test_a_travel_below_the_bound_is_an_error() -> None:
     """One of the two is wrong then; to call it optimal would hide that."""
     with pytest.raises(ValueError, match="below the bound"):
-        certificate.Certificate(80.0, 0, "exact", 0).gap_percent(79.0)
+        certificate.LowerBound(80.0, 0, "exact", 0).gap_percent(79.0)
 
 
 @pytest.mark.slow
@@ -317,8 +317,8 @@ def test_negative_limits_are_refused() -> None:
 
 def test_gap_of_a_bound_of_zero_is_unknown() -> None:
     """No share above zero can be said."""
-    assert certificate.Certificate(0.0, 0, "exact", 0).gap_percent(1.0) is None
-    assert certificate.Certificate(80.0, 0, "exact", 0).gap_percent(100.0) == pytest.approx(25.0)
+    assert certificate.LowerBound(0.0, 0, "exact", 0).gap_percent(1.0) is None
+    assert certificate.LowerBound(80.0, 0, "exact", 0).gap_percent(100.0) == pytest.approx(25.0)
 
 
 @pytest.mark.slow

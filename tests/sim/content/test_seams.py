@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from decmcts.cli.check import judge
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import direct_actions, read_gcode, read_motions, write_gcode
 from decmcts.formats.machine_file import load_machine
+from decmcts.planning.verifying.judge import judge
 from decmcts.print.contours import Role
 from decmcts.print.loops import close_gaps, enter_at, traversal
 from decmcts.print.plan import PlanDocument

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli.check import judge
 from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
 from decmcts.formats.machine_file import load_machine
+from decmcts.planning.verifying.judge import judge
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind, Verdict
 from sim.files.written import verify_written

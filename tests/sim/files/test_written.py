@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from decmcts.cli import outputs
-from decmcts.cli.check import Held, judge
-from decmcts.cli.no_slower import write_no_slower
-from decmcts.cli.pipeline import load, plan_single
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode import direct_actions, read_gcode, reader, write_gcode
 from decmcts.formats.machine_file import load_machine
-from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.one_head.no_slower import write_no_slower
+from decmcts.planning.one_head.pipeline import plan_judged
+from decmcts.planning.options import NO_QUALITY, PlannerName, Search
+from decmcts.planning.problem.print_problem import load
+from decmcts.planning.verifying.held import Held
+from decmcts.planning.verifying.judge import judge
+from decmcts.planning.writing.one_head import draft_single
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.files.written import verify_written
@@ -27,6 +30,8 @@ TOWERS = "".join(
     "G1 E-1 F2400\nG1 X150 F7800\nG1 E1 F2400\nG1 X160 E.4 F1800\nG1 E-1 F2400\n"
     for k in range(1, 6)
 )
+
+SLICED = Search(0.1, planner=PlannerName.SLICER, certificate=False)
 
 
 @pytest.fixture
@@ -122,18 +127,14 @@ def test_contacts_of_the_sources_own_end_code_are_its_own(tmp_path):
     assert judged((job, document, out)).ok
 
 
-def test_a_file_that_fails_is_not_written(tmp_path, monkeypatch):
+def test_a_file_that_fails_is_not_written(tmp_path):
     """The plan may be right and its G-code wrong: the old file must survive that."""
     source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
     source.write_text(START + "G1 E-1 F2400\n" + TOWERS + END)
     out.write_text("old")
-    loaded = load(
-        source, "mk4s", process_order="keep", options=SliceOptions(), announce=lambda _: None
-    )
-    planned = plan_single(
-        loaded, planner="slicer", freedom="fixed", time_limit_s=0.1, seed=0, announce=str
-    )
-    write_no_slower(planned, out, str, allow_slower=True)
+    loaded = load(source, "mk4s", NO_QUALITY)
+    planned = plan_judged(loaded, SLICED)
+    write_no_slower(planned, SLICED, out, allow_slower=True)
     assert "M104 S0" in out.read_text()
     out.write_text("old")
 
@@ -141,9 +142,9 @@ def test_a_file_that_fails_is_not_written(tmp_path, monkeypatch):
         write_gcode(document, job, actions, path, header_lines=header_lines)
         path.write_text(path.read_text().replace("E0.40000", "E4.00000"))
 
-    monkeypatch.setattr(outputs, "write_gcode", spoiled)
+    draft_of = partial(draft_single, write=spoiled)
     with pytest.raises(VerificationError, match=r"out\.gcode was not written"):
-        write_no_slower(planned, out, str, allow_slower=True)
+        write_no_slower(planned, SLICED, out, allow_slower=True, draft_of=draft_of)
     assert out.read_text() == "old"
 
 

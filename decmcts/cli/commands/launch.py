@@ -1,0 +1,247 @@
+"""`decmcts launch`, `agent` and `demo`: several heads, each its own process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from agents import extruder
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.commands import qcsp
+from decmcts.cli.commands.plan import ONLY_SHOWN, write_extras
+from decmcts.cli.commands.replay import heads_table, recording
+from decmcts.cli.console import err, gain_table, out, print_json, steps, written
+from decmcts.cli.lines import figures
+from decmcts.cli.running import running
+from decmcts.cli.signals import interrupt_stops
+from decmcts.errors import InputError
+from decmcts.formats.machine_file import load_machine
+from decmcts.formats.mesh import SliceOptions
+from decmcts.formats.qcsp import is_qcsp
+from decmcts.planning.compiling.child import compiling_beside
+from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.events import Event, Heads, Step
+from decmcts.planning.launch import launch as launch_heads
+from decmcts.planning.options import (
+    Freedom,
+    Limits,
+    Objective,
+    ProcessOrder,
+    Rules,
+    TeamSearch,
+)
+from decmcts.planning.read import read
+from decmcts.planning.result import Result
+from decmcts.planning.team.parameters import read_parameters
+from decmcts.planning.writing.file_times import is_longer
+from decmcts.planning.writing.heads import head_files, stem_of
+from decmcts.planning.writing.lines import cooling_line
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
+from decmcts.samples import sample_path
+from decmcts.team.engine.space import eligibility
+
+StemOption = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        rich_help_panel=opt.BASICS,
+        metavar="STEM",
+        help="Stem of the G-code files, one a head; of a .qcsp, the schedule's file",
+    ),
+]
+HeadsOption = Annotated[
+    str,
+    typer.Option(
+        "--machine", rich_help_panel=opt.BASICS, metavar="NAME|FILE", help="A machine with heads"
+    ),
+]
+
+RecordOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--record",
+        rich_help_panel=opt.OUTPUT,
+        metavar="FILE",
+        help="Keep what the heads do as they plan, for `decmcts replay`",
+    ),
+]
+TeamOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--team",
+        rich_help_panel=opt.SEARCH,
+        metavar="FILE",
+        help="Parameters of the heads' search, a TOML file (docs/team.md)",
+    ),
+]
+
+
+TeamObjectiveOption = Annotated[
+    Objective,
+    typer.Option(
+        "--objective",
+        rich_help_panel=opt.SEARCH,
+        help="The makespan comes first; this is what one head's own order and the points "
+        "contours are entered at save: travel (mm) or time",
+    ),
+]
+
+
+@app.command()
+def launch(
+    context: typer.Context,
+    source: opt.Input,
+    output: StemOption = None,
+    machine: HeadsOption = "dual-gantry",
+    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
+    seam: opt.SeamOption = None,
+    process_order: opt.ProcessOption = ProcessOrder.KEEP,
+    objective: TeamObjectiveOption = Objective.TRAVEL,
+    limits: opt.LimitsOption = Limits.SOURCE,
+    quality: opt.QualityOption = None,
+    min_layer_time: opt.CoolingOption = None,
+    max_layers_ahead: opt.LeadOption = None,
+    time_limit: opt.TimeOption = 30.0,
+    seed: opt.SeedOption = 0,
+    team: TeamOption = None,
+    plan_file: opt.PlanOption = None,
+    report: opt.ReportOption = None,
+    picture: opt.PictureOption = None,
+    record: RecordOption = None,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Plan for several heads: one process each, agreeing on one joint plan; or solve a QCSP."""
+    if is_qcsp(source):
+        qcsp.refuse_for_qcsp(context)
+        qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        return
+    rules = opt.rules_of(
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+    )  # fmt: skip
+    stem = None if output is None else stem_of(output)
+    heads = [] if stem is None else head_files(stem, load_machine(machine))
+    outputs = [*heads, plan_file, report, picture, record]
+    refuse_unwritable(outputs, source, *([] if team is None else [team]))
+    refuse_other_suffixes(plan_file, report, picture)
+    only_shown = not (as_json or stem or plan_file or report or picture or record)
+    search = TeamSearch(time_limit, seed, objective, {} if team is None else read_parameters(team))
+    result = run_team(
+        source, machine, search, rules, limits=limits, record=record, writes=stem is not None,
+        remark=ONLY_SHOWN if only_shown else "",
+    )  # fmt: skip
+    with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
+        told(Step("writing files"))
+        paths = [] if stem is None else list(result.write_gcode(stem).paths)
+        paths += write_extras(result, plan_file, report, picture)
+    with written():
+        show_team(result, paths, as_json=as_json)
+        if only_shown:
+            err.print("nothing was written; `-o STEM` writes the files of all heads")
+
+
+def run_team(
+    source: Path,
+    machine: str,
+    search: TeamSearch,
+    rules: Rules,
+    *,
+    limits: Limits = Limits.SOURCE,
+    record: Path | None = None,
+    writes: bool = True,
+    remark: str = "",
+) -> Result:
+    """Read, let the agents plan and agree, verify, and show how that goes.
+
+    With `writes` what no head's file could hold is refused before the search, and noted what
+    it leaves out; the `remark` is made once the input is known to be of use.
+    """
+    with (
+        running(time_limit_s=search.time_limit_s, remark=remark, table=heads_table) as (show, stop),
+        recording(record) as keep,
+        compiling_beside([TEAM], show),  # while the source is read
+    ):
+
+        def told(event: Event) -> None:
+            if isinstance(event, Heads):
+                keep(event)
+            show(event)
+
+        mesh = SliceOptions(center=(150.0, 150.0))
+        found = read(source, machine, limits=limits, mesh=mesh, report=told)
+        return launch_heads(found, search, rules, writes=writes, report=told, stop=stop)
+
+
+def show_team(result: Result, paths: list[Path], *, as_json: bool) -> None:
+    """Print the summary of a joint plan."""
+    planned, problem = result.planned, result.planned.problem
+    before, after = planned.before.metrics, planned.after.metrics
+    if as_json:
+        print_json("decmcts-result/1", figures(result, paths))
+        return
+    for note in problem.job.notes:
+        err.print(note, soft_wrap=True)
+    title = (
+        f"{result.source.path.name}: machine {planned.after.machine.name}, "
+        f"planner {after['planner']}, seed {after['seed']}, verified"
+    )
+    out.print(title, soft_wrap=True)
+    out.print(gain_table(before, after))
+    ratio = after["one_head_s"] / after["makespan_s"]
+    over = after["makespan_s"] / after["bound"]["bound_s"]
+    out.print(
+        f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "
+        f"{over:.2f} times the proven bound ({after['bound']['bound_s']:,.0f} s)"
+    )
+    if line := cooling_line(planned.after):
+        out.print(line, soft_wrap=True)
+    if is_longer(before["makespan_s"], after["makespan_s"]):
+        own = f"the source's own order ({before['makespan_s']:,.0f} s)"
+        whole = eligibility(problem.job.contours, problem.machine.heads).all(axis=0)
+        out.print(
+            f"longer than one head in {own}: print the source"
+            if whole.any()
+            else f"longer than one head in {own}, but none reaches all of it",
+            soft_wrap=True,
+        )
+    for path in paths:
+        out.print(f"wrote {path}", soft_wrap=True)
+
+
+@app.command(
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True},
+    add_help_option=False,
+)
+def agent(context: typer.Context) -> None:
+    """Run one head's agent (what `launch` starts; `decmcts agent --help` for its options)."""
+    raise typer.Exit(extruder.main(context.args))
+
+
+@app.command()
+def demo(
+    folder: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Folder for the results", rich_help_panel=opt.BASICS
+        ),
+    ] = Path("out"),
+    time_limit: opt.TimeOption = 15.0,
+    seed: opt.SeedOption = 0,
+) -> None:
+    """Plan the plate that ships with the project for two heads; leaves files to look at."""
+    from sim.pictures.drawings import draw_gantt
+
+    if folder.exists() and not folder.is_dir():
+        raise InputError("is no folder", path=folder, advice="name another with --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    found = run_team(
+        sample_path("plate.gcode.gz"), "dual-gantry", TeamSearch(time_limit, seed), Rules()
+    )
+    paths = list(found.write_gcode(folder / "plate").paths)
+    extras = folder / "plan.json", folder / "report.html", folder / "plate.png"
+    paths += write_extras(found, *extras)
+    draw_gantt(folder / "gantt.png", found.document)
+    show_team(found, [*paths, folder / "gantt.png"], as_json=False)

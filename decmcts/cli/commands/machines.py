@@ -1,0 +1,71 @@
+"""`decmcts machines`: those that come with the program, or one of a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.console import out, print_json
+from decmcts.errors import InputError
+from decmcts.formats.machine_file import load_machine, preset_names
+from decmcts.print.machine import Machine
+
+
+@app.command()
+def machines(
+    draw: Annotated[
+        Path | None,
+        typer.Option(
+            "--draw",
+            metavar="FOLDER",
+            help="Folder for a PNG of every machine listed",
+            rich_help_panel=opt.OUTPUT,
+        ),
+    ] = None,
+    machine: opt.ListedMachineOption = None,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """List the machines; with --draw, draw their heads."""
+    if draw is not None and not draw.is_dir():
+        raise InputError("no such folder", path=draw, advice="make it first")
+    listed = [load_machine(name) for name in ([machine] if machine else preset_names())]
+    for m in listed if draw is not None else []:
+        from sim.pictures.drawings import draw_machine  # takes a second to load
+
+        assert draw is not None
+        draw_machine(m, draw / f"{m.name}.png")
+    if as_json:
+        print_json("decmcts-machines/1", {"machines": [facts(m) for m in listed]})
+        return
+    for m in listed:
+        show_machine(m)
+    if draw is not None:
+        out.print(f"wrote a PNG a machine to {draw}", soft_wrap=True)
+
+
+def show_machine(m: Machine) -> None:
+    """Print a machine in a few lines."""
+    from rich.padding import Padding
+
+    known = facts(m)
+    bed = f"{m.bed_max[0] - m.bed_min[0]:g}×{m.bed_max[1] - m.bed_min[1]:g} mm"
+    slices = ", ".join(f"{height:g}" for height in known["slices_mm"])
+    heads = " ".join(known["heads"])
+    out.print(f"{m.name}: bed {bed}, heads: {heads}, slices at {slices} mm", soft_wrap=True)
+    out.print(Padding(m.source.split(";")[0], (0, 0, 0, 4)))
+
+
+def facts(m: Machine) -> dict[str, Any]:
+    """Return what `--json` prints of a machine."""
+    return {
+        "name": m.name,
+        "source": m.source,
+        "bed_min": list(m.bed_min),
+        "bed_max": list(m.bed_max),
+        "heads": [head.name for head in m.heads],
+        "slices_mm": [float(part.height_mm) for part in m.heads[0].slices],
+    }

@@ -1,0 +1,266 @@
+"""`decmcts plan`: one head, from file to verified G-code, plan and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.commands import sop
+from decmcts.cli.console import err, gain_table, out, print_json, steps, written
+from decmcts.cli.lines import bound_line, figures, kept_line, whole_file_line
+from decmcts.cli.running import running
+from decmcts.cli.signals import interrupt_stops
+from decmcts.errors import InputError
+from decmcts.formats.gcode.source_text import save_text
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
+from decmcts.formats.sop import is_sop
+from decmcts.planning.compiling.child import compiling_beside
+from decmcts.planning.compiling.parts import parts_for
+from decmcts.planning.events import Step
+from decmcts.planning.options import (
+    Freedom,
+    Limits,
+    Objective,
+    PlannerName,
+    ProcessOrder,
+    Rules,
+    Search,
+)
+from decmcts.planning.plan import plan as find_order
+from decmcts.planning.problem.slicing import AUTO, Chosen, Slicing, choose_slicer
+from decmcts.planning.read import read
+from decmcts.planning.result import Result, Written
+from decmcts.planning.writing.lines import cooling_line, layers_line
+from decmcts.planning.writing.places import (
+    STDOUT,
+    name_of,
+    refuse_other_suffixes,
+    refuse_two_on_stdout,
+    refuse_unpackable,
+    refuse_unwritable,
+)
+
+ONLY_SHOWN = (
+    "nothing will be written, as neither -o nor --plan, --report or --picture is given: "
+    "this shows what a new order saves"
+)
+
+
+@app.command()
+def plan(
+    context: typer.Context,
+    source: opt.Input,
+    output: opt.GcodeOption = None,
+    machine: opt.MachineOption = None,
+    planner: opt.PlannerOption = PlannerName.HYBRID,
+    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
+    seam: opt.SeamOption = None,
+    process_order: opt.ProcessOption = ProcessOrder.KEEP,
+    objective: opt.ObjectiveOption = Objective.TRAVEL,
+    limits: opt.LimitsOption = Limits.SOURCE,
+    quality: opt.QualityOption = None,
+    min_layer_time: opt.CoolingOption = None,
+    max_layers_ahead: opt.LeadOption = None,
+    time_limit: opt.TimeOption = 30.0,
+    seed: opt.SeedOption = 0,
+    allow_slower: opt.SlowerOption = False,
+    certificate: Annotated[
+        bool,
+        typer.Option(
+            help="Prove how far from optimal the travel is at most", rich_help_panel=opt.SEARCH
+        ),
+    ] = True,
+    plan_file: opt.PlanOption = None,
+    report: opt.ReportOption = None,
+    picture: opt.PictureOption = None,
+    as_json: opt.JsonOption = False,
+    layer_height: opt.LayerHeight = 0.2,
+    nozzle: opt.Nozzle = 0.4,
+    density: opt.Density = 0.2,
+    perimeters: opt.Perimeters = 2,
+    slicer: opt.SlicerOption = AUTO,
+    slicer_config: opt.SlicerConfig = None,
+    temperature: opt.Temperature = 210.0,
+    bed_temperature: opt.BedTemperature = 60.0,
+    sliced: opt.Sliced = None,
+) -> None:
+    """Find a better order for one head and write it, verified; or solve a bare SOP."""
+    if is_sop(source):
+        sop.refuse_for_sop(context)
+        sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
+        return
+    refuse_for_gcode(context, source)
+    edits = source.suffix.lower() not in MESH_SUFFIXES
+    refuse_unwritable([output, plan_file, report, picture, sliced], source, edits=edits)
+    refuse_unpackable(output, source)
+    refuse_other_suffixes(plan_file, report, picture)
+    refuse_two_on_stdout(output, as_json=as_json)
+    rules = opt.rules_of(
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+    )  # fmt: skip
+    only_shown = not (as_json or output or plan_file or report or picture or sliced)
+    slicing = slicing_of(
+        context,
+        choose_slicer(slicer, slicer_config),
+        SliceOptions(
+            layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters,
+            temperature=temperature, bed_temperature=bed_temperature, skirts=2, fan_percent=100.0,
+        ),
+    )  # fmt: skip
+    search = Search(time_limit, seed, planner, objective, certificate=certificate)
+    result = run_single(
+        source, machine, search, rules, limits=limits, slicing=slicing, writes=output is not None,
+        remark=ONLY_SHOWN if only_shown else "",
+    )  # fmt: skip
+    made, paths = write(
+        result, output, allow_slower=allow_slower, plan_file=plan_file, report=report,
+        picture=picture, sliced=sliced,
+    )  # fmt: skip
+    with written():
+        show(made, paths, as_json=as_json, to=err if output == STDOUT else out)
+        if only_shown:
+            err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
+
+
+def write(
+    result: Result,
+    output: Path | None,
+    *,
+    allow_slower: bool,
+    plan_file: Path | None,
+    report: Path | None,
+    picture: Path | None,
+    sliced: Path | None,
+) -> tuple[Written, list[Path]]:
+    """Write what was asked for; returns what was written and the names of all files."""
+    made = Written(result, ())
+    # a first Ctrl-C lets everything be written
+    with interrupt_stops() as stop, steps() as told:
+        if output is not None:
+            made = result.write_gcode(output, allow_slower=allow_slower, report=told, stop=stop)
+        paths = [] if output is None else [output]
+        if plan_file or report or picture:
+            told(Step("writing plan, report and pictures"))
+            paths += write_extras(made.result, plan_file, report, picture)
+        if sliced is not None and result.source.sliced_by:
+            save_text(Path(result.source.document.path).read_bytes(), sliced)
+            paths.append(sliced)
+    return made, paths
+
+
+def write_extras(
+    result: Result, plan: Path | None, report: Path | None, picture: Path | None
+) -> list[Path]:
+    """Write plan.json, report and picture where asked; returns what was written."""
+    if plan is not None:
+        result.write_plan(plan)
+    if report is not None:
+        result.write_report(report)
+    if picture is not None:
+        result.write_picture(picture)
+    return [path for path in (plan, report, picture) if path is not None]
+
+
+def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) -> Slicing:
+    """Return how meshes are sliced."""
+    said = (context.get_parameter_source(name) for name in opt.MESH_OPTIONS)
+    given = frozenset(
+        name
+        for name, origin in zip(opt.MESH_OPTIONS, said, strict=True)
+        if origin is not None and origin.name == "COMMANDLINE"
+    )
+    return Slicing(chosen, options, given)
+
+
+def refuse_for_gcode(context: typer.Context, source: Path) -> None:
+    """Raise InputError for an option of meshes given with a file that is none."""
+    if source.suffix.lower() in MESH_SUFFIXES:
+        return
+    for option in context.command.params:
+        origin = context.get_parameter_source(option.name or "")
+        if option.name in opt.MESH_OPTIONS and origin is not None and origin.name == "COMMANDLINE":
+            raise InputError(
+                f"{option.opts[0]} is for meshes and means nothing here: this is no mesh "
+                f"({', '.join(sorted(MESH_SUFFIXES))}), its beads are printed as they are",
+                path=source,
+                advice="leave it out, or set it in the slicer",
+            )
+
+
+def run_single(
+    source: Path,
+    machine: str | None,
+    search: Search,
+    rules: Rules,
+    *,
+    limits: Limits,
+    slicing: Slicing | None = None,
+    writes: bool = True,
+    remark: str = "",
+) -> Result:
+    """Read, plan and verify for one head, and show how that goes.
+
+    With `writes` what could not be written is refused before the search; the `remark` is
+    made once the input is known to be of use.
+    """
+    with (
+        running(time_limit_s=search.time_limit_s, unit=search.unit, remark=remark) as (told, stop),
+        compiling_beside(parts_for(search, rules.freedom), told),  # while the source is read
+    ):
+        found = read(source, machine, limits=limits, mesh=slicing, report=told)
+        return find_order(found, search, rules, writes=writes, report=told, stop=stop)
+
+
+def show(
+    made: Written,
+    paths: list[Path],
+    *,
+    as_json: bool,
+    to: Console = out,
+) -> None:
+    """Print the summary, for a person (`to` a console) or for a program."""
+    result, times = made.result, made.times
+    planned = result.planned
+    before, after = planned.before.metrics, planned.after.metrics
+    if as_json:
+        print_json("decmcts-result/1", figures(result, paths, times))
+        return
+    show_notes(result)
+    title = (
+        f"{result.source.path.name}: machine {planned.after.machine.name}, "
+        f"planner {after['planner']} for {after['objective']}, seed {after['seed']}, verified"
+    )
+    by = result.source.sliced_by
+    to.print(title, soft_wrap=True)
+    to.print(gain_table(before, after))
+    whole = None if times is not None and times.kept else whole_file_line(planned, times)
+    for line in (
+        f"sliced by {by}" if by else "",
+        bound_line(result.bound),
+        cooling_line(planned.after),
+        whole,
+        layers_line(planned),
+    ):
+        if line:
+            to.print(line, soft_wrap=True)
+    if times is not None and times.kept:
+        to.print(f"kept the source as it is: {kept_line(times)}", soft_wrap=True)
+    for path in paths:
+        to.print(f"wrote {name_of(path)}", soft_wrap=True)
+
+
+def show_notes(result: Result) -> None:
+    """Say what in the source bound the search, or was not taken as it is."""
+    job = result.planned.problem.job
+    for barrier in job.barriers:
+        err.print(
+            f"nothing moves across line {barrier.line}: {barrier.text} ({barrier.reason})",
+            soft_wrap=True,
+        )
+    for note in job.notes:
+        err.print(note, soft_wrap=True)

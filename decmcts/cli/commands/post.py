@@ -1,0 +1,88 @@
+"""`decmcts post`: a slicer's post-processing script, editing one file in place.
+
+Any error leaves the file untouched and the exit code non-zero, so that the
+slicer aborts its export (PrusaSlicer, OrcaSlicer).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.commands.plan import run_single, show_notes
+from decmcts.cli.console import err, out, print_json, steps, summary_of, written
+from decmcts.cli.lines import figures, kept_line, whole_file_line
+from decmcts.cli.signals import interrupt_stops
+from decmcts.errors import InputError
+from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.planning.options import (
+    Freedom,
+    Limits,
+    Objective,
+    PlannerName,
+    ProcessOrder,
+    Search,
+)
+from decmcts.planning.result import Written
+from decmcts.planning.writing.lines import layers_line
+from decmcts.planning.writing.places import refuse_unwritable
+
+
+@app.command()
+def post(
+    path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
+    machine: opt.MachineOption = None,
+    planner: opt.PlannerOption = PlannerName.HYBRID,
+    freedom: opt.FreedomOption = Freedom.REVERSIBLE,
+    seam: opt.SeamOption = None,
+    process_order: opt.ProcessOption = ProcessOrder.KEEP,
+    objective: opt.ObjectiveOption = Objective.TRAVEL,
+    limits: opt.LimitsOption = Limits.SOURCE,
+    quality: opt.QualityOption = None,
+    min_layer_time: opt.CoolingOption = None,
+    max_layers_ahead: opt.LeadOption = None,
+    time_limit: opt.TimeOption = 30.0,
+    seed: opt.SeedOption = 0,
+    allow_slower: opt.SlowerOption = False,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Reorder a G-code file in place, as a slicer's post-processing script."""
+    refuse_unwritable([], path)
+    if path.suffix.lower() in MESH_SUFFIXES:
+        raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
+    rules = opt.rules_of(
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+    )  # fmt: skip
+    search = Search(time_limit, seed, planner, objective, certificate=False)
+    result = run_single(path, machine, search, rules, limits=limits)
+    with interrupt_stops() as stop, steps() as told:
+        made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
+    with written():
+        show_rewritten(made, path, as_json=as_json)
+
+
+def show_rewritten(made: Written, path: Path, *, as_json: bool) -> None:
+    """Print the result in one line, for slicers show or log what a script says."""
+    result, times = made.result, made.times
+    kept = times is not None and times.kept
+    if as_json:
+        print_json("decmcts-result/1", figures(result, [] if kept else [path], times))
+        return
+    show_notes(result)
+    if times is not None and kept:
+        out.print(f"{path}: left as it was; {kept_line(times)}", soft_wrap=True)
+        return
+    planned = result.planned
+    if line := layers_line(planned):
+        err.print(line, soft_wrap=True)
+    travel = summary_of(planned.before.metrics, planned.after.metrics)["emitted_travel_mm"]
+    took = f"; {line}" if (line := whole_file_line(planned, times)) else ""
+    out.print(
+        f"{path}: rewritten and verified; travel {travel['before']:,.0f} → {travel['after']:,.0f}"
+        f" mm ({travel['less_percent']:.1f} % less){took}",
+        soft_wrap=True,
+    )

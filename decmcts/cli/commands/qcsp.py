@@ -1,0 +1,112 @@
+"""`decmcts launch X.qcsp`: a bare team problem, from file to schedule."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+
+import typer
+
+from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.signals import interrupt_stops
+from decmcts.errors import InputError, VerificationError
+from decmcts.formats.qcsp import QcspProblem, read_qcsp, schedule_text
+from decmcts.jit.kernel import at_work
+from decmcts.planning.bare import compile_qcsp
+from decmcts.planning.events import Step
+from decmcts.planning.writing.places import (
+    STDOUT,
+    name_of,
+    put,
+    refuse_two_on_stdout,
+    refuse_unwritable,
+)
+from decmcts.search.bounds.certificate import INFORMS_PERCENT
+from decmcts.team.qcsp.solver import QcspResult, solve_qcsp
+from sim.qcsp import faults_of
+
+_MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})
+
+
+def refuse_for_qcsp(context: typer.Context) -> None:
+    """Raise InputError for an option given that means nothing to a bare problem."""
+    for option in context.command.params:
+        name = option.name or ""
+        origin = context.get_parameter_source(name)
+        if origin is not None and origin.name == "COMMANDLINE" and name not in _MEANT:
+            said = [*option.opts, *option.secondary_opts][0 if context.params[name] else -1]
+            raise InputError(
+                f"{said} means nothing for a .qcsp file: it has tasks and cranes, but no print",
+                advice="leave it out",
+            )
+
+
+def launch_qcsp(
+    source: Path, output: Path | None, *, time_limit_s: float, seed: int, as_json: bool
+) -> None:
+    """Solve `source`, have the schedule judged and write it to `output`, if one is named."""
+    refuse_unwritable([output], source)
+    refuse_two_on_stdout(output, as_json=as_json)
+    with (
+        interrupt_stops(at_work) as stop,
+        steps(time_limit_s=time_limit_s, unit="") as told,
+    ):
+        told(Step(f"reading {source.name}"))
+        problem = read_qcsp(source)
+        size = f"{len(problem)} tasks, {problem.cranes} cranes"
+        told(Step(f"searching ({size}, {time_limit_s:g} s)"))
+        compile_qcsp(problem, stop)
+        started = time.perf_counter()
+        found = solve_qcsp(problem, time_limit_s=time_limit_s, seed=seed, progress=told, stop=stop)
+        seconds = time.perf_counter() - started
+        if faults := faults_of(problem, found.schedule):
+            raise VerificationError(f"{faults[0]}; nothing was written")
+        if output is not None:
+            put(schedule_text(problem, found.schedule), output)
+    with written():
+        show(source, problem, found, seconds, output, as_json=as_json)
+
+
+def show(
+    source: Path,
+    problem: QcspProblem,
+    found: QcspResult,
+    seconds: float,
+    target: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Print the result, for a person or for a program."""
+    makespan, bound = found.schedule.makespan, found.bound
+    if as_json:
+        print_json(
+            "decmcts-schedule/1",
+            {
+                "input": str(source),
+                "tasks": len(problem),
+                "cranes": problem.cranes,
+                "makespan": makespan,
+                "bound": bound,
+                "optimal": found.optimal,
+                "found_at_s": float(found.history[-1, 0]) if len(found.history) else 0.0,
+                "proposals": found.proposals,
+                "seconds": {"plan": round(seconds, 3)},
+                "seed": found.seed,
+                "verified": True,
+                "written": [] if target is None else [str(target)],
+            },
+        )
+        return
+    proven = "proven optimal" if found.optimal else f"bound {bound:,.10g}"
+    gap = 100.0 * (makespan / bound - 1.0) if bound > 0.0 else math.inf
+    if gap <= INFORMS_PERCENT and not found.optimal:
+        proven += f", at most {gap:.1f} % above optimal"
+    to = err if target == STDOUT else out
+    to.print(
+        f"{source.name}: {len(problem)} tasks, {problem.cranes} cranes, makespan {makespan:,.10g}, "
+        f"{proven} ({seconds:.1f} s, seed {found.seed}), verified",
+        soft_wrap=True,
+    )
+    if target is not None:
+        to.print(f"wrote {name_of(target)}", soft_wrap=True)

@@ -1,0 +1,117 @@
+"""`decmcts plan X.sop`: a bare sequential ordering problem, from file to tour."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from pathlib import Path
+
+import typer
+
+from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.signals import interrupt_stops
+from decmcts.errors import InputError
+from decmcts.formats.sop import SopInstance, read_sop, tour_text
+from decmcts.jit.kernel import at_work
+from decmcts.planning.bare import compile_sop, require_sound
+from decmcts.planning.events import Step
+from decmcts.planning.writing.places import STDOUT, name_of, put, refuse_unwritable
+from decmcts.search.bounds.certificate import INFORMS_PERCENT
+from decmcts.search.sop.solver import SopResult, solve_sop
+
+_MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})
+
+
+def refuse_for_sop(context: typer.Context) -> None:
+    """Raise InputError for an option given that means nothing to a bare problem."""
+    for option in context.command.params:
+        name = option.name or ""
+        origin = context.get_parameter_source(name)
+        if origin is not None and origin.name == "COMMANDLINE" and name not in _MEANT:
+            said = [*option.opts, *option.secondary_opts][0 if context.params[name] else -1]
+            raise InputError(
+                f"{said} means nothing for a .sop file: it has costs, but no contours or heads",
+                advice="leave it out",
+            )
+
+
+def plan_sop(
+    source: Path, output: Path | None, *, time_limit_s: float, seed: int, as_json: bool
+) -> None:
+    """Solve `source` and write the tour to `output`, or to X.tour beside X.sop."""
+    target = output or source.with_name(re.sub(r"\.sop(\.gz)?$", "", source.name, flags=re.I))
+    if output is None:
+        target = target.with_name(target.name + ".tour")
+    refuse_unwritable([target], source)
+    seconds: dict[str, float] = {}
+    with (
+        interrupt_stops(at_work) as stop,
+        steps(time_limit_s=time_limit_s, unit="") as told,
+    ):
+        told(Step(f"reading {source.name}"))
+        started = time.perf_counter()
+        instance = read_sop(source)
+        seconds["read"] = time.perf_counter() - started
+        told(Step(f"searching ({len(instance)} nodes, {time_limit_s:g} s)"))
+        compile_sop()
+        started = time.perf_counter()
+        try:
+            found = solve_sop(
+                instance.costs,
+                instance.precedence,
+                time_limit_s=time_limit_s,
+                seed=seed,
+                progress=told,
+                stop=stop,
+            )
+        except InputError as error:  # it knows the nodes, not the file they came from
+            raise InputError(error.what, path=source, advice=error.advice) from error
+        seconds["plan"] = time.perf_counter() - started
+        require_sound(instance, found)
+        text = tour_text(name=instance.name, order=found.order, cost=found.cost)
+        put(text, target)
+    with written():
+        show(source, instance, found, seconds, target, as_json=as_json)
+
+
+def show(
+    source: Path,
+    instance: SopInstance,
+    found: SopResult,
+    seconds: dict[str, float],
+    target: Path,
+    *,
+    as_json: bool,
+) -> None:
+    """Print the result, for a person or for a program."""
+    if as_json:
+        print_json(
+            "decmcts-tour/1",
+            {
+                "input": str(source),
+                "nodes": len(instance),
+                "cost": found.cost,
+                "bound": found.bound,
+                "optimal": found.optimal,
+                "found_by": found.found_by,
+                "found_at_s": float(found.history[-1, 0]),
+                "iterations": found.iterations,
+                "seconds": {name: round(value, 3) for name, value in seconds.items()},
+                "seed": found.seed,
+                "verified": True,
+                "written": [str(target)],
+            },
+        )
+        return
+    proven = "proven optimal" if found.optimal else f"bound {found.bound:,.10g}"
+    gap = 100.0 * (found.cost / found.bound - 1.0) if found.bound > 0.0 else math.inf
+    if gap <= INFORMS_PERCENT and not found.optimal:
+        proven += f", at most {gap:.1f} % above optimal"
+    to = err if target == STDOUT else out
+    to.print(
+        f"{source.name}: {len(instance)} nodes, cost {found.cost:,.10g}, {proven} "
+        f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified",
+        soft_wrap=True,
+    )
+    to.print(f"wrote {name_of(target)}", soft_wrap=True)

@@ -1,0 +1,85 @@
+"""`decmcts verify`: a plan or finished files judged again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from decmcts.cli import options as opt
+from decmcts.cli.app import app
+from decmcts.cli.console import err, out, print_json, steps
+from decmcts.planning.verify import verify as judge
+from decmcts.planning.verifying.held import Held
+from sim.faults import Verdict
+
+Result = Annotated[
+    list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")
+]
+SourceOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--source", rich_help_panel=opt.BASICS, metavar="FILE", help="The G-code it was made from"
+    ),
+]
+MadeFromOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan",
+        rich_help_panel=opt.BASICS,
+        metavar="FILE",
+        help="Of files of several heads: the plan.json they were made from",
+    ),
+]
+TrialsOption = Annotated[
+    int,
+    typer.Option(
+        rich_help_panel=opt.SEARCH,
+        metavar="N",
+        min=1,
+        help="Random timing trials of a joint plan",
+    ),
+]
+
+
+@app.command()
+def verify(
+    result: Result,
+    source: SourceOption = None,
+    plan: MadeFromOption = None,
+    machine: opt.MachineOption = None,
+    process_order: opt.HeldProcessOption = None,
+    quality: opt.HeldQualityOption = None,
+    min_layer_time: opt.HeldCoolingOption = None,
+    max_layers_ahead: opt.HeldLeadOption = None,
+    freedom: opt.HeldFreedomOption = None,
+    seed: opt.SeedOption = 0,
+    trials: TrialsOption = 3,
+    as_json: opt.JsonOption = False,
+) -> None:
+    """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any."""
+    held = Held(process_order, quality, max_layers_ahead, freedom, min_layer_time)
+    with steps() as told:
+        verdict = judge(
+            result, source, machine, plan=plan, held=held, seed=seed, trials=trials, report=told
+        )
+    show(verdict, ", ".join(map(str, result)), as_json=as_json)
+    if verdict.faults:
+        raise typer.Exit(1)
+
+
+def show(verdict: Verdict, names: str, *, as_json: bool) -> None:
+    """Print what was found in the files of these names, for a person or for a program."""
+    if as_json:
+        faults = [str(fault) for fault in verdict.faults]
+        found = {"ok": not faults, "faults": faults, "checked": list(verdict.checked)}
+        print_json("decmcts-verdict/1", {"file": names, **found})
+        return
+    for fault in verdict.faults:
+        out.print(str(fault), soft_wrap=True, markup=False)
+    n = len(verdict.faults)
+    state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
+    for line in verdict.checked:
+        err.print(line, soft_wrap=True, markup=False)
+    err.print(f"{names}: {state}", soft_wrap=True)

@@ -1,0 +1,84 @@
+"""Runs one command and turns every failure into one clear line.
+
+Exit codes: 0 done, 1 the result or the checked file has faults, 2 the input
+cannot be used, 70 an internal error (a traceback only with `--debug`), 130, 143
+and 129 stopped by Ctrl-C, SIGTERM and SIGHUP before there was a result.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from unicodedata import category
+
+from typer.exceptions import TyperException
+
+from agents.supervisor import LaunchError
+from decmcts.cli import (
+    commands,  # noqa: F401 - it registers them
+    signals,
+)
+from decmcts.cli.app import app
+from decmcts.cli.console import err
+from decmcts.errors import InputError, VerificationError
+
+STOPPED = 130  # what typer makes of a KeyboardInterrupt
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit code."""
+    signals.forget()
+    try:
+        code = app(args=arguments, prog_name="decmcts", standalone_mode=False)
+    except TyperException as error:
+        usage = _usage(error)
+        return _failed(usage, 2) if usage else 2
+    except (InputError, VerificationError, LaunchError) as error:
+        return _failed(error, 2 if isinstance(error, InputError) else 1)
+    except OSError as error:
+        return _failed(_in_words(error), 2)
+    except MemoryError:
+        return _failed("out of memory; no file was left half written", 70)
+    except Exception as error:
+        if signals.is_ending():  # compiled code that a signal came into turns it into another error
+            return _stopped()
+        return _failed(
+            f"internal error: {type(error).__name__}: {error}; no file was left "
+            "half written; `decmcts --debug COMMAND` shows the traceback",
+            70,
+        )
+    if code == STOPPED:
+        return _stopped()
+    return code if isinstance(code, int) else 0
+
+
+def _stopped() -> int:
+    """Say that the program was stopped; return its exit code."""
+    return _failed("stopped; no file was left half written", signals.exit_code())
+
+
+def _in_words(error: OSError) -> str:
+    """Return what the system refused, without its number."""
+    if error.strerror is None:
+        return str(error)
+    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+
+
+def _usage(error: TyperException) -> str:
+    """Return what is wrong with the command line, and where help is; '' when that was shown."""
+    if not error.format_message():
+        return ""  # help was shown
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "decmcts"
+    said = error.format_message().rstrip(".").replace("Value error, ", "")
+    return f"{said}; `{command} --help` lists what there is"
+
+
+def _failed(error: Exception | str, code: int) -> int:
+    """Say what failed in one line; with --debug also where."""
+    if os.environ.get("DECMCTS_DEBUG"):
+        traceback.print_exc()
+    line = " ".join(f"decmcts: {error}".split())
+    # What comes out of a damaged file must not command the terminal.
+    err.print("".join("?" if category(c) == "Cc" else c for c in line), soft_wrap=True)
+    return code

@@ -1,0 +1,1 @@
+"""What is compiled on this machine, and compiling the rest beside a run."""

@@ -1,0 +1,116 @@
+"""Compiling in a process beside a run, and telling of what this process compiles itself.
+
+See docs/adr/0007-compiled-at-first-use.md.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from decmcts.jit import Store
+from decmcts.jit.kernel import reported_to
+from decmcts.jit.store import cache_home, remove_unused
+from decmcts.planning.compiling.parts import FOLDERS, how_far, is_compiled, kernels_made
+from decmcts.planning.events import Event, Note, Report, Step
+
+POLL_S = 0.1
+EVERY_S = 3.0  # so often at most a line says what is compiled
+
+_said: list[str] = []  # why the cache cannot be written, once it was said
+_beside: list[str] = []  # parts that are being compiled in another process
+_children: list[subprocess.Popen[bytes]] = []  # that process
+
+
+def compiled_beside(part: str) -> bool:
+    """Say whether a part is being compiled in another process this one started."""
+    return part in _beside
+
+
+@contextmanager
+def compiling_beside(parts: Sequence[str], report: Report) -> Iterator[None]:
+    """Compile parts in a process beside the body of a `with`, if any is missing.
+
+    It ends with the body, or with this process if that is killed. Within another such
+    body it takes the place of what is compiled there, if that is not the same.
+    """
+    within = bool(_children)
+    try:
+        _compile_beside(parts, report)
+        yield
+    finally:
+        if not within:
+            _end_child()
+
+
+def _compile_beside(parts: Sequence[str], report: Report) -> None:
+    missing = [part for part in parts if not is_compiled(part)]
+    if all(map(compiled_beside, missing)):
+        return
+    _end_child()
+    remove_unused(cache_home())
+    for folder in FOLDERS:
+        Store(folder).prepare()  # a temporary one must be known to the child
+    tell_if_unwritable(report)
+    command = [sys.executable, "-m", "decmcts.planning.warm", *missing]
+    quiet = subprocess.DEVNULL
+    _children.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet))
+    _beside.extend(missing)
+
+
+def finish_beside(part: str, report: Report) -> None:
+    """Wait until a part that is compiled beside this process is complete, or cannot be."""
+    said_at = -EVERY_S
+    while compiled_beside(part) and not is_compiled(part) and _children[-1].poll() is None:
+        if time.monotonic() - said_at >= EVERY_S:
+            said_at = time.monotonic()
+            report(Step(f"compiling {part}, once on this machine; {how_far(kernels_made())}"))
+        time.sleep(POLL_S)
+
+
+def _end_child() -> None:
+    """End the process that compiles beside this one, if there is one."""
+    _beside.clear()
+    while _children:
+        with _children.pop() as child:
+            child.kill()
+
+
+@contextmanager
+def compilation_told(report: Report) -> Iterator[Report]:
+    """Tell what is compiled during which step; yields the report for what is done meanwhile."""
+    step, said_at = "", 0.0
+
+    def passed_on(event: Event) -> None:
+        nonlocal step, said_at
+        report(event)
+        if isinstance(event, Step):
+            step, said_at = event.text, 0.0  # last, for another thread may be compiling
+
+    def compiles(name: str) -> None:
+        nonlocal said_at
+        tell_if_unwritable(report)
+        now = time.monotonic()
+        if now - said_at >= EVERY_S:
+            said_at = now
+            made = how_far(kernels_made())
+            report(Step(f"{step}: compiling {name}, once on this machine; {made}"))
+
+    with reported_to(compiles):
+        yield passed_on
+
+
+def tell_if_unwritable(report: Report) -> None:
+    """Tell, once a run, that the cache cannot be written and what that costs."""
+    if Store.unwritable is None or _said:
+        return
+    _said.append(str(Store.unwritable))
+    report(
+        Note(
+            f"the cache of machine code cannot be written ({Store.unwritable}): what is missing "
+            "is compiled in every run; set XDG_CACHE_HOME to a folder that can be written"
+        )
+    )

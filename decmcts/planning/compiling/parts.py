@@ -1,0 +1,127 @@
+"""What is compiled on this machine, by parts.
+
+A part is what one kind of run needs (`decmcts.planning.warm` makes them). That a part is
+complete is kept with the machine code; another version, numba or processor begins
+anew. See docs/adr/0007-compiled-at-first-use.md.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numba
+
+import decmcts._kernels
+import sim.replay
+from decmcts.jit import Store, cache_folder
+from decmcts.jit.store import MARK, cache_home, size_of, temporary_folder
+from decmcts.planning.options import Freedom, PlannerName, Search
+from decmcts.search.sequence.problem import OrderProblem
+
+ABOUT = 65  # kernels a first `plan` compiles (docs/results/startup.md)
+PRINT = "reading, scheduling, writing and judging a print"
+TEAM = "several heads"
+
+BARE = " with bare travels"
+FIRST = "local"  # the planner a search begins with while the kernels of `hybrid` are compiled
+
+FOLDERS = [
+    Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim.replay)
+]
+
+
+def unit_of(*, seconds: bool, walls: bool) -> str:
+    """Name what is minimised: mm, s, or s where some travels inside walls cost less."""
+    return f"time{BARE if walls else ''}" if seconds else "travel"
+
+
+def search_part(planner: str, unit: str, *, loops: bool) -> str:
+    """Name what a search needs: a planner, a unit, loops entered anywhere or not."""
+    return f"{planner} for {unit}" + (", seams free" if loops else "")
+
+
+def bound_part(unit: str) -> str:
+    """Name what proving a bound needs."""
+    return f"bound on {unit}"
+
+
+def parts_for(search: Search, freedom: Freedom, *, walls: bool = False) -> list[str]:
+    """Name what planning for one head needs; of a planner of one's own nothing is known."""
+    named = isinstance(search.planner, PlannerName)
+    parts = parts_of(search.name, search.objective, freedom, walls=walls)
+    return parts if named else parts[1:]
+
+
+def parts_of(planner: str, objective: str, freedom: str, *, walls: bool = False) -> list[str]:
+    """Name what planning for one head needs, in the order a process beside had best compile it in.
+
+    On an empty cache the run itself has to compile much of `PRINT` while the first search is
+    compiled, and goes on with it; the bound is what it needs last.
+    `walls` tells that the source leaves travels bare, which is known once it was read.
+    """
+    unit, loops = unit_of(seconds=objective == "time", walls=walls), freedom == "seam"
+    begins = [FIRST, planner] if planner == "hybrid" else [planner]
+    searches = [search_part(name, unit, loops=loops) for name in begins]
+    return [searches[0], bound_part(unit), PRINT, *searches[1:]]
+
+
+def part_of(problem: OrderProblem, planner: str) -> str:
+    """Name what a search for this problem needs."""
+    return search_part(planner, unit_for(problem), loops=problem.seams is not None)
+
+
+def unit_for(problem: OrderProblem) -> str:
+    """Name what is minimised in this problem."""
+    pace = problem.pace
+    return unit_of(seconds=pace is not None, walls=pace is not None and pace.looks_at_walls)
+
+
+def all_parts() -> list[str]:
+    """Name everything that is compiled ahead, what most runs need first."""
+    parts = []
+    for objective, freedom in (("travel", "reversible"), ("time", "reversible"),
+                               ("travel", "seam"), ("time", "seam")):  # fmt: skip
+        parts += parts_of("hybrid", objective, freedom)
+    for freedom in ("reversible", "seam"):
+        parts += parts_of("hybrid", "time", freedom, walls=True)
+    return [*dict.fromkeys(parts), TEAM]
+
+
+def is_compiled(part: str) -> bool:
+    """Say whether a part is complete on this machine."""
+    return _store().marked(_mark(part))
+
+
+def mark_compiled(part: str) -> None:
+    """Say that a part is complete on this machine."""
+    if not is_compiled(part):
+        _store().mark(_mark(part))
+
+
+def _store() -> Store:
+    """Return the store parts are marked in; where caches are is asked each time."""
+    return Store(cache_home() / FOLDERS[0].name)
+
+
+def _mark(part: str) -> str:
+    compiler = numba.core.registry.cpu_target.target_context.codegen().magic_tuple()
+    return "|".join((part, FOLDERS[1].name, numba.__version__, *map(str, compiler)))
+
+
+def kernels_made() -> int:
+    """Return how many kernels of this version there is machine code for."""
+    folders = [*FOLDERS, *([spill] if (spill := temporary_folder()) else [])]
+    return sum(
+        not path.name.startswith(MARK) for folder in folders for path in folder.glob("*.code")
+    )
+
+
+def how_far(made: int) -> str:
+    """Return how many kernels are made, beside how many a first run needs, while that tells."""
+    return f"{made} of about {ABOUT} done" if made < ABOUT else f"{made} done"
+
+
+def cache_line() -> str:
+    """Return one line on where the machine code is and how much of it there is."""
+    files, size = size_of(cache_home())
+    return f"{files} files of machine code, {size / 2**20:.0f} MiB, in {cache_home()}"

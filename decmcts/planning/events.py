@@ -1,0 +1,63 @@
+"""What planning tells while it works, and how it is asked to stop.
+
+The same for one head and for several. A report may be called from a second thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from agents.supervisor import AgentStatus
+from decmcts.search.sequence.stopping import Progress
+
+__all__ = ["Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "Step", "Stop"]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What is done next, in a few words."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something a person should know, in one line."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sound:
+    """The source's own order passed the judge: the input is of use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """A search has begun: from here on whoever asks to stop gets the best so far."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heads:
+    """Where the agents of all heads stand."""
+
+    agents: tuple[AgentStatus, ...]  # none before they are started
+    bound_s: float  # no joint plan ends earlier
+
+
+Event = Step | Note | Sound | Begun | Heads | Progress
+Report = Callable[[Event], None]
+"""Told of every event."""
+
+Stop = Callable[[], bool]
+"""Asked many times a second; True ends the search with the best so far."""
+
+
+def unheard(event: Event) -> None:
+    """Hear of nothing."""
+
+
+def never() -> bool:
+    """Return False: nothing ends early."""
+    return False

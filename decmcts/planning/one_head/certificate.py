@@ -1,0 +1,120 @@
+"""How far from optimal a result is at most: the certificate's part in planning one head.
+
+The bound itself is made in `decmcts.search.bounds.certificate`; here is how long it may
+take and for which prints it is tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from decmcts.planning.compiling.rows import row_of
+from decmcts.search.bounds.certificate import EXACT_UP_TO, lower_bound
+from decmcts.search.sequence.problem import OrderProblem
+
+MOST_S = 10.0  # for the bound
+MOST_EARLY_S = 3.0  # for the bound shown while searching
+EARLY_SHARE = 0.05  # of the search time, for that one
+EARLY_FROM_S = 3.0  # a shorter search ends before one could read it, and making it takes 0.2 s
+SHARE = 0.5  # of the search time, at most, for the bound
+WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow computer
+MOST_BYTES = 2 * 2**30  # of relations
+ROUNDING = 1e-9  # of a travel: what lies no further from it is the same
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """How far from optimal the travels of an order are at most."""
+
+    travel: float  # what they cost, in `unit`
+    bound: float | None  # no order's cost less; None where nothing was proven
+    gap_percent: float | None  # how far above the optimum the travels are at most
+    unit: str  # "mm" or "s"
+    method: str = ""  # how it was proven
+    skipped: str = ""  # why nothing was proven
+
+    def metrics(self) -> dict[str, float | str | None]:
+        """Return what a plan's metrics say of it."""
+        said: dict[str, float | str | None] = {"travel_s": self.travel} if self.unit == "s" else {}
+        said |= {f"bound_{self.unit}": self.bound, "gap_percent": self.gap_percent}
+        how = {"bound_skipped": self.skipped} if self.skipped else {"bound_method": self.method}
+        return {**said, **how}
+
+    @staticmethod
+    def of(metrics: Mapping[str, float | str | None]) -> Certificate | None:
+        """Return what a plan's metrics say of it; None where they say nothing."""
+        unit = next((unit for unit in ("s", "mm") if f"bound_{unit}" in metrics), None)
+        if unit is None:
+            return None
+        travel = metrics["travel_s" if unit == "s" else "extrusionless_travel_mm"]
+        bound, gap = metrics[f"bound_{unit}"], metrics["gap_percent"]
+        return Certificate(
+            float(travel or 0.0),
+            None if bound is None else float(bound),
+            None if gap is None else float(gap),
+            unit,
+            str(metrics.get("bound_method", "")),
+            str(metrics.get("bound_skipped", "")),
+        )
+
+
+def certify(
+    problem: OrderProblem,
+    travel: float,
+    *,
+    time_limit_s: float,
+    known: float | None = None,
+    stopped: bool = False,
+) -> Certificate:
+    """Prove how far from optimal a result is at most, or say why that is not known.
+
+    Parameters
+    ----------
+    travel : float
+        What the result's travels cost, mm or s as the problem has it.
+    time_limit_s : float
+        The time limit of the search; the bound takes a share of as much again.
+    known : float | None
+        What the search itself has proven; no lower bound is returned. If it is the
+        travel, no more is done.
+    stopped : bool
+        Whoever waits for the result asked to end: nothing is proven any more.
+    """
+    allowed_s, unit = min(MOST_S, SHARE * time_limit_s), problem.unit
+    if known is not None and travel <= known * (1.0 + ROUNDING):
+        return Certificate(travel, known, 0.0, unit, "exact")
+    reason = "stopped before one was proven" if stopped else _too_large(len(problem), allowed_s)
+    if reason:
+        return Certificate(travel, None, None, unit, skipped=reason)
+    compile_bound(problem)
+    found = lower_bound(problem, time_limit_s=allowed_s, upper_bound=travel)
+    method: str = found.method
+    if known is not None and known > found.bound:
+        found, method = replace(found, bound=known), "search"
+    return Certificate(travel, found.bound, found.gap_percent(travel), unit, method)
+
+
+def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:
+    """Return a bound made in a twentieth of the search time, to show while searching."""
+    allowed_s = min(MOST_EARLY_S, EARLY_SHARE * time_limit_s)
+    if len(problem) <= EXACT_UP_TO or _too_large(len(problem), allowed_s):
+        return None
+    compile_bound(problem)
+    return lower_bound(problem, time_limit_s=allowed_s).bound
+
+
+def _too_large(n: int, allowed_s: float) -> str:
+    """Return why a print is too large for the time, or nothing."""
+    words = n * (n / 64)
+    if 2 * 8 * words > MOST_BYTES:
+        return f"{n} contours need more than {MOST_BYTES / 2**30:.0f} GiB of memory"
+    if n > EXACT_UP_TO and words / WORDS_PER_S > allowed_s:
+        return f"{n} contours need more than {allowed_s:.1f} s (half of --time-limit, at most 10 s)"
+    return ""
+
+
+def compile_bound(problem: OrderProblem) -> None:
+    """Bound prints of no size, one exactly, so that compiling is off the clock."""
+    for n in (3, EXACT_UP_TO + 1):
+        lower_bound(replace(row_of(n), pace=problem.pace), time_limit_s=0.0)

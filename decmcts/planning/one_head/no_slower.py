@@ -1,0 +1,108 @@
+"""Nothing is written that takes longer than its source, unless it is asked for.
+
+Whole files are compared (start and end G-code, waits, retractions and lifts included), by one
+time model. A search for `travel` that ended in a longer file is followed by a short one for
+`time`; where that is longer too the source is kept, byte for byte. A mesh has no source file.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from decmcts.formats.atomic import write_whole
+from decmcts.formats.drafts import draft_folder
+from decmcts.formats.gcode.source_text import load_text, packed_text
+from decmcts.planning.events import Report, Step, Stop, never, unheard
+from decmcts.planning.one_head.pipeline import plan_judged
+from decmcts.planning.options import Objective, Search
+from decmcts.planning.problem.planned import Planned, check
+from decmcts.planning.writing.file_times import FileTimes, compared_with, with_whole_files
+from decmcts.planning.writing.one_head import draft_single
+from decmcts.planning.writing.places import name_of, put
+
+AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the search time, for a search for time
+
+
+def write_no_slower(
+    planned: Planned,
+    search: Search,
+    path: Path,
+    *,
+    allow_slower: bool,
+    report: Report = unheard,
+    stop: Stop = never,
+    draft_of: Callable[[Planned, Path, Path], FileTimes] = draft_single,
+) -> tuple[Planned, FileTimes]:
+    """Write the G-code of one head to `path`; returns what was written and its times.
+
+    Where the source is kept `path` becomes a copy of it, or stays as it is where it is the
+    source; the plan returned is then the source's own order.
+
+    Raises
+    ------
+    VerificationError
+        When the text differs from the verified plan; what was at `path` is untouched.
+    """
+    with draft_folder() as folder:
+        draft, started = folder / "draft.gcode", time.perf_counter()
+        report(Step(f"writing {name_of(path)}, reading it back and judging it"))
+        times = draft_of(planned, draft, path)
+        if times.longer and not allow_slower:
+            planned, times = _again(planned, search, times, draft, path, report, stop)
+        if times.longer and not allow_slower:
+            planned, times = _kept(planned, times, path, report)
+        else:
+            put(packed_text(draft.read_bytes(), path, planned.problem.path), path, packed=True)
+        planned.seconds["write"] = time.perf_counter() - started
+    return with_whole_files(planned, times), times
+
+
+def _again(
+    planned: Planned,
+    search: Search,
+    times: FileTimes,
+    draft: Path,
+    path: Path,
+    report: Report,
+    stop: Stop,
+) -> tuple[Planned, FileTimes]:
+    """Search for time what was searched for travel; the quicker of the two files is the draft."""
+    if search.objective != Objective.TRAVEL or stop():
+        return planned, times
+    report(Step("the file would take longer than its source: searching for time"))
+    limit_s = min(AGAIN_SHARE * search.time_limit_s, AGAIN_MOST_S)
+    for_time = replace(
+        search, objective=Objective.TIME, time_limit_s=limit_s, certificate=False,
+    )  # fmt: skip
+    other = plan_judged(planned.problem, for_time, before=planned.before, report=report, stop=stop)
+    first = draft.read_bytes()
+    found = draft_single(other, draft, path)
+    if found.after_s < times.after_s:
+        return other, found
+    draft.write_bytes(first)
+    return planned, times
+
+
+def _kept(
+    planned: Planned, times: FileTimes, path: Path, report: Report
+) -> tuple[Planned, FileTimes]:
+    """Leave the source as it is, or copy it to `path`; returns its own order and times."""
+    source = compared_with(planned)
+    assert source is not None and times.before_s is not None  # else nothing is longer
+    before = planned.before
+    after = replace(before, metrics={**before.metrics, "as_sliced": True, "kept_source": True})
+    own = check(planned.problem, before, after, planned.history, planned.seconds, report)
+    if not (path.exists() and path.samefile(source)):
+        copy_source(source, path)
+    return own, FileTimes(times.before_s, times.before_s, times.after_s, times.before, times.before)
+
+
+def copy_source(source: Path, path: Path) -> None:
+    """Write a file as it is; packed or unpacked only where the names say so."""
+    if path.suffix == source.suffix:
+        write_whole(path, source.read_bytes())
+    else:
+        put(packed_text(load_text(source), path, source), path, packed=True)

@@ -1,0 +1,86 @@
+"""The search for one head: what it begins with, and how it heeds what must cool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from decmcts._kernels.engine.lags import Lags
+from decmcts.planning.compiling.begin import begin_with, can_begin
+from decmcts.planning.compiling.parts import FIRST
+from decmcts.planning.events import Begun, Report, Step, Stop
+from decmcts.planning.one_head.cooling import search_cooled
+from decmcts.planning.options import Search
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.schedule.cooling import cooled
+
+
+@dataclass(frozen=True, slots=True)
+class OrderSearch:
+    """The search for one head, as it is begun and run."""
+
+    print_problem: PrintProblem
+    problem: OrderProblem
+    lags: Lags  # by the times a search estimates
+    spacing: Spacing | None
+    asked: Search
+    report: Report
+    bound: float | None = None  # no order costs less, if known
+
+    def ready(self) -> bool:
+        """Say whether what it begins with is compiled."""
+        return can_begin(self.problem, self.asked.planner)
+
+    def compile_cooling(self) -> None:
+        """Compile what times orders in which something must cool, off the clock."""
+        if self.spacing is not None:
+            given = self.print_problem
+            sliced = source_toolpath(self.problem)
+            cooled(given.job, given.machine, given.graph, self.lags, sliced)
+
+    def begin(self, stop: Stop) -> str | Planner:
+        """Return the planner to begin with, compiled."""
+        return begin_with(self.problem, self.asked.planner, stop)
+
+    def search(self, chosen: str | Planner, stop: Stop) -> SearchResult:
+        """Search, with an eye to cooling where there is such a rule."""
+        asked, given = self.asked, self.print_problem
+        self.report(Begun())
+        if not stop():
+            as_asked = chosen in (asked.planner, asked.name)
+            began = "" if as_asked else f"; with {FIRST}, while the rest is compiled"
+            self.report(Step(f"searching ({asked.name}, {asked.time_limit_s:g} s{began})"))
+        if self.spacing is None:
+            return self._run(chosen, stop)(None, asked.time_limit_s)
+        return search_cooled(
+            given.job, given.machine, given.graph, self.lags,
+            self.spacing if chosen in KEEP_TIME else None, self._run(chosen, stop),
+            source_toolpath(self.problem), time_limit_s=asked.time_limit_s, report=self.report,
+        )  # fmt: skip
+
+    def _run(
+        self, chosen: str | Planner, stop: Stop
+    ) -> Callable[[Spacing | None, float], SearchResult]:
+        """Return the search as a function of the spacing to heed and the time it has, s."""
+
+        def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
+            return plan_order(
+                replace(self.problem, spacing=heeded), planner=chosen,
+                stopping=Stopping(limit_s, self.asked.max_iterations, stop), seed=self.asked.seed,
+                progress=self.report, bound=self.bound,
+            )  # fmt: skip
+
+        return run
+
+
+def source_toolpath(problem: OrderProblem) -> Toolpath:
+    """Return the source's own order, with the seams where a policy names them."""
+    sliced, seams = Toolpath.as_sliced(len(problem)), problem.seams
+    if seams is None:
+        return sliced
+    return replace(sliced, entry=seams.vertices[seams.offsets[:-1]])

@@ -1,0 +1,227 @@
+"""One head, from problem to judged plan: order, bound, schedule, verify.
+
+No output is written here. See ARCHITECTURE.md, which follows one print through it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from decmcts._kernels.engine.lags import Lags
+from decmcts.planning.compiling.begin import compile_search
+from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, unit_for
+from decmcts.planning.events import Report, Sound, Step, Stop, never, unheard
+from decmcts.planning.one_head.beside import searched_beside
+from decmcts.planning.one_head.certificate import EARLY_FROM_S, certify, early_bound
+from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
+from decmcts.planning.options import Freedom, Objective, Search
+from decmcts.planning.problem.first_check import refuse_unsound
+from decmcts.planning.problem.planned import Planned, check, document_of, source_plan
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.planners import SearchResult, plan_order, toolpath_cost
+from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.schedule.cooling import find_lags, print_times, source_times, spacing_of
+from decmcts.team.schedule.joint_plan import schedule
+from decmcts.team.schedule.waits import add_waits
+
+Judge = Callable[[], PlanDocument]
+"""Returns the plan of the source's own order once it was judged; InputError if it has faults."""
+
+
+class Refuse(Protocol):
+    """Raises InputError where the source's own order has faults; `refuse_unsound` is one."""
+
+    def __call__(self, problem: PrintProblem, before: PlanDocument, *, writes: bool) -> None:
+        """Judge the plan of that order, and its text if it `writes`."""
+        ...
+
+
+def plan_one_head(
+    problem: PrintProblem,
+    search: Search,
+    *,
+    writes: bool,
+    report: Report = unheard,
+    stop: Stop = never,
+    compiled: Callable[[str], bool] = is_compiled,
+    refuse: Refuse = refuse_unsound,
+) -> Planned:
+    """Have the source's own order judged and find a better one.
+
+    With `writes` what could not be written is refused before the search. Where what
+    judges is not `compiled` yet that takes longer than what a search waits for: then the
+    search begins meanwhile.
+
+    Raises
+    ------
+    InputError
+        When the judge `refuse`s the source's own order, and so every other.
+    VerificationError
+        When it refuses the plan.
+    """
+
+    def judged() -> PlanDocument:
+        before = source_plan(problem)
+        refuse(problem, before, writes=writes)
+        report(Sound())
+        return before
+
+    if not compiled(PRINT):
+        return plan_judged(problem, search, judge=judged, report=report, stop=stop)
+    report(Step("the source's own order, judged before anything is searched"))
+    return plan_judged(problem, search, before=judged(), report=report, stop=stop)
+
+
+def search_order(
+    problem: PrintProblem, search: Search, *, clock: Callable[[], float] = time.monotonic
+) -> SearchResult:
+    """Find an order for one head; never worse than the source in what it minimises."""
+    bare = problem.for_one_head(search.objective)
+    compile_search(bare, search.planner)
+    return plan_order(
+        bare, planner=search.planner, seed=search.seed, clock=clock,
+        stopping=Stopping(search.time_limit_s, search.max_iterations),
+    )  # fmt: skip
+
+
+def plan_judged(
+    problem: PrintProblem,
+    search: Search,
+    *,
+    before: PlanDocument | None = None,
+    judge: Judge | None = None,
+    report: Report = unheard,
+    stop: Stop = never,
+) -> Planned:
+    """Plan one head: search, bound the travel, schedule, verify.
+
+    `before` is the plan of the source's own order, where it was made already; else `judge`
+    makes it, while the search begins. Once `stop` says so there is no more searching or
+    proving, nor compiling for it.
+    """
+    if before is None and judge is None:
+        before = source_plan(problem)
+    bare = problem.for_one_head(search.objective)
+    bound = _first_bound(bare, search, report, stop)
+    report(Step("preparing the search"))
+    started = time.perf_counter()
+    before, lags, result = _searched(problem, bare, search, bound, before, judge, report, stop)
+    seconds = {**problem.seconds, "plan": time.perf_counter() - started}
+    report(Step("safe travels and times"))
+    plan, toolpath = _scheduled(problem, result.toolpath, lags), result.toolpath
+    if search.objective == Objective.TIME or len(lags.below):
+        plan, toolpath = _no_slower(problem, before, (plan, toolpath), source_toolpath(bare), lags)
+    extra = {**_said(problem, search, result), "as_sliced": _as_sliced(plan)}
+    if search.certificate:
+        if not stop():
+            report(Step("proving how far from optimal this is at most"))
+        started = time.perf_counter()
+        travel = toolpath_cost(bare, toolpath)
+        certificate = certify(
+            bare, travel, time_limit_s=search.time_limit_s, known=result.bound, stopped=stop()
+        )
+        extra |= certificate.metrics()
+        seconds["bound"] = time.perf_counter() - started
+    after = document_of(problem, plan, extra)
+    return check(problem, before, after, result.history, seconds, report)
+
+
+def _searched(
+    problem: PrintProblem,
+    bare: OrderProblem,
+    search: Search,
+    bound: float | None,
+    before: PlanDocument | None,
+    judge: Judge | None,
+    report: Report,
+    stop: Stop,
+) -> tuple[PlanDocument, Lags, SearchResult]:
+    """Return the plan of the source's own order, what must cool by it, and what was found."""
+    lags, guess, spacing = _lags(problem, before)
+    order = OrderSearch(problem, bare, guess, spacing, search, report, bound)
+    found: SearchResult | None = None
+    if before is None:
+        assert judge is not None  # one of the two is given
+        order.compile_cooling()
+        report(Step("the source's own order, judged while the search begins"))
+        with searched_beside(order, stop=stop, report=report) as searched:
+            before = judge()
+            found = searched()
+        lags, _, _ = _lags(problem, before)
+    return before, lags, found or order.search(order.begin(stop), stop)
+
+
+def _first_bound(bare: OrderProblem, search: Search, report: Report, stop: Stop) -> float | None:
+    """Return a bound to show while searching, where there is time for it."""
+    known = is_compiled(bound_part(unit_for(bare)))
+    if not (search.certificate and search.time_limit_s >= EARLY_FROM_S and known) or stop():
+        return None
+    report(Step("a first bound on the travel"))
+    return early_bound(bare, time_limit_s=search.time_limit_s)
+
+
+def _said(problem: PrintProblem, search: Search, result: SearchResult) -> dict[str, object]:
+    """Return what a plan's metrics say of the search."""
+    rules = problem.rules
+    return {
+        "planner": search.name,
+        "objective": search.objective.value,
+        "freedom": rules.freedom.value,
+        **({"seam": rules.seam.value} if rules.freedom == Freedom.SEAM else {}),
+        "seed": search.seed,
+        "time_limit_s": search.time_limit_s,
+        "iterations": result.iterations,
+    }
+
+
+def _scheduled(problem: PrintProblem, order: Toolpath, lags: Lags) -> JointPlan:
+    """Schedule an order for one head, with waits for what must cool."""
+    plan = schedule(problem.job, problem.machine, problem.graph, [order])
+    return add_waits(problem.job, problem.machine, plan, lags)
+
+
+def _no_slower(
+    problem: PrintProblem,
+    before: PlanDocument,
+    found: tuple[JointPlan, Toolpath],
+    sliced: Toolpath,
+    lags: Lags,
+) -> tuple[JointPlan, Toolpath]:
+    """Return what was found, or the source's order where lifts and waits make that quicker.
+
+    A search sees neither all lifts nor all waits.
+    """
+    if found[0].makespan_s <= before.plan.makespan_s:
+        return found
+    own = _scheduled(problem, sliced, lags) if sliced.entry.any() else before.plan
+    return (own, sliced) if own.makespan_s < found[0].makespan_s else found
+
+
+def _as_sliced(plan: JointPlan) -> bool:
+    """Say whether a plan for one head prints as sliced: order, directions and entries."""
+    lane = plan.heads[0]
+    prints = lane.kind == ActionKind.PRINT
+    moved = lane.reversed[prints] | (lane.entry[prints] != 0)
+    return bool((np.diff(lane.contour[prints]) > 0).all()) and not bool(moved.any())
+
+
+def _lags(problem: PrintProblem, source: PlanDocument | None) -> tuple[Lags, Lags, Spacing | None]:
+    """Return what must cool how long, by the plan's times and by those a search estimates.
+
+    And the latter as a search keeps them; None where nothing has to cool. Without a plan
+    the estimate stands for it.
+    """
+    job, rule, n = problem.job, problem.min_layer_time_s, len(problem.job.contours)
+    none = np.zeros(n), np.zeros(n)
+    guess = source_times(job, problem.machine, problem.graph) if rule else none
+    exact = guess if source is None else print_times(source.plan.heads[0], n)
+    lags, estimated = find_lags(job.contours, [exact, guess], rule)
+    return lags, estimated, spacing_of(estimated, *guess) if len(estimated.below) else None

@@ -1,0 +1,238 @@
+"""What planning is asked: a few small values, each checked when it is made.
+
+Nothing here computes. Names in files and on the command line are the values of the enums.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from decmcts.errors import InputError
+from decmcts.print.machine import Machine
+from decmcts.print.plan import OrderRules
+
+if TYPE_CHECKING:
+    from decmcts.print.job import PrintJob
+    from decmcts.search.planners import Planner
+
+
+class Freedom(StrEnum):
+    """Which traversals of a contour a planner may choose."""
+
+    FIXED = "fixed"
+    REVERSIBLE = "reversible"
+    SEAM = "seam"
+
+
+class Seam(StrEnum):
+    """Where freedom `seam` may let closed contours begin."""
+
+    NEAREST = "nearest"
+    ALIGNED = "aligned"
+    REAR = "rear"
+    CORNER = "corner"
+
+
+class PlannerName(StrEnum):
+    """The planners for one head that come with the program."""
+
+    SLICER = "slicer"
+    LAYERWISE = "layerwise"
+    GREEDY = "greedy"
+    LOCAL = "local"
+    MCTS = "mcts"
+    HYBRID = "hybrid"
+
+
+class Objective(StrEnum):
+    """What the search minimises."""
+
+    TRAVEL = "travel"
+    TIME = "time"
+
+
+class Limits(StrEnum):
+    """Whose motion limits count where both state some."""
+
+    SOURCE = "source"
+    MACHINE = "machine"
+
+
+class ProcessOrder(StrEnum):
+    """Whether touching contours of different roles keep the slicer's order."""
+
+    KEEP = "keep"
+    FREE = "free"
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What is asked of every order besides safety; None leaves it to machine and source.
+
+    Parameters
+    ----------
+    process_order : ProcessOrder
+        Whether touching contours of different roles keep the slicer's order.
+    quality : bool | None
+        Whether shells, and what is anchored in them, stay as sliced; None: with every
+        machine but the paper's.
+    min_layer_time_s : float | None
+        No spot is printed over sooner, or no sooner than in the source; None: the slicer's
+        own rule, 0: no rule.
+    max_layers_ahead : int | None
+        How many layers a part may run ahead of the rest; None: any number.
+    freedom : Freedom
+        Which traversals of a contour may be chosen.
+    seam : Seam
+        Where loops may begin, with freedom `SEAM`.
+
+    Raises
+    ------
+    InputError
+        For a limit below zero, or a seam policy without the freedom it needs.
+
+    Examples
+    --------
+    >>> from decmcts import Freedom, Rules, Seam
+    >>> Rules(freedom=Freedom.SEAM, seam=Seam.REAR).max_layers_ahead is None
+    True
+    >>> Rules(seam=Seam.REAR)
+    Traceback (most recent call last):
+    ...
+    decmcts.errors.InputError: seam rear needs freedom seam, this is freedom reversible
+    """
+
+    process_order: ProcessOrder = ProcessOrder.KEEP
+    quality: bool | None = None
+    min_layer_time_s: float | None = None
+    max_layers_ahead: int | None = None
+    freedom: Freedom = Freedom.REVERSIBLE
+    seam: Seam = Seam.NEAREST
+
+    def __post_init__(self) -> None:
+        if self.seam != Seam.NEAREST and self.freedom != Freedom.SEAM:
+            raise InputError(f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}")
+        _at_least_zero("min_layer_time_s", self.min_layer_time_s)
+        _at_least_zero("max_layers_ahead", self.max_layers_ahead)
+
+    def holds(self, machine: Machine) -> bool:
+        """Whether shells and anchors keep their order; the paper's model knows of none."""
+        return machine.bead_width if self.quality is None else self.quality
+
+    def rule_s(self, job: PrintJob, machine: Machine) -> float:
+        """Return the seconds no spot is printed over in; 0: no rule."""
+        if self.min_layer_time_s is not None:
+            return self.min_layer_time_s
+        return job.settings.min_layer_time_s if self.holds(machine) else 0.0
+
+    def on(self, machine: Machine) -> OrderRules:
+        """Return what a plan for this machine says it was held to."""
+        return OrderRules(
+            self.process_order.value, self.holds(machine), self.max_layers_ahead, self.freedom.value
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """How an order for one head is searched.
+
+    Parameters
+    ----------
+    time_limit_s : float
+        Wall-clock limit of the search, s; 0 ends it at once.
+    seed : int
+        Equal seeds and equal `max_iterations` give equal orders.
+    planner : PlannerName | Planner
+        One that comes with the program, or one of your own.
+    objective : Objective
+        What is minimised.
+    max_iterations : int | None
+        Limit on the planner's own iterations; None: time alone ends the search.
+    certificate : bool
+        Whether to prove how far from optimal the result is at most.
+
+    Raises
+    ------
+    InputError
+        For a limit or a seed below zero.
+
+    Examples
+    --------
+    >>> from decmcts import Search
+    >>> Search(time_limit_s=5.0).planner.value
+    'hybrid'
+    """
+
+    time_limit_s: float = 30.0
+    seed: int = 0
+    planner: PlannerName | Planner = PlannerName.HYBRID
+    objective: Objective = Objective.TRAVEL
+    max_iterations: int | None = None
+    certificate: bool = True
+
+    def __post_init__(self) -> None:
+        _at_least_zero("time_limit_s", self.time_limit_s)
+        _at_least_zero("seed", self.seed)
+        _at_least_zero("max_iterations", self.max_iterations)
+
+    @property
+    def name(self) -> str:
+        """What files and summaries call the planner."""
+        planner = self.planner
+        return planner.value if isinstance(planner, PlannerName) else type(planner).__name__.lower()
+
+    @property
+    def unit(self) -> str:
+        """Unit of what is minimised, mm or s."""
+        return "s" if self.objective == Objective.TIME else "mm"
+
+
+@dataclass(frozen=True, slots=True)
+class TeamSearch:
+    """How several heads search for a joint plan.
+
+    Parameters
+    ----------
+    time_limit_s : float
+        Wall-clock limit of the heads' search, s.
+    seed : int
+        Equal seeds and equal messages give equal plans.
+    objective : Objective
+        What one head's own order and the entries of loops save; the makespan comes first.
+    parameters : Mapping[str, float | str]
+        Values of the heads' search that are set, by name (docs/team.md).
+
+    Raises
+    ------
+    InputError
+        For a limit or a seed below zero.
+
+    Examples
+    --------
+    >>> from decmcts import TeamSearch
+    >>> TeamSearch(time_limit_s=10.0, parameters={"gamma": 0.95}).seed
+    0
+    """
+
+    time_limit_s: float = 30.0
+    seed: int = 0
+    objective: Objective = Objective.TRAVEL
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _at_least_zero("time_limit_s", self.time_limit_s)
+        _at_least_zero("seed", self.seed)
+
+
+def _at_least_zero(name: str, value: float | None) -> None:
+    if value is not None and not value >= 0:
+        raise InputError(f"{name} is {value}, must be at least 0")
+
+
+RULES = Rules()  # the usual ones
+NO_QUALITY = Rules(quality=False, min_layer_time_s=0.0)  # the literature's
+SEARCH = Search()
+TEAM_SEARCH = TeamSearch()

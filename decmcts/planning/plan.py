@@ -1,0 +1,72 @@
+"""Find a better order for one head."""
+
+from __future__ import annotations
+
+from decmcts.planning.compiling.child import compilation_told, compiling_beside
+from decmcts.planning.compiling.parts import parts_for
+from decmcts.planning.events import Report, Stop, never, unheard
+from decmcts.planning.one_head.pipeline import plan_one_head
+from decmcts.planning.options import RULES, SEARCH, Objective, Rules, Search
+from decmcts.planning.problem.print_problem import problem_of
+from decmcts.planning.problem.source import Source, first_head
+from decmcts.planning.result import Result
+from decmcts.search.sequence.pace import pace_of
+
+
+def plan(
+    source: Source,
+    search: Search = SEARCH,
+    rules: Rules = RULES,
+    *,
+    writes: bool = True,
+    report: Report = unheard,
+    stop: Stop = never,
+) -> Result:
+    """Find a better order for one head and have it judged.
+
+    Parameters
+    ----------
+    source : Source
+        What `read` returned. Of a machine with several heads the first one prints it.
+    search : Search
+        How long, with which planner, and what is minimised.
+    rules : Rules
+        What every order must keep.
+    writes : bool
+        Whether G-code will be written: what could not be is then refused before the search.
+    report : Report
+        Told what is done and how the search goes.
+    stop : Stop
+        Asked many times a second; True ends the search with the best so far.
+
+    Returns
+    -------
+    Result
+        The plan that passed the judge. Where nothing better was found it is the source's own
+        order.
+
+    Raises
+    ------
+    InputError
+        When the print cannot be planned for this machine.
+    VerificationError
+        When the judge refuses the plan.
+
+    Examples
+    --------
+    >>> from decmcts import PlannerName, Search, plan, read, sample_path
+    >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
+    >>> result = plan(source, Search(time_limit_s=1.0, planner=PlannerName.GREEDY))
+    >>> result.after.travel_mm < result.before.travel_mm
+    True
+    >>> result.verdict.ok
+    True
+    """
+    one = first_head(source, report)
+    timed = search.objective == Objective.TIME
+    walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls
+    parts = parts_for(search, rules.freedom, walls=walls)
+    with compilation_told(report) as told, compiling_beside(parts, told):
+        problem = problem_of(one, rules, told)
+        planned = plan_one_head(problem, search, writes=writes, report=told, stop=stop)
+    return Result(planned, search)

@@ -1,0 +1,73 @@
+"""The source's own order, judged and written before any search.
+
+What is refused of every order (a text that cannot be written again, a contact of
+head and print) is refused here, in time linear in the print, and not after minutes
+of search. Nothing is kept of what is written.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.drafts import draft_folder
+from decmcts.formats.gcode import read_motions, write_gcode
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.plan import PlanDocument
+from sim.faults import Fault, Verdict
+from sim.files.written import verify_written
+from sim.verify import verify_plan
+
+
+def refuse_unsound(problem: PrintProblem, before: PlanDocument, *, writes: bool) -> None:
+    """Raise InputError where the source's own order has faults, as a plan or written.
+
+    Parameters
+    ----------
+    before : PlanDocument
+        The plan of the source's own order for one head.
+    writes : bool
+        Whether G-code of one head will be written.
+    """
+    verdict = verify_plan(before, source=problem.job, trials=0)
+    if not verdict.ok:
+        raise _refusal(problem, verdict, None)
+    if not writes:
+        return
+    with draft_folder() as folder:
+        draft = Path(folder) / "draft.gcode"
+        lane = before.plan.heads[0]
+        write_gcode(problem.document, problem.job, lane, draft)
+        verdict = verify_written(draft, problem.job, problem.document, problem.machine, lane=lane)
+        if not verdict.ok:
+            raise _refusal(problem, verdict, _source_line(problem, draft, verdict.faults[0]))
+
+
+def _refusal(problem: PrintProblem, verdict: Verdict, line: int | None) -> InputError:
+    """Return the error that says what is wrong with the source's own order."""
+    count = len(verdict.faults)
+    return InputError(
+        f"in its own order this print fails verification with {count} fault{'s' * (count > 1)}, "
+        f"so no other order is searched: {verdict.shown}",
+        path=problem.path,
+        line=line,
+        advice="export the G-code again, and report this if it stays so",
+    )
+
+
+def _source_line(problem: PrintProblem, draft: Path, fault: Fault) -> int | None:
+    """Return the source's line of the contour at the line of the draft a fault names."""
+    named = re.search(r"\bline (\d+)", fault.text)
+    try:
+        motions = read_motions(draft)
+    except InputError:
+        return None
+    contour = np.asarray(motions.contour)
+    at = int(np.searchsorted(motions.line, int(named[1]))) if named else len(contour)
+    bead = contour[at:][contour[at:] >= 0]
+    if not len(bead) or int(bead[0]) >= len(problem.job.contours):
+        return None
+    return int(problem.job.contours.line[bead[0]]) or None

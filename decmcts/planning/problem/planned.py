@@ -1,0 +1,82 @@
+"""A plan with all that is needed to check it, and what passed the judge."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import VerificationError
+from decmcts.planning.events import Report, Step
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.alone import lone_machine
+from decmcts.team.schedule.joint_plan import schedule
+from decmcts.team.schedule.metrics import plan_metrics
+from decmcts.version import __version__
+from sim.faults import Verdict
+from sim.verify import verify_plan
+
+History = NDArray[np.float64]
+"""(k, 3) seconds, iterations, cost at each improvement; of heads (k, 2) seconds, makespan."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A plan that passed verification, with the source's own order beside it."""
+
+    problem: PrintProblem
+    before: PlanDocument
+    after: PlanDocument
+    verdict: Verdict
+    history: History
+    seconds: dict[str, float]
+
+
+def document_of(
+    problem: PrintProblem, plan: JointPlan, extra: Mapping[str, object]
+) -> PlanDocument:
+    """Wrap a plan with all that is needed to check and draw it."""
+    metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}
+    return PlanDocument(
+        problem.digest, problem.machine, problem.job.contours, problem.graph.pairs(), plan, metrics,
+        problem.min_layer_time_s, problem.rules.on(problem.machine),
+    )  # fmt: skip
+
+
+def source_plan(problem: PrintProblem) -> PlanDocument:
+    """Schedule the source's own order, the yardstick every result is compared with.
+
+    Of a machine with several heads the first prints it alone, as if it reached everything.
+    """
+    one = len(problem.machine.heads) == 1
+    machine = problem.machine if one else lone_machine(problem.machine)
+    sliced = Toolpath.as_sliced(len(problem.job.contours))
+    plan = schedule(problem.job, machine, problem.graph, [sliced])
+    extra = {"planner": "slicer", "objective": "travel", "freedom": "fixed", "seed": 0}
+    return document_of(replace(problem, machine=machine), plan, extra)
+
+
+def check(
+    problem: PrintProblem,
+    before: PlanDocument,
+    after: PlanDocument,
+    history: History,
+    seconds: Mapping[str, float],
+    report: Report,
+) -> Planned:
+    """Verify a plan with the independent judge; raises VerificationError when it fails."""
+    report(Step("verifying"))
+    started = time.perf_counter()
+    verdict = verify_plan(after, source=problem.job)
+    took = {**seconds, "verify": time.perf_counter() - started}
+    if verdict.faults:
+        raise VerificationError(
+            f"the plan failed verification with {len(verdict.faults)} faults "
+            f"and was not written: {verdict.shown}"
+        )
+    return Planned(problem, before, after, verdict, history, took)

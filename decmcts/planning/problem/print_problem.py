@@ -1,0 +1,138 @@
+"""What is to be planned: a print, the machine it is for, and what must come before what."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.feasibility.digest import problem_digest
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.rules import order_rules
+from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.machine_file import check_fits
+from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.events import Report, Step, unheard
+from decmcts.planning.options import RULES, Freedom, Limits, Objective, Rules
+from decmcts.planning.problem.slicing import Slicing
+from decmcts.planning.problem.source import Source, read_source
+from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.search.sequence.pace import pace_of
+from decmcts.search.sequence.problem import OrderProblem
+
+PARK_ABOVE_MM = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class PrintProblem:
+    """A source with the rules its order must keep."""
+
+    source: Source
+    job: PrintJob  # the source's, with notes on what planning leaves out
+    machine: Machine  # the source's, with the limits that count and its park above the print
+    graph: DependencyGraph
+    rules: Rules
+    seconds: dict[str, float]  # time of each step
+
+    @property
+    def path(self) -> Path:
+        """The file it was read from."""
+        return self.source.path
+
+    @property
+    def document(self) -> GcodeDocument:
+        """The source's text."""
+        return self.source.document
+
+    @property
+    def digest(self) -> str:
+        """Digest that identifies contours, order constraints and machine."""
+        return problem_digest(self.job.contours, self.graph, self.machine)
+
+    @property
+    def min_layer_time_s(self) -> float:
+        """Seconds no spot is printed over in; 0: no such rule."""
+        return self.rules.rule_s(self.job, self.machine)
+
+    def for_one_head(self, objective: Objective) -> OrderProblem:
+        """Return what a search for one head has to solve."""
+        problem = OrderProblem.from_job(
+            self.job,
+            self.graph,
+            self.rules.freedom.value,
+            self.rules.seam.value,
+        )
+        timed = objective == Objective.TIME
+        return replace(problem, pace=pace_of(self.job, self.machine.limits) if timed else None)
+
+
+def load(
+    path: Path,
+    machine: str | Machine | None,
+    rules: Rules = RULES,
+    *,
+    limits: Limits = Limits.SOURCE,
+    mesh: Slicing | SliceOptions | None = None,
+    report: Report = unheard,
+) -> PrintProblem:
+    """Read a print and find what must come before what; of a mesh, by the built-in slicer."""
+    options = SliceOptions() if mesh is None else mesh
+    source = read_source(path, machine, limits=limits, mesh=options, report=report)
+    return problem_of(source, rules, report)
+
+
+def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
+    """Check that a source fits its machine and find what must come before what.
+
+    With freedom `seam` the graph knows what loops lay down wherever they begin.
+
+    Raises
+    ------
+    InputError
+        When the machine cannot print it, or not in its own order.
+    """
+    job, machine, started = source.job, source.machine, time.perf_counter()
+    if source.own_limits:
+        machine = replace(machine, limits=machine.limits.under(job.limits))
+    report(Step(f"dependency graph of {len(job.contours)} contours for {machine.name}"))
+    with named(source.path):
+        check_fits(job.contours, machine)
+        machine = parked_above(machine, job.contours)
+        graph = order_rules(
+            job,
+            machine,
+            process_order=rules.process_order.value,
+            quality=rules.holds(machine),
+            free_seams=rules.freedom == Freedom.SEAM,
+            max_layers_ahead=rules.max_layers_ahead,
+        )
+    seconds = {**dict(source.seconds), "graph": time.perf_counter() - started}
+    return PrintProblem(source, job, machine, graph, rules, seconds)
+
+
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """Name the file in what is refused by those who know its contours only."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
+
+
+def parked_above(machine: Machine, contours: Contours) -> Machine:
+    """Return a one-head machine with its park above the print.
+
+    Where a single head rests before and after is the start and end G-code's
+    business; the plan must only not rest inside the print.
+    """
+    if len(machine.heads) != 1 or not len(contours):
+        return machine
+    head = machine.heads[0]
+    x, y, z = head.park
+    above = float(contours.top.max()) + PARK_ABOVE_MM
+    return replace(machine, heads=(replace(head, park=(x, y, max(z, above))),))

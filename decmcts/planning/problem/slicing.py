@@ -1,0 +1,268 @@
+"""Slices meshes: finds a real slicer, runs it in a temporary folder, or falls back to our own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import weakref
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, NoReturn
+
+from decmcts.errors import InputError
+from decmcts.formats.drafts import draft_folder
+from decmcts.formats.mesh import SliceOptions, slice_to_gcode
+from decmcts.formats.mesh.options import Bed
+from decmcts.formats.mesh.slicers import (
+    CURA_DEFINITION,
+    PROGRAMS,
+    Request,
+    Slicer,
+    command_for,
+    config_paths,
+    slicer_of,
+)
+from decmcts.print.machine import Machine
+
+AUTO, BUILTIN = "auto", "builtin"
+TIMEOUT_S = 1800.0
+TAIL_BYTES = 20_000  # of what a slicer said, enough to find why it failed
+NO_LIMIT_MM = 1e5  # a reach above this is none
+EXPERIMENTS = "the built-in slicer (for experiments: no bridges, gap fill or supports)"
+PRINTED = SliceOptions(skirts=2, fan_percent=100.0)  # what the built-in slicer is told
+CURA_SHARED = ("/usr/share/cura", "/usr/local/share/cura")
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """The slicer to use; `slicer` is None for the built-in one."""
+
+    slicer: Slicer | None
+    program: Path | None = None
+    config: tuple[Path, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """What the summary calls it."""
+        return EXPERIMENTS if self.program is None else str(self.program)
+
+
+def choose_slicer(name: str = AUTO, config: str | None = None) -> Chosen:
+    """Return the slicer that `--slicer` means.
+
+    `auto` is the first on the PATH that can run with what is given, else the built-in one.
+
+    Raises
+    ------
+    InputError
+        For a name that is none, a program that is not there, or a missing configuration.
+    """
+    given = config_paths(config)
+    if name == BUILTIN:
+        if given:
+            raise InputError("--slicer-config means nothing to the built-in slicer")
+        return Chosen(None)
+    if name == AUTO:
+        found = (usable(slicer, given) for slicer in Slicer)
+        chosen = next((one for one in found if one is not None), None)
+        if chosen is None and given:
+            raise InputError(
+                "no slicer this configuration is for is on the PATH", path=given[0],
+                advice=f"install one ({', '.join(Slicer)}), or name it with --slicer",
+            )  # fmt: skip
+        return chosen or Chosen(None)
+    return _named(name, given)
+
+
+def usable(slicer: Slicer, config: tuple[Path, ...]) -> Chosen | None:
+    """Return a slicer that is on the PATH and has the kind of configuration it needs."""
+    program = _on_path(slicer)
+    if program is None:
+        return None
+    ends = {path.suffix.lower() for path in config}
+    if slicer == Slicer.PRUSA:
+        return Chosen(slicer, program, config) if ends <= {".ini"} else None
+    if slicer == Slicer.ORCA:
+        several = len(config) > 1 and ends == {".json"}
+        return Chosen(slicer, program, config) if several else None
+    config = config or cura_definition()
+    return Chosen(slicer, program, config) if len(config) == 1 and ends <= {".json"} else None
+
+
+def _named(name: str, config: tuple[Path, ...]) -> Chosen:
+    """Return the slicer of a name, or the program at a path."""
+    if name.lower() in tuple(Slicer):
+        slicer = Slicer(name.lower())
+        program = _on_path(slicer)
+        if program is None:
+            raise InputError(
+                f"{slicer} is not on the PATH as {', '.join(PROGRAMS[slicer])}",
+                advice="give the path of its program with --slicer",
+            )
+    else:
+        where = shutil.which(name)
+        if where is None:
+            raise InputError(
+                f"'{name}' is no slicer and no program",
+                advice=f"--slicer takes auto, builtin, {', '.join(Slicer)} or a path",
+            )
+        program = Path(where).absolute()
+        known = slicer_of(program) or slicer_of(program.resolve())
+        if known is None:
+            raise InputError(
+                f"the name of this program says of none of {', '.join(Slicer)} that it is it",
+                path=program,
+                advice="make a link to it that begins with the slicer's name",
+            )
+        slicer = known
+    if slicer == Slicer.CURA:
+        config = config or cura_definition()
+    return Chosen(slicer, program, config)
+
+
+def _on_path(slicer: Slicer) -> Path | None:
+    found = (shutil.which(name) for name in PROGRAMS[slicer])
+    return next((Path(where).absolute() for where in found if where), None)
+
+
+def cura_definition() -> tuple[Path, ...]:
+    """Return Cura's base definition where a package of Cura is installed, else nothing."""
+    places = (Path(folder) / CURA_DEFINITION for folder in CURA_SHARED)
+    return next(((place,) for place in places if place.is_file()), ())
+
+
+def bed_of(machine: Machine) -> Bed:
+    """Return the bed to slice for; the literature's machine has none, so a common one."""
+    if not machine.bead_width:
+        return Bed()
+    height = machine.heads[0].reach_max[2]
+    return Bed(machine.bed_min, machine.bed_max, height if height < NO_LIMIT_MM else Bed().height)
+
+
+class SlicedFolder:
+    """A temporary folder that goes once nobody holds this any more."""
+
+    def __init__(self) -> None:
+        stack = ExitStack()
+        self.path = stack.enter_context(draft_folder())
+        weakref.finalize(self, stack.close)
+
+
+@dataclass(frozen=True, slots=True)
+class Slicing:
+    """How meshes are sliced.
+
+    Parameters
+    ----------
+    chosen : Chosen
+        The slicer; `choose_slicer` finds one.
+    options : SliceOptions
+        What it is told; mesh and bed are put where the machine has its bed.
+    given : frozenset[str]
+        Names of options that a slicer with a configuration of its own is told too.
+
+    Examples
+    --------
+    >>> from decmcts import Slicing, choose_slicer
+    >>> Slicing(choose_slicer("builtin")).options.layer_height
+    0.2
+    """
+
+    chosen: Chosen
+    options: SliceOptions = PRINTED
+    given: frozenset[str] = frozenset()
+
+    def slice_for(self, mesh: Path, machine: Machine, folder: Path) -> Path:
+        """Slice a mesh for a machine and return the G-code file, in a folder."""
+        bed = bed_of(machine)
+        options = replace(self.options, bed=bed, center=bed.center)
+        if self.chosen.slicer is None or self.chosen.program is None:
+            sliced = folder / "sliced.gcode"
+            sliced.write_text(slice_to_gcode(mesh, options), encoding="utf-8", newline="\n")
+            return sliced
+        source = self._placed(mesh, options, folder) if self.chosen.slicer == Slicer.CURA else mesh
+        request = Request(
+            self.chosen.program, source.resolve(), folder, options, self.given,
+            self.chosen.config,
+        )  # fmt: skip
+        command = command_for(self.chosen.slicer, request)
+        for path, text in command.files:
+            path.write_text(text, encoding="utf-8")
+        run_slicer(command.words, folder, mesh)
+        if not command.output.is_file() or not command.output.stat().st_size:
+            _fail(self.chosen.program, "wrote no G-code", folder, mesh)
+        return command.output
+
+    def _placed(self, mesh: Path, options: SliceOptions, folder: Path) -> Path:
+        """Return the mesh as an STL in its place on the bed: CuraEngine reads and puts no other."""
+        from decmcts.formats.mesh.load import load_solid  # so that only who slices waits for it
+
+        placed = folder / "placed.stl"
+        load_solid(mesh, options.center).export(placed)
+        return placed
+
+
+def run_slicer(
+    words: tuple[str, ...], folder: Path, mesh: Path, *, timeout_s: float = TIMEOUT_S
+) -> None:
+    """Run a slicer to its end, in a folder; whatever happens nothing of it goes on running.
+
+    Raises
+    ------
+    InputError
+        When it cannot start, fails, or takes longer than `timeout_s`.
+    """
+    program = Path(words[0])
+    with (folder / "said.txt").open("wb") as said:
+        process = _start(words, folder, said, program)
+        try:
+            code = process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            _fail(program, f"was not done after {timeout_s:g} s", folder, mesh)
+        finally:
+            if process.poll() is None:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+    if code != 0:
+        how = f"was ended by signal {-code}" if code < 0 else f"failed with code {code}"
+        _fail(program, how, folder, mesh)
+
+
+def _start(
+    words: tuple[str, ...], folder: Path, said: IO[bytes], program: Path
+) -> subprocess.Popen[bytes]:
+    """Start a program in a session of its own, so that all it starts can be ended."""
+    try:
+        return subprocess.Popen(
+            words, cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
+    except OSError as error:
+        raise InputError(f"cannot be started ({error.strerror})", path=program) from error
+
+
+def _fail(program: Path, what: str, folder: Path, mesh: Path) -> NoReturn:
+    said = folder / "said.txt"
+    text = said.read_bytes()[-TAIL_BYTES:].decode("utf-8", "replace") if said.exists() else ""
+    reason = why(text)
+    raise InputError(
+        f"{program.name} {what}" + (f": {reason}" if reason else ""),
+        path=mesh,
+        advice="try it in the slicer itself, or use --slicer builtin",
+    )
+
+
+def why(said: str) -> str:
+    r"""Return the line of what a slicer said that most likely names the cause.
+
+    Examples
+    --------
+    >>> why("10 => Processing\nerror: objects do not fit\nsee the manual")
+    'error: objects do not fit'
+    """
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    blamed = [x for x in lines if "error" in x.lower() or "could not" in x.lower()]
+    return (blamed or lines or [""])[-1][:300]

@@ -1,0 +1,109 @@
+"""A print as it was read: from G-code, or from a mesh a slicer makes G-code of."""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import GcodeDocument, read_gcode
+from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.machine_file import load_machine
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, read_sliced, slice_mesh
+from decmcts.formats.own_machine import PAGE, machine_of_text
+from decmcts.planning.events import Note, Report, Step
+from decmcts.planning.options import Limits
+from decmcts.planning.problem.slicing import SlicedFolder, Slicing
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A print that was read, and the machine it is for."""
+
+    path: Path
+    job: PrintJob
+    document: GcodeDocument  # its text; of a mesh, of what was sliced
+    machine: Machine
+    own_limits: bool = True  # the motion limits it states count, not the machine's
+    sliced_by: str = ""  # what made the G-code of a mesh
+    seconds: tuple[tuple[str, float], ...] = ()  # time of each step
+    folder: SlicedFolder | None = None  # what was sliced stays there as long as this does
+
+
+def read_source(
+    path: Path,
+    machine: str | Machine | None,
+    *,
+    limits: Limits,
+    mesh: Slicing | SliceOptions,
+    report: Report,
+) -> Source:
+    """Read `path` for a machine; see `decmcts.planning.read.read`."""
+    chosen, origin = machine_for(machine, path)
+    if origin:
+        report(Note(origin))
+    if not path.exists():
+        raise InputError("no such file", path=path)
+    seconds: list[tuple[str, float]] = []
+    sliced, sliced_by, folder = None, "", None
+    if path.suffix.lower() in MESH_SUFFIXES and isinstance(mesh, Slicing):
+        started = time.perf_counter()
+        sliced_by = mesh.chosen.name
+        report(Step(f"slicing {path.name} with {sliced_by}"))
+        folder = SlicedFolder()
+        sliced = mesh.slice_for(path, chosen, folder.path)
+        seconds.append(("slice", time.perf_counter() - started))
+    started = time.perf_counter()
+    report(Step(f"reading {path.name}"))
+    if sliced is not None:
+        job, document = read_sliced(sliced, path)
+    elif isinstance(mesh, SliceOptions) and path.suffix.lower() in MESH_SUFFIXES:
+        job, document = slice_mesh(path, mesh)
+    else:
+        job, document = read_gcode(path)
+    seconds.append(("read", time.perf_counter() - started))
+    own = limits == Limits.SOURCE
+    return Source(path, job, document, chosen, own, sliced_by, tuple(seconds), folder)
+
+
+def machine_for(named: str | Machine | None, source: Path) -> tuple[Machine, str]:
+    """Return the machine that is named, else the source's own, and a line on where it is from.
+
+    Raises
+    ------
+    InputError
+        When none is named and the source does not tell.
+    """
+    if isinstance(named, Machine):
+        return named, ""
+    if named is not None:
+        return load_machine(named), ""
+    if not source.exists():
+        raise InputError("no such file", path=source)
+    if source.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            "a mesh names no printer",
+            path=source,
+            advice=f"add --machine NAME (`decmcts machines` lists them; own ones: {PAGE})",
+        )
+    printer = os.environ.get("SLIC3R_PRINTER_MODEL", "")
+    return machine_of_text(load_text(source), source, printer=printer)
+
+
+def first_head(source: Source, report: Report) -> Source:
+    """Return the source for the first head alone, and tell so where there are more."""
+    machine = source.machine
+    if len(machine.heads) == 1:
+        return source
+    head = machine.heads[0]
+    report(
+        Note(
+            f"{machine.name} has {len(machine.heads)} heads; planned for {head.name} alone, "
+            "`decmcts launch` uses all"
+        )
+    )
+    return replace(source, machine=machine.alone(head))

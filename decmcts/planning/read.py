@@ -1,0 +1,60 @@
+"""Read a print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.compiling.child import compilation_told
+from decmcts.planning.events import Report, unheard
+from decmcts.planning.options import Limits
+from decmcts.planning.problem.slicing import Slicing, choose_slicer
+from decmcts.planning.problem.source import Source, read_source
+from decmcts.print.machine import Machine
+
+
+def read(
+    path: str | Path,
+    machine: str | Machine | None = None,
+    *,
+    limits: Limits = Limits.SOURCE,
+    mesh: Slicing | SliceOptions | None = None,
+    report: Report = unheard,
+) -> Source:
+    """Read G-code, or slice a mesh and read what comes of it.
+
+    Parameters
+    ----------
+    path : str | Path
+        G-code (``.gcode``, ``.gcode.gz``, ``.bgcode``) or a mesh (``.stl``, ``.3mf``, ``.obj``).
+    machine : str | Machine | None
+        The printer: a `Machine`, or what `load_machine` takes; None: the one the file names.
+        A mesh names none.
+    limits : Limits
+        Whose motion limits count where file and machine both state some.
+    mesh : Slicing | SliceOptions | None
+        How a mesh is sliced: by a slicer, for the machine's bed, or by the built-in one with
+        these very options. None: by the first slicer that is installed, else the built-in one.
+    report : Report
+        Told what is done.
+
+    Returns
+    -------
+    Source
+        The print; what a slicer made of a mesh is kept as long as this is.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be used, or no machine is known for it.
+
+    Examples
+    --------
+    >>> from decmcts import read, sample_path
+    >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
+    >>> source.machine.name, len(source.job.contours)
+    ('mk4s', 964)
+    """
+    how = Slicing(choose_slicer()) if mesh is None else mesh
+    with compilation_told(report) as told:
+        return read_source(Path(path), machine, limits=limits, mesh=how, report=told)

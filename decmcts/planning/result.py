@@ -1,0 +1,201 @@
+"""A plan that passed the judge, and what can be written of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from decmcts.formats.plan_json import write_plan
+from decmcts.planning.events import Report, Stop, never, unheard
+from decmcts.planning.one_head.certificate import Certificate
+from decmcts.planning.one_head.no_slower import write_no_slower
+from decmcts.planning.options import Search, TeamSearch
+from decmcts.planning.problem.planned import History, Planned
+from decmcts.planning.problem.source import Source
+from decmcts.planning.writing.file_times import FileTimes
+from decmcts.planning.writing.heads import stem_of, write_heads
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
+from decmcts.print.plan import PlanDocument
+from sim.faults import Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What an order costs."""
+
+    travel_mm: float  # extrusionless, from the end of each contour to the next one's start
+    emitted_travel_mm: float  # as moved, lifts and detours included
+    print_time_s: float  # of the plan; of several heads the makespan
+
+    @staticmethod
+    def of(document: PlanDocument) -> Figures:
+        """Return the figures of a plan."""
+        names = ("extrusionless_travel_mm", "emitted_travel_mm", "print_time_s")
+        return Figures(*(float(document.metrics[name]) for name in names))
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A plan that passed the judge, for one head or several; `plan` and `launch` return it.
+
+    Parameters
+    ----------
+    planned : Planned
+        The plan, its source's own order and the verdict, as the rooms below hand them on.
+    search : Search | TeamSearch
+        What was asked.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from decmcts import PlannerName, Search, plan, read, sample_path
+    >>> source = read(sample_path("four_nuts.gcode.gz"), "mk4s")
+    >>> result = plan(source, Search(1.0, planner=PlannerName.GREEDY))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     written = result.write_gcode(Path(folder) / "better.gcode")
+    >>> [path.name for path in written.paths], written.times.longer
+    (['better.gcode'], False)
+    """
+
+    planned: Planned
+    search: Search | TeamSearch
+
+    @property
+    def source(self) -> Source:
+        """What was planned."""
+        return self.planned.problem.source
+
+    @property
+    def document(self) -> PlanDocument:
+        """The plan with all that is needed to check or draw it, as plan.json has it."""
+        return self.planned.after
+
+    @property
+    def before(self) -> Figures:
+        """What the source's own order costs, with one head."""
+        return Figures.of(self.planned.before)
+
+    @property
+    def after(self) -> Figures:
+        """What the plan costs."""
+        return Figures.of(self.planned.after)
+
+    @property
+    def verdict(self) -> Verdict:
+        """What the judge says of the plan."""
+        return self.planned.verdict
+
+    @property
+    def bound(self) -> Certificate | None:
+        """How far from optimal the travels of one head are at most; None if not asked for."""
+        return Certificate.of(self.document.metrics)
+
+    @property
+    def bound_s(self) -> float | None:
+        """The makespan no joint plan can beat, s; None for one head."""
+        found = self.document.metrics.get("bound")
+        return None if found is None else float(found["bound_s"])
+
+    @property
+    def history(self) -> History:
+        """The best so far over time: rows of seconds, ..., cost."""
+        return self.planned.history
+
+    def write_gcode(
+        self,
+        path: str | Path,
+        *,
+        allow_slower: bool = False,
+        report: Report = unheard,
+        stop: Stop = never,
+    ) -> Written:
+        """Write the plan as G-code, once it was read back and judged.
+
+        Of one head a file that would take longer than its source is not written: a short
+        search for time follows, and where that is no faster the source is kept. Of several
+        heads `path` is the stem of a file a head, ``STEM_HEAD.gcode``.
+
+        Parameters
+        ----------
+        path : str | Path
+            The file, replaced as a whole or not at all; it may be the source itself.
+        allow_slower : bool
+            Write it even if the whole file takes longer than its source.
+        report, stop
+            As in `plan`.
+
+        Returns
+        -------
+        Written
+            What was written, and its times.
+
+        Raises
+        ------
+        InputError
+            When nothing can be written there.
+        VerificationError
+            When the text, read back, is not the plan; what was there is untouched.
+        """
+        out, search = Path(path), self.search
+        if isinstance(search, TeamSearch):
+            return Written(self, tuple(write_heads(self.planned, stem_of(out))))
+        planned, times = write_no_slower(
+            self.planned, search, out, allow_slower=allow_slower, report=report, stop=stop
+        )
+        return Written(replace(self, planned=planned), (out,), times)
+
+    def write_plan(self, path: str | Path) -> None:
+        """Write plan.json, or plan.json.gz.
+
+        Raises
+        ------
+        InputError
+            When nothing can be written there, or the name ends otherwise.
+        """
+        out = Path(path)
+        self._refuse(out)
+        refuse_other_suffixes(out, None, None)
+        write_plan(self.document, out)
+
+    def write_report(self, path: str | Path) -> None:
+        """Write an HTML report with the paths before and after.
+
+        Raises
+        ------
+        InputError
+            As `write_plan`.
+        """
+        from sim.pictures.report import write_report  # plotly loads for those who ask
+
+        out, planned = Path(path), self.planned
+        self._refuse(out)
+        refuse_other_suffixes(None, out, None)
+        write_report(out, before=planned.before, after=planned.after, history=planned.history)
+
+    def write_picture(self, path: str | Path) -> None:
+        """Write a PNG of the paths before and after.
+
+        Raises
+        ------
+        InputError
+            As `write_plan`.
+        """
+        from sim.pictures.drawings import draw_plan  # and so does matplotlib
+
+        out = Path(path)
+        self._refuse(out)
+        refuse_other_suffixes(None, None, out)
+        draw_plan(out, self.planned.before, self.planned.after)
+
+    def _refuse(self, path: Path) -> None:
+        refuse_unwritable([path], self.source.path)
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """G-code that was written."""
+
+    result: Result  # the plan that is in the file; not always the one it was asked of
+    paths: tuple[Path, ...]
+    times: FileTimes | None = None  # of whole files; None for several heads

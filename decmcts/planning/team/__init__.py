@@ -1,0 +1,1 @@
+"""Several heads, each its own process: what they agree on becomes one exact plan."""

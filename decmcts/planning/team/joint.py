@@ -1,0 +1,123 @@
+"""From what agents agreed on to the plan that is written: the exact schedule, and the best of it.
+
+One head alone is always tried too: heads that wait for each other may be slower.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.launch import LaunchResult
+from agents.supervisor import AgentStatus
+from decmcts._kernels.engine.lags import Lags
+from decmcts.errors import InputError
+from decmcts.planning.events import Note, Report
+from decmcts.planning.options import TeamSearch
+from decmcts.planning.problem.planned import document_of
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.bounds.makespan import Bound
+from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
+from decmcts.team.schedule.entries import Orders, best_entries, with_entries
+from decmcts.team.schedule.joint_plan import schedule
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """What agents plan, and what their plan is measured by."""
+
+    problem: PrintProblem
+    before: PlanDocument  # the source's own order, one head
+    lags: Lags
+    orders: Orders
+    order: Toolpath  # what one head alone reaches
+    entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
+    bound: Bound
+
+    def schedule(self, toolpaths: Sequence[Toolpath]) -> JointPlan:
+        """Return the exact plan of an order for each head."""
+        problem = self.problem
+        return schedule(problem.job, problem.machine, problem.graph, toolpaths, lags=self.lags)
+
+
+def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
+    """Schedule one order for one of the live heads, the others parked where possible."""
+    problem = ready.problem
+    paths = one_head_toolpaths(problem.job, problem.machine, ready.order, live=live)
+    shared = "one head" if sum(len(path) > 0 for path in paths) < 2 else "one order"
+    return document_of(problem, ready.schedule(paths), {"planner": f"local, {shared}"})
+
+
+def best_of(
+    ready: Prepared, result: LaunchResult | None, search: TeamSearch, report: Report
+) -> PlanDocument:
+    """Schedule what was agreed, or one head alone where that is faster."""
+    problem = ready.problem
+    agreement = None if result is None else result.agreement
+    heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
+    alone = plan_alone(ready, heads)
+    machine = lone_machine(problem.machine)
+    lone = schedule(problem.job, machine, problem.graph, [ready.order], lags=ready.lags)
+    extra: dict[str, object] = {
+        "planner": "dec-mcts",
+        **_said(ready.orders),
+        "seed": search.seed,
+        "time_limit_s": search.time_limit_s,
+        "parameters": dict(search.parameters),
+        "agreed_digest": "" if agreement is None else agreement.digest,
+        "live_heads": list(heads),
+        "one_head_s": lone.makespan_s,
+        "bound": dataclasses.asdict(ready.bound),
+        "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
+    }
+    if result is not None:
+        joint = _joint(ready, result, report)
+        if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
+            return document_of(problem, joint, extra)
+    return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
+
+
+def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan | None:
+    """Return the exact plan of what was agreed: as it is, or with other entries if it ends first.
+
+    None where one shuts another in that enters loops elsewhere than as sliced.
+    """
+    problem = ready.problem
+    agreed = with_entries(result.toolpaths, ready.entry)
+    moved = best_entries(
+        problem.job, problem.machine, problem.graph, agreed, ready.orders, ready.lags
+    )
+    plans = []
+    for paths in (agreed, moved):
+        try:
+            plans.append(ready.schedule(paths))
+        except InputError as error:
+            if not ready.entry.any() and not plans:  # then these heads cannot print it at all
+                raise
+            report(Note(f"other entries of loops: {error.what}"))
+    return min(plans, key=lambda plan: plan.makespan_s, default=None)
+
+
+def _said(orders: Orders) -> dict[str, str]:
+    """Return what orders are free to do, as `plan` says it."""
+    seam = {"seam": orders.seam} if orders.freedom == "seam" else {}
+    return {"freedom": orders.freedom, **seam, "objective": orders.objective}
+
+
+def _traffic(agent: AgentStatus) -> dict[str, object]:
+    return {
+        "head": agent.name,
+        "rounds": agent.rounds,
+        "sent": sum(agent.sent.values()),
+        "sent_bytes": sum(agent.sent_bytes.values()),
+        "received": sum(agent.received.values()),
+        "received_bytes": sum(agent.received_bytes.values()),
+        "dropped": sum(agent.dropped.values()),
+        "agreeing_s": agent.agreeing_s,
+    }

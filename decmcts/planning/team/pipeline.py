@@ -1,0 +1,181 @@
+"""Several heads, from problem to judged plan: the agents take the place of one head's search.
+
+No output is written here. See ARCHITECTURE.md, which follows one planning round.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from agents.launch import LaunchResult
+from agents.launch import launch as launch_agents
+from agents.supervisor import AgentStatus, LaunchError, OnProgress
+from decmcts._kernels.engine.lags import Lags
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.gcode import refuse_for_heads, unprimed_note
+from decmcts.planning.compiling.child import finish_beside
+from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.events import Begun, Heads, Note, Report, Sound, Step, Stop, never, unheard
+from decmcts.planning.one_head.pipeline import search_order
+from decmcts.planning.options import PlannerName, Search, TeamSearch
+from decmcts.planning.problem.first_check import refuse_unsound
+from decmcts.planning.problem.planned import History, Planned, check, source_plan
+from decmcts.planning.problem.print_problem import PrintProblem, named
+from decmcts.planning.team.joint import Prepared, best_of
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import PlanDocument
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.engine.space import refuse_shut_in
+from decmcts.team.schedule.cooling import cooled, find_lags, print_times
+from decmcts.team.schedule.entries import Orders, agreed_job, entries_of, first_entries
+from decmcts.team.schedule.leaning import lean
+
+ALONE_MOST_S = 10.0  # for what one head alone reaches, and at most a third of the search time
+
+
+class Launch(Protocol):
+    """Has the agents agree; `agents.launch.launch`, or in a test what stands for it."""
+
+    def __call__(
+        self,
+        job: PrintJob,
+        machine: Machine,
+        graph: DependencyGraph,
+        *,
+        time_limit_s: float,
+        seed: int,
+        lags: Lags | None,
+        parameters: Mapping[str, float | str] | None,
+        on_progress: OnProgress | None,
+        should_stop: Stop | None,
+    ) -> LaunchResult:
+        """Return what they agreed on; raises LaunchError if that is nothing."""
+        ...
+
+
+def plan_team(
+    problem: PrintProblem,
+    search: TeamSearch,
+    *,
+    writes: bool,
+    report: Report = unheard,
+    stop: Stop = never,
+    agents: Launch = launch_agents,
+) -> Planned:
+    """Let the agents plan and agree, schedule, verify.
+
+    With `writes` what no head's file could hold is refused before the search, and noted
+    what it leaves out.
+
+    Raises
+    ------
+    InputError
+        When the source's own order has faults, or no head reaches some contour.
+    VerificationError
+        When the judge refuses the plan.
+    """
+    ready = _prepared(problem, search, writes=writes, report=report)
+    finish_beside(TEAM, report)  # else every agent would load what others compile
+    started = time.perf_counter()
+    report(Begun())
+    result = _agreed(ready, search, report, stop, agents)
+    seconds = {**problem.seconds, "plan": time.perf_counter() - started}
+    report(Step("safe travels, times and order across heads"))
+    after = best_of(ready, result, search, report)
+    return check(ready.problem, ready.before, after, _history(result), seconds, report)
+
+
+def _prepared(
+    problem: PrintProblem, search: TeamSearch, *, writes: bool, report: Report
+) -> Prepared:
+    """Have the source's own order judged, and find what agents and their plan are measured by."""
+    orders = Orders(problem.rules.freedom.value, problem.rules.seam.value, search.objective.value)
+    report(Step("the source's own order, one head"))
+    before = source_plan(problem)
+    if writes:
+        refuse_for_heads(problem.document, problem.job, problem.machine)
+        problem = with_note(problem, unprimed_note(problem.document))
+    with named(problem.path):
+        refuse_shut_in(problem.job, problem.machine)
+    refuse_unsound(problem, before, writes=False)
+    report(Sound())
+    job, machine, graph = problem.job, problem.machine, problem.graph
+    lags = lags_of(problem, before)
+    report(Step("what one head alone reaches"))
+    order = _alone(problem, search, lags)
+    entry, entries = first_entries(job, orders, order), entries_of(job, orders)
+    if entries is not None:
+        report(Step("where loops begin"))
+    entry = lean(job, machine, graph, orders, entry, entries, lags)
+    report(Step("a bound on the makespan"))
+    bound = makespan_bound(job, machine, graph, entries=entries)
+    return Prepared(problem, before, lags, orders, order, entry, bound)
+
+
+def _alone(problem: PrintProblem, search: TeamSearch, lags: Lags) -> Toolpath:
+    """Return an order for one head, cooling heeded."""
+    limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
+    local = Search(limit_s, search.seed, PlannerName.LOCAL, search.objective)
+    found = search_order(problem, local).toolpath
+    return cooled(problem.job, problem.machine, problem.graph, lags, found).toolpath
+
+
+def with_note(problem: PrintProblem, note: str | None) -> PrintProblem:
+    """Return the problem with one more note on the source, if there is one."""
+    if note is None:
+        return problem
+    return replace(problem, job=replace(problem.job, notes=(*problem.job.notes, note)))
+
+
+def lags_of(problem: PrintProblem, before: PlanDocument) -> Lags:
+    """Return how long what is printed over must cool, by the source's own times."""
+    times = print_times(before.plan.heads[0], len(problem.job.contours))
+    return find_lags(problem.job.contours, [times], problem.min_layer_time_s)[0]
+
+
+def _agreed(
+    ready: Prepared, search: TeamSearch, report: Report, stop: Stop, agents: Launch
+) -> LaunchResult | None:
+    """Return what the agents agreed on, or None: one head alone is always left."""
+    problem = ready.problem
+
+    def passed_on(states: tuple[AgentStatus, ...]) -> None:
+        report(Heads(states, ready.bound.bound_s))
+
+    passed_on(())
+    try:
+        result = agents(
+            agreed_job(problem.job, ready.orders, ready.entry),
+            problem.machine,
+            problem.graph,
+            time_limit_s=search.time_limit_s,
+            seed=search.seed,
+            lags=ready.lags,
+            parameters=search.parameters,
+            on_progress=passed_on,
+            should_stop=stop,
+        )
+    except LaunchError as error:
+        report(Note(f"{error}; one head prints alone"))
+        return None
+    for lost in (a for a in result.agreement.agents if a.phase == "lost"):
+        report(Note(f"head {lost.name} was lost ({lost.note}); the plan does without it"))
+    return result
+
+
+def _history(result: LaunchResult | None) -> History:
+    """Return the best makespan of any agent over time, (k, 2)."""
+    best, history = float("inf"), []
+    agents = () if result is None else result.agreement.agents
+    for seconds, makespan in sorted(h for a in agents for h in a.history):
+        if makespan < best:
+            best = makespan
+            history.append((seconds, makespan))
+    return np.array(history, np.float64).reshape(-1, 2)

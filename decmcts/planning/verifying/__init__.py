@@ -1,0 +1,1 @@
+"""Plans and finished files judged again."""

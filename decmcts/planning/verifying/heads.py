@@ -1,0 +1,121 @@
+"""Several files, one a head, verified together: `decmcts verify STEM_*.gcode`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.machine_file import load_machine
+from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.planning.problem.print_problem import parked_above
+from decmcts.planning.verifying.held import Held
+from decmcts.print.machine import Machine
+from decmcts.print.plan import PlanDocument
+from sim.content.same_print import is_other_print
+from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.heads.file import header_of, read_head_file
+from sim.heads.plan import plan_of_files
+from sim.heads.together import verify_heads
+from sim.rules.order_rules import usual_rules
+from sim.verify import verify_plan
+
+WITHOUT_PLAN = (
+    "no plan was given: files do not say what rules their order was held to, nor what must cool; "
+    "name the rules as for `launch`, or give --plan"
+)
+
+
+def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Return the files of a plan in the order they say they have, and each one's head.
+
+    Raises
+    ------
+    InputError
+        When one of them is no file of one head of several.
+    """
+    headers = [(header_of(load_text(path)), path) for path in paths]
+    for (head, _), path in headers:
+        if not head:
+            raise InputError(
+                "this is no file of one head of several",
+                path=path,
+                advice="name all files of one `launch` and nothing else",
+            )
+    headers.sort(key=lambda header: header[0][1])
+    return [path for _, path in headers], [head for (head, _), _ in headers]
+
+
+def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verdict:
+    """Verify the files of all heads against the plan and the source they were made from."""
+    job, document = read_gcode(source)
+    files, named = ordered(paths)
+    faults = misnamed(files, named, plan.machine)
+    parks = {head.name: head.park for head in plan.machine.heads}
+    at = [parks[lane.head] for lane in plan.plan.heads]
+    release = plan.machine.release
+    verdict = verify_heads(files, plan.plan, job, document, parks=at, release=release)
+    return Verdict((*faults, *verdict.faults), verdict.counts)
+
+
+def judge_heads_alone(
+    paths: Sequence[Path], source: Path, machine: str | Machine | None, held: Held, *,
+    seed: int, trials: int,
+) -> Verdict:  # fmt: skip
+    """Verify the files of all heads by what they do on the machine, without their plan.
+
+    The order is held to the usual rules, but for those it is `held` to.
+    """
+    job, document = read_gcode(source)
+    chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
+    chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
+    paths, named = ordered(paths)
+    files = [read_head_file(path) for path in paths]
+    names = {head.name: k for k, head in enumerate(chosen.heads)}
+    faults = misnamed(paths, named, chosen)
+    if sorted(file.name for file in files) != sorted(names):
+        there, due = ", ".join(file.name for file in files), ", ".join(names)
+        text = f"there are files of heads {there}; machine {chosen.name} has {due}"
+        text += "" if machine else " (another is named with --machine)"
+        return Verdict((*faults, Fault(FaultKind.MISSING, text)))
+    plan, altered = plan_of_files(files, job, chosen)
+    if is_other_print(altered):
+        return Verdict((*faults, *altered))
+    rules = held.over(usual_rules(chosen)) if held.any_rule else None
+    verdict = verify_plan(plan, source=job, rules=rules, trials=trials, seed=seed)
+    parks = [chosen.heads[names[file.name]].park for file in files]
+    more = verify_heads(
+        paths, plan.plan, job, document, parks=parks, release=chosen.release, read=True
+    )
+    every = (*faults, *altered, *verdict.faults, *more.faults)
+    return Verdict(every, verdict.counts, (verdict.checked[0], WITHOUT_PLAN))
+
+
+def misnamed(paths: Sequence[Path], named: Sequence[str], machine: Machine) -> list[Fault]:
+    """Return the files whose name is another head's: they would go to its controller."""
+    lines = []
+    for path, name in zip(paths, named, strict=True):
+        stem = path.name.removesuffix(".gz").removesuffix(".gcode")
+        ends = [head.name for head in machine.heads if stem.endswith(f"_{head.name}")]
+        if ends and name not in ends:
+            lines.append(f"{path.name} is the file of head {name}")
+    return listed(FaultKind.COMMAND, lines)
+
+
+def source_of(source: Path | None) -> Path:
+    """Return the source, which files of several heads cannot be judged without."""
+    if source is None:
+        raise InputError("G-code files need their source", advice="add --source IN.gcode")
+    refuse_mesh(source, "verify the plan.json of `launch --plan`")
+    return source
+
+
+def refuse_mesh(source: Path, advice: str) -> None:
+    """Raise InputError for a source that holds no extrusions to compare with."""
+    if source.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            "what was made of a mesh cannot be compared with it", path=source, advice=advice
+        )

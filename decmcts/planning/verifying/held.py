@@ -1,0 +1,54 @@
+"""What a plan is held to when it is judged again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from decmcts.planning.options import Freedom, ProcessOrder
+from decmcts.print.plan import OrderRules
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What a plan is held to; None: as it says itself.
+
+    Parameters
+    ----------
+    process_order, quality, max_layers_ahead, freedom, min_layer_time_s
+        As in `decmcts.Rules`.
+
+    Examples
+    --------
+    >>> from decmcts import Held
+    >>> Held(quality=True).names()
+    ['quality']
+    """
+
+    process_order: ProcessOrder | None = None
+    quality: bool | None = None
+    max_layers_ahead: int | None = None
+    freedom: Freedom | None = None
+    min_layer_time_s: float | None = None
+
+    def names(self) -> list[str]:
+        """Return the names of what was asked for."""
+        return [name for name in self.__slots__ if getattr(self, name) is not None]
+
+    @property
+    def any_rule(self) -> bool:
+        """Whether a rule of the order was asked for."""
+        return bool(set(self.names()) - {"min_layer_time_s"})
+
+    def over(self, rules: OrderRules) -> OrderRules:
+        """Return rules with those that were asked for in their place."""
+        order, freedom, ahead = self.process_order, self.freedom, self.max_layers_ahead
+        return replace(
+            rules,
+            process_order=rules.process_order if order is None else order.value,
+            quality=rules.quality if self.quality is None else self.quality,
+            max_layers_ahead=rules.max_layers_ahead if ahead is None else ahead,
+            freedom=rules.freedom if freedom is None else freedom.value,
+        )
+
+
+AS_STATED = Held()

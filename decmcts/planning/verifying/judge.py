@@ -1,0 +1,153 @@
+"""A plan or finished files, judged again by what they state or by what they are held to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from decmcts.errors import InputError
+from decmcts.feasibility.digest import problem_digest
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.gcode import read_gcode, read_result
+from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.machine_file import load_machine
+from decmcts.formats.plan_json import read_plan
+from decmcts.planning.events import Note, Report, unheard
+from decmcts.planning.problem.source import machine_for
+from decmcts.planning.verifying.heads import judge_heads, judge_heads_alone, refuse_mesh, source_of
+from decmcts.planning.verifying.held import AS_STATED, Held
+from decmcts.print.machine import Machine
+from decmcts.print.plan import PlanDocument
+from sim.content.same_print import is_other_print
+from sim.content.seams import seams_of_file
+from sim.faults import Verdict
+from sim.files.written import check_state
+from sim.heads.file import header_of
+from sim.rules.cooling import check_stated
+from sim.rules.order_rules import usual_rules
+from sim.verify import verify_motions, verify_plan
+
+
+def judge_several(
+    results: list[Path],
+    source: Path | None,
+    plan: Path | None,
+    machine: str | Machine | None,
+    held: Held,
+    *,
+    seed: int,
+    trials: int,
+) -> Verdict:
+    """Verify the files of all heads together, with the plan they were made from or without."""
+    given = source_of(source)
+    if plan is None:
+        if held.min_layer_time_s is not None:
+            raise InputError("min_layer_time_s: files alone do not tell", advice="add --plan")
+        return judge_heads_alone(results, given, machine, held, seed=seed, trials=trials)
+    verdict = judge(plan, given, machine, held, seed=seed, trials=trials)
+    if is_other_print(verdict.faults):
+        return verdict
+    files = judge_heads(results, given, read_plan(plan))
+    return Verdict(
+        (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}, verdict.checked
+    )
+
+
+def judge(
+    result: Path,
+    source: Path | None,
+    machine: str | Machine | None,
+    held: Held = AS_STATED,
+    *,
+    seed: int,
+    trials: int,
+    report: Report = unheard,
+) -> Verdict:
+    """Verify a plan file, or a G-code file against its source."""
+    if _is_plan(result):
+        return judge_plan(result, source, machine, held, seed=seed, trials=trials)
+    if asked := held.names():
+        raise InputError(
+            f"{', '.join(asked)}: only the order of a plan.json is held to rules",
+            path=result,
+            advice="leave them out, or verify the plan.json",
+        )
+    if source is None:
+        raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
+    refuse_mesh(source, "verify against the slicer's G-code (`plan --sliced`), or verify plan.json")
+    refuse_head_file(result)
+    chosen, origin = machine_for(machine, source)
+    if origin:
+        report(Note(origin))
+    job, print_text, theirs = read_result(source)
+    ours, _, motions = read_result(result)
+    seams = list(seams_of_file(ours.contours, job.contours))
+    verdict = verify_motions(motions, theirs, chosen, job=job, seams=seams)
+    if is_other_print(verdict.faults):
+        return verdict
+    if load_text(result) == load_text(source):  # as `plan` leaves what cannot be made faster
+        return Verdict(verdict.faults, verdict.counts, ("the file is its source, byte for byte",))
+    state = check_state(result, job, print_text, seams=seams)
+    return Verdict((*verdict.faults, *state), verdict.counts)
+
+
+def judge_plan(
+    result: Path,
+    source: Path | None,
+    machine: str | Machine | None,
+    held: Held,
+    *,
+    seed: int,
+    trials: int,
+) -> Verdict:
+    """Verify a plan file by the rules it states, as far as the command line names no others.
+
+    But the time before a spot is printed over is no less than the source's slicer keeps.
+    """
+    document = read_plan(result)
+    digest = digest_of(document)
+    rule = held.min_layer_time_s
+    rules = held.over(document.rules or usual_rules(document.machine)) if held.any_rule else None
+    job = read_gcode(source)[0] if source is not None else None
+    verdict = verify_plan(
+        replace(document, min_layer_time_s=document.min_layer_time_s if rule is None else rule),
+        source=job,
+        machine=load_machine(machine) if isinstance(machine, str) else machine,
+        rules=rules,
+        digest=digest,
+        trials=trials,
+        seed=seed,
+    )
+    if job is None or rule is not None or is_other_print(verdict.faults):
+        return verdict
+    less = check_stated(document, job, rules or document.rules or usual_rules(document.machine))
+    return replace(verdict, faults=(*verdict.faults, *less))
+
+
+def is_whole_team(path: Path) -> bool:
+    """Tell whether this is the one file `launch` wrote for a machine with one head."""
+    return not _is_plan(path) and header_of(load_text(path))[1] == (1, 1)
+
+
+def _is_plan(path: Path) -> bool:
+    return path.name.lower().endswith((".json", ".json.gz"))
+
+
+def refuse_head_file(path: Path) -> None:
+    """Raise InputError for the file of one head of several: alone it proves nothing.
+
+    Such a file says so among its first lines.
+    """
+    name, (place, of) = header_of(load_text(path))
+    if name:
+        raise InputError(
+            f"this is the file of one head of several (head {name}, file {place} of {of})",
+            path=path,
+            advice="name the files of all heads, with --plan plan.json if you have it",
+        )
+
+
+def digest_of(document: PlanDocument) -> str:
+    """Return the digest the document's own contours, order and machine have."""
+    graph = DependencyGraph.from_pairs(len(document.contours), document.precedence)
+    return problem_digest(document.contours, graph, document.machine)

@@ -1,0 +1,78 @@
+"""Times of whole files, start and end G-code included, by one time model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from decmcts.formats.gcode.duration import FileTime, print_time
+from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.planning.problem.planned import Planned
+from decmcts.print.walls import outer_walls
+
+SAME_TIME_S = 0.25, 1.0  # times of whole files that differ by less are the same, for short prints
+SAME_TIME_SHARE = 1e-3  # and for long ones; between them this share. Feeds and positions are
+# written anew with the source's decimals, which moves the estimate by a fraction of a second
+
+
+@dataclass(frozen=True, slots=True)
+class FileTimes:
+    """Estimated print times of whole files, start and end G-code included, in seconds."""
+
+    before_s: float | None  # of the source; None: it is no G-code
+    after_s: float
+    refused_s: float | None = None  # of the new order, where the source was kept instead
+    before: Mapping[str, float | None] = field(default_factory=dict)  # what else whole files show:
+    after: Mapping[str, float | None] = field(default_factory=dict)  # see `whole_file`
+
+    @property
+    def longer(self) -> bool:
+        """Whether the result takes longer than its source."""
+        return self.before_s is not None and is_longer(self.before_s, self.after_s)
+
+    @property
+    def kept(self) -> bool:
+        """Whether the result is the source as it was."""
+        return self.refused_s is not None
+
+
+def is_longer(before_s: float, after_s: float) -> bool:
+    """Say whether a time is longer than another by more than writing a file anew may do."""
+    least, most = SAME_TIME_S
+    return after_s > before_s + min(max(least, SAME_TIME_SHARE * before_s), most)
+
+
+def compared_with(planned: Planned) -> Path | None:
+    """Return the G-code a result is compared with; None where there is none."""
+    source = Path(planned.problem.document.path)  # of a mesh: what its slicer made
+    return None if source.suffix.lower() in MESH_SUFFIXES else source
+
+
+def file_times(planned: Planned, draft: Path) -> FileTimes:
+    """Estimate what the source takes and what was made of it takes."""
+    source, limits = compared_with(planned), planned.problem.machine.limits
+    walls, own = outer_walls(planned.problem.job.contours), planned.problem.source.own_limits
+    after = print_time(draft, limits, own_limits=own, walls=walls)
+    if source is None:
+        return FileTimes(None, after.total_s, after=whole_file(after))
+    before = print_time(source, limits, own_limits=own, walls=walls)
+    return FileTimes(
+        before.total_s, after.total_s, before=whole_file(before), after=whole_file(after)
+    )
+
+
+def whole_file(time: FileTime) -> dict[str, float | None]:
+    """Return what a whole file shows as metrics, for tables, `--json` and plan.json."""
+    return {
+        "file_time_s": time.total_s,
+        "retractions": time.retractions,
+        "travel_over_walls_mm": time.over_walls_mm,
+    }
+
+
+def with_whole_files(planned: Planned, times: FileTimes) -> Planned:
+    """Return a result with the figures of its whole files among its metrics."""
+    before = replace(planned.before, metrics={**planned.before.metrics, **times.before})
+    after = replace(planned.after, metrics={**planned.after.metrics, **times.after})
+    return replace(planned, before=before, after=after)

@@ -1,0 +1,95 @@
+"""The G-code of several heads, a file each, judged together before any of them is written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from decmcts.errors import InputError
+from decmcts.formats.drafts import draft_folder
+from decmcts.formats.gcode import GcodeDocument, write_head_gcode
+from decmcts.planning.problem.planned import Planned
+from decmcts.planning.writing.lines import header_lines
+from decmcts.planning.writing.places import STDOUT, put, require_sound
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine, Release
+from decmcts.print.plan import JointPlan
+from sim.heads.together import verify_heads
+
+
+def stem_of(output: Path) -> Path:
+    """Return what the names of the heads' files begin with: the output, without `.gcode`.
+
+    Raises
+    ------
+    InputError
+        For standard output and for folders.
+    """
+    if output == STDOUT:
+        raise InputError(
+            "several files do not go to standard output", advice="name a stem, such as -o part"
+        )
+    if not output.name or output.is_dir():
+        raise InputError("the output is a folder", path=output, advice="name a stem in it")
+    return output.with_suffix("") if output.suffix.lower() == ".gcode" else output
+
+
+def head_files(stem: Path, machine: Machine) -> list[Path]:
+    """Return the names of the files of the machine's heads, `STEM_HEAD.gcode`."""
+    return [stem.with_name(f"{stem.name}_{head.name}.gcode") for head in machine.heads]
+
+
+class HeadWriter(Protocol):
+    """Writes the file of one head of a plan; `write_head_gcode`, or in a test one that fails."""
+
+    def __call__(
+        self,
+        document: GcodeDocument,
+        job: PrintJob,
+        plan: JointPlan,
+        head_index: int,
+        out: Path,
+        *,
+        header_lines: Sequence[str],
+        park: tuple[float, float, float] | None,
+        release: Release,
+    ) -> None:
+        """Write to `out`."""
+        ...
+
+
+def write_heads(
+    planned: Planned, stem: Path, *, write: HeadWriter = write_head_gcode
+) -> list[Path]:
+    """`write` one G-code file per head, `STEM_HEAD.gcode`; returns the paths.
+
+    Raises
+    ------
+    VerificationError
+        When the files, read back, are not the verified plan; then none is written.
+    """
+    problem, plan = planned.problem, planned.after.plan
+    parks = {head.name: head.park for head in problem.machine.heads}
+    at = [parks[lane.head] for lane in plan.heads]
+    names = [f"{stem.name}_{lane.head}.gcode" for lane in plan.heads]
+    with draft_folder() as folder:
+        drafts = [folder / name for name in names]
+        for index, draft in enumerate(drafts):
+            write(
+                problem.document,
+                problem.job,
+                plan,
+                index,
+                draft,
+                header_lines=header_lines(planned),
+                park=at[index],
+                release=problem.machine.release,
+            )
+        verdict = verify_heads(
+            drafts, plan, problem.job, problem.document, parks=at, release=problem.machine.release
+        )
+        require_sound(verdict, stem)
+        for name, draft in zip(names, drafts, strict=True):
+            put(draft.read_bytes(), stem.with_name(name))
+    return [stem.with_name(name) for name in names]

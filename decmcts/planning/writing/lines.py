@@ -1,0 +1,55 @@
+"""What is said of a plan, in a line each: in the header of its G-code and on a terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from decmcts.planning.problem.planned import Planned
+from decmcts.print.plan import ActionKind, PlanDocument
+from decmcts.version import __version__
+
+TRAVEL = "extrusionless_travel_mm"  # the paper's metric
+
+
+def header_lines(planned: Planned) -> list[str]:
+    """Return the comment lines that say what was done to the file."""
+    was, now = planned.before.metrics, planned.after.metrics
+    machine = planned.after.machine
+    seam = f" ({now['seam']})" if "seam" in now else ""
+    return [
+        f"reordered by decmcts {__version__} for machine {machine.name}",
+        f"planner {now['planner']} for {now.get('objective', 'makespan')},"
+        f" freedom {now['freedom']}{seam}, seed {now['seed']}",
+        f"extrusionless travel {was[TRAVEL]:.1f} mm -> {now[TRAVEL]:.1f} mm",
+        f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
+        *(line for line in (cooling_line(planned.after), layers_line(planned)) if line),
+        "verified: every extrusion exactly once, no contact of head and print",
+    ]
+
+
+def layers_line(planned: Planned) -> str | None:
+    """Return one line on layers entered more often than in the source; None if they are not."""
+    lanes, layer = planned.after.plan.heads, planned.problem.job.contours.layer
+    if len(lanes) > 1 or not len(layer):
+        return None
+    order = lanes[0].contour[lanes[0].kind == ActionKind.PRINT]
+    was, now = (1 + int(np.count_nonzero(np.diff(row))) for row in (layer, layer[order]))
+    if now <= was:
+        return None
+    return (
+        f"layers are entered {now} times instead of {was}: viewers count every change of height "
+        "as a layer, so their sliders follow the sequence"
+    )
+
+
+def cooling_line(document: PlanDocument) -> str | None:
+    """Return one line on how long a plan waits for cooling; None where no rule was asked for."""
+    rule, metrics = document.min_layer_time_s, document.metrics
+    if rule <= 0.0:
+        return None
+    count = metrics["waits"]
+    waits = f"waits {metrics['waits_s']:,.1f} s for cooling in {count} place{'s' * (count != 1)}"
+    due = f"a spot is printed over after {rule:g} s, or as soon as in the source"
+    if metrics.get("as_sliced"):
+        return f"the source's own order was the fastest ({due}; --min-layer-time 0 drops this rule)"
+    return f"{waits if count else 'no wait for cooling'}: {due}"

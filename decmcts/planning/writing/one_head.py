@@ -1,0 +1,57 @@
+"""The G-code of one head, as a draft that the judge reads back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+from decmcts.formats.gcode import GcodeDocument, write_gcode
+from decmcts.formats.gcode.progress import restated
+from decmcts.planning.problem.planned import Planned
+from decmcts.planning.writing.file_times import FileTimes, file_times
+from decmcts.planning.writing.lines import header_lines
+from decmcts.planning.writing.places import require_sound
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import HeadActions
+from sim.content.seams import seams_of_plan
+from sim.files.written import verify_written
+
+
+class GcodeWriter(Protocol):
+    """Writes the plan of one head; `write_gcode`, or in a test one that fails."""
+
+    def __call__(
+        self,
+        document: GcodeDocument,
+        job: PrintJob,
+        actions: HeadActions,
+        out: Path,
+        *,
+        header_lines: Sequence[str],
+    ) -> None:
+        """Write to `out`."""
+        ...
+
+
+def draft_single(
+    planned: Planned, draft: Path, path: Path, *, write: GcodeWriter = write_gcode
+) -> FileTimes:
+    """`write` the reordered G-code of a one-head plan to a draft and read it back.
+
+    Raises
+    ------
+    VerificationError
+        When the text differs from the verified plan; it names `path`, where it was to go.
+    """
+    problem, lane = planned.problem, planned.after.plan.heads[0]
+    write(problem.document, problem.job, lane, draft, header_lines=header_lines(planned))
+    times = file_times(planned, draft)
+    if times.before_s:
+        draft.write_bytes(restated(draft.read_bytes(), times.after_s / times.before_s))
+    seams = list(seams_of_plan(lane))
+    verdict = verify_written(
+        draft, problem.job, problem.document, problem.machine, seams=seams, lane=lane
+    )
+    require_sound(verdict, path)
+    return times

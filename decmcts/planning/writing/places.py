@@ -1,0 +1,132 @@
+"""Where results are written: places that are refused before the work, and writing itself."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from decmcts.errors import InputError, VerificationError
+from decmcts.formats.atomic import refuse_special, write_whole
+from decmcts.formats.gcode.binary import SUFFIX
+from decmcts.formats.gcode.source_text import load_text, packed_text, save_text
+from decmcts.formats.mesh import MESH_SUFFIXES
+from sim.faults import Verdict
+
+STDOUT = Path("-")  # as an output: standard output
+
+
+def refuse_unwritable(
+    paths: Sequence[Path | None], source: Path, *read: Path, edits: bool = False
+) -> None:
+    """Fail before the long work: each output needs an existing folder we may write to.
+
+    No output may be the input, what else is `read`, or another output. `edits`: the input
+    is one `decmcts post` could edit in place.
+    """
+    if source == STDOUT:
+        raise InputError("standard input is not read", advice="give the name of a file")
+    taken: set[Path] = set()
+    for path in (p for p in paths if p is not None and p != STDOUT):
+        place = Path(os.path.realpath(path))
+        _refuse_place(path)
+        if _same(path, source):
+            raise InputError(
+                "the output is the input",
+                path=path,
+                advice="name another file"
+                + (", or use `decmcts post` to edit in place" if edits else ""),
+            )
+        if any(_same(path, other) for other in read):
+            raise InputError("the output is read too", path=path, advice="name another file")
+        if place in taken:
+            raise InputError("two outputs have this name", path=path, advice="name another file")
+        taken.add(place)
+
+
+def _same(path: Path, other: Path) -> bool:
+    return path.exists() and other.exists() and path.samefile(other)
+
+
+def _refuse_place(path: Path) -> None:
+    """Raise InputError where no file can be written under this name."""
+    folder = Path(os.path.realpath(path)).parent
+    if not folder.is_dir():
+        raise InputError("no such folder", path=folder, advice="make it, or name another output")
+    if path.is_dir():
+        raise InputError("the output is a folder", path=path, advice="name a file")
+    refuse_special(path)
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise InputError("cannot write here", path=path, advice="name another output")
+
+
+def refuse_two_on_stdout(output: Path | None, *, as_json: bool) -> None:
+    """Raise InputError where result and summary both want standard output."""
+    if output == STDOUT and as_json:
+        raise InputError(
+            "-o - and --json both want standard output", advice="name a file with -o FILE"
+        )
+
+
+def name_of(path: Path) -> str:
+    """Return an output's name as people know it."""
+    return "standard output" if path == STDOUT else str(path)
+
+
+def put(content: bytes, path: Path, *, packed: bool = False) -> None:
+    """Write a result to its file, whole or not at all, or to standard output (`-`).
+
+    Unless it is `packed` already it becomes what the file's name says.
+
+    Raises
+    ------
+    InputError
+        When it cannot be written.
+    """
+    if path != STDOUT:
+        if packed:
+            write_whole(path, content)
+        else:
+            save_text(content, path)
+        return
+    try:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is closed"
+        raise InputError(f"standard output cannot be written ({reason})") from error
+
+
+def refuse_unpackable(output: Path | None, source: Path) -> None:
+    """Raise InputError for a .bgcode that what is read cannot be made into."""
+    if output is None or output.suffix.lower() != SUFFIX:
+        return
+    if source.suffix.lower() in MESH_SUFFIXES:
+        raise InputError(
+            "what is made of a mesh is not written as .bgcode",
+            path=output,
+            advice="name a .gcode file",
+        )
+    packed_text(load_text(source), output, source)
+
+
+def refuse_other_suffixes(plan: Path | None, report: Path | None, picture: Path | None) -> None:
+    """Raise InputError for an output whose name says it is of another kind."""
+    known = ((plan, (".json", ".json.gz")), (report, (".html", ".htm")), (picture, (".png",)))
+    for path, ends in known:
+        if path is not None and not path.name.lower().endswith(ends):
+            raise InputError(
+                f"the name of this output must end in {' or '.join(ends)}",
+                path=path,
+                advice="rename it",
+            )
+
+
+def require_sound(verdict: Verdict, path: Path) -> None:
+    """Raise VerificationError if a text that was to be written to `path` has faults."""
+    if not verdict.ok:
+        raise VerificationError(
+            f"{path} was not written: its G-code failed verification with "
+            f"{len(verdict.faults)} faults: {verdict.shown}"
+        )

@@ -1,0 +1,101 @@
+"""`decmcts launch`: what it is told and what it says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from decmcts.cli.commands.replay import read_record
+from decmcts.cli.run import run
+from decmcts.formats.plan_json import read_plan
+from decmcts.samples import sample_path
+from sim.verify import verify_plan
+
+
+@pytest.mark.slow
+def test_launch_says_that_nothing_is_written(capsys: pytest.CaptureFixture[str]) -> None:
+    """Before the search and after it, as `plan` does."""
+    line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--time-limit", "0.5"]
+    assert run(line) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "nothing will be written" in said and "nothing was written; `-o STEM`" in said
+    assert run([*line, "--json"]) == 0
+    assert "nothing w" not in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_file_of_parameters_changes_what_agents_do(tmp_path: Path) -> None:
+    """Without a tree a head has one plan to tell, so it is never undecided."""
+    chosen, record, plan = tmp_path / "team.toml", tmp_path / "r.jsonl", tmp_path / "plan.json"
+    chosen.write_text("share = 0 # no tree\nwindows = 0\npolicies = 1\n")
+    line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--team", str(chosen)]
+    line += ["--time-limit", "1", "--record", str(record), "--plan", str(plan)]
+    assert run(line) == 0
+    told = [agent for _, agents in read_record(record)[1] for agent in agents if agent.rounds]
+    assert told and {agent.entropy for agent in told} == {0.0}
+    stated = read_plan(plan).metrics["parameters"]
+    assert stated == {"share": 0, "windows": 0, "policies": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("gama = 0.9", "team.toml: gama: unknown key; known here: gamma, exploration"),
+        ("alpha = 1.5", "team.toml: alpha: expected a number in 0..1, found 1.5"),
+        ("windows = 2.5", "team.toml: windows: expected a whole number in 0..1000, found 2.5"),
+        ("beta = 'hot'", "team.toml: beta: expected a number in 0.001..100, found 'hot'"),
+        ("gamma = 0.9\nbeta = = 1", "team.toml:2: Invalid value; see docs/team.md"),
+        ("gamma = \xff", "team.toml:1: "),
+        (None, "team.toml: cannot be read"),
+    ],
+)
+def test_a_file_of_parameters_that_cannot_be_used_is_one_line(
+    text: str | None, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 before anything is read or written."""
+    chosen, source = tmp_path / "team.toml", tmp_path / "plate.gcode"
+    source.write_text("")
+    if text is not None:
+        chosen.write_text(text, encoding="utf-8")
+    before = sorted(tmp_path.iterdir())
+    line = ["launch", str(source), "-o", str(tmp_path / "out"), "--team", str(chosen)]
+    assert run([*line, "--record", str(tmp_path / "r.jsonl")]) == 2
+    heard = capsys.readouterr().err.strip().splitlines()
+    assert len(heard) == 1 and said in heard[0]
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_file_of_parameters_is_not_written_over(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A slip of the name must not cost a user's file."""
+    chosen, source = tmp_path / "team.toml", tmp_path / "plate.gcode"
+    chosen.write_text("alpha = 0.0")
+    source.write_text("")
+    assert run(["launch", str(source), "--team", str(chosen), "--record", str(chosen)]) == 2
+    assert "team.toml: the output is read too" in capsys.readouterr().err
+    assert chosen.read_text() == "alpha = 0.0"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("freedom", ["fixed", "seam"])
+def test_heads_are_as_free_as_was_asked(tmp_path: Path, freedom: str) -> None:
+    """Nothing turns with `fixed`; with `seam` loops are entered elsewhere and all stays sound."""
+    plan, source = tmp_path / "plan.json", str(sample_path("plate.gcode.gz"))
+    options = ["--freedom", freedom, "--time-limit", "2", "--plan", str(plan)]
+    assert run(["launch", source, *options]) == 0
+    document = read_plan(plan)
+    assert document.metrics["planner"] == "dec-mcts"
+    assert document.rules is not None and document.rules.freedom == freedom
+    turned = any(bool(head.reversed.any()) for head in document.plan.heads)
+    moved = any(bool(head.entry.any()) for head in document.plan.heads)
+    assert (turned, moved) == ((False, False) if freedom == "fixed" else (True, True))
+    assert not verify_plan(document).faults
+
+
+def test_a_seam_needs_its_freedom(capsys: pytest.CaptureFixture[str]) -> None:
+    """In one line, before anything is read."""
+    source = str(sample_path("four_nuts.gcode.gz"))
+    assert run(["launch", source, "--seam", "rear"]) == 2
+    assert "needs --freedom seam" in " ".join(capsys.readouterr().err.split())

@@ -1,0 +1,101 @@
+"""What a launch's agents did can be shown again; what is no recording is one line."""
+
+from __future__ import annotations
+
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from agents.supervisor import AgentStatus
+from decmcts.cli.app import app
+from decmcts.cli.commands.replay import agents_table, read_record, recording
+from decmcts.errors import InputError
+from decmcts.planning.events import Heads
+
+LEFT = AgentStatus(0, "left", "planning", (0, 1), 3, 120.0, 1.5, {"Distribution": 2}, entropy=0.4)
+
+
+def test_a_recording_comes_back(tmp_path: Path) -> None:
+    """Every state that was shown, with the bound."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+        keep(Heads((LEFT, LEFT), 100.0))
+    bound_s, states = read_record(path)
+    assert bound_s == 100.0 and [len(agents) for _, agents in states] == [1, 2]
+    assert (states[0][1][0].name, states[0][1][0].entropy) == ("left", 0.4)
+
+
+def test_replay_shows_the_last_state(tmp_path: Path) -> None:
+    """What is left on the terminal is how it ended."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+    shown = CliRunner().invoke(app, ["replay", str(path), "--speed", "100"])
+    assert shown.exit_code == 0 and "left" in shown.output and "1.200" in shown.output
+
+
+def test_the_table_fits_a_plain_terminal() -> None:
+    """Of 80 columns: nothing is cut off, whatever large figures a long search has."""
+    long = AgentStatus(
+        0, "right-back", "planning", (0, 1), 1280, 119_289.3, 3600.0, {"Joint": 1331},
+        sent_bytes={"Joint": 9_305_014}, received={"Joint": 2331},
+        received_bytes={"Joint": 19_305_014}, entropy=0.4,
+    )  # fmt: skip
+    console = Console(width=80, record=True, file=StringIO())
+    console.print(agents_table((long,), 100_000.0))
+    shown = console.export_text()
+    assert "…" not in shown
+    for word in ("right-back", "planning", "3600", "119,289", "1.193", "heard", "18,853"):
+        assert word in shown
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", "nonsense", '{"format": "other/1"}', "[" * 9000])
+def test_what_is_no_recording_is_refused(tmp_path: Path, text: str) -> None:
+    """In one line, whatever it is."""
+    path = tmp_path / "other.txt"
+    path.write_text(text)
+    with pytest.raises(InputError):
+        read_record(path)
+
+
+@pytest.mark.parametrize("cut", [40, 60, 400, -2])
+def test_a_recording_that_was_cut_off_is_damaged(tmp_path: Path, cut: int) -> None:
+    """Wherever it was; it was called none where it was cut near its beginning."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+        keep(Heads((LEFT, LEFT), 100.0))
+    whole = path.read_text()
+    path.write_text(whole[:cut])
+    line = whole[:cut].count("\n") + 1
+    with pytest.raises(InputError, match=f"launch.jsonl:{line}: this recording is damaged"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("said", "instead"),
+    [
+        ('"entropy": 0.4', '"entropy": "x"'),
+        ('"best_makespan_s": 120.0', '"best_makespan_s": null'),
+        ('"best_makespan_s": 120.0', '"best_makespan_s": ' + "9" * 400),
+        ('"sent": {', '"sent": {"hello": null, '),
+        ('"at_s": ', '"at_s": Infinity, "was": '),
+        ('"agents": [', '"agents": [3, '),
+    ],
+)
+def test_a_recording_whose_figures_are_none_is_damaged(
+    tmp_path: Path, said: str, instead: str
+) -> None:
+    """It ended in an internal error when it was shown."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+    whole = path.read_text()
+    assert said in whole
+    path.write_text(whole.replace(said, instead))
+    with pytest.raises(InputError, match=r"launch\.jsonl:2: this recording is damaged"):
+        read_record(path)

@@ -1,0 +1,69 @@
+"""Compiling a kernel takes seconds: none of it may come out of a search's time limit."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.late_kernels import late_kernels
+
+AHEAD = """
+import sys
+from dataclasses import replace
+import numpy as np
+from decmcts.planning.compiling.begin import compile_search
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.planners import plan_order
+from decmcts.search.sequence.spacing import no_spacing
+from decmcts.search.sequence.stopping import Stopping
+from tests.search.problems import random_problem, with_bare, with_loops, with_pace
+
+planner, kind, ahead = sys.argv[1:]
+problem = random_problem(0, 600, density=0.002)
+if kind == "narrow":  # few contours a layer: solved exactly
+    layer = np.arange(60, dtype=np.int32) // 4
+    pairs = np.argwhere(layer[:, None] + 1 == layer[None, :]).astype(np.int32)
+    graph = DependencyGraph.from_pairs(60, pairs)
+    problem = replace(random_problem(0, 60, density=0.0), layer=layer, graph=graph)
+if kind == "loops":
+    problem = with_loops(problem, 0)
+if kind == "time":
+    problem = with_pace(problem)
+if kind == "bare":
+    problem = with_bare(problem)
+if kind == "cooling":
+    problem = replace(problem, spacing=no_spacing(600))
+if ahead == "yes":
+    compile_search(problem, planner)
+"""
+SEARCH = "plan_order(problem, planner=planner, stopping=Stopping(iterations=30_000), seed=0)"
+
+
+def late(planner: str, kind: str, *, ahead: bool) -> list[str]:
+    """Name the kernels a search in a fresh process compiles, or loads, within its time."""
+    return late_kernels(AHEAD, SEARCH, planner, kind, "yes" if ahead else "no")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("planner", "kind"),
+    [
+        ("hybrid", "paths"),
+        ("hybrid", "narrow"),
+        ("hybrid", "loops"),
+        ("hybrid", "time"),
+        ("hybrid", "bare"),
+        ("hybrid", "cooling"),
+        ("mcts", "paths"),
+        ("local", "loops"),
+    ],
+)
+def test_a_search_finds_every_kernel_compiled(planner: str, kind: str) -> None:
+    """Small searches ahead of the real one take every path it may take."""
+    assert late(planner, kind, ahead=True) == []
+
+
+@pytest.mark.slow
+def test_without_searches_ahead_kernels_come_late() -> None:
+    """What the tests above count is counted."""
+    assert "anneal" in late("hybrid", "paths", ahead=False)
+    assert "trace" in late("hybrid", "narrow", ahead=False)

@@ -1,0 +1,91 @@
+"""What programs use: every name is there, is described, and does what its example says."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import importlib
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import decmcts
+
+ROOT = Path(__file__).parents[1]
+WORK = ("bound", "launch", "plan", "read", "solve_qcsp", "solve_sop", "verify")
+SLOW = ("decmcts.planning", "decmcts.team.qcsp")
+
+
+def with_examples() -> list[str]:
+    """Return the names of all modules whose docstrings have examples."""
+    found = []
+    for room in ("decmcts", "agents", "sim"):
+        for path in sorted((ROOT / room).rglob("*.py")):
+            if ">>>" in path.read_text():
+                parts = path.relative_to(ROOT).with_suffix("").parts
+                found.append(".".join(part for part in parts if part != "__init__"))
+    return found
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name.startswith(SLOW) else ())
+        for name in with_examples()
+    ],
+)
+def test_examples_of_docstrings_run(module: str) -> None:
+    """Readers copy them."""
+    done = doctest.testmod(importlib.import_module(module))
+    assert done.attempted and not done.failed
+
+
+def test_every_public_name_is_there() -> None:
+    """Also those that are loaded only when they are asked for."""
+    assert set(decmcts.__all__) <= set(dir(decmcts))
+    for name in decmcts.__all__:
+        assert getattr(decmcts, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'plam'"):
+        decmcts.plam  # type: ignore[attr-defined]  # noqa: B018 - that is what is tested
+
+
+@pytest.mark.parametrize("name", WORK)
+def test_public_functions_are_described_in_full(name: str) -> None:
+    """Parameters, what comes back, what is raised, and an example that runs."""
+    text = inspect.getdoc(getattr(decmcts, name)) or ""
+    for section in ("Parameters", "Raises", "Examples"):
+        assert f"\n{section}\n---" in text
+    if name != "solve_sop":
+        assert "\nReturns\n---" in text
+    for parameter in inspect.signature(getattr(decmcts, name)).parameters.values():
+        assert "Any" not in str(parameter.annotation) and parameter.kind != parameter.VAR_KEYWORD
+
+
+def test_the_packages_say_they_are_typed() -> None:
+    """Else type checkers of those who use them see nothing."""
+    assert all((ROOT / room / "py.typed").exists() for room in ("decmcts", "agents", "sim"))
+
+
+def test_type_checkers_see_the_names_that_are_there() -> None:
+    """Names are stated twice: where they are imported from, for checkers and for the program."""
+    tree = ast.parse((ROOT / "decmcts" / "__init__.py").read_text())
+    seen = {
+        alias.name: node.module
+        for block in tree.body
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen == decmcts._HOME
+    assert set(decmcts.__all__) == {*seen, "__version__"}
+
+
+def test_importing_loads_no_compiler() -> None:
+    """Programs that only ask for the version do not wait a second."""
+    code = "import sys, decmcts; decmcts.InputError; print('numba' in sys.modules)"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert said.stdout.strip() == "False"
