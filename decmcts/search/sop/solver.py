@@ -73,10 +73,23 @@ def solve_sop(
         (n, n) cost of going from row to column, 0 to `MOST_COST`; the diagonal is not used.
     precedence : NDArray[np.int32]
         (m, 2) rows (a, b): a somewhere before b. May be redundant.
+    time_limit_s : float
+        Limit by the clock, s, preparations included.
+    seed : int
+        Of what is drawn at random.
     max_iterations : int | None
         Limit on beginnings looked at and moves proposed, of both threads together.
+    clock : Callable[[], float]
+        Seconds; only differences matter.
+    progress : Callable[[Progress], None] | None
+        Told several times a second where the search stands.
     stop : Callable[[], bool] | None
         Polled several times a second; True ends the search with the best so far.
+
+    Returns
+    -------
+    SopResult
+        The cheapest sequence found, and a bound no sequence is below.
 
     Raises
     ------
