@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Protocol
 
@@ -62,7 +62,6 @@ class SearchResult:
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
     planner: str
     seed: int
-    notes: Mapping[str, float] = field(default_factory=dict)  # what the planner chose, by name
     bound: float | None = None  # no sequence of the problem costs less, if known
 
 
@@ -113,7 +112,6 @@ def plan_order(
         incumbent.history,
         planner if isinstance(planner, str) else type(planner).__name__.lower(),
         seed,
-        MappingProxyType(incumbent.notes),
         incumbent.bound,
     )
 

@@ -1,7 +1,7 @@
 """The planner `hybrid`: phases, one after the other, until the search is over.
 
 Prints whose layers have few contours are solved exactly (`exact`), if there is time.
-Else trees over clusters, one for each Γ, propose a start (`trees`), and what follows
+Else a tree over clusters proposes a start (`trees`), and what follows
 depends on size and time: several starts annealed as whole sequences (`multistart`) and
 then a large neighbourhood search (`neighbourhoods`), or one sequence parted among the
 threads (`partition`), and then neighbourhoods, or windows put in their best order

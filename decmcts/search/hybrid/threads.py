@@ -55,9 +55,9 @@ class Threads:
     cutting: NDArray[np.uint64]  # (1,) mutated
     crosses: bool = True  # results are joined stretch by stretch; False: the best is taken
 
-    def fresh(self, count: int) -> list[NDArray[np.uint64]]:
-        """Mutate `cutting`; return `count` new generators."""
-        return [seeded(int(uniform(self.cutting) * 2**53)) for _ in range(count)]
+    def fresh(self) -> NDArray[np.uint64]:
+        """Mutate `cutting`; return a new generator, (1,)."""
+        return seeded(int(uniform(self.cutting) * 2**53))
 
     def join(self, found: list[Sequence]) -> Sequence:
         """Return the best of what was found, a sequence of its own."""
