@@ -30,12 +30,12 @@ from common import CPU_TIME, Rows, arguments, grouped, markdown, names, of_model
 from cpu_time import WorkClock
 from in_process import less_percent, loaded, searched
 
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.hybrid.search import END
 from decmcts.search.hybrid.starts import LayeredStart
 from decmcts.search.hybrid.trees import Trees
@@ -93,7 +93,7 @@ class Variant:
     planner: str | Planner
     at_work: Callable[[int, float], bool] = anywhere  # of contours and seconds
     seams_only: bool = False
-    settles: bool = True  # entries are chosen anew, all at once, when threads meet
+    chooses_entries: bool = True  # entries are chosen anew, all at once, when threads meet
 
 
 VARIANTS = {
@@ -111,7 +111,7 @@ VARIANTS = {
         parted,
     ),
     "no-pieces": Variant(
-        "partition without pieces", replace(HYBRID, partition=Partition(pieces=(0, 0))), parted
+        "partition without pieces", replace(HYBRID, partition=Partition(blocks=(0, 0))), parted
     ),
     "no-neighbourhoods": Variant(
         "without neighbourhoods and windows",
@@ -130,7 +130,9 @@ VARIANTS = {
         "without merging", replace(HYBRID, multistart=Multistart(merging=0.0)), started
     ),
     "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_LAYERS), layered),
-    "no-settling": Variant("entries by moves alone", HYBRID, seams_only=True, settles=False),
+    "no-settling": Variant(
+        "entries by moves alone", HYBRID, seams_only=True, chooses_entries=False
+    ),
     "one-thread": Variant("one thread", replace(HYBRID, threads=1)),
     "local": Variant("`local`", "local"),
     "bare": Variant("bare", BARE),
@@ -161,19 +163,19 @@ ROW = ("machine", "freedom", "process", "model")
 
 
 @contextmanager
-def settling(wanted: bool) -> Iterator[None]:
+def choosing_entries(wanted: bool) -> Iterator[None]:
     """Let sequences keep their entries when threads meet, within a `with`."""
-    usual = Sequence.settle
+    usual = Sequence.choose_entries
     if not wanted:
-        Sequence.settle = lambda self: None  # type: ignore[method-assign]  # no library option
+        Sequence.choose_entries = lambda self: None  # type: ignore[method-assign]  # no library option
     try:
         yield
     finally:
-        Sequence.settle = usual  # type: ignore[method-assign]
+        Sequence.choose_entries = usual  # type: ignore[method-assign]
 
 
 def run(key: dict[str, Any], variant: Variant) -> dict[str, Any]:
-    with settling(variant.settles):
+    with choosing_entries(variant.chooses_entries):
         prepared, result = searched(
             key["model"], key["machine"], key["process"], key["freedom"], variant.planner,
             limit_s=key["limit_s"], seed=key["seed"] + (TWIN if key["variant"] == "twin" else 0),

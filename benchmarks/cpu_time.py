@@ -5,10 +5,10 @@
 
 Machines for rent are shared: seconds on the wall in which a neighbour had the
 processor would be lost to one planner and not to the next. Here a search's seconds
-are the processor time of the main thread and of its busiest lane, and half of what
-threads outside Python took (two work there). Lanes that wait for each other are
+are the processor time of the main thread and of its busiest thread, and half of what
+threads outside Python took (two work there). Threads that wait for each other are
 not charged for the waiting: nearly nothing in most of a search, up to a fifth of
-the time spent on regions at a minute and more.
+the time spent on neighbourhoods at a minute and more.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class WorkClock:
 
     def __init__(self) -> None:
         self._main = threading.main_thread().native_id
-        self._lanes: dict[int, float] = {}  # by thread
+        self._by_thread: dict[int, float] = {}  # by thread
         self._past = self._ended = 0.0  # of threads that ended: charged, and all
         self._lock = threading.Lock()
 
@@ -45,16 +45,16 @@ class WorkClock:
         if own is None:
             raise OSError("processor time of threads: needs Linux's /proc with schedstat")
         alive = {thread.native_id for thread in threading.enumerate()}
-        ended = [self._lanes.pop(thread) for thread in set(self._lanes) - alive]
+        ended = [self._by_thread.pop(thread) for thread in set(self._by_thread) - alive]
         self._past += max(ended, default=0.0)
         self._ended += sum(ended)
         for thread in alive - {self._main, None}:
             seconds = _cpu_seconds(thread)
             if thread is not None and seconds is not None:
-                self._lanes[thread] = seconds
-        lanes = list(self._lanes.values())
-        outside = max(0.0, time.process_time() - own - sum(lanes) - self._ended)
-        return own + self._past + max(lanes, default=0.0) + outside / 2
+                self._by_thread[thread] = seconds
+        busy = list(self._by_thread.values())
+        outside = max(0.0, time.process_time() - own - sum(busy) - self._ended)
+        return own + self._past + max(busy, default=0.0) + outside / 2
 
 
 def _cpu_seconds(thread: int | None) -> float | None:

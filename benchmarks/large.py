@@ -119,18 +119,18 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     verdict = clock.run("verify", lambda: verify_plan(after, source=loaded.job))
     assert verdict.ok, verdict.faults[:3]
     planned = Planned(loaded, before, after, verdict, found.history, {})
-    lane = plan.heads[0]
+    actions = plan.heads[0]
     clock.run(
         "write",
         lambda: write_gcode(
-            loaded.document, loaded.job, lane, draft, header_lines=header_lines(planned)
+            loaded.document, loaded.job, actions, draft, header_lines=header_lines(planned)
         ),
     )
-    seams = list(seams_of_plan(lane))
+    seams = list(seams_of_plan(actions))
     judged = clock.run(
         "read back",
         lambda: verify_written(
-            draft, loaded.job, loaded.document, loaded.machine, seams=seams, lane=lane
+            draft, loaded.job, loaded.document, loaded.machine, seams=seams, actions=actions
         ),
     )
     assert judged.ok, judged.faults[:3]

@@ -30,7 +30,7 @@ from common import CPU_TIME, RESULTS, Rows, corpus, markdown, measured, setting
 from cpu_time import TARGET
 
 from decmcts.formats.qcsp import QcspProblem, QcspSchedule, read_qcsp
-from decmcts.team.qcsp.ways import ways_of
+from decmcts.team.qcsp.paths import paths_of
 from sim.qcsp import faults_of
 
 KEY = ("instance", "solver", "time_limit_s", "seed", "until")
@@ -71,8 +71,8 @@ def with_cp_sat(path: str, *, time_limit_s: float, seed: int, target: int | None
         return wall | {"error": "no schedule in this time"}
     crane = np.array([int(np.argmax([solver.value(x) for x in row])) for row in does], np.int32)
     times = np.array([solver.value(b) for b in begin], np.float64)
-    ways, end = ways_of(problem, crane, times), float(solver.value(makespan))
-    if faults := faults_of(problem, QcspSchedule(crane, times, ways, end)):
+    paths, end = paths_of(problem, crane, times), float(solver.value(makespan))
+    if faults := faults_of(problem, QcspSchedule(crane, times, paths, end)):
         return wall | {"error": faults[0]}
     bound = float(np.ceil(solver.best_objective_bound - 1e-6))
     return wall | {"makespan": end, "bound": bound, "optimal": status == cp_model.OPTIMAL}

@@ -26,7 +26,7 @@ from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.geometry.pieces import Pieces
 from decmcts._kernels.refine.qcsp import decode, weigh
 from decmcts.formats.qcsp import QcspProblem, read_qcsp
-from decmcts.team.qcsp.solver import _lanes_of, solve_qcsp
+from decmcts.team.qcsp.solver import _threads_of, solve_qcsp
 
 NAMES = "KP_k_059,MBB_n50_003,MBE_d0.85_005,MBD_f0.2cl2_009,MBC_n80_007,MBF_q6_007"
 AT_ONCE = 1e12  # acceleration
@@ -102,9 +102,11 @@ def by_engine(
 
 def by_own_kernel(problem: QcspProblem, order: list[int], crane: list[int]) -> float:
     """Return the µs that the cranes' own kernel takes to time the order."""
-    lane = next(iter(_lanes_of(problem, 0)))
-    lane.crew.order[:], lane.crew.crane[:] = order, crane
-    return microseconds(lambda: (weigh(lane.yard, lane.crew), decode(lane.yard, lane.crew, np.inf)))
+    thread = next(iter(_threads_of(problem, 0)))
+    thread.crew.order[:], thread.crew.crane[:] = order, crane
+    return microseconds(
+        lambda: (weigh(thread.yard, thread.crew), decode(thread.yard, thread.crew, np.inf))
+    )
 
 
 def microseconds(call: Callable[[], object]) -> float:

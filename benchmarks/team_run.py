@@ -33,7 +33,7 @@ from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.dec_mcts.parameters import changed
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
-from decmcts.team.dec_mcts.rounds import take_turn
+from decmcts.team.dec_mcts.rounds import plan_once
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
@@ -186,7 +186,7 @@ def one_round(
             agent.iterate(live, spent)
         return min((agent.best(live) for agent in team), key=lambda found: found.makespan_s)
     for agent in team:
-        best = take_turn(agent, team, spent, best)
+        best = plan_once(agent, team, spent, best)
     assert best is not None
     return best
 

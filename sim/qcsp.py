@@ -1,9 +1,9 @@
 """Judges a schedule of cranes on one rail: where everybody is, moment by moment.
 
 Slow and plain: it knows nothing of how schedules are made, only what a crane may
-do. Each fault is a line. A crane stands where its way begins until it is ready,
+do. Each fault is a line. A crane stands where its path begins until it is ready,
 never moves faster than the problem says, stands at a task's bay from its begin to
-its end, and keeps its distance to all others the whole time; its way ends where
+its end, and keeps its distance to all others the whole time; its path ends where
 it then stays. Cranes that begin too near each other may only move apart until
 they are as far apart as they must be, and keep that.
 """
@@ -18,7 +18,7 @@ from decmcts.formats.qcsp import QcspProblem, QcspSchedule
 
 TOLERANCE = 1e-6  # bays, and times relative to the makespan where that is above 1
 
-Way = list[tuple[float, float]]
+CranePath = list[tuple[float, float]]
 
 
 def faults_of(problem: QcspProblem, schedule: QcspSchedule) -> list[str]:
@@ -27,30 +27,30 @@ def faults_of(problem: QcspProblem, schedule: QcspSchedule) -> list[str]:
     if faults:
         return faults
     slack = TOLERANCE * max(1.0, schedule.makespan)
-    ways = [[(float(t), float(x)) for t, x in way] for way in schedule.ways]
+    paths = [[(float(t), float(x)) for t, x in path] for path in schedule.paths]
     faults += _wrong_times(problem, schedule, slack)
-    for v, way in enumerate(ways):
-        faults += _wrong_moves(problem, v, way, slack)
-        faults += _wrong_stops(problem, schedule, v, way, slack)
-    for (v, left), (w, right) in combinations(enumerate(ways), 2):
+    for v, path in enumerate(paths):
+        faults += _wrong_moves(problem, v, path, slack)
+        faults += _wrong_stops(problem, schedule, v, path, slack)
+    for (v, left), (w, right) in combinations(enumerate(paths), 2):
         faults += _too_near(v, w, left, right, problem.spacing * (w - v))
     return faults
 
 
-def position(way: Way, time: float) -> float:
+def position(path: CranePath, time: float) -> float:
     """Return where a crane is at a moment."""
-    if time >= way[-1][0]:
-        return way[-1][1]
-    for (t0, x0), (t1, x1) in pairwise(way):
+    if time >= path[-1][0]:
+        return path[-1][1]
+    for (t0, x0), (t1, x1) in pairwise(path):
         if t0 <= time <= t1:
             return x0 + (x1 - x0) * (time - t0) / (t1 - t0)
-    return way[0][1]
+    return path[0][1]
 
 
 def _malformed(problem: QcspProblem, schedule: QcspSchedule) -> Iterator[str]:
     """Yield what keeps a schedule from being judged at all."""
     n, q = len(problem), problem.cranes
-    if len(schedule.crane) != n or len(schedule.begin) != n or len(schedule.ways) != q:
+    if len(schedule.crane) != n or len(schedule.begin) != n or len(schedule.paths) != q:
         yield f"not {n} tasks and {q} cranes"
         return
     for j, (v, begin) in enumerate(zip(schedule.crane, schedule.begin, strict=True)):
@@ -58,16 +58,16 @@ def _malformed(problem: QcspProblem, schedule: QcspSchedule) -> Iterator[str]:
             yield f"task {j + 1} is done by crane {v + 1}, there are {q}"
         if not (math.isfinite(begin) and begin >= 0.0):
             yield f"task {j + 1} begins at {begin}"
-    for v, way in enumerate(schedule.ways):
-        if way.ndim != 2 or way.shape[1] != 2 or not len(way):
-            yield f"crane {v + 1} has no way"
+    for v, path in enumerate(schedule.paths):
+        if path.ndim != 2 or path.shape[1] != 2 or not len(path):
+            yield f"crane {v + 1} has no path"
             continue
-        rows = [float(value) for row in way for value in row]
+        rows = [float(value) for row in path for value in row]
         times = rows[::2]
         if not all(map(math.isfinite, rows)) or any(a >= b for a, b in pairwise(times)):
-            yield f"the way of crane {v + 1} does not go forward in time"
+            yield f"the path of crane {v + 1} does not go forward in time"
         elif times[0] != 0.0:
-            yield f"the way of crane {v + 1} begins at {times[0]:g}, not at 0"
+            yield f"the path of crane {v + 1} begins at {times[0]:g}, not at 0"
     if not math.isfinite(schedule.makespan):
         yield f"the makespan is {schedule.makespan}"
 
@@ -89,19 +89,19 @@ def _wrong_times(problem: QcspProblem, schedule: QcspSchedule, slack: float) -> 
         yield f"the last task ends at {max(end, default=0.0):g}, not at {schedule.makespan:g}"
 
 
-def _wrong_moves(problem: QcspProblem, v: int, way: Way, slack: float) -> Iterator[str]:
+def _wrong_moves(problem: QcspProblem, v: int, path: CranePath, slack: float) -> Iterator[str]:
     """Yield what a crane does before it is ready, and moves that are too fast."""
     start, ready = float(problem.start[v]), float(problem.ready[v])
-    for time in [0.0, ready, *(t for t, _ in way if t < ready)]:
-        if abs(position(way, time) - start) > TOLERANCE + slack / problem.travel:
+    for time in [0.0, ready, *(t for t, _ in path if t < ready)]:
+        if abs(position(path, time) - start) > TOLERANCE + slack / problem.travel:
             yield f"crane {v + 1} is not at bay {start:g} at {time:g}, ready from {ready:g} on"
-    for (t0, x0), (t1, x1) in pairwise(way):
+    for (t0, x0), (t1, x1) in pairwise(path):
         if abs(x1 - x0) * problem.travel > t1 - t0 + slack:
             yield f"crane {v + 1} moves from {x0:g} to {x1:g} in {t1 - t0:g}"
 
 
 def _wrong_stops(
-    problem: QcspProblem, schedule: QcspSchedule, v: int, way: Way, slack: float
+    problem: QcspProblem, schedule: QcspSchedule, v: int, path: CranePath, slack: float
 ) -> Iterator[str]:
     """Yield tasks at which the crane is not there all the time, and those before it is ready."""
     for j in range(len(problem)):
@@ -111,16 +111,16 @@ def _wrong_stops(
         end = begin + float(problem.duration[j])
         if begin < problem.ready[v] - slack:
             yield f"task {j + 1} begins before crane {v + 1} is ready"
-        for time in [begin, *(t for t, _ in way if begin < t < end), end]:
-            if abs(position(way, time) - bay) > TOLERANCE + slack / problem.travel:
+        for time in [begin, *(t for t, _ in path if begin < t < end), end]:
+            if abs(position(path, time) - bay) > TOLERANCE + slack / problem.travel:
                 yield f"crane {v + 1} is not at task {j + 1} at {time:g}"
                 break
 
 
-def _too_near(v: int, w: int, left: Way, right: Way, needed: int) -> Iterator[str]:
+def _too_near(v: int, w: int, left: CranePath, right: CranePath, needed: int) -> Iterator[str]:
     """Yield the first moment at which two cranes are nearer than they may be.
 
-    Between rows of either way both move straight, so their distance does too.
+    Between rows of either path both move straight, so their distance does too.
     """
     least: float | None = None
     for time in sorted({t for t, _ in left} | {t for t, _ in right}):

@@ -91,13 +91,13 @@ def verify_plan(
     if digest is not None and digest != document.problem:
         text = f"the plan is for problem {document.problem!r}, expected {digest!r}"
         faults.append(Fault(FaultKind.DIGEST, text))
-    lanes = lanes_of(document)
-    faults += _check_content(document, lanes, source, machine)
+    all_actions = all_actions_of(document)
+    faults += _check_content(document, all_actions, source, machine)
     if is_other_print(faults):
         return Verdict(tuple(faults))
     held = rules or document.rules or usual_rules(document.machine)
-    legs = legs_of(lanes)
-    order = order_of(legs.lanes)
+    legs = legs_of(all_actions)
+    order = order_of(legs.all_actions)
     counts: dict[str, float] = {"contours": len(document.contours)}
     if isinstance(order, list):
         lines = [f"{legs.describe(h, leg)} can never begin" for h, leg in order]
@@ -111,7 +111,7 @@ def verify_plan(
 
 def _check_content(
     document: PlanDocument,
-    lanes: tuple[HeadActions, ...],
+    all_actions: tuple[HeadActions, ...],
     source: PrintJob | None,
     machine: Machine | None,
 ) -> list[Fault]:
@@ -120,10 +120,10 @@ def _check_content(
     Of another print than the source that is all that is said.
     """
     faults = check_once(document) + check_release(document)
-    for actions, head in zip(lanes, document.machine.heads, strict=True):
+    for actions, head in zip(all_actions, document.machine.heads, strict=True):
         faults += check_head(document.contours, actions, head)
     known = None if source is None else source.contours
-    faults += check_extent(document.contours, known, lanes, document.machine)
+    faults += check_extent(document.contours, known, all_actions, document.machine)
     if source is not None and source.contours is not document.contours:
         ours, theirs = contour_segments(document.contours), contour_segments(source.contours)
         match = match_segments(ours, theirs)
@@ -150,7 +150,7 @@ def _check_execution(
     faults += or_undecided(lambda: check_material(document, legs, order, counts))
     faults += check_heads(document, legs, order)
     faults += check_rail(document, legs, order)
-    arrivals = [arrivals_of(document, lane) for lane in legs.whole]
+    arrivals = [arrivals_of(document, actions) for actions in legs.whole]
     faults += check_cooling(document, legs, order, arrivals)
     faults += check_replays(document, legs, order, arrivals, counts, trials=trials, seed=seed)
     return faults
@@ -206,17 +206,17 @@ def verify_motions(
     return Verdict(tuple(faults), counts)
 
 
-def lanes_of(document: PlanDocument) -> tuple[HeadActions, ...]:
+def all_actions_of(document: PlanDocument) -> tuple[HeadActions, ...]:
     """Return one action list per head of the machine; a head without work rests at its park."""
     given = {h.head: h for h in document.plan.heads}
     names = [h.head for h in document.plan.heads]
     machine_order = [h.name for h in document.machine.heads]
     renumber = np.array([machine_order.index(name) for name in names] or [0], np.int32)
-    lanes = []
+    all_actions = []
     for name in machine_order:
-        lane = given.get(name)
-        lanes.append(_idle(name) if lane is None else _renumbered(lane, renumber))
-    return tuple(lanes)
+        actions = given.get(name)
+        all_actions.append(_idle(name) if actions is None else _renumbered(actions, renumber))
+    return tuple(all_actions)
 
 
 def _idle(name: str) -> HeadActions:
@@ -228,12 +228,13 @@ def _idle(name: str) -> HeadActions:
     )  # fmt: skip
 
 
-def _renumbered(lane: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
-    """Return a lane whose `after` counts heads as the machine does, not as the plan does."""
+def _renumbered(actions: HeadActions, renumber: NDArray[np.int32]) -> HeadActions:
+    """Return actions whose `after` counts heads as the machine does, not as the plan does."""
     return HeadActions(
-        lane.head, lane.kind, lane.contour, lane.reversed, lane.entry, lane.path_offsets,
-        lane.path, lane.begin_s, lane.end_s, lane.after_offsets,
-        renumber[lane.after_head], lane.after_action, lane.after_point, lane.after_lag_s,
+        actions.head, actions.kind, actions.contour, actions.reversed, actions.entry,
+        actions.path_offsets, actions.path, actions.begin_s, actions.end_s, actions.after_offsets,
+        renumber[actions.after_head], actions.after_action, actions.after_point,
+        actions.after_lag_s,
     )  # fmt: skip
 
 
@@ -245,8 +246,8 @@ def check_material(
 ) -> list[Fault]:
     """J2 and J5 by geometry: no head touches anything not ordered later."""
     lines: list[str] = []
-    for h, lane in enumerate(legs.lanes):
-        moves, owner = moves_of(lane, document.machine.heads[h].park)
+    for h, actions in enumerate(legs.all_actions):
+        moves, owner = moves_of(actions, document.machine.heads[h].park)
         beads = beads_for(document.contours, legs, order, h)
         beads = as_material(beads, document.machine, PLAN_TOLERANCE_MM)
         counts["moves"] = counts.get("moves", 0) + len(moves)
@@ -270,8 +271,8 @@ def check_material(
 def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
     """J3: heads that may move or rest at the same time keep their distance."""
     lines: list[str] = []
-    for r, s in permutations(range(len(legs.lanes)), 2):
-        for stations, others in concurrent(document.machine.heads, legs.lanes, order, r, s):
+    for r, s in permutations(range(len(legs.all_actions)), 2):
+        for stations, others in concurrent(document.machine.heads, legs.all_actions, order, r, s):
             clashes = find_clashes(
                 stations,
                 document.machine.heads[r],
@@ -300,12 +301,12 @@ def _rail_lines(document: PlanDocument, legs: Legs, order: PartialOrder, rail: R
     names = [head.name for head in document.machine.heads]
     place = {name: i for i, name in enumerate(rail.order)}
     lines: list[str] = []
-    for r, s in permutations(range(len(legs.lanes)), 2):
+    for r, s in permutations(range(len(legs.all_actions)), 2):
         if names[r] not in place or names[s] not in place:
             continue
         steps = place[names[s]] - place[names[r]]
         least = rail.separation_mm * abs(steps)
-        for stations, others in concurrent(document.machine.heads, legs.lanes, order, r, s):
+        for stations, others in concurrent(document.machine.heads, legs.all_actions, order, r, s):
             lines += [
                 f"{_station(legs, r, a, stations.rest)} and {_station(legs, s, b, others.rest)} "
                 f"may happen together and be {gap:.3f} mm apart along {'xy'[rail.axis]}, "
@@ -337,10 +338,10 @@ def check_replays(
     breaks: list[Meeting] = []
     passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
     for name, factors in timing_factors(legs, trials, seed):
-        _, courses = run_trial(document.machine, legs.lanes, order, passing, factors)
+        _, courses = run_trial(document.machine, legs.all_actions, order, passing, factors)
         ends = max((float(c.time[-1]) for c in courses), default=0.0)
         counts.setdefault("makespan_s", ends)
-        for pair in combinations(range(len(legs.lanes)), 2):
+        for pair in combinations(range(len(legs.all_actions)), 2):
             contacts += meetings(document.machine, courses, pair, name, LIMIT)
         breaks += rail_breaks(document.machine, courses, name)
         counts["replays"] = counts.get("replays", 0) + 1

@@ -123,10 +123,10 @@ def _path(row: Fields) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 def _reversed(row: Fields, contour: int) -> bool:
-    backwards = row.flag("reversed")
-    if backwards and contour == NO_CONTOUR:
+    is_reversed = row.flag("reversed")
+    if is_reversed and contour == NO_CONTOUR:
         row.fail("reversed", "true, but nothing is printed")
-    return backwards
+    return is_reversed
 
 
 def _entry(row: Fields, contour: int, sizes: Sequence[int]) -> int:
@@ -162,7 +162,7 @@ def _after(
     return found
 
 
-def check_points(tables: Sequence[Fields], lanes: Sequence[HeadActions]) -> None:
+def check_points(tables: Sequence[Fields], all_actions: Sequence[HeadActions]) -> None:
     """Refuse waits for points that the other heads' paths do not have.
 
     Raises
@@ -170,15 +170,16 @@ def check_points(tables: Sequence[Fields], lanes: Sequence[HeadActions]) -> None
     InputError
         Naming the first wrong place.
     """
-    for table, lane in zip(tables, lanes, strict=True):
-        for row in np.flatnonzero(lane.after_point != ACTION_END).tolist():
-            other, waited = lanes[int(lane.after_head[row])], int(lane.after_action[row])
-            point, size = int(lane.after_point[row]), len(other.action_path(waited))
+    for table, actions in zip(tables, all_actions, strict=True):
+        for row in np.flatnonzero(actions.after_point != ACTION_END).tolist():
+            other = all_actions[int(actions.after_head[row])]
+            waited = int(actions.after_action[row])
+            point, size = int(actions.after_point[row]), len(other.action_path(waited))
             moves = other.kind[waited] != ActionKind.WAIT and size > 1
             if not moves or point >= size:
-                action = int(np.searchsorted(lane.after_offsets, row, side="right")) - 1
+                action = int(np.searchsorted(actions.after_offsets, row, side="right")) - 1
                 table.fail(
-                    f"actions[{action}].after[{row - int(lane.after_offsets[action])}]",
+                    f"actions[{action}].after[{row - int(actions.after_offsets[action])}]",
                     f"action {waited} of {other.head!r} has no point {point} to pass",
                     f"it has points 1 to {size - 1}" if moves else "it stands still",
                 )

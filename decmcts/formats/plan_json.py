@@ -175,11 +175,11 @@ def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
     if wrong is not None:
         given.fail(f"precedence[{wrong // 2}]", f"no contour {shown(flat[wrong])}, there are {n}")
     pairs = np.array(flat, np.int32).reshape(-1, 2)
-    turned = np.flatnonzero(pairs[:, 0] >= pairs[:, 1])
-    if len(turned):
-        a, b = pairs[turned[0]].tolist()
+    toolpath = np.flatnonzero(pairs[:, 0] >= pairs[:, 1])
+    if len(toolpath):
+        a, b = pairs[toolpath[0]].tolist()
         given.fail(
-            f"precedence[{turned[0]}]",
+            f"precedence[{toolpath[0]}]",
             f"contour {a} before itself" if a == b else f"contour {a} before contour {b}",
             "contours are numbered in the order of the source, which keeps every pair",
         )
@@ -201,9 +201,9 @@ def _plan(given: Fields, *, contours_sizes: list[int], version: int) -> JointPla
         if names.count(name) > 1:
             table.fail("name", f"{shown(name)} stands for more than one head of the plan")
     counts = [len(table.items("actions")) for table in tables]
-    lanes = tuple(
+    all_actions = tuple(
         actions_from_dicts(table, names, counts, contours_sizes, version=version)
         for table in tables
     )
-    check_points(tables, lanes)
-    return JointPlan(lanes)
+    check_points(tables, all_actions)
+    return JointPlan(all_actions)

@@ -67,7 +67,7 @@ class QcspSchedule:
 
     crane: NDArray[np.int32]  # (n,) which crane does each task
     begin: NDArray[np.float64]  # (n,)
-    ways: tuple[NDArray[np.float64], ...]  # by crane: (k, 2) rows (time, position), k >= 1
+    paths: tuple[NDArray[np.float64], ...]  # by crane: (k, 2) rows (time, position), k >= 1
     makespan: float  # end of the last task; 0 without tasks
 
 
@@ -122,7 +122,7 @@ def problem_of(values: dict[str, Any]) -> QcspProblem:
 def schedule_text(problem: QcspProblem, schedule: QcspSchedule) -> bytes:
     """Return a schedule as a file, tasks and cranes numbered from 1 (docs/qcsp.md)."""
     cranes = []
-    for v, way in enumerate(schedule.ways):
+    for v, path in enumerate(schedule.paths):
         mine = np.flatnonzero(schedule.crane == v)
         mine = mine[np.argsort(schedule.begin[mine], kind="stable")]
         tasks = [
@@ -130,7 +130,7 @@ def schedule_text(problem: QcspProblem, schedule: QcspSchedule) -> bytes:
              "end": float(schedule.begin[j] + problem.duration[j])}
             for j in mine
         ]  # fmt: skip
-        cranes.append({"crane": v + 1, "tasks": tasks, "way": way.tolist()})
+        cranes.append({"crane": v + 1, "tasks": tasks, "way": path.tolist()})
     whole = {
         "format": "decmcts-qcsp-schedule",
         "version": 1,

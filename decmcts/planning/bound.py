@@ -45,7 +45,7 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
     if not isinstance(search, Search):
         raise InputError("a plan for several heads has no bound on travel", advice="see bound_s")
     problem = result.planned.problem.for_one_head(search.objective)
-    lane = result.document.plan.heads[0]
+    actions = result.document.plan.heads[0]
     return certify(
-        problem, toolpath_cost(problem, head_toolpath(lane)), time_limit_s=time_limit_s / SHARE
+        problem, toolpath_cost(problem, head_toolpath(actions)), time_limit_s=time_limit_s / SHARE
     )

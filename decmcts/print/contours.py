@@ -53,7 +53,7 @@ class Contours:
     closed: NDArray[np.bool_]  # (n,) ends where it starts (within a bead width)
     layer: NDArray[np.int32]  # (n,) layer index of the source, from 0
     tool: NDArray[np.int16]  # (n,) tool number of the source
-    reversible: NDArray[np.bool_]  # (n,) may be printed backwards
+    reversible: NDArray[np.bool_]  # (n,) may be reversed
     epoch: NDArray[np.int32]  # (n,) non-decreasing; all of epoch k before any of epoch k + 1
     line: NDArray[np.int32]  # (n,) source line of the first extruding move, from 1 (0: none)
 

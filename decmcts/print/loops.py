@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.geometry.loops import (
     SLIVER_MM,
-    Turned,
+    Rotated,
     entries_allowed,
     exit_points,
-    turn_loop,
-    turn_loops,
+    rotate_loop,
+    rotate_loops,
 )
 from decmcts.print.contours import Contours, Role
 
@@ -37,7 +37,7 @@ STAYS = (Role.IRONING, Role.WIPE_TOWER)
 def movable(contours: Contours) -> NDArray[np.bool_]:
     """Tell which contours may be entered at another vertex, (n,).
 
-    Closed ones at one height that the source lets turn: not ironing, wipe
+    Closed ones at one height that the source lets be reversed: not ironing, wipe
     towers, slopes, scarf seams or parts of a verbatim block. A seam's gap is
     none or `LEAST_GAP_MM` long at least.
     """
@@ -68,33 +68,35 @@ def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
     """
     if not entry.any():
         return contours
-    out, offsets = turned(contours, entry)
+    out, offsets = rotated(contours, entry)
     return replace(
         contours, points=out.points, extrusion=out.extrusion, feed=out.feed, offsets=offsets
     )
 
 
-def turned(contours: Contours, entry: NDArray[np.int32]) -> tuple[Turned, NDArray[np.int64]]:
+def rotated(contours: Contours, entry: NDArray[np.int32]) -> tuple[Rotated, NDArray[np.int64]]:
     """Return the arrays of `enter_at` with the source row of each segment, and the offsets."""
     room = len(contours.points) + int((entry > 0).sum())
     out, offsets = _room(room), np.empty(len(contours) + 1, np.int64)
-    turn_loops(
+    rotate_loops(
         contours.points, contours.extrusion, contours.feed, contours.offsets,
         np.ascontiguousarray(entry, np.int32), out, offsets,
     )  # fmt: skip
     m = int(offsets[-1])
-    return Turned(out.points[:m], out.extrusion[:m], out.feed[:m], out.rows[:m]), offsets
+    return Rotated(out.points[:m], out.extrusion[:m], out.feed[:m], out.rows[:m]), offsets
 
 
-def traversal(contours: Contours, contour: int, entry: int) -> Turned:
+def traversal(contours: Contours, contour: int, entry: int) -> Rotated:
     """Return one contour as it runs when entered at vertex `entry`.
 
     The `rows` of its segments say whose feed and machine state each one has.
     """
     first, last = int(contours.offsets[contour]), int(contours.offsets[contour + 1]) - 1
     out = _room(last - first + 2)
-    end = turn_loop(contours.points, contours.extrusion, contours.feed, first, last, entry, out, 0)
-    return Turned(out.points[:end], out.extrusion[:end], out.feed[:end], out.rows[:end])
+    end = rotate_loop(
+        contours.points, contours.extrusion, contours.feed, first, last, entry, out, 0
+    )
+    return Rotated(out.points[:end], out.extrusion[:end], out.feed[:end], out.rows[:end])
 
 
 def exits_of(
@@ -128,5 +130,5 @@ def close_gaps(contours: Contours) -> Contours:
     )
 
 
-def _room(rows: int) -> Turned:
-    return Turned(np.empty((rows, 3)), np.empty(rows), np.empty(rows), np.empty(rows, np.int64))
+def _room(rows: int) -> Rotated:
+    return Rotated(np.empty((rows, 3)), np.empty(rows), np.empty(rows), np.empty(rows, np.int64))

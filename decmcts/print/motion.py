@@ -84,7 +84,7 @@ def contour_times(
 ) -> Floats:
     """Return the seconds each contour takes as sliced, from rest to rest, (n,).
 
-    The model is symmetric in time, so a contour run backwards takes as long.
+    The model is symmetric in time, so a contour that is reversed takes as long.
 
     Parameters
     ----------

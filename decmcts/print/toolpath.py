@@ -27,7 +27,7 @@ class Toolpath:
     """
 
     order: NDArray[np.int32]  # (k,) contour ids in printing order
-    reversed: NDArray[np.bool_]  # (k,) aligned with order: printed backwards
+    reversed: NDArray[np.bool_]  # (k,) aligned with order
     entry: NDArray[np.int32]  # (k,) aligned with order: entry vertex
     turn: NDArray[np.int64] | None = None  # (k,) aligned with order, ascending
 
@@ -79,8 +79,8 @@ def endpoints(
         order, entry = toolpath.order[seam], toolpath.entry[seam]
         first[seam] = contours.points[contours.offsets[order] + entry]
         last[seam] = exits_of(contours, order, entry)
-    flip = toolpath.reversed[:, None]
-    return np.where(flip, last, first), np.where(flip, first, last)
+    is_reversed = toolpath.reversed[:, None]
+    return np.where(is_reversed, last, first), np.where(is_reversed, first, last)
 
 
 def extrusionless_travel(contours: Contours, toolpath: Toolpath) -> float:

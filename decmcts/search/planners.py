@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.seats import visits_cost
+from decmcts._kernels.sequence.entries import visits_cost
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.baselines.local import Local
 from decmcts.search.baselines.mcts import Mcts
@@ -47,7 +47,7 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
     }
 )
 
-KEEP_TIME = ("layerwise", "local", "hybrid")  # find orders that keep a problem's spacing
+KEEP_LAGS = ("layerwise", "local", "hybrid")  # find orders that keep a problem's time lags
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,29 +122,29 @@ def toolpath_cost(problem: OrderProblem, toolpath: Toolpath) -> float:
     Raises
     ------
     ValueError
-        If it enters a contour where the problem has no option.
+        If it enters a contour where the problem has no entry.
     """
     n, order, seams = len(problem), toolpath.order, problem.seams
-    flip, seat = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
-    flip[order] = toolpath.reversed
+    is_reversed, entry_id = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
+    is_reversed[order] = toolpath.reversed
     if seams is not None:
         entry = np.zeros(n, np.int64)
         entry[order] = toolpath.entry
         most = 1 + int(max(seams.vertices.max(initial=0), entry.max(initial=0)))
-        options = seams.owner.astype(np.int64) * most + seams.vertices
+        possible = seams.owner.astype(np.int64) * most + seams.vertices
         wanted = np.arange(n) * most + entry
-        place = np.searchsorted(options, wanted)
-        if not (np.append(options, -1)[place] == wanted).all():
+        place = np.searchsorted(possible, wanted)
+        if not (np.append(possible, -1)[place] == wanted).all():
             raise ValueError("a contour is entered where it has no option")
-        seat = np.where(np.diff(seams.offsets) > 1, place, -1).astype(np.int32)
-    return float(visits_cost(problem.metric(), order, flip, seat))
+        entry_id = np.where(np.diff(seams.offsets) > 1, place, -1).astype(np.int32)
+    return float(visits_cost(problem.metric(), order, is_reversed, entry_id))
 
 
 def _toolpath(incumbent: Incumbent) -> Toolpath:
     """Return the best sequence as a toolpath."""
     order, seams = incumbent.order, incumbent.problem.seams
-    toolpath = Toolpath.of(order, incumbent.flip[order].astype(np.bool_))
+    toolpath = Toolpath.of(order, incumbent.reversed[order].astype(np.bool_))
     if seams is None:
         return toolpath
-    options = np.where(incumbent.seat >= 0, incumbent.seat, seams.offsets[:-1])
-    return replace(toolpath, entry=np.ascontiguousarray(seams.vertices[options][order], np.int32))
+    possible = np.where(incumbent.entry_id >= 0, incumbent.entry_id, seams.offsets[:-1])
+    return replace(toolpath, entry=np.ascontiguousarray(seams.vertices[possible][order], np.int32))

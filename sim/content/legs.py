@@ -27,14 +27,14 @@ class Legs:
     """The heads' actions, and the legs they are cut into."""
 
     whole: tuple[HeadActions, ...]  # as the plan has them
-    lanes: tuple[HeadActions, ...]  # leg by leg; every wait is for the end of a leg
+    all_actions: tuple[HeadActions, ...]  # leg by leg; every wait is for the end of a leg
     origin: tuple[Ints, ...]  # per head (n_legs,) the action a leg is of
     rows: tuple[Ints, ...]  # per head: of which point of the action's path each point is
 
     @property
     def cut(self) -> bool:
         """Whether any action has more than one leg."""
-        return any(len(a) < len(b) for a, b in zip(self.whole, self.lanes, strict=True))
+        return any(len(a) < len(b) for a, b in zip(self.whole, self.all_actions, strict=True))
 
     def begins(self, head: int) -> Flags:
         """Tell of each leg of a head whether its action begins with it."""
@@ -47,7 +47,7 @@ class Legs:
 
     def arrivals(self, head: int, whole: Floats) -> Floats:
         """Return the seconds since each leg began from those since its action began."""
-        offsets, at = self.lanes[head].path_offsets, whole[self.rows[head]]
+        offsets, at = self.all_actions[head].path_offsets, whole[self.rows[head]]
         begun = at[offsets[:-1]]
         begun[self.begins(head)] = 0.0  # a wait has all its time here
         return np.asarray(at - np.repeat(begun, np.diff(offsets)))
@@ -70,68 +70,72 @@ class Legs:
 
     def _points(self, head: int, leg: int) -> tuple[int, int]:
         """Return the first and the last vertex of a leg, counted in its action's path."""
-        offsets = self.lanes[head].path_offsets
+        offsets = self.all_actions[head].path_offsets
         first = int(self.whole[head].path_offsets[self.origin[head][leg]])
         rows = self.rows[head][[int(offsets[leg]), int(offsets[leg + 1]) - 1]] - first
         return int(rows[0]), int(rows[1])
 
 
-def legs_of(lanes: tuple[HeadActions, ...]) -> Legs:
+def legs_of(all_actions: tuple[HeadActions, ...]) -> Legs:
     """Cut every action at the points that are waited for.
 
     Complexity O(points + after edges).
     """
-    cuts = [np.zeros(len(lane.path), np.bool_) for lane in lanes]
-    for lane in lanes:
-        for head, row in zip(lane.after_head.tolist(), _row(lane, lanes).tolist(), strict=True):
+    cuts = [np.zeros(len(actions.path), np.bool_) for actions in all_actions]
+    for actions in all_actions:
+        for head, row in zip(
+            actions.after_head.tolist(), _row(actions, all_actions).tolist(), strict=True
+        ):
             cuts[head][row] = True
-    for lane, cut in zip(lanes, cuts, strict=True):
-        cut[lane.path_offsets[1:] - 1] = False  # where a leg ends anyway
+    for actions, cut in zip(all_actions, cuts, strict=True):
+        cut[actions.path_offsets[1:] - 1] = False  # where a leg ends anyway
     origin, rows = [], []
-    for lane, cut in zip(lanes, cuts, strict=True):
-        owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
-        ends = np.concatenate([np.arange(len(lane)), owner[cut]])
+    for actions, cut in zip(all_actions, cuts, strict=True):
+        owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+        ends = np.concatenate([np.arange(len(actions)), owner[cut]])
         origin.append(np.sort(ends).astype(np.int64))
         rows.append(np.repeat(np.arange(len(cut)), 1 + cut))
-    cut_lanes = tuple(_cut(h, lanes, cuts, origin[h], rows[h]) for h in range(len(lanes)))
-    return Legs(lanes, cut_lanes, tuple(origin), tuple(rows))
+    cut_actions = tuple(
+        _cut(h, all_actions, cuts, origin[h], rows[h]) for h in range(len(all_actions))
+    )
+    return Legs(all_actions, cut_actions, tuple(origin), tuple(rows))
 
 
-def _row(lane: HeadActions, lanes: tuple[HeadActions, ...]) -> Ints:
+def _row(actions: HeadActions, all_actions: tuple[HeadActions, ...]) -> Ints:
     """Return for each edge into a head the row of the other's path that must be passed."""
-    rows = np.empty(len(lane.after_head), np.int64)
-    for head, other in enumerate(lanes):
-        mine = lane.after_head == head
-        action, point = lane.after_action[mine], lane.after_point[mine]
+    rows = np.empty(len(actions.after_head), np.int64)
+    for head, other in enumerate(all_actions):
+        mine = actions.after_head == head
+        action, point = actions.after_action[mine], actions.after_point[mine]
         end = other.path_offsets[1:][action] - 1
         rows[mine] = np.where(point == ACTION_END, end, other.path_offsets[:-1][action] + point)
     return rows
 
 
 def _cut(
-    h: int, lanes: tuple[HeadActions, ...], cuts: list[Flags], origin: Ints, rows: Ints
+    h: int, all_actions: tuple[HeadActions, ...], cuts: list[Flags], origin: Ints, rows: Ints
 ) -> HeadActions:
     """Return the legs of one head; each wait names the leg that ends where it waits for."""
-    lane, before = lanes[h], [np.concatenate([[0], np.cumsum(cut)]) for cut in cuts]
-    starts, inner = lane.path_offsets[:-1], np.flatnonzero(cuts[h])
+    actions, before = all_actions[h], [np.concatenate([[0], np.cumsum(cut)]) for cut in cuts]
+    starts, inner = actions.path_offsets[:-1], np.flatnonzero(cuts[h])
     begins = np.sort(np.concatenate([starts + before[h][starts], inner + before[h][inner] + 1]))
-    leg = np.empty(len(lane.after_head), np.int64)
-    for head in range(len(lanes)):
-        mine = lane.after_head == head
-        leg[mine] = lane.after_action[mine] + before[head][_row(lane, lanes)[mine]]
+    leg = np.empty(len(actions.after_head), np.int64)
+    for head in range(len(all_actions)):
+        mine = actions.after_head == head
+        leg[mine] = actions.after_action[mine] + before[head][_row(actions, all_actions)[mine]]
     edges = np.zeros(len(origin), np.int64)
-    first = np.searchsorted(origin, np.arange(len(lane)))
-    edges[first] = np.diff(lane.after_offsets)
+    first = np.searchsorted(origin, np.arange(len(actions)))
+    edges[first] = np.diff(actions.after_offsets)
     return replace(
-        lane,
-        kind=lane.kind[origin],
-        contour=lane.contour[origin],
-        reversed=lane.reversed[origin],
-        entry=lane.entry[origin],
+        actions,
+        kind=actions.kind[origin],
+        contour=actions.contour[origin],
+        reversed=actions.reversed[origin],
+        entry=actions.entry[origin],
         path_offsets=np.concatenate([begins, [len(rows)]]).astype(np.int64),
-        path=lane.path[rows],
-        begin_s=lane.begin_s[origin],
-        end_s=lane.end_s[origin],
+        path=actions.path[rows],
+        begin_s=actions.begin_s[origin],
+        end_s=actions.end_s[origin],
         after_offsets=np.concatenate([[0], np.cumsum(edges)]).astype(np.int64),
         after_action=leg.astype(np.int32),
         after_point=np.full(len(leg), ACTION_END, np.int32),

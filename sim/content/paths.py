@@ -91,12 +91,12 @@ def check_release(document: PlanDocument) -> list[Fault]:
         return []
     heads = document.plan.heads
     lines = [
-        f"{describe(lane, k)} waits for point {edge.point} of "
+        f"{describe(actions, k)} waits for point {edge.point} of "
         f"{describe(heads[edge.head], edge.action)}; heads of {document.machine.name} signal "
         "only that an action has ended"
-        for lane in heads
-        for k in np.flatnonzero(np.diff(lane.after_offsets)).tolist()
-        for edge in lane.after_edges(k)
+        for actions in heads
+        for k in np.flatnonzero(np.diff(actions.after_offsets)).tolist()
+        for edge in actions.after_edges(k)
         if edge.point != ACTION_END
     ]
     return listed(FaultKind.MACHINE, lines)
@@ -179,10 +179,10 @@ def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
 def _print_problem(contours: Contours, actions: HeadActions, a: int) -> str:
     """Return what is wrong with the path of one print action, or nothing."""
     contour, entry = int(actions.contour[a]), int(actions.entry[a])
-    backwards = bool(actions.reversed[a])
-    if backwards and not contours.reversible[contour]:
-        return "runs backwards, but the source forbids turning it"
-    path = actions.action_path(a)[:: -1 if backwards else 1]
+    is_reversed = bool(actions.reversed[a])
+    if is_reversed and not contours.reversible[contour]:
+        return "runs reversed, but the source forbids that"
+    path = actions.action_path(a)[:: -1 if is_reversed else 1]
     if entry:
         run = run_of(contours, Moved(contour, entry, path))
         return run if isinstance(run, str) else ""

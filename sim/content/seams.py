@@ -145,13 +145,15 @@ def _filament_at_end(contours: Contours, first: int, last: int, length: float) -
     return float(laid[-1] - np.interp(way[-1] - length, way, laid))
 
 
-def seams_of_plan(lane: HeadActions) -> Iterator[Moved]:
+def seams_of_plan(actions: HeadActions) -> Iterator[Moved]:
     """Yield the contours a plan enters at another vertex, each run forwards."""
-    moved = (lane.kind == ActionKind.PRINT) & (lane.entry > 0)
+    moved = (actions.kind == ActionKind.PRINT) & (actions.entry > 0)
     for a in np.flatnonzero(moved).tolist():
-        path = lane.action_path(a)
+        path = actions.action_path(a)
         yield Moved(
-            int(lane.contour[a]), int(lane.entry[a]), path[::-1] if lane.reversed[a] else path
+            int(actions.contour[a]),
+            int(actions.entry[a]),
+            path[::-1] if actions.reversed[a] else path,
         )
 
 

@@ -25,7 +25,7 @@ from decmcts.print.plan import ActionKind, PlanDocument
 from sim.content.legs import Legs, legs_of
 from sim.replay.execution import Course, arrivals_of, course_of, meetings, rail_breaks
 from sim.rules.order import PartialOrder, order_of
-from sim.verify import lanes_of
+from sim.verify import all_actions_of
 
 HELD_UP = 0.01  # share of the actions that begin late
 LATEST_S = 60.0
@@ -64,7 +64,7 @@ def random_trouble(name: str, legs: Legs, seed: int) -> Trouble:
     """Return trouble of a kind of `TROUBLES`; equal seeds give equal trouble."""
     most, held = TROUBLES[name]
     rng = np.random.default_rng([seed, 23])
-    sizes = [len(lane) for lane in legs.whole]
+    sizes = [len(actions) for actions in legs.whole]
     factor = [most ** rng.uniform(-1.0, 1.0, n) for n in sizes]
     late = [(rng.random(n) < HELD_UP) * rng.uniform(0.0, LATEST_S, n) * held for n in sizes]
     return Trouble(tuple(factor), tuple(late))
@@ -75,13 +75,13 @@ class Rehearsal:
 
     def __init__(self, document: PlanDocument) -> None:
         """Cut a plan into legs; ValueError for one that can not be executed."""
-        lanes = lanes_of(document)
-        self.document, self.legs = document, legs_of(lanes)
-        order = order_of(self.legs.lanes)
+        all_actions = all_actions_of(document)
+        self.document, self.legs = document, legs_of(all_actions)
+        order = order_of(self.legs.all_actions)
         if not isinstance(order, PartialOrder):
             raise ValueError("the plan deadlocks")
         self._sequence: list[list[int]] = order.sequence.tolist()
-        arrivals = [arrivals_of(document, lane) for lane in lanes]
+        arrivals = [arrivals_of(document, actions) for actions in all_actions]
         self._passing = [self.legs.arrivals(h, times) for h, times in enumerate(arrivals)]
         self._planned: list[Floats] | None = None
         self._planned = self._begins(random_trouble("none", self.legs, 0))
@@ -100,9 +100,9 @@ class Rehearsal:
     def _seconds(self, trouble: Trouble) -> list[Floats]:
         """Return how long each leg takes."""
         return [
-            factor[origin] * times[lane.path_offsets[1:] - 1]
-            for factor, origin, times, lane in zip(
-                trouble.factor, self.legs.origin, self._passing, self.legs.lanes, strict=True
+            factor[origin] * times[actions.path_offsets[1:] - 1]
+            for factor, origin, times, actions in zip(
+                trouble.factor, self.legs.origin, self._passing, self.legs.all_actions, strict=True
             )
         ]
 
@@ -121,10 +121,10 @@ class Rehearsal:
 
     def _due(self, h: int, k: int, begin: list[Floats], seconds: list[Floats]) -> float:
         """Return when all that a leg waits for has happened."""
-        lane, due = self.legs.lanes[h], 0.0
-        for row in range(int(lane.after_offsets[k]), int(lane.after_offsets[k + 1])):
-            s, a = int(lane.after_head[row]), int(lane.after_action[row])
-            due = max(due, begin[s][a] + seconds[s][a] + lane.after_lag_s[row])
+        actions, due = self.legs.all_actions[h], 0.0
+        for row in range(int(actions.after_offsets[k]), int(actions.after_offsets[k + 1])):
+            s, a = int(actions.after_head[row]), int(actions.after_action[row])
+            due = max(due, begin[s][a] + seconds[s][a] + actions.after_lag_s[row])
         return float(due)
 
     def _courses(self, begin: list[Floats], trouble: Trouble) -> list[Course]:
@@ -134,20 +134,20 @@ class Rehearsal:
         end_s, heads = max(ends, default=0.0), self.document.machine.heads
         return [
             course_of(
-                lane, begin[h], trouble.factor[h][self.legs.origin[h]], self._passing[h],
+                actions, begin[h], trouble.factor[h][self.legs.origin[h]], self._passing[h],
                 np.array(heads[h].park), end_s,
             )
-            for h, lane in enumerate(self.legs.lanes)
+            for h, actions in enumerate(self.legs.all_actions)
         ]  # fmt: skip
 
     def _too_early(self, begin: list[Floats], trouble: Trouble) -> int:
         """Return how many contours begin before some contour they rest on has ended."""
         n, seconds = len(self.document.contours), self._seconds(trouble)
         start, end = np.zeros(n), np.zeros(n)
-        for h, lane in enumerate(self.legs.lanes):
-            prints = np.flatnonzero(lane.kind == ActionKind.PRINT)
+        for h, actions in enumerate(self.legs.all_actions):
+            prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
             opens = prints[self.legs.begins(h)[prints]]
-            start[lane.contour[opens]] = begin[h][opens]
-            np.maximum.at(end, lane.contour[prints], begin[h][prints] + seconds[h][prints])
+            start[actions.contour[opens]] = begin[h][opens]
+            np.maximum.at(end, actions.contour[prints], begin[h][prints] + seconds[h][prints])
         before, after = self.document.precedence.reshape(-1, 2).T
         return len(np.unique(after[start[after] < end[before] - 1e-6]))

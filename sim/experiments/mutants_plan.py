@@ -14,19 +14,19 @@ import numpy as np
 from sim.experiments.mutants import Mutant
 from sim.experiments.mutants_actions import (
     across_a_barrier,
-    backwards_unsaid,
     barrier_denied,
     below_the_bed,
     drop_a_print,
     entry_elsewhere,
     heads_exchanged,
     jump,
-    longest_lane,
+    longest_actions,
     no_time,
     off_the_bed,
     park_away,
     print_twice,
     process_order_swapped,
+    reversed_unsaid,
     shift_contour,
     shift_path,
     skirt_last,
@@ -63,7 +63,7 @@ def no_precedence(plan: Plan, rng: Rng) -> None:
     plan["precedence"] = []
 
 
-def turned_precedence(plan: Plan, rng: Rng) -> None:
+def swapped_precedence(plan: Plan, rng: Rng) -> None:
     """Turn every pair of the precedence round."""
     plan["precedence"] = [[b, a] for a, b in plan["precedence"]]
 
@@ -117,17 +117,17 @@ def _number(value: Any) -> Any:
     """Return a mutant that puts a value where a coordinate stands."""
 
     def spoil(plan: Plan, rng: Rng) -> None:
-        longest_lane(plan)[some_print(plan, rng)]["path"][0][0] = value
+        longest_actions(plan)[some_print(plan, rng)]["path"][0][0] = value
 
     return spoil
 
 
 def far_bead(plan: Plan, rng: Rng) -> None:
     """Put one bead a hundred metres away."""
-    lane, k = longest_lane(plan), some_print(plan, rng)
-    plan["contours"][lane[k]["contour"]]["points"][1][0] = 1e5
-    row = 1 if not lane[k]["reversed"] else len(lane[k]["path"]) - 2
-    lane[k]["path"][row][0] = 1e5
+    actions, k = longest_actions(plan), some_print(plan, rng)
+    plan["contours"][actions[k]["contour"]]["points"][1][0] = 1e5
+    row = 1 if not actions[k]["reversed"] else len(actions[k]["path"]) - 2
+    actions[k]["path"][row][0] = 1e5
 
 
 def huge_integer(plan: Plan, rng: Rng) -> None:
@@ -172,7 +172,7 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("the skirt last, precedence emptied", skirt_last, sealed=True),
     Mutant("a contour elsewhere", shift_contour, sealed=True),
     Mutant("a path beside its contour", shift_path),
-    Mutant("an open contour backwards unsaid", backwards_unsaid),
+    Mutant("an open contour backwards unsaid", reversed_unsaid),
     Mutant("another entry than said", entry_elsewhere),
     Mutant("a jump", jump),
     Mutant("a travel through the print", travel_at(0.15)),
@@ -200,7 +200,7 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("another source line", _contour_field("line", lambda v: v + 1)),
     Mutant("another epoch", _contour_field("epoch", lambda v: v + 3), sealed=True),
     Mutant("precedence emptied", no_precedence, harmless=SHAPE, sealed=True),
-    Mutant("precedence turned", turned_precedence),
+    Mutant("precedence turned", swapped_precedence),
     Mutant("precedence of no contour", foreign_precedence),
     Mutant("a slim head", slim_head, sealed=True),
     Mutant("a clearance below none", _machine_field("clearance_mm", -1.0)),

@@ -14,13 +14,15 @@ Rng = np.random.Generator
 HEAD, ACTION, POINT, LAG = range(4)  # what an entry of `after` holds
 
 
-def _lanes(plan: Plan) -> dict[str, list[dict[str, Any]]]:
+def _all_actions(plan: Plan) -> dict[str, list[dict[str, Any]]]:
     return {head["name"]: head["actions"] for head in plan["heads"]}
 
 
 def _some_wait(plan: Plan, rng: Rng, fits: Callable[[list[Any]], bool]) -> list[Any]:
     """Return one of the entries of `after` that fit; raises NotHereError where none does."""
-    found = [edge for lane in _lanes(plan).values() for a in lane for edge in a["after"]]
+    found = [
+        edge for actions in _all_actions(plan).values() for a in actions for edge in a["after"]
+    ]
     found = [edge for edge in found if fits(edge)]
     if not found:
         raise NotHereError
@@ -30,43 +32,45 @@ def _some_wait(plan: Plan, rng: Rng, fits: Callable[[list[Any]], bool]) -> list[
 
 def _points(plan: Plan, edge: list[Any]) -> int:
     """Return how many points the path of a waited action has; 0 where it stands still."""
-    action = _lanes(plan)[edge[HEAD]][edge[ACTION]]
+    action = _all_actions(plan)[edge[HEAD]][edge[ACTION]]
     return 0 if action["kind"] == "wait" else len(action["path"])
 
 
 def waits_dropped(plan: Plan, rng: Rng) -> None:
     """Let no action wait for another head."""
     _some_wait(plan, rng, lambda edge: True)
-    for lane in _lanes(plan).values():
-        for action in lane:
+    for actions in _all_actions(plan).values():
+        for action in actions:
             action["after"] = []
 
 
 def one_wait_dropped(plan: Plan, rng: Rng) -> None:
     """Let one action not wait for another head."""
     chosen = _some_wait(plan, rng, lambda edge: True)
-    for lane in _lanes(plan).values():
-        for action in lane:
+    for actions in _all_actions(plan).values():
+        for action in actions:
             action["after"] = [edge for edge in action["after"] if edge is not chosen]
 
 
 def waits_for_itself(plan: Plan, rng: Rng) -> None:
     """Let an action wait for a later one of its own head."""
-    name, lane = max(_lanes(plan).items(), key=lambda item: len(item[1]))
-    lane[0]["after"] = [[name, 1, None, 0.0]]
+    name, actions = max(_all_actions(plan).items(), key=lambda item: len(item[1]))
+    actions[0]["after"] = [[name, 1, None, 0.0]]
 
 
 def waits_for_a_later_action(plan: Plan, rng: Rng) -> None:
     """Let what is waited for wait for a point of what waits for it, or of a later action."""
-    lanes = _lanes(plan)
+    all_actions = _all_actions(plan)
     edge = _some_wait(plan, rng, lambda edge: True)
-    for name, lane in lanes.items():
-        for k, action in enumerate(lane):
+    for name, actions in all_actions.items():
+        for k, action in enumerate(actions):
             if any(one is edge for one in action["after"]):
-                later = next((n for n in range(k, len(lane)) if len(lane[n]["path"]) > 1), None)
+                later = next(
+                    (n for n in range(k, len(actions)) if len(actions[n]["path"]) > 1), None
+                )
                 if later is None:
                     raise NotHereError
-                lanes[edge[HEAD]][edge[ACTION]]["after"].append([name, later, 1, 0.0])
+                all_actions[edge[HEAD]][edge[ACTION]]["after"].append([name, later, 1, 0.0])
                 return
 
 
@@ -77,9 +81,9 @@ def one_point_too_early(plan: Plan, rng: Rng) -> None:
 
 def ends_to_points(plan: Plan, rng: Rng) -> None:
     """Let all that wait for the end of a way wait for its first point only."""
-    lanes = _lanes(plan)
+    all_actions = _all_actions(plan)
     _some_wait(plan, rng, lambda edge: _points(plan, edge) > 2)
-    for action in [action for lane in lanes.values() for action in lane]:
+    for action in [action for actions in all_actions.values() for action in actions]:
         for edge in action["after"]:
             if _points(plan, edge) > 2:
                 edge[POINT] = 1
@@ -88,7 +92,7 @@ def ends_to_points(plan: Plan, rng: Rng) -> None:
 def action_before(plan: Plan, rng: Rng) -> None:
     """Let all that wait for an action wait for the one before it, wherever it is."""
     _some_wait(plan, rng, lambda edge: edge[ACTION] > 0)
-    for action in [action for lane in _lanes(plan).values() for action in lane]:
+    for action in [action for actions in _all_actions(plan).values() for action in actions]:
         for edge in action["after"]:
             edge[ACTION], edge[POINT] = max(0, edge[ACTION] - 1), None
 
@@ -96,7 +100,7 @@ def action_before(plan: Plan, rng: Rng) -> None:
 def lags_dropped(plan: Plan, rng: Rng) -> None:
     """Keep every order and no lag."""
     _some_wait(plan, rng, lambda edge: edge[LAG] > 0.0)
-    for action in [action for lane in _lanes(plan).values() for action in lane]:
+    for action in [action for actions in _all_actions(plan).values() for action in actions]:
         for edge in action["after"]:
             edge[LAG] = 0.0
 

@@ -122,7 +122,7 @@ def _park(
 def random_print(machine: Machine, seed: int, towers: int = 8, layers: int = 3) -> PrintJob:
     """Return towers over the bed of a machine: a loop and a stroke on each layer, some wide.
 
-    One stroke in six may not be printed backwards.
+    One stroke in six may not be reversed.
     """
     rng = np.random.default_rng([seed, 2])
     low, high = np.array(machine.bed_min) + EDGE_MM, np.array(machine.bed_max) - EDGE_MM

@@ -66,8 +66,8 @@ def _plan(problem: TeamProblem, r: int, rng: np.random.Generator, kind: str) -> 
         return _stated(problem, rng)
     if kind in ("one order", "bad order"):
         order = random_order(problem, rng) if kind == "one order" else rng.permutation(n)
-        turned = rng.random(n) < 0.5
-        return encode_serial(Toolpath.of(order.astype(np.int32), turned), m)
+        is_reversed = rng.random(n) < 0.5
+        return encode_serial(Toolpath.of(order.astype(np.int32), is_reversed), m)
     most = {"sensible": 30, "all for each": 300}.get(kind, 1000)
     shift = rng.integers(-most, most, m).astype(np.int32)
     return encode(int(rng.integers(len(POLICIES))), m, shift)
@@ -80,8 +80,8 @@ def _stated(problem: TeamProblem, rng: np.random.Generator) -> NDArray[np.int32]
     head = rng.integers(heads, size=n)
     if rng.random() < 0.7:
         head = (problem.space.eligible[order] * rng.random((n, heads))).argmax(axis=1)
-    turned = (rng.random(n) < 0.5) & problem.visits.reversible[order]
-    symbols = (2 * order + turned) * heads + head
+    is_reversed = (rng.random(n) < 0.5) & problem.visits.reversible[order]
+    symbols = (2 * order + is_reversed) * heads + head
     mark = problem.n_macros + len(POLICIES) + 1
     return np.concatenate([[mark, heads], symbols]).astype(np.int32)
 
@@ -125,10 +125,10 @@ def judged(problem: TeamProblem, plan: JointPlan, trials: int = 1) -> Verdict:
 def shared_seconds(plan: JointPlan) -> float:
     """Return for how many nominal seconds two heads or more print."""
     steps = []
-    for lane in plan.heads:
-        prints = lane.kind == ActionKind.PRINT
-        steps += [(float(t), 1) for t in lane.begin_s[prints]]
-        steps += [(float(t), -1) for t in lane.end_s[prints]]
+    for actions in plan.heads:
+        prints = actions.kind == ActionKind.PRINT
+        steps += [(float(t), 1) for t in actions.begin_s[prints]]
+        steps += [(float(t), -1) for t in actions.end_s[prints]]
     steps.sort()
     printing, shared, last = 0, 0.0, 0.0
     for at, step in steps:

@@ -56,7 +56,7 @@ class Limits(NamedTuple):
 class Path(NamedTuple):
     """The order being tried; written as the search goes down and up."""
 
-    choice: NDArray[np.int64]  # (n + 1,) (2 contour + backwards) heads + head; -1: none yet
+    choice: NDArray[np.int64]  # (n + 1,) (2 contour + reversed) heads + head; -1: none yet
     done: NDArray[np.bool_]  # (n,)
     chain: NDArray[np.uint64]  # (n + 1, heads) digest of each head's actions
     best: NDArray[np.int64]  # (n,) choices of the best order
@@ -208,8 +208,8 @@ def next_choice(depth: int, visits: Visits, limits: Limits, path: Path) -> bool:
     if at >= 0:
         path.done[at // heads // 2] = False
     for k in range(at + 1, 2 * n * heads):
-        c, backwards, r = k // heads // 2, k // heads % 2 == 1, k % heads
-        if path.done[c] or not limits.eligible[c, r] or (backwards and not visits.reversible[c]):
+        c, is_reversed, r = k // heads // 2, k // heads % 2 == 1, k % heads
+        if path.done[c] or not limits.eligible[c, r] or (is_reversed and not visits.reversible[c]):
             continue
         ready = True
         for row in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
@@ -288,7 +288,7 @@ def remember(
     for u in range(marks.used[depth], units.used[0]):
         r = units.head[u]
         word = mixed(path.chain[depth + 1, r], np.uint64(units.contour[u] + 1))
-        word = mixed(word, np.uint64(2 * units.kind[u] + units.backwards[u]))
+        word = mixed(word, np.uint64(2 * units.kind[u] + units.reversed[u]))
         word = mixed(word, bits(units.begin[u]))
         for axis in range(3):
             word = mixed(word, bits(units.target[u, axis]))

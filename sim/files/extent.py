@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 def check_extent(
     contours: Contours,
     source: Contours | None,
-    lanes: tuple[HeadActions, ...],
+    all_actions: tuple[HeadActions, ...],
     machine: Machine,
 ) -> list[Fault]:
     """Check the paths of a plan; without a source it must keep above z = 0 in any case."""
@@ -35,17 +35,17 @@ def check_extent(
     low, high = _reached(known.points, machine)
     low[2] = min(0.0, float(low[2])) if source is not None else 0.0
     lines: list[str] = []
-    for lane, head in zip(lanes, machine.heads, strict=True):
+    for actions, head in zip(all_actions, machine.heads, strict=True):
         park = np.array(head.park)
         least, most = np.minimum(low, park), np.maximum(high, park)
         most[2] = np.inf
-        owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
-        bad = _beyond(lane.path, least, most)
+        owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+        bad = _beyond(actions.path, least, most)
         # a head that parks below the bed may go there, not print there
-        bad |= (lane.kind[owner] == ActionKind.PRINT) & (lane.path[:, 2] < low[2] - SAME_MM)
+        bad |= (actions.kind[owner] == ActionKind.PRINT) & (actions.path[:, 2] < low[2] - SAME_MM)
         first = np.unique(owner[bad], return_index=True)[1]
         lines += [
-            f"{describe(lane, int(owner[i]))} goes {_where(lane.path[i], least)}"
+            f"{describe(actions, int(owner[i]))} goes {_where(actions.path[i], least)}"
             for i in np.flatnonzero(bad)[first].tolist()
         ]
     return listed(FaultKind.OUT_OF_REACH, [*_too_large(contours, machine), *lines])

@@ -66,11 +66,11 @@ def verify_written(
     machine: Machine,
     *,
     seams: Sequence[Moved] = (),
-    lane: HeadActions | None = None,
+    actions: HeadActions | None = None,
 ) -> Verdict:
     """Check a one-head file against the job and the document it was made from.
 
-    `seams` are the loops that have to begin at another vertex; `lane` is the plan
+    `seams` are the loops that have to begin at another vertex; `actions` is the plan
     the file was made from, whose waits it has to keep.
     Contacts on moves that make the same contact in the source (in its end code,
     say) are the source's own and are not reported.
@@ -83,8 +83,8 @@ def verify_written(
     faults = _check_state(written, theirs)
     faults += _check_order(written)
     faults += check_file_material(written.motions, written.match, machine, source=theirs)
-    if lane is not None:
-        faults += _check_waits(written.text, written.motions, written.laid, lane)
+    if actions is not None:
+        faults += _check_waits(written.text, written.motions, written.laid, actions)
     return Verdict(tuple(faults), {"moves": float(len(written.motions.line))})
 
 
@@ -156,7 +156,7 @@ def _check_order(written: Written) -> list[Fault]:
 
 
 def _check_waits(
-    text: bytes, motions: Motions, laid: NDArray[np.int64], lane: HeadActions
+    text: bytes, motions: Motions, laid: NDArray[np.int64], actions: HeadActions
 ) -> list[Fault]:
     """Check that the file stands still wherever the plan waits, as long, before the same bead.
 
@@ -172,18 +172,19 @@ def _check_waits(
         stood[k] = stood.get(k, 0.0) + int(dwell[1]) / 1000.0
     dwells = [(motions.points[laid[k]], seconds) for k, seconds in stood.items() if k < len(laid)]
     lines, due, used = [], 0.0, 0
-    for a in np.flatnonzero(lane.kind != ActionKind.TRAVEL).tolist():
-        if lane.kind[a] == ActionKind.WAIT:
-            due += float(lane.end_s[a] - lane.begin_s[a])
-        elif lane.kind[a] == ActionKind.PRINT and due > 0.0:
-            begin = lane.action_path(a)[0]
+    for a in np.flatnonzero(actions.kind != ActionKind.TRAVEL).tolist():
+        if actions.kind[a] == ActionKind.WAIT:
+            due += float(actions.end_s[a] - actions.begin_s[a])
+        elif actions.kind[a] == ActionKind.PRINT and due > 0.0:
+            begin = actions.action_path(a)[0]
             left = range(used, len(dwells))
             near = (k for k in left if np.abs(dwells[k][0] - begin).max() < SAME_PLACE_MM)
             found = next(near, None)
             seconds = 0.0 if found is None else dwells[found][1]
             if seconds < due - DWELL_S:
                 lines.append(
-                    f"waits {seconds:.1f} s before contour {lane.contour[a]}, planned {due:.1f} s"
+                    f"waits {seconds:.1f} s before contour {actions.contour[a]}, "
+                    f"planned {due:.1f} s"
                 )
             if found is not None:
                 used = found + 1

@@ -97,11 +97,11 @@ def _unkept(
     files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
 ) -> list[str]:
     """Return the edges into one head that its waits, or the dwells behind them, do not keep."""
-    lane, lines = plan.heads[h], []
+    actions, lines = plan.heads[h], []
     beyond = walks[h].last[-1] if walks[h].last else 0
-    for k in range(len(lane)):
+    for k in range(len(actions)):
         first = next((line for line in walks[h].first[k:] if line > 0), beyond + 1)
-        for edge in lane.after_edges(k):
+        for edge in actions.after_edges(k):
             g, reached = edge.head, _reached(walks[edge.head], edge)
             if g == h:
                 continue
@@ -109,10 +109,11 @@ def _unkept(
             if edge.point != ACTION_END:
                 what = f"point {edge.point} of {what}"
             if known.done(h, first, g) <= reached:
-                lines.append(f"head {lane.head} action {k} does not wait for {what}")
+                lines.append(f"head {actions.head} action {k} does not wait for {what}")
             elif edge.lag_s > _dwelt(files[h], known, h, g, reached, first) + LAG_TOLERANCE_S:
                 lines.append(
-                    f"head {lane.head} action {k} does not dwell for {edge.lag_s:g} s after {what}"
+                    f"head {actions.head} action {k} does not dwell for {edge.lag_s:g} s "
+                    f"after {what}"
                 )
     return lines
 
@@ -137,11 +138,11 @@ def _unrested(
     file: HeadFile, plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
 ) -> list[str]:
     """Return the rests of one head that its file does not dwell for, behind what they wait for."""
-    lane, walk, lines = plan.heads[h], walks[h], []
-    for k in np.flatnonzero(lane.kind == ActionKind.WAIT).tolist():
+    actions, walk, lines = plan.heads[h], walks[h], []
+    for k in np.flatnonzero(actions.kind == ActionKind.WAIT).tolist():
         first = next((line for line in walk.first[k:] if line > 0), walk.last[k] + 1)
-        edges = [edge for edge in lane.after_edges(k) if edge.head != h]
-        due = float(lane.end_s[k] - lane.begin_s[k])
+        edges = [edge for edge in actions.after_edges(k) if edge.head != h]
+        due = float(actions.end_s[k] - actions.begin_s[k])
         due += max((edge.lag_s for edge in edges), default=0.0)
         dwelt = [
             _dwelt(file, known, h, edge.head, _reached(walks[edge.head], edge), first)
@@ -150,7 +151,7 @@ def _unrested(
         dwelt.append(sum(s for line, s in _dwells(file) if walk.last[k] < line < first))
         if min(dwelt) < due - LAG_TOLERANCE_S:
             lines.append(
-                f"head {lane.head} dwells {min(dwelt):.1f} s for action {k}, planned {due:.1f} s"
+                f"head {actions.head} dwells {min(dwelt):.1f} s for action {k}, planned {due:.1f} s"
             )
     return lines
 
@@ -161,12 +162,12 @@ def _dwells(file: HeadFile) -> list[tuple[int, float]]:
     return [(line, int(match[1]) / 1000.0) for line, match in found if match is not None]
 
 
-def _stops(file: HeadFile, lane: HeadActions, walk: Walk) -> list[str]:
+def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
     """Return the lines that make a head stand still within an action."""
     lines = [line for line, _ in _dwells(file)]
     lines += [sync.line for sync in file.syncs if not sync.moving]
     return [
-        f"head {lane.head} line {line} stops the head within action {k}"
+        f"head {actions.head} line {line} stops the head within action {k}"
         for line in lines
         for k in [bisect_right(walk.last, line)]
         if k < len(walk.first) and 0 < walk.first[k] < line
@@ -228,9 +229,9 @@ def _is_end(plan: JointPlan, edge: After) -> bool:
 def last_points(plan: JointPlan) -> list[dict[int, int]]:
     """Return for each head the last point, before the end, that another waits for, by action."""
     found: list[dict[int, int]] = [{} for _ in plan.heads]
-    for lane in plan.heads:
-        for k in np.flatnonzero(np.diff(lane.after_offsets)).tolist():
-            for edge in lane.after_edges(k):
+    for actions in plan.heads:
+        for k in np.flatnonzero(np.diff(actions.after_offsets)).tolist():
+            for edge in actions.after_edges(k):
                 if not _is_end(plan, edge):
                     points = found[edge.head]
                     points[edge.action] = max(points.get(edge.action, 0), edge.point)

@@ -57,7 +57,7 @@ class _Act:
     contour: int
     path: list[Floats]
     lines: list[int]  # from 1, of the move to each point but the first
-    turned: bool = False
+    reversed: bool = False
 
     @property
     def first(self) -> int:
@@ -96,13 +96,15 @@ def plan_of_files(
     acts = [_acts(file, ids, entered) for file, ids in zip(files, parts, strict=True)]
     entry = {contour: seam.entry for contour, seam in moved.items()}
     known = Knowledge([file.syncs for file in files])
-    lanes = tuple(_lane(h, file.name, acts, known, entry) for h, file in enumerate(files))
+    all_actions = tuple(
+        _head_actions(h, file.name, acts, known, entry) for h, file in enumerate(files)
+    )
     document = PlanDocument(
         "",
         machine,
         job.contours,
         np.zeros((0, 2), np.int32),
-        JointPlan(_timed(lanes, job.contours)),
+        JointPlan(_timed(all_actions, job.contours)),
         {},
     )
     return document, faults
@@ -213,11 +215,11 @@ def _snap(act: _Act, job: PrintJob) -> None:
     if act.contour == NO_CONTOUR:
         return
     line, path = job.contours.polyline(act.contour), np.array(act.path)
-    for turned in (False, True):
-        way = line[::-1] if turned else line
+    for is_reversed in (False, True):
+        way = line[::-1] if is_reversed else line
         if (places := _places(way, path)) is not None:
             act.lines = [act.lines[max(place - 1, 0)] for place in places[1:]]
-            act.path, act.turned = list(way), turned
+            act.path, act.reversed = list(way), is_reversed
             return
 
 
@@ -236,7 +238,7 @@ def _places(way: Floats, path: Floats) -> list[int] | None:
     return places if same else None
 
 
-def _lane(
+def _head_actions(
     h: int, name: str, acts: list[list[_Act]], known: Knowledge, entry: Mapping[int, int]
 ) -> HeadActions:
     """Return the actions of one head with what its sync points make them wait for.
@@ -253,7 +255,7 @@ def _lane(
     n = len(mine)
     return HeadActions(
         name, np.array(kind, np.int8), np.array([a.contour for a in mine], np.int32),
-        np.array([a.turned for a in mine], np.bool_),
+        np.array([a.reversed for a in mine], np.bool_),
         np.array([entry.get(a.contour, 0) for a in mine], np.int32),
         np.cumsum([0, *map(len, paths)]).astype(np.int64),
         np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(n), np.zeros(n),
@@ -286,26 +288,26 @@ def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]
     return after
 
 
-def _timed(lanes: tuple[HeadActions, ...], contours: Contours) -> tuple[HeadActions, ...]:
-    """Return the lanes with times that keep their order, all printed as slowly as anything."""
-    legs = legs_of(lanes)
-    order = order_of(legs.lanes)
+def _timed(all_actions: tuple[HeadActions, ...], contours: Contours) -> tuple[HeadActions, ...]:
+    """Return all actions with times that keep their order, all printed as slowly as anything."""
+    legs = legs_of(all_actions)
+    order = order_of(legs.all_actions)
     if not isinstance(order, PartialOrder):
-        return lanes
+        return all_actions
     slowest = float(contours.feed[contours.feed > 0.0].min(initial=1.0))
-    seconds = [ACTION_S + _lengths(lane) / slowest for lane in legs.lanes]
-    begin = execute(legs.lanes, order, seconds)
+    seconds = [ACTION_S + _lengths(actions) / slowest for actions in legs.all_actions]
+    begin = execute(legs.all_actions, order, seconds)
     timed = []
-    for h, lane in enumerate(lanes):
+    for h, actions in enumerate(all_actions):
         ends = begin[h] + seconds[h]
-        first = np.searchsorted(legs.origin[h], np.arange(len(lane)))
-        last = np.searchsorted(legs.origin[h], np.arange(len(lane)), side="right") - 1
-        timed.append(replace(lane, begin_s=begin[h][first], end_s=ends[last]))
+        first = np.searchsorted(legs.origin[h], np.arange(len(actions)))
+        last = np.searchsorted(legs.origin[h], np.arange(len(actions)), side="right") - 1
+        timed.append(replace(actions, begin_s=begin[h][first], end_s=ends[last]))
     return tuple(timed)
 
 
-def _lengths(lane: HeadActions) -> Floats:
+def _lengths(actions: HeadActions) -> Floats:
     """Return the length of each action's path."""
-    paths = (lane.action_path(k) for k in range(len(lane)))
+    paths = (actions.action_path(k) for k in range(len(actions)))
     lengths = [np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in paths]
     return np.array(lengths, np.float64)

@@ -64,8 +64,8 @@ def verify_heads(
         return Verdict(tuple(faults))
     parts, walks = [], []
     let_in, due = last_points(plan), heat_due(document, job)
-    for h, (file, lane, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
-        part, walk, found = _judge_one(file, lane, job, document, park, let_in[h], due)
+    for h, (file, actions, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
+        part, walk, found = _judge_one(file, actions, job, document, park, let_in[h], due)
         faults += found
         parts.append(part)
         walks.append(walk)
@@ -80,26 +80,26 @@ def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
     """Check that there is one file for each head, and that each says so."""
     if len(files) != len(plan.heads):
         there = {file.name for file in files}
-        absent = ", ".join(lane.head for lane in plan.heads if lane.head not in there)
+        absent = ", ".join(actions.head for actions in plan.heads if actions.head not in there)
         said = f"{len(files)} files for {len(plan.heads)} heads; name the files of all heads"
         return [Fault(FaultKind.FILE, said + (f", that of {absent} too" if absent else ""))]
     lines = []
-    for k, (file, lane) in enumerate(zip(files, plan.heads, strict=True)):
-        if file.name != lane.head or file.place != (k + 1, len(files)):
+    for k, (file, actions) in enumerate(zip(files, plan.heads, strict=True)):
+        if file.name != actions.head or file.place != (k + 1, len(files)):
             says = f"head {file.name}, file {file.place[0]} of {file.place[1]}"
             lines.append(
                 f"{Path(file.path).name} says it is for {says if file.name else 'no head'}, it "
-                f"should be for head {lane.head}, file {k + 1} of {len(files)}"
+                f"should be for head {actions.head}, file {k + 1} of {len(files)}"
             )
     return listed(FaultKind.COMMAND, lines)
 
 
 def _judge_one(
-    file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
+    file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
     let_in: Mapping[int, int], due: Due,
 ) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
     """Check one file against its head's actions; what the files order comes later."""
-    tools = np.unique(job.contours.tool[lane.contour[lane.kind == ActionKind.PRINT]]).tolist()
+    tools = np.unique(job.contours.tool[actions.contour[actions.kind == ActionKind.PRINT]]).tolist()
     tool = int(tools[0]) if tools else None
     words: list[str] = []
     own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
@@ -133,11 +133,11 @@ def _judge_one(
     taken = {line for found in blocks for line in found}
     if others and taken:
         words += _check_left(file, max(taken), end_code)
-    walk = Walker(file, lane, job, document, part.begin, part.end, taken, let_in).run()
+    walk = Walker(file, actions, job, document, part.begin, part.end, taken, let_in).run()
     words += walk.faults
-    words += _check_blocks(file, lane, job, document, blocks, walk)
+    words += _check_blocks(file, actions, job, document, blocks, walk)
     if walk.complete and tools:
-        prints = np.flatnonzero(lane.kind == ActionKind.PRINT)
+        prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
         own = {line for line, _ in file.rest[:low]} | taken
         words += unheated(file.rest, walk.first[int(prints[0])], due, own)
     known = known_settings(document)
@@ -145,7 +145,7 @@ def _judge_one(
         if line not in taken and not accepted(file.row(line), known):
             words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
     words += [f"line {line}: no M400 stands before this sync point" for line in file.loose]
-    where = f"head {lane.head}, "
+    where = f"head {actions.head}, "
     return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])
 
 
@@ -234,15 +234,15 @@ def _take_blocks(
 
 
 def _check_blocks(
-    file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument,
+    file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument,
     blocks: list[list[int]], walk: Walk,
 ) -> list[str]:  # fmt: skip
     """Return the blocks that do not stand between the beads they stand between in the source."""
     if not walk.complete:
         return []
     words = []
-    prints = [k for k in range(len(lane)) if lane.kind[k] == ActionKind.PRINT]
-    epoch = [int(job.contours.epoch[lane.contour[k]]) for k in prints]
+    prints = [k for k in range(len(actions)) if actions.kind[k] == ActionKind.PRINT]
+    epoch = [int(job.contours.epoch[actions.contour[k]]) for k in prints]
     for block, lines in zip(document.blocks, blocks, strict=True):
         if not lines:
             continue

@@ -51,14 +51,14 @@ class Laid:
 
 
 class Walker:
-    """Walks the moves begin..end - 1 of a file along a lane."""
+    """Walks the moves begin..end - 1 of a file along its head's actions."""
 
     def __init__(
-        self, file: HeadFile, lane: HeadActions, job: PrintJob, document: GcodeDocument,
+        self, file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument,
         begin: int, end: int, blocks: set[int], let_in: Mapping[int, int],
     ) -> None:  # fmt: skip
         """`let_in` has the last point of an action that another head waits for."""
-        self.file, self.lane, self.job, self.document = file, lane, job, document
+        self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.let_in = begin, end, blocks, let_in
         self.walk = Walk()
         self._alike: dict[tuple[int, int], str] = {}
@@ -71,7 +71,7 @@ class Walker:
 
     def run(self) -> Walk:
         """Return the walk; it ends at the first move that is not the plan's."""
-        for k in range(len(self.lane)):
+        for k in range(len(self.actions)):
             self.walk.first.append(-1)
             self.walk.reached.append([])
             said = self._act(k)
@@ -88,14 +88,14 @@ class Walker:
         return self.walk
 
     def _act(self, k: int) -> str:
-        if self.lane.kind[k] == ActionKind.PRINT:
+        if self.actions.kind[k] == ActionKind.PRINT:
             return self._print(k) or self._wipe(k)
-        if self.lane.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
+        if self.actions.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
             return self._travel(k)
         return ""  # it rests: `sim.heads.order` looks for the dwell
 
     def _travel(self, k: int) -> str:
-        path = self.lane.action_path(k)
+        path = self.actions.action_path(k)
         apart = _apart(path)
         lines = [self._line(self.at - 1)]
         for point in path[apart[1:]]:
@@ -120,7 +120,7 @@ class Walker:
         laid = self._laid(k)
         if isinstance(laid, str):
             return laid
-        contour, motion = int(self.lane.contour[k]), self.file.motion
+        contour, motion = int(self.actions.contour[k]), self.file.motion
         moves = len(_apart(laid.points[:2])) > 1
         while self.at < self.end and self._stays(self.at) and moves:
             self._still()
@@ -151,13 +151,13 @@ class Walker:
 
     def _laid(self, k: int) -> Laid | str:
         """Return what the plan's action lays down, from the source's own contour."""
-        contours, c = self.job.contours, int(self.lane.contour[k])
+        contours, c = self.job.contours, int(self.actions.contour[k])
         a, b = int(contours.offsets[c]), int(contours.offsets[c + 1])
-        step = -1 if self.lane.reversed[k] else 1
+        step = -1 if self.actions.reversed[k] else 1
         rows = np.arange(a, b)
         run = Run(contours.points[a:b], contours.extrusion[a:b], contours.feed[a:b], rows)
-        if entry := int(self.lane.entry[k]):
-            entered = run_of(contours, Moved(c, entry, self.lane.action_path(k)[::step]))
+        if entry := int(self.actions.entry[k]):
+            entered = run_of(contours, Moved(c, entry, self.actions.action_path(k)[::step]))
             if isinstance(entered, str):
                 return f"contour {c} {entered}"
             run = entered
@@ -175,7 +175,7 @@ class Walker:
 
     def _wipe(self, k: int) -> str:
         """Go past moves that pull filament back along the bead just printed."""
-        motion, path = self.file.motion, self.lane.action_path(k)[self.let_in.get(k, 0) :]
+        motion, path = self.file.motion, self.actions.action_path(k)[self.let_in.get(k, 0) :]
         while self.at < self.end:
             if self._stays(self.at):
                 if self._line(self.at) in self.blocks or not self._wipes_next():
@@ -186,7 +186,7 @@ class Walker:
                 return ""
             ends = motion.points[self.at : self.at + 2]
             if max(_distance(p, path) for p in (*ends, ends.mean(axis=0))) > 2 * SAME_MM:
-                return f"line {self._line(self.at)} wipes beside contour {self.lane.contour[k]}"
+                return f"line {self._line(self.at)} wipes beside contour {self.actions.contour[k]}"
             self._step(k)
         return ""
 

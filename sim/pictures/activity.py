@@ -12,7 +12,7 @@ INTERVALS = 800
 
 
 def activity(
-    lane: HeadActions, makespan_s: float
+    actions: HeadActions, makespan_s: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the edges of intervals and the shares of them spent printing and travelling.
 
@@ -21,26 +21,28 @@ def activity(
     edges : (k + 1,) seconds
     shares : (k, 2) printing, travelling; the rest is waiting
     """
-    if len(lane) <= EXACT:
-        edges = np.unique(np.concatenate([[0.0, makespan_s], lane.begin_s, lane.end_s]))
+    if len(actions) <= EXACT:
+        edges = np.unique(np.concatenate([[0.0, makespan_s], actions.begin_s, actions.end_s]))
     else:
         edges = np.linspace(0.0, makespan_s, INTERVALS + 1)
     if len(edges) < 2:
         return np.array([0.0, 0.0]), np.zeros((1, 2))
-    printing = lane.kind == ActionKind.PRINT
-    travelling = ~printing & (lane.kind != ActionKind.WAIT)
+    printing = actions.kind == ActionKind.PRINT
+    travelling = ~printing & (actions.kind != ActionKind.WAIT)
     width = np.maximum(np.diff(edges), 1e-12)
-    columns = [np.diff(_time_spent(lane, rows, edges)) / width for rows in (printing, travelling)]
+    columns = [
+        np.diff(_time_spent(actions, rows, edges)) / width for rows in (printing, travelling)
+    ]
     return edges, np.clip(np.stack(columns, axis=1), 0.0, 1.0)
 
 
 def _time_spent(
-    lane: HeadActions, rows: NDArray[np.bool_], at: NDArray[np.float64]
+    actions: HeadActions, rows: NDArray[np.bool_], at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the seconds spent in the chosen actions up to each time."""
     if not rows.any():
         return np.zeros(len(at))
-    begin, end = lane.begin_s[rows], lane.end_s[rows]
+    begin, end = actions.begin_s[rows], actions.end_s[rows]
     done = np.cumsum(end - begin)
     times = np.stack([begin, end], axis=1).ravel()
     spent = np.stack([done - (end - begin), done], axis=1).ravel()

@@ -21,26 +21,26 @@ from sim.pictures.activity import activity
 from sim.pictures.canvas import TRAVEL, head_colour, save
 from sim.pictures.machine_picture import draw_machine
 
-__all__ = ["draw_convergence", "draw_gantt", "draw_machine", "draw_plan", "lane_segments"]
+__all__ = ["action_segments", "draw_convergence", "draw_gantt", "draw_machine", "draw_plan"]
 
 SEGMENTS = 100_000  # of one head drawn in one view; with more, whole paths are left out
 
 
-def lane_segments(
-    lane: HeadActions, *, printing: bool, most: int | None = None
+def action_segments(
+    actions: HeadActions, *, printing: bool, most: int | None = None
 ) -> NDArray[np.float64]:
     """Return the printing or the other segments of a head, (m, 2, 3).
 
     With `most`, only every k-th path is taken so that about as many are left.
     """
-    owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
-    wanted = (owner[1:] == owner[:-1]) & ((lane.kind[owner[1:]] == ActionKind.PRINT) == printing)
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    wanted = (owner[1:] == owner[:-1]) & ((actions.kind[owner[1:]] == ActionKind.PRINT) == printing)
     if most is not None:
         step = max(1, -(-int(wanted.sum()) // most))
-        number = np.cumsum((lane.kind == ActionKind.PRINT) == printing)
+        number = np.cumsum((actions.kind == ActionKind.PRINT) == printing)
         wanted &= (number % step == 0)[owner[1:]]
     rows = np.nonzero(wanted)[0]
-    return np.stack([lane.path[rows], lane.path[rows + 1]], axis=1)
+    return np.stack([actions.path[rows], actions.path[rows + 1]], axis=1)
 
 
 def draw_plan(path: Path | str, before: PlanDocument, after: PlanDocument) -> None:
@@ -83,8 +83,10 @@ def _view_sizes(
 def _caption(document: PlanDocument) -> str:
     """Return the figures of one plan in a few words."""
     travel = sum(
-        float(np.linalg.norm(np.diff(lane_segments(lane, printing=False), axis=1), axis=2).sum())
-        for lane in document.plan.heads
+        float(
+            np.linalg.norm(np.diff(action_segments(actions, printing=False), axis=1), axis=2).sum()
+        )
+        for actions in document.plan.heads
     )
     minutes = document.plan.makespan_s / 60
     text = f"{len(document.contours):,} contours, travel {travel:,.0f} mm, {minutes:,.1f} min"
@@ -106,11 +108,11 @@ def _draw_view(
     axis: Any, document: PlanDocument, i: int, j: int, extent: NDArray[np.float64]
 ) -> None:
     """Draw the projection on coordinates i and j."""
-    lanes = document.plan.heads
+    all_actions = document.plan.heads
     for printing, width in ((True, 0.4), (False, 0.5)):
-        for index, lane in enumerate(lanes):
-            segments = lane_segments(lane, printing=printing, most=SEGMENTS)[:, :, [i, j]]
-            colour = head_colour(index, len(lanes)) if printing else TRAVEL
+        for index, actions in enumerate(all_actions):
+            segments = action_segments(actions, printing=printing, most=SEGMENTS)[:, :, [i, j]]
+            colour = head_colour(index, len(all_actions)) if printing else TRAVEL
             alpha = 0.6 if printing else float(np.clip(2500 / max(len(segments), 1), 0.06, 0.6))
             axis.add_collection(
                 LineCollection(list(segments), colors=colour, linewidths=width, alpha=alpha)
@@ -124,10 +126,12 @@ def _draw_view(
 
 
 def _legend(document: PlanDocument) -> list[Line2D]:
-    lanes = document.plan.heads
+    all_actions = document.plan.heads
     handles = [
-        Line2D([], [], color=head_colour(k, len(lanes)), lw=2, label=f"extrusion, {lane.head}")
-        for k, lane in enumerate(lanes)
+        Line2D(
+            [], [], color=head_colour(k, len(all_actions)), lw=2, label=f"extrusion, {actions.head}"
+        )
+        for k, actions in enumerate(all_actions)
     ]
     return [*handles, Line2D([], [], color=TRAVEL, lw=2, label="travel")]
 
@@ -137,25 +141,25 @@ def draw_gantt(path: Path | str, document: PlanDocument) -> None:
 
     A long plan is drawn in intervals, each filled by the shares of its time.
     """
-    lanes = document.plan.heads
-    figure = Figure(figsize=(12, 1.6 + 0.7 * len(lanes)))
+    all_actions = document.plan.heads
+    figure = Figure(figsize=(12, 1.6 + 0.7 * len(all_actions)))
     figure.set_layout_engine("constrained")
     axis = figure.subplots()
-    for row, lane in enumerate(lanes):
-        edges, shares = activity(lane, document.plan.makespan_s)
+    for row, actions in enumerate(all_actions):
+        edges, shares = activity(actions, document.plan.makespan_s)
         left, width = edges[:-1] / 60, np.diff(edges) / 60
         prints, travels = 0.8 * shares.T
         foot = np.full(len(left), row + 0.4)
-        colour = head_colour(row, len(lanes))
+        colour = head_colour(row, len(all_actions))
         axis.bar(left, -prints, width, foot, align="edge", color=colour, linewidth=0)
         axis.bar(left, -travels, width, foot - prints, align="edge", color=TRAVEL, linewidth=0)
-    axis.set_yticks(range(len(lanes)), [lane.head for lane in lanes])
-    axis.set_ylim(len(lanes) - 0.4, -0.6)
+    axis.set_yticks(range(len(all_actions)), [actions.head for actions in all_actions])
+    axis.set_ylim(len(all_actions) - 0.4, -0.6)
     axis.set_xlim(0, max(document.plan.makespan_s / 60, 1e-9))
     axis.set_xlabel("minutes")
     handles = [
-        Patch(color=head_colour(k, len(lanes)), label=f"{lane.head} prints")
-        for k, lane in enumerate(lanes)
+        Patch(color=head_colour(k, len(all_actions)), label=f"{actions.head} prints")
+        for k, actions in enumerate(all_actions)
     ]
     handles += [Patch(color=TRAVEL, label="travels"), Patch(fc="white", ec="grey", label="waits")]
     figure.legend(handles=handles, loc="outside upper center", ncols=6, frameon=False)

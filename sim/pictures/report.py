@@ -73,15 +73,15 @@ def write_report(
     """
     page, notes = scene_of(before, after)
     script = json.dumps(page).replace("<", "\\u003c")  # a name must not end the script element
-    lanes = len(after.plan.heads)
+    heads = len(after.plan.heads)
     sections = [
         ("What was gained", _table(gained(before, after) if rows is None else rows)),
         ("Toolpath", CONTROLS + "".join(f"<p class=note>{html.escape(n)}</p>" for n in notes)),
-        ("Heads over time", _div(plot_gantt(after), 170 + 70 * lanes)),
+        ("Heads over time", _div(plot_gantt(after), 170 + 70 * heads)),
     ]
     if len(history):
         note = COOLED if after.min_layer_time_s else ""
-        drawn = _div(plot_convergence(history, _minimised(after, lanes), _bound_of(after)), 380)
+        drawn = _div(plot_convergence(history, _minimised(after, heads), _bound_of(after)), 380)
         sections.append(("Search", note + drawn))
     name = html.escape(f"{len(after.contours):,} contours on machine {after.machine.name}")
     body = "".join(f"<h2>{title}</h2>{content}" for title, content in sections)
@@ -160,41 +160,46 @@ def scene_of(before: PlanDocument, after: PlanDocument) -> tuple[dict[str, Any],
     nozzles: list[dict[str, Any]] = []
     notes: list[str] = []
     for scene, name, document in (("scene", "before", before), ("scene2", "after", after)):
-        points = sum(len(lane.path) for lane in document.plan.heads)
+        points = sum(len(actions.path) for actions in document.plan.heads)
         step = max(1, -(-points // POINTS))
         if step > 1:
             notes.append(
                 f"{name}: of {points:,} points one in {step} is drawn, and both ends of each path."
             )
         heads = len(document.plan.heads)
-        for index, lane in enumerate(document.plan.heads):
+        for index, actions in enumerate(document.plan.heads):
             first = len(curves)
             for printing in (True, False):
-                rows = lane_polyline(lane, printing=printing, step=step)
+                rows = action_polyline(actions, printing=printing, step=step)
                 colour = head_colour(index, heads) if printing else TRAVEL
-                curves.append(_curve(rows, lane.head, colour, scene, printing))
+                curves.append(_curve(rows, actions.head, colour, scene, printing))
             colour = head_colour(index, max(2, heads))
             nozzles.append(
-                {"scene": scene, "name": lane.head, "color": colour, "curves": [first, first + 1]}
+                {
+                    "scene": scene,
+                    "name": actions.head,
+                    "color": colour,
+                    "curves": [first, first + 1],
+                }
             )
     end = max(before.plan.makespan_s, after.plan.makespan_s)
     layout = scene_layout([before, after])
     return {"curves": curves, "nozzles": nozzles, "layout": layout, "end": end}, notes
 
 
-def lane_polyline(lane: HeadActions, *, printing: bool, step: int) -> NDArray[np.float64]:
+def action_polyline(actions: HeadActions, *, printing: bool, step: int) -> NDArray[np.float64]:
     """Return one kind of a head's paths with a NaN point after each, (k, 4): x, y, z, seconds.
 
     Of every `step` points of a path one is kept, and always both ends.
     """
-    owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
-    within = np.arange(len(owner)) - lane.path_offsets[owner]
-    size = np.diff(lane.path_offsets)[owner]
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    within = np.arange(len(owner)) - actions.path_offsets[owner]
+    size = np.diff(actions.path_offsets)[owner]
     kept = (within % step == 0) | (within == size - 1)
-    kept &= (lane.kind[owner] == ActionKind.PRINT) == printing
+    kept &= (actions.kind[owner] == ActionKind.PRINT) == printing
     share = within / np.maximum(size - 1, 1)
-    seconds = lane.begin_s[owner] + share * (lane.end_s - lane.begin_s)[owner]
-    rows = np.column_stack([lane.path, seconds])[kept]
+    seconds = actions.begin_s[owner] + share * (actions.end_s - actions.begin_s)[owner]
+    rows = np.column_stack([actions.path, seconds])[kept]
     cuts = np.nonzero(np.diff(owner[kept]))[0] + 1
     gaps = np.full((len(cuts), 4), np.nan)
     gaps[:, 3] = rows[cuts - 1, 3]
@@ -268,12 +273,12 @@ def plot_gantt(document: PlanDocument) -> go.Figure:
     A long plan is drawn in intervals, each filled by the shares of its time.
     """
     figure = go.Figure()
-    lanes = document.plan.heads
-    for index, lane in enumerate(lanes):
-        edges, shares = activity(lane, document.plan.makespan_s)
+    all_actions = document.plan.heads
+    for index, actions in enumerate(all_actions):
+        edges, shares = activity(actions, document.plan.makespan_s)
         foot = np.full(len(shares), -index - 0.4)
         for column, (word, colour) in enumerate(
-            (("prints", head_colour(index, len(lanes))), ("travels", TRAVEL))
+            (("prints", head_colour(index, len(all_actions))), ("travels", TRAVEL))
         ):
             height = 0.8 * shares[:, column]
             figure.add_bar(
@@ -282,17 +287,21 @@ def plot_gantt(document: PlanDocument) -> go.Figure:
                 y=height,
                 base=foot,
                 marker={"color": colour, "line": {"width": 0}},
-                name=f"{lane.head} {word}",
+                name=f"{actions.head} {word}",
                 customdata=100 * shares[:, column],
                 hovertemplate="at %{x:.0f} s: %{customdata:.0f} % of the time",
             )
             foot = foot + height
-    names = [lane.head for lane in lanes]
+    names = [actions.head for actions in all_actions]
     figure.update_layout(
         barmode="overlay",
         bargap=0,
         xaxis={"title": {"text": "seconds"}, "range": [0, document.plan.makespan_s]},
-        yaxis={"tickvals": [-k for k in range(len(lanes))], "ticktext": names, "zeroline": False},
+        yaxis={
+            "tickvals": [-k for k in range(len(all_actions))],
+            "ticktext": names,
+            "zeroline": False,
+        },
         margin={"l": 70, "r": 10, "t": 60, "b": 45},  # room for buttons above the legend
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom"},
     )

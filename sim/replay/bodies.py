@@ -73,7 +73,11 @@ def rest_stations(
 
 
 def concurrent(
-    heads: tuple[Head, ...], lanes: tuple[HeadActions, ...], order: PartialOrder, r: int, s: int
+    heads: tuple[Head, ...],
+    all_actions: tuple[HeadActions, ...],
+    order: PartialOrder,
+    r: int,
+    s: int,
 ) -> Iterator[tuple[Stations, Stations]]:
     """Yield what head r does beside what head s may do meanwhile, each pair of them once.
 
@@ -81,11 +85,11 @@ def concurrent(
     same time, the one that came last moved while the other rested, or neither
     has moved yet.
     """
-    theirs = action_stations(lanes[s], order, s, r)
-    rests = rest_stations(lanes[r], order, r, s, np.array(heads[r].park))
+    theirs = action_stations(all_actions[s], order, s, r)
+    rests = rest_stations(all_actions[r], order, r, s, np.array(heads[r].park))
     yield rests, theirs
     if r < s:
-        yield action_stations(lanes[r], order, r, s), theirs
+        yield action_stations(all_actions[r], order, r, s), theirs
         yield _parked(heads[r]), _parked(heads[s])
 
 

@@ -54,31 +54,31 @@ class Course:
     action: Ints  # (k,) leg the piece that begins here belongs to; -1 before the first
 
 
-def arrivals_of(document: PlanDocument, lane: HeadActions) -> Floats:
+def arrivals_of(document: PlanDocument, actions: HeadActions) -> Floats:
     """Return for each point of a head's path the seconds since its action began."""
     machine = document.machine
-    limits = machine.limits_of(next(head for head in machine.heads if head.name == lane.head))
-    feed = np.full(len(lane.path), limits.travel_feed)
-    prints = np.repeat(lane.kind == ActionKind.PRINT, np.diff(lane.path_offsets))
-    for a in np.nonzero(lane.kind == ActionKind.PRINT)[0].tolist():
-        due = print_feed(document.contours, lane, a)
-        first, last = int(lane.path_offsets[a]), int(lane.path_offsets[a + 1])
+    limits = machine.limits_of(next(head for head in machine.heads if head.name == actions.head))
+    feed = np.full(len(actions.path), limits.travel_feed)
+    prints = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
+    for a in np.nonzero(actions.kind == ActionKind.PRINT)[0].tolist():
+        due = print_feed(document.contours, actions, a)
+        first, last = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
         if len(due) == last - first - 1:  # a wrong path is reported elsewhere
             feed[first + 1 : last] = np.where(due > 0, due, limits.travel_feed)
-    arrivals = arrival_times(lane.path, lane.path_offsets, feed, prints, limits)
-    waits = np.nonzero(lane.kind == ActionKind.WAIT)[0]
-    arrivals[lane.path_offsets[waits + 1] - 1] += lane.end_s[waits] - lane.begin_s[waits]
+    arrivals = arrival_times(actions.path, actions.path_offsets, feed, prints, limits)
+    waits = np.nonzero(actions.kind == ActionKind.WAIT)[0]
+    arrivals[actions.path_offsets[waits + 1] - 1] += actions.end_s[waits] - actions.begin_s[waits]
     return arrivals
 
 
-def print_feed(contours: Contours, lane: HeadActions, action: int) -> Floats:
+def print_feed(contours: Contours, actions: HeadActions, action: int) -> Floats:
     """Return the feed of each segment in the traversal of a print action."""
-    contour, entry = int(lane.contour[action]), int(lane.entry[action])
-    step = -1 if lane.reversed[action] else 1
+    contour, entry = int(actions.contour[action]), int(actions.entry[action])
+    step = -1 if actions.reversed[action] else 1
     rows = slice(int(contours.offsets[contour]), int(contours.offsets[contour + 1]))
     feed = contours.feed[rows]
     if entry:
-        run = run_of(contours, Moved(contour, entry, lane.action_path(action)[::step]))
+        run = run_of(contours, Moved(contour, entry, actions.action_path(action)[::step]))
         feed = feed[:0] if isinstance(run, str) else run.feed
     return feed[1:][::step]
 
@@ -90,19 +90,19 @@ def timing_factors(legs: Legs, trials: int, seed: int) -> Iterator[tuple[str, li
     all fast and the others all slow, for each head; and fast and slow in turn.
     Where actions are cut, the same at random and in turn for their legs.
     """
-    sizes, lanes = [len(lane) for lane in legs.whole], legs.whole
-    yield "nominal", [np.ones(len(lane)) for lane in legs.lanes]
+    sizes, all_actions = [len(actions) for actions in legs.whole], legs.whole
+    yield "nominal", [np.ones(len(actions)) for actions in legs.all_actions]
     for name, factors in _random(sizes, trials, seed):
         yield name, _of_legs(legs, factors)
-    if len(lanes) < 2:
+    if len(all_actions) < 2:
         return
-    for fast in range(len(lanes)):
+    for fast in range(len(all_actions)):
         factors = [np.full(n, FASTEST if r == fast else SLOWEST) for r, n in enumerate(sizes)]
-        yield f"head {lanes[fast].head} fast", _of_legs(legs, factors)
+        yield f"head {all_actions[fast].head} fast", _of_legs(legs, factors)
     for name, factors in _in_turn(sizes):
         yield name, _of_legs(legs, factors)
     if legs.cut:
-        sizes = [len(lane) for lane in legs.lanes]
+        sizes = [len(actions) for actions in legs.all_actions]
         for name, factors in (*_random(sizes, trials, seed), *_in_turn(sizes)):
             yield f"{name}, each leg", factors
 
@@ -125,19 +125,23 @@ def _of_legs(legs: Legs, factors: list[Floats]) -> list[Floats]:
 
 
 def execute(
-    lanes: tuple[HeadActions, ...], order: PartialOrder, seconds: list[Floats]
+    all_actions: tuple[HeadActions, ...], order: PartialOrder, seconds: list[Floats]
 ) -> list[Floats]:
     """Return when each leg begins if each begins as early as order and lags allow."""
-    start = np.concatenate([[0], np.cumsum([len(lane) for lane in lanes])]).astype(np.int64)
+    start = np.concatenate([[0], np.cumsum([len(actions) for actions in all_actions])]).astype(
+        np.int64
+    )
     number = start[order.sequence[:, 0]] + order.sequence[:, 1]
     first = order.sequence[:, 1] == 0
-    counts = np.concatenate([np.diff(lane.after_offsets) for lane in lanes])
+    counts = np.concatenate([np.diff(actions.after_offsets) for actions in all_actions])
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    after = np.concatenate([start[lane.after_head] + lane.after_action for lane in lanes])
-    lags = np.concatenate([lane.after_lag_s for lane in lanes])
+    after = np.concatenate(
+        [start[actions.after_head] + actions.after_action for actions in all_actions]
+    )
+    lags = np.concatenate([actions.after_lag_s for actions in all_actions])
     taken = np.concatenate(seconds)
     begin = _earliest(number, first, offsets, after.astype(np.int64), lags, taken)
-    return [begin[start[r] : start[r + 1]] for r in range(len(lanes))]
+    return [begin[start[r] : start[r + 1]] for r in range(len(all_actions))]
 
 
 @compiled
@@ -155,16 +159,21 @@ def _earliest(
 
 
 def course_of(
-    lane: HeadActions, begin: Floats, factor: Floats, arrivals: Floats, park: Floats, end_s: float
+    actions: HeadActions,
+    begin: Floats,
+    factor: Floats,
+    arrivals: Floats,
+    park: Floats,
+    end_s: float,
 ) -> Course:
     """Return where a head is from 0 to `end_s` seconds."""
-    if not len(lane):
+    if not len(actions):
         return Course(np.array([0.0, end_s]), np.array([park, park]), np.array([-1, -1]))
-    owner = np.repeat(np.arange(len(lane)), np.diff(lane.path_offsets))
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
     return Course(
         np.concatenate([[0.0], begin[owner] + factor[owner] * arrivals, [end_s]]),
-        np.concatenate([lane.path[:1], lane.path, lane.path[-1:]]),
-        np.concatenate([[-1], owner, [len(lane) - 1]]),
+        np.concatenate([actions.path[:1], actions.path, actions.path[-1:]]),
+        np.concatenate([[-1], owner, [len(actions) - 1]]),
     )
 
 
@@ -273,22 +282,24 @@ def rail_breaks(machine: Machine, courses: list[Course], trial: str) -> list[Mee
 
 def run_trial(
     machine: Machine,
-    lanes: tuple[HeadActions, ...],
+    all_actions: tuple[HeadActions, ...],
     order: PartialOrder,
     arrivals: list[Floats],
     factors: list[Floats],
 ) -> tuple[list[Floats], list[Course]]:
     """Execute the plan with one timing error; returns begin times and courses of all heads."""
     seconds = [
-        factor * times[lane.path_offsets[1:] - 1]
-        for lane, factor, times in zip(lanes, factors, arrivals, strict=True)
+        factor * times[actions.path_offsets[1:] - 1]
+        for actions, factor, times in zip(all_actions, factors, arrivals, strict=True)
     ]
-    begin = execute(lanes, order, seconds)
+    begin = execute(all_actions, order, seconds)
     end_s = max(
         (float((b + d).max()) for b, d in zip(begin, seconds, strict=True) if len(b)), default=0.0
     )
     courses = [
-        course_of(lane, b, f, t, np.array(head.park), end_s)
-        for lane, b, f, t, head in zip(lanes, begin, factors, arrivals, machine.heads, strict=True)
+        course_of(actions, b, f, t, np.array(head.park), end_s)
+        for actions, b, f, t, head in zip(
+            all_actions, begin, factors, arrivals, machine.heads, strict=True
+        )
     ]
     return begin, courses

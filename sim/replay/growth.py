@@ -1,7 +1,7 @@
 """Which material may be there when: beads of a joint plan as one head meets them.
 
 For one head, what may be printed by the time of an action is everything not
-ordered after it, so that it holds for every timing. Lanes are legs (`sim.content.legs`).
+ordered after it, so that it holds for every timing. Actions are legs (`sim.content.legs`).
 """
 
 from __future__ import annotations
@@ -17,61 +17,61 @@ from sim.rules.order import PartialOrder
 
 
 def moves_of(
-    lane: HeadActions, park: tuple[float, float, float]
+    actions: HeadActions, park: tuple[float, float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the moves of a head, (m, 6), with the leg of each, (m,).
 
     A last move that goes nowhere stands for the rest after the last leg. A head that does
     nothing has that one only, at its park, of leg -1.
     """
-    if not len(lane):
+    if not len(actions):
         return np.array([[*park, *park]], np.float64), np.array([-1])
-    starts, owner = _segments(lane)
-    ends = np.minimum(starts + 1, lane.path_offsets[owner + 1] - 1)
-    moves = np.hstack([lane.path[starts], lane.path[ends]])
-    last = np.concatenate([lane.path[-1], lane.path[-1]])
-    return np.vstack([moves, last]), np.concatenate([owner, [len(lane) - 1]])
+    starts, owner = _segments(actions)
+    ends = np.minimum(starts + 1, actions.path_offsets[owner + 1] - 1)
+    moves = np.hstack([actions.path[starts], actions.path[ends]])
+    last = np.concatenate([actions.path[-1], actions.path[-1]])
+    return np.vstack([moves, last]), np.concatenate([owner, [len(actions) - 1]])
 
 
-def _segments(lane: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _segments(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return path index and leg of every segment; a path of one point has one segment."""
-    sizes = np.diff(lane.path_offsets)
+    sizes = np.diff(actions.path_offsets)
     count = np.maximum(sizes - 1, 1)
-    owner = np.repeat(np.arange(len(lane)), count)
+    owner = np.repeat(np.arange(len(actions)), count)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    return lane.path_offsets[owner] + within, owner
+    return actions.path_offsets[owner] + within, owner
 
 
-def first_moves(lane: HeadActions) -> NDArray[np.int64]:
+def first_moves(actions: HeadActions) -> NDArray[np.int64]:
     """Return the first move of every leg, and behind them that of the last rest, (k + 1,)."""
-    count = np.maximum(np.diff(lane.path_offsets) - 1, 1)
+    count = np.maximum(np.diff(actions.path_offsets) - 1, 1)
     return np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
 
 
 def beads_for(contours: Contours, legs: Legs, order: PartialOrder, head: int) -> Beads:
     """Return all beads of the plan, each with the first move of `head` that may meet it."""
-    lanes, last = legs.lanes, legs.last(head)
-    moves_begin = first_moves(lanes[head])
+    all_actions, last = legs.all_actions, legs.last(head)
+    moves_begin = first_moves(all_actions[head])
     groups = []
-    for other, lane in enumerate(lanes):
-        starts, owner = _segments(lane)
-        printing = lane.kind[owner] == ActionKind.PRINT
+    for other, actions in enumerate(all_actions):
+        starts, owner = _segments(actions)
+        printing = actions.kind[owner] == ActionKind.PRINT
         starts, owner = starts[printing], owner[printing]
         if other == head:
-            since = _own_since(lane, starts, owner, last, moves_begin)
+            since = _own_since(actions, starts, owner, last, moves_begin)
         else:
             # not ordered after leg u of this head  <=>  index below following(u)
             seen = np.searchsorted(order.following(head, other), owner, side="right")
             since = moves_begin[seen]
-        ends = np.minimum(starts + 1, lane.path_offsets[owner + 1] - 1)
-        groups.append((lane.path[starts], lane.path[ends], lane.contour[owner], since))
+        ends = np.minimum(starts + 1, actions.path_offsets[owner + 1] - 1)
+        groups.append((actions.path[starts], actions.path[ends], actions.contour[owner], since))
     start, end, label, since = (np.concatenate(column) for column in zip(*groups, strict=True))
     width, height = contours.width[label], contours.height[label]
     return Beads(start, end, width, height, since.astype(np.int64), label.astype(np.int64))
 
 
 def _own_since(
-    lane: HeadActions,
+    actions: HeadActions,
     starts: NDArray[np.int64],
     owner: NDArray[np.int64],
     last: NDArray[np.int64],
@@ -83,6 +83,6 @@ def _own_since(
     any other traversal each segment is material for those that follow. `last` is of
     each leg the last one of its action.
     """
-    as_sliced = ~lane.reversed[owner] & (lane.entry[owner] == 0)
-    move = moves_begin[owner] + (starts - lane.path_offsets[owner])
+    as_sliced = ~actions.reversed[owner] & (actions.entry[owner] == 0)
+    move = moves_begin[owner] + (starts - actions.path_offsets[owner])
     return np.where(as_sliced, moves_begin[last[owner] + 1], move + 1)

@@ -22,37 +22,39 @@ ROUNDING = 1e-3  # share that rounded coordinates may make a way shorter
 Floats = NDArray[np.float64]
 
 
-def check_times(contours: Contours, lanes: tuple[HeadActions, ...]) -> list[Fault]:
+def check_times(contours: Contours, all_actions: tuple[HeadActions, ...]) -> list[Fault]:
     """Check each action against the one before it and all it waits for, lags included."""
     lines: list[str] = []
-    for lane in lanes:
-        begin, end = lane.begin_s, lane.end_s
-        own = np.concatenate([[True], begin[1:] >= end[:-1] - TIME_TOLERANCE_S])[: len(lane)]
+    for actions in all_actions:
+        begin, end = actions.begin_s, actions.end_s
+        own = np.concatenate([[True], begin[1:] >= end[:-1] - TIME_TOLERANCE_S])[: len(actions)]
         kept = (end >= begin) & own
-        for a in np.flatnonzero(np.diff(lane.after_offsets)).tolist():
-            due = max(_passed(contours, lanes, edge) + edge.lag_s for edge in lane.after_edges(a))
+        for a in np.flatnonzero(np.diff(actions.after_offsets)).tolist():
+            due = max(
+                _passed(contours, all_actions, edge) + edge.lag_s for edge in actions.after_edges(a)
+            )
             kept[a] &= begin[a] >= due - TIME_TOLERANCE_S
         lines += [
-            f"{describe(lane, a)} begins before what it waits for has happened"
+            f"{describe(actions, a)} begins before what it waits for has happened"
             for a in np.nonzero(~kept)[0].tolist()
         ]
     return listed(FaultKind.TIMES, lines)
 
 
-def _passed(contours: Contours, lanes: tuple[HeadActions, ...], edge: After) -> float:
+def _passed(contours: Contours, all_actions: tuple[HeadActions, ...], edge: After) -> float:
     """Return the least time at which what is waited for can have happened."""
-    lane = lanes[edge.head]
-    begin, end = float(lane.begin_s[edge.action]), float(lane.end_s[edge.action])
+    actions = all_actions[edge.head]
+    begin, end = float(actions.begin_s[edge.action]), float(actions.end_s[edge.action])
     if edge.point == ACTION_END:
         return end
-    return min(begin + _least_seconds(contours, lane, edge.action, edge.point), end)
+    return min(begin + _least_seconds(contours, actions, edge.action, edge.point), end)
 
 
-def _least_seconds(contours: Contours, lane: HeadActions, action: int, point: int) -> float:
+def _least_seconds(contours: Contours, actions: HeadActions, action: int, point: int) -> float:
     """Return what printing to a point of an action takes at least; 0 of travels."""
-    if lane.kind[action] != ActionKind.PRINT:
+    if actions.kind[action] != ActionKind.PRINT:
         return 0.0
-    path, feed = lane.action_path(action), print_feed(contours, lane, action)
+    path, feed = actions.action_path(action), print_feed(contours, actions, action)
     if len(feed) != len(path) - 1:
         return 0.0  # a wrong path is reported elsewhere
     length = np.linalg.norm(np.diff(path, axis=0), axis=1)[:point]

@@ -1,7 +1,7 @@
 """Whether a plan prints over any spot too soon.
 
 The plan names a rule: no contour begins over another within so many seconds of
-its end, or within the pause that the source made between the last of what is
+its end, or within the lag that the source has between the last of what is
 under it and its begin where that is less. Of the source's time only what it
 printed in between counts here, so the judge asks for no more than is due. Times
 are those of the judge's own motion model; retractions are no motion, and slicers set
@@ -63,15 +63,17 @@ def check_cooling(
     rule = document.min_layer_time_s
     if rule <= 0.0:
         return []
-    lanes = legs.whole
-    seconds = [_seconds(lane, times) for lane, times in zip(lanes, arrivals, strict=True)]
+    all_actions = legs.whole
+    seconds = [
+        _seconds(actions, times) for actions, times in zip(all_actions, arrivals, strict=True)
+    ]
     work = np.zeros(len(document.contours))
-    for lane, taken in zip(lanes, seconds, strict=True):
-        prints = lane.kind == ActionKind.PRINT
-        work[lane.contour[prints]] = taken[prints]
-    busy = [h for h, lane in enumerate(lanes) if (lane.kind == ActionKind.PRINT).any()]
+    for actions, taken in zip(all_actions, seconds, strict=True):
+        prints = actions.kind == ActionKind.PRINT
+        work[actions.contour[prints]] = taken[prints]
+    busy = [h for h, actions in enumerate(all_actions) if (actions.kind == ActionKind.PRINT).any()]
     if len(busy) == 1:
-        recent = _recent_alone(lanes[busy[0]], seconds[busy[0]], rule)
+        recent = _recent_alone(all_actions[busy[0]], seconds[busy[0]], rule)
     else:
         recent = _recent_of_all(legs, order, _of_legs(legs, arrivals, seconds), rule)
     stack = _Stack.of(document.contours, rule, work)
@@ -94,11 +96,11 @@ def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> 
     return [Fault(FaultKind.COOLING, text)]
 
 
-def _recent_alone(lane: HeadActions, seconds: Floats, rule: float) -> Iterator[Recent]:
+def _recent_alone(actions: HeadActions, seconds: Floats, rule: float) -> Iterator[Recent]:
     """Yield each contour of a lone head with those that ended within the rule before it."""
     end = np.cumsum(seconds)
-    rows = np.flatnonzero(lane.kind == ActionKind.PRINT)
-    printed, ended, begun = lane.contour[rows], end[rows], end[rows] - seconds[rows]
+    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    printed, ended, begun = actions.contour[rows], end[rows], end[rows] - seconds[rows]
     first = np.searchsorted(ended, begun - rule, side="right")
     for i, b in enumerate(printed.tolist()):
         window = slice(int(first[i]), i)
@@ -110,23 +112,23 @@ def _recent_of_all(
 ) -> Iterator[Recent]:
     """Yield each contour with those that may have ended within the rule before it."""
     time = LeastTime(legs, order, seconds)
-    ends = [legs.last(h) for h in range(len(legs.lanes))]
-    for h, lane in enumerate(legs.lanes):
-        for leg in np.flatnonzero((lane.kind == ActionKind.PRINT) & legs.begins(h)).tolist():
+    ends = [legs.last(h) for h in range(len(legs.all_actions))]
+    for h, actions in enumerate(legs.all_actions):
+        for leg in np.flatnonzero((actions.kind == ActionKind.PRINT) & legs.begins(h)).tolist():
             found = [
-                (int(legs.lanes[g].contour[k]), passed)
+                (int(legs.all_actions[g].contour[k]), passed)
                 for g, k, passed in time.since(h, leg, rule)
-                if legs.lanes[g].kind[k] == ActionKind.PRINT and ends[g][k] == k
+                if legs.all_actions[g].kind[k] == ActionKind.PRINT and ends[g][k] == k
             ]
             contours = np.array([c for c, _ in found], np.int64)
-            yield int(lane.contour[leg]), contours, np.array([gap for _, gap in found])
+            yield int(actions.contour[leg]), contours, np.array([gap for _, gap in found])
 
 
 def _of_legs(legs: Legs, arrivals: list[Floats], seconds: list[Floats]) -> list[Floats]:
     """Return how long each leg takes: its share of the action by the judge's own motion."""
     taken = []
-    for h, lane in enumerate(legs.lanes):
-        origin, own = legs.origin[h], legs.arrivals(h, arrivals[h])[lane.path_offsets[1:] - 1]
+    for h, actions in enumerate(legs.all_actions):
+        origin, own = legs.origin[h], legs.arrivals(h, arrivals[h])[actions.path_offsets[1:] - 1]
         whole = np.bincount(origin, own, len(seconds[h]))[origin]
         share = np.where(whole > 0.0, own / np.where(whole > 0.0, whole, 1.0), legs.begins(h))
         taken.append(seconds[h][origin] * share)
@@ -151,13 +153,13 @@ def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iter
             yield f"contour {b} begins {gap:.1f} s after contour {a} under it, {due:.1f} s are due"
 
 
-def _seconds(lane: HeadActions, arrivals: Floats) -> Floats:
+def _seconds(actions: HeadActions, arrivals: Floats) -> Floats:
     """Return how long each action takes."""
-    own = arrivals[lane.path_offsets[1:] - 1]
-    stated = lane.end_s - lane.begin_s
-    travel = (lane.kind == ActionKind.TRAVEL) | (lane.kind == ActionKind.PARK)
+    own = arrivals[actions.path_offsets[1:] - 1]
+    stated = actions.end_s - actions.begin_s
+    travel = (actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK)
     most = np.where(travel, TRAVEL_TIMES * own + TRAVEL_MORE_S, PRINT_TIMES * own)
-    moves = travel | (lane.kind == ActionKind.PRINT)
+    moves = travel | (actions.kind == ActionKind.PRINT)
     return np.where(moves, np.maximum(own, np.minimum(stated, most)), own)
 
 

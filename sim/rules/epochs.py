@@ -16,17 +16,17 @@ from sim.rules.order import PartialOrder
 
 
 def check_epochs(
-    contours: Contours, lanes: tuple[HeadActions, ...], order: PartialOrder
+    contours: Contours, all_actions: tuple[HeadActions, ...], order: PartialOrder
 ) -> list[Fault]:
     """Check a plan: every print follows all prints of earlier epochs, for every timing."""
     broken: list[NDArray[np.int64]] = []
-    for r, lane in enumerate(lanes):
-        prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
-        epoch = contours.epoch[lane.contour[prints]]
-        for s, other in enumerate(lanes):
+    for r, actions in enumerate(all_actions):
+        prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
+        epoch = contours.epoch[actions.contour[prints]]
+        for s, other in enumerate(all_actions):
             due = _last_before(contours, other)[epoch]
             ended = order.preceding(r, s)[prints]
-            broken.append(lane.contour[prints[ended <= due]].astype(np.int64))
+            broken.append(actions.contour[prints[ended <= due]].astype(np.int64))
     rows = np.unique(np.concatenate([np.empty(0, np.int64), *broken]))
     lines = [
         f"contour {c} of epoch {contours.epoch[c]} may begin before an earlier epoch has ended"
@@ -35,11 +35,11 @@ def check_epochs(
     return listed(FaultKind.PRECEDENCE, lines, total=len(rows))
 
 
-def _last_before(contours: Contours, lane: HeadActions) -> NDArray[np.int64]:
+def _last_before(contours: Contours, actions: HeadActions) -> NDArray[np.int64]:
     """Return for each epoch the last action of a head that prints an earlier one, or -1."""
-    prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
+    prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
     last = np.full(int(contours.epoch.max(initial=0)) + 2, -1, np.int64)
-    np.maximum.at(last, contours.epoch[lane.contour[prints]] + 1, prints)
+    np.maximum.at(last, contours.epoch[actions.contour[prints]] + 1, prints)
     return np.maximum.accumulate(last)
 
 

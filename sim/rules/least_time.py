@@ -25,12 +25,15 @@ class LeastTime:
     def __init__(self, legs: Legs, order: PartialOrder, seconds: list[Floats]) -> None:
         """Take the legs' seconds, (n_legs,) a head."""
         self._order, self._seconds = order, seconds
-        self._rank = [np.empty(len(lane), np.int64) for lane in legs.lanes]
+        self._rank = [np.empty(len(actions), np.int64) for actions in legs.all_actions]
         for rank, (head, leg) in enumerate(order.sequence.tolist()):
             self._rank[head][leg] = rank
         self._waits = [
-            {k: lane.after_edges(k) for k in np.flatnonzero(np.diff(lane.after_offsets)).tolist()}
-            for lane in legs.lanes
+            {
+                k: actions.after_edges(k)
+                for k in np.flatnonzero(np.diff(actions.after_offsets)).tolist()
+            }
+            for actions in legs.all_actions
         ]
 
     def since(self, head: int, leg: int, limit_s: float) -> Iterator[tuple[int, int, float]]:

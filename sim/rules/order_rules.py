@@ -49,17 +49,17 @@ def check_order(
         refills = source.refills
         if len(source.contours) == len(contours):
             contours = source.contours
-    lanes = legs.lanes
-    prints = prints_of(len(contours), lanes, order)
+    all_actions = legs.all_actions
+    prints = prints_of(len(contours), all_actions, order)
     faults = [
         *check_precedence(document.precedence, prints),
         *check_touching(contours, prints, rules),
-        *check_epochs(contours, lanes, order),
-        *check_priming(contours, lanes, order, refills=refills),
+        *check_epochs(contours, all_actions, order),
+        *check_priming(contours, all_actions, order, refills=refills),
         *check_freedom(document.contours, legs.whole, rules),
     ]
     if rules.max_layers_ahead is not None:
-        faults += check_lead(contours, lanes, order, rules.max_layers_ahead)
+        faults += check_lead(contours, all_actions, order, rules.max_layers_ahead)
     return faults
 
 

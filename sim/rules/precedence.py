@@ -57,12 +57,12 @@ class Prints:
         return np.asarray(missing | (ended > self.last[a]))
 
 
-def prints_of(n: int, lanes: tuple[HeadActions, ...], order: PartialOrder) -> Prints:
-    """Return where a plan prints its `n` contours; its lanes are legs (`sim.content.legs`)."""
+def prints_of(n: int, all_actions: tuple[HeadActions, ...], order: PartialOrder) -> Prints:
+    """Return where a plan prints its `n` contours; its actions are legs (`sim.content.legs`)."""
     head, first, last = (np.full(n, NOT_PRINTED) for _ in range(3))
-    for h, lane in enumerate(lanes):
-        printing = np.nonzero(lane.kind == ActionKind.PRINT)[0]
-        contour = lane.contour[printing]
+    for h, actions in enumerate(all_actions):
+        printing = np.nonzero(actions.kind == ActionKind.PRINT)[0]
+        contour = actions.contour[printing]
         head[contour], last[contour] = h, printing
         first[contour[::-1]] = printing[::-1]
     return Prints(head, first, last, order.clocks)
@@ -144,7 +144,7 @@ def must_stay(first: int, second: int, rules: OrderRules) -> bool:
 
 
 def check_lead(
-    contours: Contours, lanes: tuple[HeadActions, ...], order: PartialOrder, ahead: int
+    contours: Contours, all_actions: tuple[HeadActions, ...], order: PartialOrder, ahead: int
 ) -> list[Fault]:
     """Check that no print begins before all of the layers more than `ahead` below it ended.
 
@@ -156,11 +156,11 @@ def check_lead(
     run = np.concatenate([[0], np.cumsum(step != 0)])
     climb = np.concatenate([[0], np.cumsum(step < 0)])
     early: list[Ints] = []
-    for r, lane in enumerate(lanes):
-        prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
-        contour = lane.contour[prints].astype(np.int64)
+    for r, actions in enumerate(all_actions):
+        prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
+        contour = actions.contour[prints].astype(np.int64)
         below = run[contour] - ahead - 1
-        for s, other in enumerate(lanes):
+        for s, other in enumerate(all_actions):
             last = _last_of_runs(run, climb, other)
             same = climb[np.searchsorted(run, np.maximum(below, 0))] == climb[contour]
             due = np.where((below >= 0) & same, last[np.maximum(below, 0)], -1)
@@ -174,11 +174,11 @@ def check_lead(
     return listed(FaultKind.PRECEDENCE, lines, total=len(rows))
 
 
-def _last_of_runs(run: Ints, climb: Ints, lane: HeadActions) -> Ints:
+def _last_of_runs(run: Ints, climb: Ints, actions: HeadActions) -> Ints:
     """Return of each run of a layer the last action of a head that prints it or one below it."""
     last = np.full(int(run[-1]) + 1, -1, np.int64)
-    prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
-    np.maximum.at(last, run[lane.contour[prints]], prints)
+    prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
+    np.maximum.at(last, run[actions.contour[prints]], prints)
     first = np.searchsorted(run, np.arange(len(last)))
     for part in np.split(np.arange(len(last)), np.flatnonzero(np.diff(climb[first])) + 1):
         last[part] = np.maximum.accumulate(last[part])
@@ -186,19 +186,19 @@ def _last_of_runs(run: Ints, climb: Ints, lane: HeadActions) -> Ints:
 
 
 def check_freedom(
-    contours: Contours, lanes: tuple[HeadActions, ...], rules: OrderRules
+    contours: Contours, all_actions: tuple[HeadActions, ...], rules: OrderRules
 ) -> list[Fault]:
     """Check that each contour is run only in ways that were asked for."""
     lines: list[str] = []
-    for lane in lanes:
-        prints = np.nonzero(lane.kind == ActionKind.PRINT)[0]
-        closed = contours.closed[lane.contour[prints]]
-        turned = lane.reversed[prints] & (rules.freedom == "fixed")
-        turned |= lane.reversed[prints] & closed & (rules.freedom == "reversible")
-        entered = (lane.entry[prints] > 0) & (rules.freedom != "seam")
-        for what, which in (("runs backwards", turned), ("enters elsewhere", entered)):
+    for actions in all_actions:
+        prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]
+        closed = contours.closed[actions.contour[prints]]
+        is_reversed = actions.reversed[prints] & (rules.freedom == "fixed")
+        is_reversed |= actions.reversed[prints] & closed & (rules.freedom == "reversible")
+        entered = (actions.entry[prints] > 0) & (rules.freedom != "seam")
+        for what, which in (("runs reversed", is_reversed), ("enters elsewhere", entered)):
             lines += [
                 f"contour {c} {what}, freedom is {rules.freedom}"
-                for c in lane.contour[prints[which]].tolist()
+                for c in actions.contour[prints[which]].tolist()
             ]
     return listed(FaultKind.WRONG_PATH, lines)

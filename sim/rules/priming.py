@@ -153,7 +153,7 @@ def _sampled(xy: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def check_priming(
     contours: Contours,
-    lanes: tuple[HeadActions, ...],
+    all_actions: tuple[HeadActions, ...],
     order: PartialOrder,
     *,
     refills: tuple[int, ...] = (),
@@ -165,14 +165,14 @@ def check_priming(
     """
     n = len(contours)
     head, action = np.full(n, -1), np.full(n, -1)
-    for h, lane in enumerate(lanes):
-        printing = np.flatnonzero(lane.kind == ActionKind.PRINT)
-        head[lane.contour[printing]], action[lane.contour[printing]] = h, printing
+    for h, actions in enumerate(all_actions):
+        printing = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        head[actions.contour[printing]], action[actions.contour[printing]] = h, printing
     early: list[Ints] = []
     for first, rest in _held(contours, refills):
-        for s in range(len(lanes)):
+        for s in range(len(all_actions)):
             due = int(action[first[head[first] == s]].max(initial=-1))
-            for r in range(len(lanes)):
+            for r in range(len(all_actions)):
                 mine = rest[head[rest] == r]
                 early.append(mine[order.preceding(r, s)[action[mine]] <= due])
     return _faults(np.concatenate([np.empty(0, np.int64), *early]))

@@ -115,8 +115,10 @@ def test_plans_with_650_shifts_each_of_8_heads_fit_in_16_kib() -> None:
 def test_a_stated_order_of_5000_contours_and_8_heads_fits_in_16_kib() -> None:
     """In no order at all, each contour by any head: nothing is longer."""
     rng = np.random.default_rng(5)
-    backwards, head = rng.random(5000) < 0.5, rng.integers(0, 8, 5000)
-    plan = encode_stated(StatedOrder(rng.permutation(5000).astype(np.int32), backwards, head), 8, 9)
+    is_reversed, head = rng.random(5000) < 0.5, rng.integers(0, 8, 5000)
+    plan = encode_stated(
+        StatedOrder(rng.permutation(5000).astype(np.int32), is_reversed, head), 8, 9
+    )
     nothing = np.empty(0, np.int32)
     plans = {h: plan if h == 3 else nothing for h in range(8)}
     data = wire(Joint(tuple(range(8)), plans, 1e5))

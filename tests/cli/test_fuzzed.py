@@ -104,14 +104,14 @@ def faults_of(path: Path, seed: int) -> tuple[list[Fault], list[Fault]]:
     check_fits(job.contours, machine)
     graph = order_rules(job, machine, process_order="keep", quality=bool(seed % 2))
 
-    def judged(order: np.ndarray, turned: np.ndarray) -> list[Fault]:
-        plan = schedule(job, machine, graph, [Toolpath.of(order, turned)])
+    def judged(order: np.ndarray, is_reversed: np.ndarray) -> list[Fault]:
+        plan = schedule(job, machine, graph, [Toolpath.of(order, is_reversed)])
         given = PlanDocument("", machine, job.contours, graph.pairs(), plan, {})
-        out, lane = path.with_name("out.gcode"), plan.heads[0]
-        write_gcode(document, job, lane, out)
+        out, actions = path.with_name("out.gcode"), plan.heads[0]
+        write_gcode(document, job, actions, out)
         return [
             *verify_plan(given, source=job, trials=0).faults,
-            *verify_written(out, job, document, machine, lane=lane).faults,
+            *verify_written(out, job, document, machine, actions=actions).faults,
             *verify_motions(read_motions(out), read_motions(path), machine, job=job).faults,
         ]
 

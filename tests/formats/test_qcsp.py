@@ -122,8 +122,8 @@ def test_cranes_may_begin_too_near_if_all_are_ready() -> None:
 
 def test_a_schedule_counts_from_one_and_in_order_of_time() -> None:
     """Readers of the file know the numbers of the problem's file."""
-    ways = (np.array([[0.0, 1.0], [1.0, 2.0]]), np.array([[0.0, 4.0], [2.0, 6.0]]))
-    schedule = QcspSchedule(np.array([0, 0, 1]), np.array([1.0, 5.0, 2.0]), ways, 8.0)
+    paths = (np.array([[0.0, 1.0], [1.0, 2.0]]), np.array([[0.0, 4.0], [2.0, 6.0]]))
+    schedule = QcspSchedule(np.array([0, 0, 1]), np.array([1.0, 5.0, 2.0]), paths, 8.0)
     told = json.loads(schedule_text(problem_of(TINY), schedule))
     assert told["makespan"] == 8.0
     assert [task["task"] for task in told["cranes"][0]["tasks"]] == [1, 2]

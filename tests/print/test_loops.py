@@ -113,10 +113,10 @@ def test_endpoints_are_the_ends_of_the_traversal(nuts: Contours) -> None:
     """Planners count travel by them, in either direction."""
     entry = random_entries(nuts, 1)
     order = np.arange(len(nuts), dtype=np.int32)
-    backwards = order % 3 == 0
-    first, last = endpoints(nuts, Toolpath(order, backwards, entry))
+    is_reversed = order % 3 == 0
+    first, last = endpoints(nuts, Toolpath(order, is_reversed, entry))
     for c in order.tolist():
-        path = visit_points(nuts, c, reversed_=bool(backwards[c]), entry=int(entry[c]))
+        path = visit_points(nuts, c, reversed_=bool(is_reversed[c]), entry=int(entry[c]))
         assert path[0].tolist() == first[c].tolist()
         assert path[-1].tolist() == last[c].tolist()
 

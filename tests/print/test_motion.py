@@ -102,8 +102,8 @@ def test_standing_still_takes_no_time(points: list[tuple[float, float, float]]) 
     assert _time(points, 100.0) == 0.0
 
 
-def test_time_is_the_same_backwards() -> None:
-    """Planners flip contours without pricing them again."""
+def test_time_is_the_same_reversed() -> None:
+    """Planners reverse contours without pricing them again."""
     rng = np.random.default_rng(3)
     path = rng.uniform(0, 20, (40, 3)) * [1, 1, 0.1]
     there = path_time(path, 60.0, LIMITS)

@@ -37,7 +37,7 @@ def test_travel_is_exit_to_entry_in_three_dimensions() -> None:
 
 
 def test_reversing_swaps_entry_and_exit() -> None:
-    """A contour printed backwards starts where it ended."""
+    """A contour reversed starts where it ended."""
     contours = contours_of([(0, 0, 0), (1, 0, 0)], [(9, 0, 0), (2, 0, 0)])
     toolpath = Toolpath.of(np.array([0, 1], np.int32), np.array([False, True]))
     assert extrusionless_travel(contours, toolpath) == pytest.approx(1.0)
@@ -56,10 +56,10 @@ def test_closed_contour_entered_elsewhere_keeps_its_shape() -> None:
     """Moving the seam rotates the vertices and returns to the entry."""
     square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 0)]
     contours = contours_of(square, closed=True)
-    turned = visit_points(contours, 0, entry=2)
-    assert turned[0].tolist() == [1, 1, 0]
-    assert turned[-1].tolist() == [1, 1, 0]
-    assert len(turned) == 5
+    rotated = visit_points(contours, 0, entry=2)
+    assert rotated[0].tolist() == [1, 1, 0]
+    assert rotated[-1].tolist() == [1, 1, 0]
+    assert len(rotated) == 5
 
 
 def test_contours_refuse_arrays_that_do_not_fit() -> None:

@@ -15,7 +15,7 @@ from decmcts.search.sequence.stopping import Stopping
 
 
 def random_problem(
-    seed: int, n: int, *, density: float = 0.3, turning: float = 0.5
+    seed: int, n: int, *, density: float = 0.3, reversible: float = 0.5
 ) -> OrderProblem:
     """Endpoints in a small box, on a coarse grid so that ties and zero travels occur."""
     rng = np.random.default_rng(seed)
@@ -24,7 +24,7 @@ def random_problem(
     pairs = np.argwhere(np.triu(rng.random((n, n)) < density, 1)).astype(np.int32)
     layer = np.sort(rng.integers(0, 1 + n // 3, n)).astype(np.int32)
     graph = DependencyGraph.from_pairs(n, pairs)
-    return OrderProblem(start, end, rng.random(n) < turning, layer, graph)
+    return OrderProblem(start, end, rng.random(n) < reversible, layer, graph)
 
 
 def started(problem: OrderProblem) -> Incumbent:
@@ -33,7 +33,7 @@ def started(problem: OrderProblem) -> Incumbent:
 
 
 def with_loops(problem: OrderProblem, seed: int) -> OrderProblem:
-    """Let about half of the contours be entered at two to four options instead."""
+    """Let about half of the contours be entered at two to four entries instead."""
     rng = np.random.default_rng(seed)
     n = len(problem)
     counts = np.where(rng.random(n) < 0.5, rng.integers(2, 5, n), 1)
@@ -82,7 +82,7 @@ def is_inside(point: np.ndarray, z: float) -> bool:
     return bool(point[0 if z % 2 == 0 else 1] < 2.5 and z < 5)
 
 
-def ways(problem: OrderProblem, c: int) -> list[tuple[np.ndarray, np.ndarray]]:
+def choices(problem: OrderProblem, c: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Where a contour may be entered, and where it is left then."""
     seams, ends = problem.seams, (problem.start[c], problem.end[c])
     if seams is not None and seams.offsets[c + 1] > seams.offsets[c] + 1:

@@ -13,9 +13,15 @@ from hypothesis import strategies as st
 from decmcts._kernels.random import below, seeded, uniform
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.descent import descend
+from decmcts._kernels.sequence.insertion import try_insertion
 from decmcts._kernels.sequence.metric import costliest, distance
-from decmcts._kernels.sequence.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
-from decmcts._kernels.sequence.sift import try_sift
+from decmcts._kernels.sequence.moves import (
+    Tour,
+    apply_reversal,
+    apply_swap,
+    reversal_allowed,
+    swap_allowed,
+)
 from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports
@@ -36,14 +42,14 @@ def test_summed_changes_equal_the_recomputed_cost(
     """Annealing that believes wrong changes walks away from good sequences."""
     problem = random_problem(seed, n, density=density)
     tour = fresh_tour(problem)
-    before = tour_cost(tour.metric, tour.order, tour.flip)
+    before = tour_cost(tour.metric, tour.order, tour.reversed)
     total, _ = anneal(tour, seeded(seed), temperature, 500)
-    after = tour_cost(tour.metric, tour.order, tour.flip)
+    after = tour_cost(tour.metric, tour.order, tour.reversed)
     assert after == pytest.approx(before + total, abs=1e-6)
     assert tour.after.sum() == pytest.approx(after, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
     assert (tour.position[tour.order] == np.arange(n)).all()
-    assert not tour.flip[~problem.reversible].any()
+    assert not tour.reversed[~problem.reversible].any()
 
 
 @settings(max_examples=20, deadline=None)
@@ -66,12 +72,12 @@ def test_changes_are_true_for_seconds_and_bare_costs(seed: int, n: int, timed: b
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(2, 30))
 def test_changes_are_true_where_a_climb_may_be_bare(seed: int, n: int) -> None:
-    """A travel up costs less than the same down: turning a segment changes what is inside it."""
-    problem = with_bare(random_problem(seed, n, density=0.05, turning=0.8))
+    """A travel up costs less than the same down: reversing a segment changes what is inside it."""
+    problem = with_bare(random_problem(seed, n, density=0.05, reversible=0.8))
     tour = fresh_tour(problem)
-    before = tour_cost(problem.metric(), tour.order, tour.flip)
+    before = tour_cost(problem.metric(), tour.order, tour.reversed)
     total, _ = anneal(tour, seeded(seed), 1.0, 500)
-    after = tour_cost(problem.metric(), tour.order, tour.flip)
+    after = tour_cost(problem.metric(), tour.order, tour.reversed)
     assert after == pytest.approx(before + total, abs=1e-6)
 
 
@@ -95,8 +101,8 @@ def plain_cost(problem: OrderProblem, tour: Tour) -> float:
         if problem.costs is not None:
             total += problem.costs[a, b]
             continue
-        leave = problem.start[a] if tour.flip[a] else problem.end[a]
-        enter = problem.end[b] if tour.flip[b] else problem.start[b]
+        leave = problem.start[a] if tour.reversed[a] else problem.end[a]
+        enter = problem.end[b] if tour.reversed[b] else problem.start[b]
         pace = problem.pace
         assert pace is not None
         level, rise = float(np.hypot(*(enter - leave)[:2])), float(abs(enter - leave)[2])
@@ -110,7 +116,9 @@ def plain_cost(problem: OrderProblem, tour: Tour) -> float:
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_swaps_and_turns_are_allowed_exactly_when_the_result_respects_the_graph(seed: int) -> None:
+def test_swaps_and_reversals_are_allowed_exactly_when_the_result_respects_the_graph(
+    seed: int,
+) -> None:
     """Too strict wastes moves, too lax crashes heads."""
     rng = np.random.default_rng(seed)
     problem = random_problem(seed, 12, density=0.15)
@@ -120,10 +128,10 @@ def test_swaps_and_turns_are_allowed_exactly_when_the_result_respects_the_graph(
     allowed = swap_allowed(swapped, i, j, k)
     apply_swap(swapped, i, j, k)
     assert allowed == respects(swapped.order, graph.succ_offsets, graph.succs)
-    turned = fresh_tour(problem)
-    allowed = turn_allowed(turned, i, k)
-    apply_turn(turned, i, k)
-    assert allowed == respects(turned.order, graph.succ_offsets, graph.succs)
+    reversed_tour = fresh_tour(problem)
+    allowed = reversal_allowed(reversed_tour, i, k)
+    apply_reversal(reversed_tour, i, k)
+    assert allowed == respects(reversed_tour.order, graph.succ_offsets, graph.succs)
 
 
 def test_groups_are_never_mixed() -> None:
@@ -143,7 +151,7 @@ def test_equal_seeds_walk_the_same_way() -> None:
     anneal(first, seeded(7), 1.0, 3000)
     anneal(second, seeded(7), 1.0, 3000)
     assert (first.order == second.order).all()
-    assert (first.flip == second.flip).all()
+    assert (first.reversed == second.reversed).all()
 
 
 @settings(max_examples=40, deadline=None)
@@ -152,20 +160,20 @@ def test_descent_ends_where_a_second_one_finds_nothing(seed: int, n: int) -> Non
     """It is the last word of the search: its books must balance and it must finish."""
     problem = random_problem(seed, n, density=0.1)
     tour = fresh_tour(problem)
-    before = tour_cost(tour.metric, tour.order, tour.flip)
+    before = tour_cost(tour.metric, tour.order, tour.reversed)
     gain = total = descend(tour, 0, n, 50)
     while gain < 0.0:
         gain = descend(tour, 0, n, 50)
         total += gain
-    after = tour_cost(tour.metric, tour.order, tour.flip)
+    after = tour_cost(tour.metric, tour.order, tour.reversed)
     assert after == pytest.approx(before + total, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
-    assert not tour.flip[~problem.reversible].any()
+    assert not tour.reversed[~problem.reversible].any()
 
 
 @settings(max_examples=80, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), density=st.sampled_from([0.02, 0.1, 0.3]))
-def test_a_sift_makes_one_contour_follow_another_feasibly(seed: int, density: float) -> None:
+def test_an_insertion_makes_one_contour_follow_another_feasibly(seed: int, density: float) -> None:
     """It carries dependent contours along, so nothing checks its feasibility afterwards."""
     problem = random_problem(seed, 25, density=density)
     tour = fresh_tour(problem)
@@ -173,11 +181,11 @@ def test_a_sift_makes_one_contour_follow_another_feasibly(seed: int, density: fl
     if at == p + 1:
         return
     leader, follower = tour.order[p], tour.order[at]
-    before = tour_cost(tour.metric, tour.order, tour.flip)
-    change = try_sift(tour, p, at, 1e9)
+    before = tour_cost(tour.metric, tour.order, tour.reversed)
+    change = try_insertion(tour, p, at, 1e9)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
     assert not tour.mark.any()
-    assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(before + change)
+    assert tour_cost(tour.metric, tour.order, tour.reversed) == pytest.approx(before + change)
     if (tour.order != np.arange(25)).any():
         assert tour.position[follower] == tour.position[leader] + 1
 

@@ -51,9 +51,9 @@ def cheapest_by_brute_force(problem: OrderProblem) -> float:
         if not respects(np.array(order, np.int32), graph.succ_offsets, graph.succs):
             continue
         choices = [(0, 1) if problem.reversible[c] else (0,) for c in order]
-        for flips in itertools.product(*choices):
+        for directions in itertools.product(*choices):
             travel = 0.0
-            for (a, f), (b, g) in itertools.pairwise(zip(order, flips, strict=True)):
+            for (a, f), (b, g) in itertools.pairwise(zip(order, directions, strict=True)):
                 out = problem.start[a] if f else problem.end[a]
                 into = problem.end[b] if g else problem.start[b]
                 travel += float(np.linalg.norm(into - out))
@@ -76,7 +76,7 @@ def test_annealing_finds_the_optimum_of_small_problems(planner: str, seed: int) 
 @pytest.mark.parametrize("seed", range(8))
 def test_mcts_finds_the_optimum_when_every_contour_is_a_cluster(seed: int) -> None:
     """The paper's search converges to the optimum; this is what 'faithful' means."""
-    problem = random_problem(seed, 7, density=0.3, turning=0.0)
+    problem = random_problem(seed, 7, density=0.3, reversible=0.0)
     planner = Mcts(labels=lambda graph: np.arange(graph.n, dtype=np.int32))
     incumbent = Incumbent(
         problem,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts._kernels.sequence.seats import choose_visits
+from decmcts._kernels.sequence.entries import choose_visits
 from decmcts._kernels.sequence.tour import respects, tour_cost
 from tests.search.problems import random_problem
 
@@ -20,15 +20,15 @@ def test_directions_are_the_cheapest_of_all(seed: int, n: int) -> None:
     """The dynamic programme claims to be exact."""
     problem = random_problem(seed, n)
     order = np.random.default_rng(seed).permutation(n).astype(np.int32)
-    no_options = np.zeros(n + 1, np.int64)
-    flip, _ = choose_visits(problem.ports(), order, problem.reversible, no_options)
-    choices = [(0, 1) if turns else (0,) for turns in problem.reversible]
+    no_entries = np.zeros(n + 1, np.int64)
+    is_reversed, _ = choose_visits(problem.ports(), order, problem.reversible, no_entries)
+    choices = [(0, 1) if reversible else (0,) for reversible in problem.reversible]
     cheapest = min(
-        tour_cost(problem.ports(), order, np.array(flips, np.uint8))
-        for flips in itertools.product(*choices)
+        tour_cost(problem.ports(), order, np.array(directions, np.uint8))
+        for directions in itertools.product(*choices)
     )
-    assert not flip[~problem.reversible].any()
-    assert tour_cost(problem.ports(), order, flip) == pytest.approx(cheapest)
+    assert not is_reversed[~problem.reversible].any()
+    assert tour_cost(problem.ports(), order, is_reversed) == pytest.approx(cheapest)
 
 
 @pytest.mark.parametrize("order", [[0, 1], [0, 1, 1], [0, 1, 3], [1, 0, 2], [0, 1, 2, 0]])

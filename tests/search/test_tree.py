@@ -36,7 +36,7 @@ def test_every_rollout_is_feasible_and_priced_right(seed: int, n: int, clusters:
     for _ in range(10):
         simulate(tree, clustered, rollout, tried, state, 1.0, 100.0)
         assert respects(rollout.order, problem.graph.succ_offsets, problem.graph.succs)
-        cost = tour_cost(clustered.metric, rollout.order, rollout.flip)
+        cost = tour_cost(clustered.metric, rollout.order, rollout.reversed)
         assert rollout.travel[0] == pytest.approx(cost)
         blocks = [h for h, _ in itertools.groupby(clustered.label[rollout.order].tolist())]
         assert len(blocks) == len(set(blocks))
@@ -48,7 +48,7 @@ def test_visits_and_rewards_add_up() -> None:
     problem = random_problem(4, 12, density=0.1)
     clustered = clustered_problem(problem, np.arange(12, dtype=np.int32))
     rollout, tried = fresh_rollout(clustered), np.zeros(12, np.bool_)
-    longest = 12 * longest_hop(clustered.metric, clustered.turns)
+    longest = 12 * longest_hop(clustered.metric, clustered.reversible)
     tree, state = new_tree(2000), seeded(1)
     for _ in range(500):
         simulate(tree, clustered, rollout, tried, state, 1.4, longest)
@@ -111,7 +111,7 @@ def test_a_full_tree_goes_on() -> None:
     rollout, tree = fresh_rollout(clustered), new_tree(5)
     best = simulate_many(
         tree, clustered, rollout, np.zeros(10, np.bool_), seeded(1), 1.4, 100.0, 200,
-        rollout.order.copy(), rollout.flip.copy(), np.inf,
+        rollout.order.copy(), rollout.reversed.copy(), np.inf,
     )  # fmt: skip
     assert np.isfinite(best)
     assert tree.size[0] == 5

@@ -51,25 +51,25 @@ def square(x: float, y: float, z: float, side: float = 4.0) -> np.ndarray:
 
 
 def head_actions(head: Head, visits, paths, index: int, *, clearance_z: float, after=None):
-    """A lane that lifts to `clearance_z`, goes, lowers and prints, then parks.
+    """Actions that lift to `clearance_z`, go, lower and print, then park.
 
     `after` maps a position in `visits` to what its travel waits for.
     """
     rows, polylines, waits = [], [], []
     at = np.array(head.park, float)
-    for k, (contour, backwards) in enumerate(visits):
-        path = paths[contour][::-1] if backwards else paths[contour]
+    for k, (contour, is_reversed) in enumerate(visits):
+        path = paths[contour][::-1] if is_reversed else paths[contour]
         rows.append((ActionKind.TRAVEL, NO_CONTOUR, False))
         polylines.append(lift(at, path[0], clearance_z))
         waits.append((after or {}).get(k, []))
-        rows.append((ActionKind.PRINT, contour, backwards))
+        rows.append((ActionKind.PRINT, contour, is_reversed))
         polylines.append(np.asarray(path, float))
         waits.append([])
         at = path[-1]
     rows.append((ActionKind.PARK, NO_CONTOUR, False))
     polylines.append(lift(at, np.array(head.park, float), clearance_z))
     waits.append((after or {}).get(len(visits), []))
-    return lane(head.name, rows, polylines, waits)
+    return actions_of_rows(head.name, rows, polylines, waits)
 
 
 def lift(start, goal, z) -> np.ndarray:
@@ -77,8 +77,8 @@ def lift(start, goal, z) -> np.ndarray:
     return np.array([start, [*start[:2], z], [*goal[:2], z], goal], float)
 
 
-def lane(name, rows, polylines, waits) -> HeadActions:
-    kind, contour, backwards = zip(*rows, strict=True)
+def actions_of_rows(name, rows, polylines, waits) -> HeadActions:
+    kind, contour, is_reversed = zip(*rows, strict=True)
     waits = [[After(*edge) for edge in w] for w in waits]
     flat = [edge for w in waits for edge in w]
     edges = np.array(flat, float).reshape(-1, 4)
@@ -87,7 +87,7 @@ def lane(name, rows, polylines, waits) -> HeadActions:
     for a in range(k):  # one second each; others are taken to need as long
         begin[a] = max([begin[a - 1] + 1 if a else 0, *(e.action + 1 + e.lag_s for e in waits[a])])
     return HeadActions(
-        name, np.array(kind, np.int8), np.array(contour, np.int32), np.array(backwards, bool),
+        name, np.array(kind, np.int8), np.array(contour, np.int32), np.array(is_reversed, bool),
         np.zeros(k, np.int32), np.cumsum([0, *(len(p) for p in polylines)]).astype(np.int64),
         np.concatenate(polylines), begin, begin + 1.0,
         np.cumsum([0, *(len(w) for w in waits)]).astype(np.int64),
@@ -118,11 +118,11 @@ def tower_plan(layers: int = 5, towers=((20.0, 20.0), (60.0, 20.0)), half: float
     n = len(towers)
     order = [k * n + t for t in range(n) for k in range(layers)]
     z = LAYER * layers + 0.2
-    lane_ = head_actions(machine.heads[0], [(c, False) for c in order], paths, 0, clearance_z=z)
+    actions = head_actions(machine.heads[0], [(c, False) for c in order], paths, 0, clearance_z=z)
     pairs = [(k * n + t, (k + 1) * n + t) for k in range(layers - 1) for t in range(n)]
     return PlanDocument(
         "", machine, contours_of(paths), np.array(pairs, np.int32).reshape(-1, 2),
-        JointPlan((lane_,)), {},
+        JointPlan((actions,)), {},
     )  # fmt: skip
 
 
@@ -191,8 +191,8 @@ def stacked_plan(*after, first=()):
     return replace(document, contours=contours, plan=plan, min_layer_time_s=20.0)
 
 
-def lanes_with_points(rng, points=4):
-    """Lanes of three heads whose random edges name points and follow a random interleaving."""
+def actions_with_points(rng, points=4):
+    """Actions of three heads whose random edges name points and follow a random interleaving."""
     sizes = rng.integers(1, 6, 3)
     slots = rng.permutation(np.repeat(np.arange(3), sizes)).tolist()
     seen, sequence = [0, 0, 0], []
@@ -207,7 +207,7 @@ def lanes_with_points(rng, points=4):
             waits[sequence[j]].append((*sequence[i], point))
     path = np.arange(points)[:, None] * np.ones(3)
     return tuple(
-        lane(
+        actions_of_rows(
             f"h{h}", [(ActionKind.TRAVEL, -1, False)] * n, [path] * n,
             [waits[h, a] for a in range(n)],
         )
@@ -215,25 +215,25 @@ def lanes_with_points(rng, points=4):
     )  # fmt: skip
 
 
-def to_rows(lane_: HeadActions) -> list[dict]:
-    """The actions of a lane as mutable rows, for tests that spoil one."""
+def to_rows(actions: HeadActions) -> list[dict]:
+    """The actions of a head as mutable rows, for tests that spoil one."""
     return [
         {
-            "kind": ActionKind(int(lane_.kind[a])),
-            "contour": int(lane_.contour[a]),
-            "reversed": bool(lane_.reversed[a]),
-            "entry": int(lane_.entry[a]),
-            "path": lane_.action_path(a).copy(),
-            "after": lane_.after_edges(a),
-            "begin_s": float(lane_.begin_s[a]),
-            "end_s": float(lane_.end_s[a]),
+            "kind": ActionKind(int(actions.kind[a])),
+            "contour": int(actions.contour[a]),
+            "reversed": bool(actions.reversed[a]),
+            "entry": int(actions.entry[a]),
+            "path": actions.action_path(a).copy(),
+            "after": actions.after_edges(a),
+            "begin_s": float(actions.begin_s[a]),
+            "end_s": float(actions.end_s[a]),
         }
-        for a in range(len(lane_))
+        for a in range(len(actions))
     ]
 
 
 def from_rows(name: str, rows: list[dict]) -> HeadActions:
-    made = lane(
+    made = actions_of_rows(
         name,
         [(r["kind"], r["contour"], r["reversed"]) for r in rows],
         [r["path"] for r in rows],
@@ -251,18 +251,19 @@ def edited(document: PlanDocument, head: int, change) -> PlanDocument:
     """The plan with the rows of one head changed by `change(rows)`, which may return new rows."""
     rows = to_rows(document.plan.heads[head])
     rows = change(rows) or rows
-    lanes = list(document.plan.heads)
-    lanes[head] = from_rows(lanes[head].head, rows)
-    return replace(document, plan=JointPlan(tuple(lanes)))
+    all_actions = list(document.plan.heads)
+    all_actions[head] = from_rows(all_actions[head].head, rows)
+    return replace(document, plan=JointPlan(tuple(all_actions)))
 
 
 @pytest.fixture
 def make():
     """The builders of this file, for tests that need another shape of print."""
     return SimpleNamespace(
-        contours_of=contours_of, square=square, head_actions=head_actions, lane=lane, lift=lift,
+        contours_of=contours_of, square=square, head_actions=head_actions,
+        actions_of_rows=actions_of_rows, lift=lift,
         one_head_machine=one_head_machine, two_head_machine=two_head_machine,
         tower_plan=tower_plan, two_head_plan=two_head_plan, shared_plan=shared_plan,
         stacked_plan=stacked_plan, edited=edited,
-        to_rows=to_rows, from_rows=from_rows, lanes_with_points=lanes_with_points,
+        to_rows=to_rows, from_rows=from_rows, actions_with_points=actions_with_points,
     )  # fmt: skip

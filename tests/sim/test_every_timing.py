@@ -11,7 +11,7 @@ import pytest
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
 from sim.content.legs import legs_of
 from sim.rules.order import PartialOrder, order_of
-from sim.verify import check_heads, check_rail, lanes_of
+from sim.verify import all_actions_of, check_heads, check_rail
 
 BEAMS_MM, RAIL_MM = 21.0, 25.0  # how far apart the two heads of `two_head_machine` must be
 PARKS = (-40.0, 240.0)
@@ -32,8 +32,8 @@ def random_plan(make, rng, *, rail: bool):
     for (h, a), (g, b) in itertools.combinations(sequence, 2):
         if g != h and rng.random() < 0.7:
             waits[g, b].append((h, a, int(rng.choice([ACTION_END, 1, 2, 3]))))
-    lanes = tuple(
-        make.lane(
+    all_actions = tuple(
+        make.actions_of_rows(
             machine.heads[h].name,
             [(ActionKind.TRAVEL, -1, False)] * len(stops[h]),
             [np.column_stack([x, np.full(4, 50.0), np.full(4, 20.0)]) for x in stops[h]],
@@ -41,29 +41,31 @@ def random_plan(make, rng, *, rail: bool):
         )
         for h in range(2)
     )
-    return replace(make.shared_plan(rail=rail), machine=machine, plan=JointPlan(lanes))
+    return replace(make.shared_plan(rail=rail), machine=machine, plan=JointPlan(all_actions))
 
 
-def meets(lanes, *, rail: bool) -> bool:
+def meets(all_actions, *, rail: bool) -> bool:
     """Try every timing: each head rests or moves on, one move at a time.
 
     On a rail the heads may not pass one another.
 
     A head's state is the number of half moves made; odd ones are on the way.
     """
-    moves, least_mm = [3 * len(lane) for lane in lanes], RAIL_MM if rail else BEAMS_MM
+    moves, least_mm = [3 * len(actions) for actions in all_actions], RAIL_MM if rail else BEAMS_MM
 
     def may_begin(h: int, state: int, other: int) -> bool:
         if state % 6 or state == 2 * moves[h]:
             return True
-        for edge in lanes[h].after_edges(state // 6):
+        for edge in all_actions[h].after_edges(state // 6):
             point = 3 if edge.point == ACTION_END else edge.point
             if other < 2 * (3 * edge.action + point):
                 return False
         return True
 
     def reach(h: int, state: int) -> tuple[float, float]:
-        stops = np.concatenate([[PARKS[h]], lanes[h].path[:, 0].reshape(-1, 4)[:, 1:].ravel()])
+        stops = np.concatenate(
+            [[PARKS[h]], all_actions[h].path[:, 0].reshape(-1, 4)[:, 1:].ravel()]
+        )
         ends = stops[state // 2], stops[(state + 1) // 2]
         return float(min(ends)), float(max(ends))
 
@@ -88,12 +90,12 @@ def test_the_verdict_is_that_of_all_timings(make, rail, seeds):
     verdicts = []
     for seed in range(seeds):
         document = random_plan(make, np.random.default_rng(seed), rail=rail)
-        lanes = lanes_of(document)
-        legs = legs_of(lanes)
-        order = order_of(legs.lanes)
+        all_actions = all_actions_of(document)
+        legs = legs_of(all_actions)
+        order = order_of(legs.all_actions)
         assert isinstance(order, PartialOrder)
         check = check_rail if rail else check_heads
         found = bool(check(document, legs, order))
-        assert found == meets(lanes, rail=rail), seed
+        assert found == meets(all_actions, rail=rail), seed
         verdicts.append(found)
     assert seeds // 4 < sum(verdicts) < 3 * seeds // 4 + 1  # enough of both kinds

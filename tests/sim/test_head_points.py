@@ -33,11 +33,11 @@ def with_edges(plan: JointPlan, points: dict[int, list[int]], lag_s: float = 0.0
     return JointPlan(
         tuple(
             replace(
-                lane,
+                actions,
                 after_point=np.array(points.get(h, [ACTION_END] * 2), np.int32),
                 after_lag_s=np.array([lag_s, 0.0]),
             )
-            for h, lane in enumerate(plan.heads)
+            for h, actions in enumerate(plan.heads)
         )
     )
 
@@ -230,8 +230,8 @@ def test_points_are_read_back_from_the_files_alone(made: Made) -> None:
     files = [read_head_file(path) for path in made.paths]
     document, faults = plan_of_files(files, made.job, two_heads(made))
     assert faults == []
-    for h, (lane, mine) in enumerate(zip(document.plan.heads, made.plan.heads, strict=True)):
-        found = [edge for k in range(len(lane)) for edge in lane.after_edges(k)]
+    for h, (actions, mine) in enumerate(zip(document.plan.heads, made.plan.heads, strict=True)):
+        found = [edge for k in range(len(actions)) for edge in actions.after_edges(k)]
         due = [edge for k in range(len(mine)) for edge in mine.after_edges(k)]
         assert [edge.point for edge in found if edge.point != ACTION_END] == [1], h
         (partial,) = [edge for edge in found if edge.point != ACTION_END]
@@ -259,7 +259,7 @@ def test_a_wait_for_what_is_known_already_is_no_fault_without_the_plan(tmp_path:
     made = Made(tmp_path, change=waiting_twice)
     files = [read_head_file(path) for path in made.paths]
     document, faults = plan_of_files(files, made.job, two_heads(made))
-    read = [len(lane.after_head) for lane in document.plan.heads]
+    read = [len(actions.after_head) for actions in document.plan.heads]
     assert faults == [] and read[0] < len(made.plan.heads[0].after_head)
     verdict = verify_heads(
         made.paths, document.plan, made.job, made.document, parks=PARKS, read=True
@@ -277,20 +277,21 @@ def test_points_that_a_file_cannot_tell_apart_are_no_fault_without_the_plan(
     files = [read_head_file(path) for path in made.paths]
     document, faults = plan_of_files(files, made.job, two_heads(made))
     assert faults == []
-    for read, lane in zip(document.plan.heads, made.plan.heads, strict=True):
-        for a, b in zip(prints(read), prints(lane), strict=True):
-            assert np.array_equal(read.action_path(a), lane.action_path(b))
+    for read, actions in zip(document.plan.heads, made.plan.heads, strict=True):
+        for a, b in zip(prints(read), prints(actions), strict=True):
+            assert np.array_equal(read.action_path(a), actions.action_path(b))
     assert made.judged().faults == ()
 
 
-def prints(lane: HeadActions) -> list[int]:
-    return np.flatnonzero(lane.kind == ActionKind.PRINT).tolist()
+def prints(actions: HeadActions) -> list[int]:
+    return np.flatnonzero(actions.kind == ActionKind.PRINT).tolist()
 
 
 def two_heads(made: Made) -> Machine:
     """A machine of the two heads, as far as the plan of files needs one."""
     heads = tuple(
-        Head(lane.head, (), park=park) for lane, park in zip(made.plan.heads, PARKS, strict=True)
+        Head(actions.head, (), park=park)
+        for actions, park in zip(made.plan.heads, PARKS, strict=True)
     )
     return Machine("two", (0.0, 0.0), (200.0, 200.0), heads, release="point")
 

@@ -46,7 +46,7 @@ def jump(rows):
     rows[4]["path"][0, 0] += 0.5
 
 
-def turn_without_saying(rows):
+def reverse_without_saying(rows):
     rows[3]["path"] = rows[3]["path"][::-1].copy()
 
 
@@ -93,24 +93,24 @@ def test_a_spoiled_one_head_plan_is_found(make, change, due):
     assert kinds(make.edited(make.tower_plan(), 0, change)) == due
 
 
-def test_a_turned_contour_needs_to_say_so(make):
+def test_a_reversed_contour_needs_to_say_so(make):
     """An open contour run from its other end without `reversed` leaves its polyline."""
     document = make.tower_plan()
     contours = replace(document.contours, points=document.contours.points.copy())
-    assert kinds(make.edited(replace(document, contours=contours), 0, turn_without_saying)) == {
+    assert kinds(make.edited(replace(document, contours=contours), 0, reverse_without_saying)) == {
         K.WRONG_PATH
     }
 
 
-def test_a_contour_the_source_forbids_to_turn(make):
-    """Wipes and ramps only work one way; turning one is a fault although the path is right."""
+def test_a_contour_the_source_forbids_to_reverse(make):
+    """Wipes and ramps only work one way; reversing one is a fault although the path is right."""
     document = make.tower_plan()
     contours = replace(document.contours, reversible=np.zeros(len(document.contours), bool))
 
-    def turn(rows):
+    def reverse(rows):
         rows[3]["path"], rows[3]["reversed"] = rows[3]["path"][::-1].copy(), True
 
-    assert kinds(make.edited(replace(document, contours=contours), 0, turn)) == {K.WRONG_PATH}
+    assert kinds(make.edited(replace(document, contours=contours), 0, reverse)) == {K.WRONG_PATH}
 
 
 def test_out_of_reach(make):
@@ -133,8 +133,8 @@ def test_wrong_material(make):
 def test_unknown_head(make):
     """A plan for another machine is refused before anything else is judged."""
     document = make.tower_plan()
-    lanes = (replace(document.plan.heads[0], head="other"),)
-    assert kinds(replace(document, plan=JointPlan(lanes))) == {K.MACHINE}
+    all_actions = (replace(document.plan.heads[0], head="other"),)
+    assert kinds(replace(document, plan=JointPlan(all_actions))) == {K.MACHINE}
 
 
 def test_without_the_after_the_heads_meet(make):
@@ -290,10 +290,10 @@ def test_random_orders_against_brute_force(make, order, data):
     places = ((20.0, 20.0), (20.0 + side + gap, 20.0))
     base = make.tower_plan(layers=layers, towers=places, half=half)
     paths = [base.contours.polyline(c) for c in range(6)]
-    lane = make.head_actions(
+    actions = make.head_actions(
         base.machine.heads[0], [(c, False) for c in order], paths, 0, clearance_z=0.8
     )
-    document = replace(base, plan=JointPlan((lane,)), precedence=np.empty((0, 2), np.int32))
+    document = replace(base, plan=JointPlan((actions,)), precedence=np.empty((0, 2), np.int32))
     near = gap < half + 0.2 - 1e-3
     rank = {c: k for k, c in enumerate(order)}
     blocked = any(

@@ -34,9 +34,9 @@ def test_a_head_that_does_nothing_stands_at_its_park(make, width, kinds):
     idle = Head("idle", (Slice(0.0, (halves[1],)),), park=(50.0, 50.0, 0.1))
     machine = Machine("m", (0.0, 0.0), (100.0, 100.0), (busy, idle), head_clearance_mm=0.2)
     paths = [np.array([[30.0, 55.75, 0.4], [70.0, 55.75, 0.4]])]
-    lane = make.head_actions(busy, [(0, False)], paths, 0, clearance_z=1.0)
+    actions = make.head_actions(busy, [(0, False)], paths, 0, clearance_z=1.0)
     document = PlanDocument(
         "", machine, make.contours_of(paths, width=width), np.empty((0, 2), np.int32),
-        JointPlan((lane,)), {},
+        JointPlan((actions,)), {},
     )  # fmt: skip
     assert {kind.name for kind in verify_plan(document).kinds()} == kinds

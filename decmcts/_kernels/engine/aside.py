@@ -239,10 +239,10 @@ def return_all(visits: Visits, fleet: Fleet, units: Units, heads: Heads) -> bool
 
 @inlined
 def room_for(
-    r: int, c: int, backwards: bool, at: NDArray[np.float64], visits: Visits, fleet: Fleet
+    r: int, c: int, is_reversed: bool, at: NDArray[np.float64], visits: Visits, fleet: Fleet
 ) -> Room:
     """Room head r needs to go from where it stands, `at` (heads, 3), to a contour and print it."""
-    side = 1 if backwards else 0
+    side = 1 if is_reversed else 0
     way = room_of_travel((at[r, 0], at[r, 1], at[r, 2]), end_of(c, side, visits), fleet.ceiling)
     return join_rooms(way, room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side]))
 
@@ -276,17 +276,17 @@ def is_in_way(r: int, room: Room, rest: NDArray[np.float64], fleet: Fleet) -> bo
 
 @kernel
 def clear_way(
-    r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
     """Let heads step aside so that r can print c (mutates units, heads); False: no safe way."""
-    room = room_for(r, c, backwards, heads.at, visits, fleet)
+    room = room_for(r, c, is_reversed, heads.at, visits, fleet)
     at, rest = heads.at.copy(), heads.rest.copy()
     steps = np.empty((len(at) * len(at), 4))
     count = make_way(room, r, at, rest, fleet, steps)
     if count < 0:
         return False
     if not fleet.lined:
-        at[r] = visits.ends[c, 0 if backwards else 1]
+        at[r] = visits.ends[c, 0 if is_reversed else 1]
         keep_room(room_of_point(at[r], -np.inf), rest, r)
         if not is_safe(at, rest, fleet):
             return False
@@ -297,28 +297,28 @@ def clear_way(
 
 @inlined
 def print_next(
-    r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
     """Let head r print c, whatever has to step aside or return first (mutates units, heads).
 
     False: not even with all others parked. All that c rests on must have been put.
     """
-    room = room_for(r, c, backwards, heads.at, visits, fleet)
+    room = room_for(r, c, is_reversed, heads.at, visits, fleet)
     possible = (fleet.lined and not is_in_way(r, room, heads.rest, fleet)) or make_room(
-        r, c, backwards, visits, fleet, units, heads
+        r, c, is_reversed, visits, fleet, units, heads
     )
     if possible:
-        put_print(r, c, backwards, visits, fleet, units, heads)
+        put_print(r, c, is_reversed, visits, fleet, units, heads)
     return possible
 
 
 @apart
 def make_room(
-    r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
     """Let others step aside, or all return first, so that r can print c (mutates units, heads)."""
-    if clear_way(r, c, backwards, visits, fleet, units, heads):
+    if clear_way(r, c, is_reversed, visits, fleet, units, heads):
         return True
     if not return_all(visits, fleet, units, heads):
         return False
-    return clear_way(r, c, backwards, visits, fleet, units, heads)
+    return clear_way(r, c, is_reversed, visits, fleet, units, heads)

@@ -24,7 +24,7 @@ class Sequences(NamedTuple):
     """What each head prints, in order."""
 
     order: NDArray[np.int32]  # (n,) contours, head after head
-    backwards: NDArray[np.bool_]  # (n,)
+    reversed: NDArray[np.bool_]  # (n,)
     offsets: NDArray[np.int64]  # (heads + 1,)
     turns: NDArray[np.int64]  # (n,) place of each in one order of all; (0,): none
 
@@ -38,7 +38,7 @@ def room_enough(units: Units, heads: int) -> Units:
     larger = new_units(2 * most)
     larger.head[:used], larger.kind[:used] = units.head[:used], units.kind[:used]
     larger.contour[:used] = units.contour[:used]
-    larger.backwards[:used] = units.backwards[:used]
+    larger.reversed[:used] = units.reversed[:used]
     larger.target[:used], larger.room[:used] = units.target[:used], units.room[:used]
     larger.begin[:used], larger.end[:used] = units.begin[:used], units.end[:used]
     larger.before[:used] = units.before[:used]
@@ -83,7 +83,7 @@ def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units
         if not is_ready(c, put, visits):
             return units, CONTRADICTED
         units = room_enough(units, heads)
-        if not print_next(r, c, sequences.backwards[row], visits, fleet, units, state):
+        if not print_next(r, c, sequences.reversed[row], visits, fleet, units, state):
             return units, SHUT_IN
         put[c] = True
     units = room_enough(units, heads)
@@ -106,7 +106,7 @@ def soonest(
         if at[r] >= sequences.offsets[r + 1]:
             continue
         c = sequences.order[at[r]]
-        side = 1 if sequences.backwards[at[r]] else 0
+        side = 1 if sequences.reversed[at[r]] else 0
         there = free[r] + travel_seconds(where[r], visits.ends[c, side], fleet.travel[r])
         if there < best and is_ready(c, put, visits):
             best, found = there, r

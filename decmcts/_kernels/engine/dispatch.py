@@ -222,13 +222,13 @@ def choose(
     r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, units: Units,
     heads: Heads, pool: Pool,
 ) -> tuple[int, bool, float]:  # fmt: skip
-    """Return the contour head r should print next, and whether backwards; NONE: wait until when.
+    """Return the contour head r should print next, and whether reversed; NONE: wait until when.
 
     What is shut till some time is not looked at sooner (`Pool.shut`), unless this head moves.
     """
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
     look_anew(r, heads, pool)
-    best, chosen, turned, wakes = np.inf, NONE, False, np.inf
+    best, chosen, is_reversed, wakes = np.inf, NONE, False, np.inf
     by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
     i = 0
     while i < pool.counts[OPEN]:
@@ -260,10 +260,10 @@ def choose(
             pool.shut[r, column], pool.looked[r, column] = opens, row
             wakes = min(wakes, opens)
         else:
-            best, chosen, turned = score, u, back
+            best, chosen, is_reversed = score, u, back
             # what was good is looked at first from now on, so that others are passed over sooner
             pool.open[i - 1], pool.open[0] = pool.open[0], pool.open[i - 1]
-    return chosen, turned, wakes if wakes < np.inf else next_decision(r, start, heads, pool)
+    return chosen, is_reversed, wakes if wakes < np.inf else next_decision(r, start, heads, pool)
 
 
 @kernel
@@ -328,7 +328,7 @@ def wake(
 def next_print(
     visits: Visits, fleet: Fleet, policy: Policy, units: Units, heads: Heads, pool: Pool
 ) -> tuple[int, int, bool, float]:  # fmt: skip
-    """Return which head prints next, what, whether backwards, and when it decides.
+    """Return which head prints next, what, whether reversed, and when it decides.
 
     NONE as the contour: no head finds any, now or later. Heads that must wait sleep (mutates
     pool).

@@ -55,7 +55,7 @@ class Units(NamedTuple):
     head: NDArray[np.int32]  # (m,)
     kind: NDArray[np.int8]  # (m,)
     contour: NDArray[np.int32]  # (m,) NONE unless printed
-    backwards: NDArray[np.bool_]  # (m,)
+    reversed: NDArray[np.bool_]  # (m,)
     target: NDArray[np.float64]  # (m, 3) where it ends
     room: NDArray[np.float64]  # (m, 6)
     begin: NDArray[np.float64]  # (m,) seconds
@@ -106,7 +106,7 @@ def passed(u: int, room: Room, r: int, visits: Visits, fleet: Fleet, units: Unit
     """First piece of unit u that is clear of `room` of head r; NONE: only its end is."""
     c = units.contour[u]
     if c != NONE:
-        row = 2 * c + units.backwards[u]
+        row = 2 * c + units.reversed[u]
         for k in range(visits.pieces.offsets[row] + 1, visits.pieces.offsets[row + 1]):
             if not too_near(room, room_at(visits.pieces.room, k), r, units.head[u], fleet):
                 piece: int = k
@@ -148,7 +148,7 @@ def put(
     r: int,
     kind: int,
     contour: int,
-    backwards: bool,
+    is_reversed: bool,
     begin: float,
     end: float,
     room: Room,
@@ -161,7 +161,7 @@ def put(
     row = units.used[0]
     units.used[0] += 1
     units.head[row], units.kind[row], units.contour[row] = r, kind, contour
-    units.backwards[row] = backwards
+    units.reversed[row] = is_reversed
     keep_room(room, units.room, row)
     units.begin[row], units.end[row] = begin, end
     units.before[row] = heads.last[r]
@@ -212,15 +212,15 @@ def end_of(c: int, side: int, visits: Visits) -> tuple[float, float, float]:
 
 @inlined
 def put_print(
-    r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> None:
     """Append travel and print of a contour (mutates units and heads); the way must be clear."""
-    side = 1 if backwards else 0
+    side = 1 if is_reversed else 0
     put_travel(r, UNIT_TRAVEL, end_of(c, side, visits), visits, fleet, units, heads)
     room = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])
     begin = max(heads.free[r], rests_on(c, visits, heads))
     begin = clear_from(r, room, begin, visits, fleet, units, heads)
     end = begin + visits.seconds[r, c]
     exit_ = end_of(c, 1 - side, visits)
-    put(r, UNIT_PRINT, c, backwards, begin, end, room, exit_, -np.inf, units, heads)
+    put(r, UNIT_PRINT, c, is_reversed, begin, end, room, exit_, -np.inf, units, heads)
     heads.ended[c] = end

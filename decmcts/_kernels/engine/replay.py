@@ -23,7 +23,7 @@ class JointOrder(NamedTuple):
     order: NDArray[np.int64]  # (n,) contours
     turn: NDArray[np.int64]  # (n,) place of each contour in it
     head: NDArray[np.int64]  # (n,) of each contour
-    backwards: NDArray[np.bool_]  # (n,)
+    reversed: NDArray[np.bool_]  # (n,)
     before: NDArray[np.int64]  # (n,) what its head prints before each contour; NONE
     behind: NDArray[np.int64]  # (n,) and after it
 
@@ -100,7 +100,7 @@ def put_turns(
     for turn in range(begin, end):
         c = contours[turn]
         if not has_room(units, heads) or not print_next(
-            joint.head[c], c, joint.backwards[c], visits, fleet, units, heads
+            joint.head[c], c, joint.reversed[c], visits, fleet, units, heads
         ):
             return np.inf
         if turn < marks_to:

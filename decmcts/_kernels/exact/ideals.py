@@ -3,7 +3,7 @@
 What a sequence may have printed at some time is an order ideal of the dependency
 graph: a set that has the predecessors of all its contours. Layers wait for those
 under them, so there are few ideals where layers have few contours, however many
-layers there are. For each ideal and each way to print its last contour the least
+layers there are. For each ideal and each choice to print its last contour the least
 travel so far is kept.
 
 Contours are numbered in a linear extension. An ideal is kept as the first contour
@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.exact.pricing import NONE, Ways
+from decmcts._kernels.exact.pricing import NONE, Choices
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.sequence.metric import distance
 
@@ -55,10 +55,10 @@ class Ideals(NamedTuple):
     bits: NDArray[np.uint64]  # (ideals,) bit k: contour `lacks` + k is printed
     begin: NDArray[np.int32]  # (ideals + 1,) first step from each
     newest: NDArray[np.int32]  # (ideals,) last step that leads there, NONE if none
-    ports: NDArray[np.int32]  # (ideals,) ways of all the contours of these steps together
+    ports: NDArray[np.int32]  # (ideals,) choices of all the contours of these steps together
     older: NDArray[np.int32]  # (steps,) the one that leads to the same before that, NONE if none
     contour: NDArray[np.int32]  # (steps,) printed
-    base: NDArray[np.int64]  # (steps + 1,) first entry of `travel`, one a way of the contour
+    base: NDArray[np.int64]  # (steps + 1,) first entry of `travel`, one a choice of the contour
     travel: NDArray[np.float64]  # (travels,) least until a step's end; infinite: given up
     slots: NDArray[np.int32]  # hash table of ideals of the level in the making; others are free
 
@@ -141,7 +141,7 @@ def _slot_of(ideals: Ideals, oldest: int, lacks: int, bits: np.uint64) -> int:
 
 
 @kernel
-def extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) -> Stand:
+def extend(ideals: Ideals, choices: Choices, rules: Rules, at: Stand, widest: int) -> Stand:
     """Mutate the ideals: add those of the next level, and the steps to them."""
     top, travels, step = at.ideals, at.travels, ideals.begin[at.first]
     most = min(len(ideals.lacks), at.ideals + len(ideals.slots) // 2)
@@ -167,7 +167,7 @@ def extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) -> 
                 ideals.lacks[top], ideals.bits[top] = following, then
                 ideals.newest[top], ideals.ports[top] = NONE, 0
                 top += 1
-            count = ways.offsets[j + 1] - ways.offsets[j]
+            count = choices.offsets[j + 1] - choices.offsets[j]
             if step == room or travels + count > len(ideals.travel):
                 return Stand(at.level, at.first, at.ideals, at.travels, True)
             child = ideals.slots[slot]
@@ -183,7 +183,7 @@ def extend(ideals: Ideals, ways: Ways, rules: Rules, at: Stand, widest: int) -> 
 
 @kernel
 def make_ideals(
-    ideals: Ideals, ways: Ways, rules: Rules, at: Stand, quota: int, widest: int
+    ideals: Ideals, choices: Choices, rules: Rules, at: Stand, quota: int, widest: int
 ) -> Stand:
     """Mutate the ideals: make level after level, until about `quota` steps or the last level.
 
@@ -191,14 +191,14 @@ def make_ideals(
     """
     until = ideals.begin[at.first] + quota
     while at.level < len(rules.reach) and not at.full and ideals.begin[at.first] < until:
-        at = extend(ideals, ways, rules, at, widest)
+        at = extend(ideals, choices, rules, at, widest)
     return at
 
 
 @kernel
 def _gather(
     ideals: Ideals,
-    ways: Ways,
+    choices: Choices,
     slack: float,
     i: int,
     port: NDArray[np.int64],
@@ -211,9 +211,9 @@ def _gather(
     """
     count, e = 0, ideals.newest[i]
     while e != NONE:
-        w = ways.offsets[ideals.contour[e]]
-        for k in range(ways.offsets[ideals.contour[e] + 1] - w):
-            port[count], travel[count] = ways.out[w + k], ideals.travel[ideals.base[e] + k]
+        w = choices.offsets[ideals.contour[e]]
+        for k in range(choices.offsets[ideals.contour[e] + 1] - w):
+            port[count], travel[count] = choices.out[w + k], ideals.travel[ideals.base[e] + k]
             count += int(travel[count] < np.inf)
         e = ideals.older[e]
     kept = 0
@@ -226,7 +226,7 @@ def _gather(
         travel[kept], travel[best] = travel[best], travel[kept]
         left = kept + 1
         for k in range(kept + 1, count):
-            reached = travel[kept] + distance(ways.metric, port[kept], port[k]) + slack
+            reached = travel[kept] + distance(choices.metric, port[kept], port[k]) + slack
             if travel[k] < reached:
                 port[left], travel[left] = port[k], travel[k]
                 left += 1
@@ -236,43 +236,45 @@ def _gather(
 
 
 @kernel
-def price_steps(ideals: Ideals, ways: Ways, rules: Rules, first: int, last: int) -> None:
+def price_steps(ideals: Ideals, choices: Choices, rules: Rules, first: int, last: int) -> None:
     """Mutate the ideals: give the steps from ideals first:last their travel, all before known."""
-    port, travel = np.empty(len(ways.into), np.int64), np.empty(len(ways.into))
+    port, travel = np.empty(len(choices.into), np.int64), np.empty(len(choices.into))
     for i in range(first, last):
-        count = _gather(ideals, ways, rules.slack, i, port, travel)
+        count = _gather(ideals, choices, rules.slack, i, port, travel)
         for e in range(ideals.begin[i], ideals.begin[i + 1]):
-            w = ways.offsets[ideals.contour[e]]
-            for k in range(ways.offsets[ideals.contour[e] + 1] - w):
+            w = choices.offsets[ideals.contour[e]]
+            for k in range(choices.offsets[ideals.contour[e] + 1] - w):
                 least = 0.0 if ideals.newest[i] == NONE else np.inf
                 for o in range(count):
-                    least = min(least, travel[o] + distance(ways.metric, port[o], ways.into[w + k]))
+                    least = min(
+                        least, travel[o] + distance(choices.metric, port[o], choices.into[w + k])
+                    )
                 ideals.travel[ideals.base[e] + k] = least
 
 
 @kernel
 def trace(
-    ideals: Ideals, ways: Ways, last: int
+    ideals: Ideals, choices: Choices, last: int
 ) -> tuple[float, NDArray[np.int32], NDArray[np.int64]]:
-    """Return the least travel to the last ideal, the contours on the way and their ways."""
+    """Return the least travel to the last ideal, the contours on the way and their choices."""
     n = int(ideals.lacks[last])
-    order, way = np.empty(n, np.int32), np.empty(n, np.int64)
+    order, choice = np.empty(n, np.int32), np.empty(n, np.int64)
     i, goal, least = last, -1, 0.0
     for position in range(n - 1, -1, -1):
         best, found, e = np.inf, NONE, ideals.newest[i]
         while e != NONE:
-            w = ways.offsets[ideals.contour[e]]
-            for k in range(ways.offsets[ideals.contour[e] + 1] - w):
+            w = choices.offsets[ideals.contour[e]]
+            for k in range(choices.offsets[ideals.contour[e] + 1] - w):
                 cost = ideals.travel[ideals.base[e] + k]
                 if goal >= 0:
-                    cost += distance(ways.metric, ways.out[w + k], goal)
+                    cost += distance(choices.metric, choices.out[w + k], goal)
                 if found == NONE or cost < best:
                     best, found = cost, e
-                    way[position] = w + k
+                    choice[position] = w + k
             e = ideals.older[e]
         if goal < 0:
             least = best
         order[position] = ideals.contour[found]
-        goal = ways.into[way[position]]
+        goal = choices.into[choice[position]]
         i = int(np.searchsorted(ideals.begin[: i + 1], found, side="right")) - 1
-    return least, order, way
+    return least, order, choice

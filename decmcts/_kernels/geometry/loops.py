@@ -20,7 +20,7 @@ SLIVER_MM = 2e-3  # shorter pieces are not made: files have three decimals
 STEADY = 0.1  # share by which the filament per mm at the two seams may differ
 
 
-class Turned(NamedTuple):
+class Rotated(NamedTuple):
     """Contours in their chosen traversal, filled from the front."""
 
     points: NDArray[np.float64]  # (m, 3) mm
@@ -71,14 +71,14 @@ def clip(
 
 
 @kernel
-def turn_loop(
+def rotate_loop(
     points: NDArray[np.float64],
     extrusion: NDArray[np.float64],
     feed: NDArray[np.float64],
     first: int,
     last: int,
     entry: int,
-    out: Turned,
+    out: Rotated,
     at: int,
 ) -> int:
     """Write one contour entered at vertex `entry` from row `at` of `out`; return the row behind it.
@@ -122,20 +122,20 @@ def exit_of(points: NDArray[np.float64], row: int, share: float) -> NDArray[np.f
 
 
 @kernel
-def turn_loops(
+def rotate_loops(
     points: NDArray[np.float64],
     extrusion: NDArray[np.float64],
     feed: NDArray[np.float64],
     offsets: NDArray[np.int64],
     entry: NDArray[np.int32],
-    out: Turned,
+    out: Rotated,
     out_offsets: NDArray[np.int64],
 ) -> None:
     """Write every contour entered at its vertex `entry[c]`; mutates `out` and `out_offsets`."""
     at = 0
     for c in range(len(entry)):
         out_offsets[c] = at
-        at = turn_loop(points, extrusion, feed, offsets[c], offsets[c + 1] - 1, entry[c], out, at)
+        at = rotate_loop(points, extrusion, feed, offsets[c], offsets[c + 1] - 1, entry[c], out, at)
     out_offsets[len(entry)] = at
 
 

@@ -26,13 +26,13 @@ class Pieces(NamedTuple):
 
 @kernel
 def rooms_left(
-    points: NDArray[np.float64], backwards: bool, room: NDArray[np.float64]
+    points: NDArray[np.float64], is_reversed: bool, room: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Write to `room` (m, 6) what is left from each vertex on; returns the length before it."""
     m = len(points)
     before = np.zeros(m)
     for i in range(m - 1, -1, -1):
-        p = points[m - 1 - i] if backwards else points[i]
+        p = points[m - 1 - i] if is_reversed else points[i]
         for axis in range(3):
             low, high = p[axis], p[axis]
             if i < m - 1:
@@ -40,8 +40,8 @@ def rooms_left(
                 high = max(high, room[i + 1, 2 * axis + 1])
             room[i, 2 * axis], room[i, 2 * axis + 1] = low, high
     for i in range(1, m):
-        p = points[m - 1 - i] if backwards else points[i]
-        q = points[m - i] if backwards else points[i - 1]
+        p = points[m - 1 - i] if is_reversed else points[i]
+        q = points[m - i] if is_reversed else points[i - 1]
         before[i] = before[i - 1] + np.sqrt(np.sum((p - q) ** 2))
     return before
 

@@ -64,14 +64,14 @@ def add_move(
 
 @kernel
 def add_print(
-    path: NDArray[np.float64], contour: int, flipped: bool, action: int,
+    path: NDArray[np.float64], contour: int, is_reversed: bool, action: int,
     segments: Segments, moves: Moves,
 ) -> None:  # fmt: skip
     """Append the segments of a contour in its traversal (mutates moves)."""
     first = segments.offsets[contour] + 1
     n = segments.offsets[contour + 1] - first
     for s in range(min(n, len(path) - 1)):
-        at = first + (n - 1 - s if flipped else s)
+        at = first + (n - 1 - s if is_reversed else s)
         x, y, z = path[s + 1]
         add_move(x, y, z, segments.filament[at], segments.feed[at], segments.row[at], action, moves)
 
@@ -107,7 +107,7 @@ def add_travel(
 @kernel
 def write_moves(
     path: NDArray[np.float64], offsets: NDArray[np.int64], contour: NDArray[np.int32],
-    flipped: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: Segments, habit: Habit,
+    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: Segments, habit: Habit,
 ) -> Moves:  # fmt: skip
     """Return the moves of a head's actions; `contour` is -1 where an action prints nothing.
 
@@ -124,7 +124,7 @@ def write_moves(
     for a in range(k):
         way = path[offsets[a] : offsets[a + 1]]
         if contour[a] >= 0:
-            add_print(way, contour[a], flipped[a], a, segments, moves)
+            add_print(way, contour[a], is_reversed[a], a, segments, moves)
         elif len(way):
             add_travel(way, retracts[a], a > 0 and contour[a - 1] >= 0, a, habit, moves)
     return moves

@@ -28,10 +28,10 @@ from decmcts._kernels.jit import inlined, kernel
 
 @inlined
 def bid(
-    r: int, c: int, backwards: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
+    r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> float:
     """When head r would have printed c after all that was put; heads at rest are not in the way."""
-    side = 1 if backwards else 0
+    side = 1 if is_reversed else 0
     at, there = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2]), end_of(c, side, visits)
     way = room_of_travel(at, there, fleet.ceiling)
     begin = clear_from(r, way, heads.free[r], visits, fleet, units, heads)
@@ -73,7 +73,7 @@ def winner(
     heads: Heads,
 ) -> tuple[int, int, bool]:
     """Return the head that bids least, for which contour of those on offer, and its direction."""
-    best, bidder, won, turned = np.inf, NONE, NONE, False
+    best, bidder, won, is_reversed = np.inf, NONE, NONE, False
     for c in offered:
         for r in range(len(heads.free)):
             if not policy.eligible[c, r] or heads.free[r] >= best:
@@ -82,8 +82,8 @@ def winner(
             _, back = nearer_end(at, c, visits, fleet.travel[r])
             ended = bid(r, c, back, visits, fleet, units, heads)
             if ended < best:
-                best, bidder, won, turned = ended, r, c, back
-    return bidder, won, turned
+                best, bidder, won, is_reversed = ended, r, c, back
+    return bidder, won, is_reversed
 
 
 @kernel

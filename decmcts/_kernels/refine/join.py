@@ -1,7 +1,7 @@
-"""Takes from another joint order the stretches in which it is better, on bare arrays.
+"""Takes from another joint order the windows in which it is better, on bare arrays.
 
-Both orders print the same contours up to where a stretch begins and up to where it ends. So
-each stretch is carried out by itself and judged by heads and tails; what all of them
+Both orders print the same contours up to where a window begins and up to where it ends. So
+each window is carried out by itself and judged by heads and tails; what all of them
 make of the print is found once, at the end.
 """
 
@@ -16,11 +16,11 @@ from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.refine.windows import (
     EVEN,
-    Stretch,
+    Window,
     keep,
     know_tails,
     latest_end,
-    put_stretch,
+    put_window,
     take_back,
 )
 
@@ -34,29 +34,29 @@ def lateness(turn: int, fleet: Fleet, marks: Marks) -> float:
 
 @kernel
 def join(
-    makespan: float, stretches: NDArray[np.int64], order: NDArray[np.int64],
-    head: NDArray[np.int64], backwards: NDArray[np.bool_], joint: JointOrder, visits: Visits,
+    makespan: float, windows: NDArray[np.int64], order: NDArray[np.int64],
+    head: NDArray[np.int64], is_reversed: NDArray[np.bool_], joint: JointOrder, visits: Visits,
     fleet: Fleet, units: Units, heads: Heads, marks: Marks,
 ) -> float:  # fmt: skip
     """Take what is better of another order; return the makespan, which never grows.
 
-    Mutates all but visits, fleet. `stretches` (k, 2) are the first turns and ends of where the
-    other order differs, ascending; it is `order`, `head` and `backwards`, all by turn.
+    Mutates all but visits, fleet. `windows` (k, 2) are the first turns and ends of where the
+    other order differs, ascending; it is `order`, `head` and `is_reversed`, all by turn.
     """
     if not know_tails(joint, visits, fleet, units, heads, marks):
         return np.inf
     kept, there = keep(0, len(joint.order), joint), True
-    for begin, end in stretches:
+    for begin, end in windows:
         there = there and replay(end, joint, visits, fleet, units, heads, marks)
         if not there:
             break
         before = lateness(end, fleet, marks)
         mine = keep(begin, end, joint)
-        other = Stretch(order[begin:end], head[begin:end], backwards[begin:end])
-        put_stretch(begin, other, joint, marks)
+        other = Window(order[begin:end], head[begin:end], is_reversed[begin:end])
+        put_window(begin, other, joint, marks)
         better = replay(end, joint, visits, fleet, units, heads, marks)
         if not better or lateness(end, fleet, marks) >= before:
-            put_stretch(begin, mine, joint, marks)
+            put_window(begin, mine, joint, marks)
     found = np.inf
     if there:
         link(joint, marks.free.shape[1])

@@ -38,7 +38,7 @@ PROPOSALS = 60  # for each turn of a window
 NEARBY = 0.7  # share of proposals that put a run beside a contour near one of its ends
 STAYS = 0.05  # share that leave the run on its head, at another turn; the rest go to any head
 BLIND = 0.1  # share tried whatever their travels
-TURNED = 0.1  # share of single contours that are entered at the end farther away
+REVERSED = 0.1  # share of single contours that are entered at the end farther away
 
 
 class Mood(NamedTuple):
@@ -87,7 +87,7 @@ def way(
 @inlined
 def saved(count: int, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet) -> float:
     """Seconds of travel that its head saves without the run."""
-    first, last, back = moves.run[0], moves.run[count - 1], joint.backwards
+    first, last, back = moves.run[0], moves.run[count - 1], joint.reversed
     r, p, q = joint.head[first], joint.before[first], joint.behind[last]
     return (
         way(r, p, back[p], first, back[first], visits, fleet)
@@ -101,18 +101,18 @@ def spent(
     count: int, p: int, q: int, r: int, joint: JointOrder, moves: Moves, visits: Visits,
     fleet: Fleet,
 ) -> tuple[float, bool]:  # fmt: skip
-    """Seconds of travel the run costs head r between p and q, and whether a run of one turns."""
-    first, last, back = moves.run[0], moves.run[count - 1], joint.backwards
+    """Return the seconds of travel the run costs head r, and whether a run of one is reversed."""
+    first, last, back = moves.run[0], moves.run[count - 1], joint.reversed
     old = way(r, p, back[p], q, back[q], visits, fleet)
-    turned = back[first]
-    new = way(r, p, back[p], first, turned, visits, fleet)
+    is_reversed = back[first]
+    new = way(r, p, back[p], first, is_reversed, visits, fleet)
     new += way(r, last, back[last], q, back[q], visits, fleet)
     if count == 1 and visits.reversible[first]:
-        other = way(r, p, back[p], first, not turned, visits, fleet)
-        other += way(r, first, not turned, q, back[q], visits, fleet)
+        other = way(r, p, back[p], first, not is_reversed, visits, fleet)
+        other += way(r, first, not is_reversed, q, back[q], visits, fleet)
         if other < new:
-            return other - old, not turned
-    return new - old, turned
+            return other - old, not is_reversed
+    return new - old, is_reversed
 
 
 @inlined
@@ -202,12 +202,12 @@ def outlook(
 
 
 @inlined
-def hand_over(count: int, r: int, turned: bool, joint: JointOrder, moves: Moves) -> None:
-    """Let head r print the run; a run of one is turned round as told (mutates joint)."""
+def hand_over(count: int, r: int, is_reversed: bool, joint: JointOrder, moves: Moves) -> None:
+    """Let head r print the run; a run of one is reversed as told (mutates joint)."""
     for k in range(count):
         joint.head[moves.run[k]] = r
     if count == 1:
-        joint.backwards[moves.run[0]] = turned
+        joint.reversed[moves.run[0]] = is_reversed
 
 
 @apart
@@ -294,16 +294,16 @@ def move_run(
     goal, new = aim(soonest, latest, count, joint, moves, state)
     if goal == NONE:
         return True
-    old, before = joint.head[first], joint.backwards[first]
+    old, before = joint.head[first], joint.reversed[first]
     if new != old:
         for k in range(count):
             if not moves.eligible[moves.run[k], new]:
                 return True
     p, q = neighbours(goal, new, count, joint, moves)
-    cost, turned = spent(count, p, q, new, joint, moves, visits, fleet)
-    if count == 1 and visits.reversible[first] and uniform(state) < TURNED:
-        turned = not turned
-    alike = new == old and p == joint.before[first] and turned == before
+    cost, is_reversed = spent(count, p, q, new, joint, moves, visits, fleet)
+    if count == 1 and visits.reversible[first] and uniform(state) < REVERSED:
+        is_reversed = not is_reversed
+    alike = new == old and p == joint.before[first] and is_reversed == before
     if alike and (joint.turn[first] <= goal <= joint.turn[last] + 1 or uniform(state) > STAYS):
         return True  # nothing, or next to nothing, changes
     begin = min(joint.turn[first], goal)
@@ -317,7 +317,7 @@ def move_run(
     if hopeless and uniform(state) > BLIND:
         return True
     rearrange(begin, end, count, goal, joint, moves)
-    hand_over(count, new, turned, joint, moves)
+    hand_over(count, new, is_reversed, joint, moves)
     change = try_out(
         begin, top, end, limit + GIVEN_UP, joint, moves, visits, fleet, units, heads, marks, mood
     )

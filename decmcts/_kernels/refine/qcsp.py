@@ -5,8 +5,8 @@ as early as its crane, what it rests on and the tasks placed before it allow.
 Cranes v < w need w to be `spacing` · (w - v) bays further right at all times, so
 task j of one crane begins after task i of another by at least the time in which
 they can pass from i to j side by side: the temporal distance of Bierwirth &
-Meisel. Distances between tasks in pairs are enough: `decmcts.team.qcsp.ways`
-has the ways of the cranes and the proof.
+Meisel. Distances between tasks in pairs are enough: `decmcts.team.qcsp.paths`
+has the paths of the cranes and the proof.
 
 The order of a *sweep* follows from who does what: all cranes go along the rail
 the same way, the one ahead first (a unidirectional schedule).
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below, length_up_to, uniform
-from decmcts._kernels.sequence.lend import lent
+from decmcts._kernels.sequence.borrowed import borrowed
 
 SPREAD = 0.3  # what the mean end of the cranes counts beside the makespan
 LONGEST_RUN = 8  # tasks of one crane that change hands together
@@ -81,22 +81,23 @@ def copied(crew: Crew) -> Crew:
 
 
 @kernel
-def _lent_yard(yard: Yard) -> Yard:
+def _borrowed_yard(yard: Yard) -> Yard:
     """Return the problem with arrays that are not counted; valid while `yard` lives."""
     return Yard(
-        lent(yard.duration), lent(yard.bay), lent(yard.pred_offsets), lent(yard.preds),
-        lent(yard.succ_offsets), lent(yard.succs), lent(yard.before), lent(yard.ready),
-        lent(yard.start), yard.travel, yard.spacing, yard.bays,
+        borrowed(yard.duration), borrowed(yard.bay), borrowed(yard.pred_offsets),
+        borrowed(yard.preds), borrowed(yard.succ_offsets), borrowed(yard.succs),
+        borrowed(yard.before), borrowed(yard.ready), borrowed(yard.start), yard.travel,
+        yard.spacing, yard.bays,
     )  # fmt: skip
 
 
 @kernel
-def _lent_crew(crew: Crew) -> Crew:
+def _borrowed_crew(crew: Crew) -> Crew:
     """Return the schedule with arrays that are not counted; valid while `crew` lives."""
     return Crew(
-        lent(crew.order), lent(crew.crane), lent(crew.begin), lent(crew.end),
-        lent(crew.rightward), lent(crew.leftward), lent(crew.at), lent(crew.free),
-        lent(crew.load), lent(crew.left),
+        borrowed(crew.order), borrowed(crew.crane), borrowed(crew.begin), borrowed(crew.end),
+        borrowed(crew.rightward), borrowed(crew.leftward), borrowed(crew.at), borrowed(crew.free),
+        borrowed(crew.load), borrowed(crew.left),
     )  # fmt: skip
 
 
@@ -333,14 +334,14 @@ def anneal_crews(
     cost of the best, whose order and cranes are `best`: that of least makespan, of
     equal ones the cheapest. Schedules in work begin with `costs` infinite.
     """
-    yard, crew, state = _lent_yard(yard), _lent_crew(crew), lent(state)
+    yard, crew, state = _borrowed_yard(yard), _borrowed_crew(crew), borrowed(state)
     n, q = len(crew.order), len(yard.ready)
     lists, missing = np.empty((q, n + 2), np.int32), np.empty(n, np.int32)
     order, crane = crew.order.copy(), crew.crane.copy()
-    cooling = (heats[1] / heats[0]) ** (1.0 / proposals)
+    ratio = (heats[1] / heats[0]) ** (1.0 / proposals)
     heat = heats[0]
     for _ in range(proposals):
-        heat *= cooling
+        heat *= ratio
         changed = (
             _hand_over(crew.crane, sweep, q, state) if len(sweep) else _rearrange(yard, crew, state)
         )

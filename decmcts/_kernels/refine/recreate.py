@@ -3,7 +3,7 @@
 The contours of a window of turns are dispatched anew (`decmcts._kernels.engine.dispatch`) by some
 random policies; the best result takes the window's place if the print then ends sooner. How
 much sooner is told by heads and tails, as in polishing, and then found by carrying out all.
-So a policy need not suit the whole print: each stretch of it gets one that suits.
+So a policy need not suit the whole print: each window of it gets one that suits.
 
 References
 ----------
@@ -67,7 +67,7 @@ class Guide(NamedTuple):
     row: NDArray[np.int64]  # (n,) place of each contour in `Policy.column`
     policy: Policy  # its keys and weights are written
     pool: Pool
-    found: NDArray[np.int64]  # (2, n) by turn, (2 contour + backwards) heads + head: now, best
+    found: NDArray[np.int64]  # (2, n) by turn, (2 contour + reversed) heads + head: now, best
 
 
 @inlined
@@ -180,7 +180,7 @@ def take_found(begin: int, end: int, joint: JointOrder, marks: Marks, guide: Gui
     for turn in range(begin, end):
         visit = guide.found[1, turn] // count
         c = visit // 2
-        joint.order[turn], joint.backwards[c] = c, visit % 2 == 1
+        joint.order[turn], joint.reversed[c] = c, visit % 2 == 1
         joint.head[c] = guide.found[1, turn] % count
     link(joint, count)
     marks.known[0] = begin

@@ -26,7 +26,7 @@ from decmcts._kernels.jit import kernel
 @kernel
 def share_at(unit: int, point: int, visits: Visits, units: Units) -> float:
     """Share of a unit's time after which vertex `point` of its contour was passed."""
-    row = 2 * units.contour[unit] + units.backwards[unit]
+    row = 2 * units.contour[unit] + units.reversed[unit]
     for k in range(visits.pieces.offsets[row], visits.pieces.offsets[row + 1]):
         if visits.pieces.point[k] == point:
             share: float = visits.pieces.share[k]

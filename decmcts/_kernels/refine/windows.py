@@ -23,12 +23,12 @@ LEAST, MOST = 4, 32  # windows of a batch
 EVEN = 0.1  # weight of all heads' lateness beside that of the print
 
 
-class Stretch(NamedTuple):
+class Window(NamedTuple):
     """Some turns of a joint order, one after the other."""
 
     order: NDArray[np.int64]  # contours
     head: NDArray[np.int64]  # aligned with order, here and below
-    backwards: NDArray[np.bool_]
+    reversed: NDArray[np.bool_]
 
 
 @inlined
@@ -92,29 +92,29 @@ def latest_end(turn: int, fleet: Fleet, marks: Marks) -> float:
 
 
 @inlined
-def keep(begin: int, end: int, joint: JointOrder) -> Stretch:
+def keep(begin: int, end: int, joint: JointOrder) -> Window:
     """Return turns begin..end - 1 as they are."""
     order = joint.order[begin:end].copy()
-    return Stretch(order, joint.head[order], joint.backwards[order])
+    return Window(order, joint.head[order], joint.reversed[order])
 
 
 @inlined
-def put_stretch(begin: int, stretch: Stretch, joint: JointOrder, marks: Marks) -> None:
+def put_window(begin: int, window: Window, joint: JointOrder, marks: Marks) -> None:
     """Write turns from `begin` on, of the same contours (mutates joint, marks).
 
     Turns and neighbours of contours are found anew by `link`.
     """
-    for k in range(len(stretch.order)):
-        c = stretch.order[k]
+    for k in range(len(window.order)):
+        c = window.order[k]
         joint.order[begin + k] = c
-        joint.head[c], joint.backwards[c] = stretch.head[k], stretch.backwards[k]
+        joint.head[c], joint.reversed[c] = window.head[k], window.reversed[k]
     marks.known[0] = min(marks.known[0], begin)
 
 
 @inlined
-def take_back(begin: int, kept: Stretch, joint: JointOrder, marks: Marks) -> None:
+def take_back(begin: int, kept: Window, joint: JointOrder, marks: Marks) -> None:
     """Let turns from `begin` on be as they were (mutates joint, marks)."""
-    put_stretch(begin, kept, joint, marks)
+    put_window(begin, kept, joint, marks)
     link(joint, marks.free.shape[1])
 
 

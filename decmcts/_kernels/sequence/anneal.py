@@ -15,32 +15,39 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below, length_up_to, uniform
-from decmcts._kernels.sequence.lend import lent
+from decmcts._kernels.sequence.borrowed import borrowed
+from decmcts._kernels.sequence.entries import (
+    choose_entry,
+    contour_of,
+    entry_change,
+    near_row,
+    slide_entries,
+    use_entry,
+)
+from decmcts._kernels.sequence.insertion import try_insertion
+from decmcts._kernels.sequence.lags import reversal_keeps
 from decmcts._kernels.sequence.metric import Metric, distance
 from decmcts._kernels.sequence.moves import (
     Tour,
+    apply_reversal,
     apply_swap,
-    apply_turn,
+    borrowed_tour,
     carry_change,
-    inner_change,
+    change_inside,
     is_unrelated,
-    leave,
-    lent_tour,
+    port_in_reversed,
+    port_out,
+    reversal_allowed,
+    reversal_change,
     swap_allowed,
     swap_change,
-    turn_allowed,
-    turn_change,
-    turned_entry,
 )
-from decmcts._kernels.sequence.pauses import turn_keeps
-from decmcts._kernels.sequence.seats import contour_of, near_row, seat_change, settle, sit, slide
-from decmcts._kernels.sequence.sift import try_sift
 
-LONGEST_TURN = 50  # longer segments rarely turn: some edge lies inside
-SWAP, TURN, CARRY, SIFT, NOTHING, SEAT = 0, 1, 2, 3, 4, 5
-SIFT_ONE_IN = 16  # a sift costs some twenty exchanges
+LONGEST_REVERSAL = 50  # longer segments can rarely be reversed: some edge lies inside
+SWAP, REVERSE, CARRY, INSERT, NOTHING, ENTER = 0, 1, 2, 3, 4, 5
+INSERT_ONE_IN = 16  # an insertion costs some twenty exchanges
 ANY_ONE_IN = 16  # proposals that heed no distance
-SETTLE_ONE_IN = 16  # where contours may be entered at several places
+CHOOSE_ONE_IN = 16  # where contours may be entered at several places
 SLIDE_ONE_IN = 4  # of these
 REACH = 1.0  # temperatures by which a new travel may be longer than the one it replaces
 MOST = 16.0  # temperatures; no step of such a cost is ever taken
@@ -51,19 +58,19 @@ def propose_follow(
     metric: Metric,
     order: NDArray[np.int32],
     position: NDArray[np.int32],
-    flip: NDArray[np.uint8],
+    is_reversed: NDArray[np.uint8],
     after: NDArray[np.float64],
-    turns: NDArray[np.bool_],
+    reversible: NDArray[np.bool_],
     near: NDArray[np.int32],
-    seat: NDArray[np.int32],
-    seat_row: NDArray[np.int32],
-    seat_owner: NDArray[np.int32],
+    entry_id: NDArray[np.int32],
+    entry_row: NDArray[np.int32],
+    entry_owner: NDArray[np.int32],
     reach: float,
     state: NDArray[np.uint64],
 ) -> tuple[int, int, int, int, int]:
     """Mutate `state`; return a move that lets a near contour follow a random one.
 
-    The last number is the option the contour takes for that, -1 if none.
+    The last number is the entry the contour takes for that, -1 if none.
 
     The new travel may be longer than the one it replaces by `reach` at most. That
     loses nothing: of the travels a cheap move adds, one is about as short as the
@@ -72,69 +79,69 @@ def propose_follow(
     n = len(order)
     p = below(state, n)
     c = order[p]
-    if turns[c] and below(state, 4) == 0:
-        port = near[2 * c + flip[c], below(state, near.shape[1])]
+    if reversible[c] and below(state, 4) == 0:
+        port = near[2 * c + is_reversed[c], below(state, near.shape[1])]
         if port < 0 or port >= 2 * n:
             return NOTHING, 0, 0, 0, -1
         at = position[port >> 1]
-        if at <= p or at > p + LONGEST_TURN or flip[port >> 1] != port & 1:
+        if at <= p or at > p + LONGEST_REVERSAL or is_reversed[port >> 1] != port & 1:
             return NOTHING, 0, 0, 0, -1
-        if distance(metric, 2 * c + flip[c], port) - after[order[at - 1]] > reach:
+        if distance(metric, 2 * c + is_reversed[c], port) - after[order[at - 1]] > reach:
             return NOTHING, 0, 0, 0, -1
-        return TURN, p, at, 0, -1
-    port = near[near_row(flip, seat, seat_row, c), below(state, near.shape[1])]
+        return REVERSE, p, at, 0, -1
+    port = near[near_row(is_reversed, entry_id, entry_row, c), below(state, near.shape[1])]
     if port < 0:
         return NOTHING, 0, 0, 0, -1
-    d, option = contour_of(port, n, seat_owner), -1
+    d, entry = contour_of(port, n, entry_owner), -1
     at = position[d]
     if port >= 2 * n:
-        option = port - 2 * n
-        if distance(metric, leave(flip, c), 2 * n + 2 * option) - after[c] > reach:
+        entry = port - 2 * n
+        if distance(metric, port_out(is_reversed, c), 2 * n + 2 * entry) - after[c] > reach:
             return NOTHING, 0, 0, 0, -1
-        if option == seat[d]:
-            option = -1
+        if entry == entry_id[d]:
+            entry = -1
         elif at == p + 1:
-            return SEAT, at, 0, 0, option
+            return ENTER, at, 0, 0, entry
         port = 2 * d
-    elif distance(metric, leave(flip, c), port) - after[c] > reach:
+    elif distance(metric, port_out(is_reversed, c), port) - after[c] > reach:
         return NOTHING, 0, 0, 0, -1
     if at == p + 1:
         return NOTHING, 0, 0, 0, -1
-    wants_turn = flip[d] != port & 1
-    if wants_turn or (option < 0 and below(state, 4) == 0):
-        if port != turned_entry(flip, turns, d):
+    wants_reversal = is_reversed[d] != port & 1
+    if wants_reversal or (entry < 0 and below(state, 4) == 0):
+        if port != port_in_reversed(is_reversed, reversible, d):
             return NOTHING, 0, 0, 0, -1
-        if p < at <= p + LONGEST_TURN and below(state, 2) == 0:
-            return TURN, p + 1, at + 1, 0, -1
+        if p < at <= p + LONGEST_REVERSAL and below(state, 2) == 0:
+            return REVERSE, p + 1, at + 1, 0, -1
         room = at - p if at > p else at + 1
-        first = at + 1 - length_up_to(state, min(room, LONGEST_TURN))
-        return TURN if first == p + 1 else CARRY, first, at + 1, p, -1
-    if below(state, SIFT_ONE_IN) == 0:
-        return SIFT, p, at, 0, option
+        first = at + 1 - length_up_to(state, min(room, LONGEST_REVERSAL))
+        return REVERSE if first == p + 1 else CARRY, first, at + 1, p, -1
+    if below(state, INSERT_ONE_IN) == 0:
+        return INSERT, p, at, 0, entry
     if at > p and below(state, 4) == 0:
-        return SWAP, p + 1 - length_up_to(state, p + 1), p + 1, at, option
+        return SWAP, p + 1 - length_up_to(state, p + 1), p + 1, at, entry
     room = n - at if at > p else p - at
     length = length_up_to(state, room)
     if at > 0 and below(state, 2) == 0:
         left_alone = order[at - 1]
-        row = near_row(flip, seat, seat_row, left_alone)
+        row = near_row(is_reversed, entry_id, entry_row, left_alone)
         partner = near[row, below(state, near.shape[1])]
         if partner >= 0:
-            gap = position[contour_of(partner, n, seat_owner)] - at
-            fits = partner >= 2 * n or flip[partner >> 1] == partner & 1
+            gap = position[contour_of(partner, n, entry_owner)] - at
+            fits = partner >= 2 * n or is_reversed[partner >> 1] == partner & 1
             if fits and 0 < gap <= room:
                 length = gap
     if at > p:
-        return SWAP, p + 1, at, at + length, option
-    return SWAP, at, at + length, p + 1, option
+        return SWAP, p + 1, at, at + length, entry
+    return SWAP, at, at + length, p + 1, entry
 
 
 @kernel
 def propose_any(n: int, state: NDArray[np.uint64]) -> tuple[int, int, int, int]:
-    """Mutate `state`; return a turn or an exchange of adjacent segments anywhere."""
+    """Mutate `state`; return a reversal or an exchange of adjacent segments anywhere."""
     i = below(state, n)
     if below(state, 4) == 0:
-        return TURN, i, i + length_up_to(state, min(n - i, LONGEST_TURN)), 0
+        return REVERSE, i, i + length_up_to(state, min(n - i, LONGEST_REVERSAL)), 0
     if i == 0:
         return NOTHING, 0, 0, 0
     left = length_up_to(state, i)
@@ -151,13 +158,14 @@ def commit_swap(tour: Tour, i: int, j: int, k: int, change: float) -> float:
 
 
 @kernel
-def commit_turn(tour: Tour, i: int, k: int, change: float, slack: float) -> float:
-    """Mutate the tour if turning is allowed and within slack; return the change."""
-    metric, order, flip, after, turns = tour.metric, tour.order, tour.flip, tour.after, tour.turns
-    change += inner_change(metric, order, flip, after, turns, i, k)
-    if change > slack or not turn_allowed(tour, i, k):
+def commit_reversal(tour: Tour, i: int, k: int, change: float, slack: float) -> float:
+    """Mutate the tour if the reversal is allowed and within slack; return the change."""
+    metric, order, is_reversed = tour.metric, tour.order, tour.reversed
+    after, reversible = tour.after, tour.reversible
+    change += change_inside(metric, order, is_reversed, after, reversible, i, k)
+    if change > slack or not reversal_allowed(tour, i, k):
         return 0.0
-    apply_turn(tour, i, k)
+    apply_reversal(tour, i, k)
     return change
 
 
@@ -165,10 +173,11 @@ def commit_turn(tour: Tour, i: int, k: int, change: float, slack: float) -> floa
 def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float) -> float:
     """Mutate the tour if carrying is allowed and within slack; return the change.
 
-    Pauses must be kept by the exchange alone too, before the segment is turned.
+    Lags must be kept by the exchange alone too, before the segment is reversed.
     """
-    metric, order, flip, after, turns = tour.metric, tour.order, tour.flip, tour.after, tour.turns
-    change += inner_change(metric, order, flip, after, turns, i, k)
+    metric, order, is_reversed = tour.metric, tour.order, tour.reversed
+    after, reversible = tour.after, tour.reversible
+    change += change_inside(metric, order, is_reversed, after, reversible, i, k)
     if change > slack or not is_unrelated(tour, i, k):
         return 0.0
     if p < i:
@@ -178,39 +187,39 @@ def commit_carry(tour: Tour, i: int, k: int, p: int, change: float, slack: float
     if not swap_allowed(tour, left, middle, right):
         return 0.0
     apply_swap(tour, left, middle, right)
-    if not turn_keeps(tour.pauses, order, tour.position, to, to + k - i):
+    if not reversal_keeps(tour.lags, order, tour.position, to, to + k - i):
         apply_swap(tour, left, left + right - middle, right)
         return 0.0
-    apply_turn(tour, to, to + k - i)
+    apply_reversal(tour, to, to + k - i)
     return change
 
 
 @kernel
-def step_to_seat(tour: Tour, kind: int, i: int, j: int, k: int, option: int, slack: float) -> float:
-    """Mutate the tour by a move for which a contour takes an option; return the change.
+def step_to_entry(tour: Tour, kind: int, i: int, j: int, k: int, entry: int, slack: float) -> float:
+    """Mutate the tour by a move for which a contour takes an entry; return the change.
 
     0 if refused; then nothing has changed.
     """
-    d = tour.seat_owner[option]
-    old = tour.seat[d]
-    extra = seat_change(tour, tour.position[d], option)
-    if kind == SEAT:
+    d = tour.entry_owner[entry]
+    old = tour.entry_id[d]
+    extra = entry_change(tour, tour.position[d], entry)
+    if kind == ENTER:
         if extra > slack:
             return 0.0
-        sit(tour, i, option)
+        use_entry(tour, i, entry)
         return extra
-    sit(tour, tour.position[d], option)
-    if kind == SIFT:
+    use_entry(tour, tour.position[d], entry)
+    if kind == INSERT:
         c = tour.order[i]
-        change = extra + try_sift(tour, i, j, slack - extra)
+        change = extra + try_insertion(tour, i, j, slack - extra)
         if tour.position[d] == tour.position[c] + 1:
             return change
     else:
-        change = extra + swap_change(tour.metric, tour.order, tour.flip, tour.after, i, j, k)
+        change = extra + swap_change(tour.metric, tour.order, tour.reversed, tour.after, i, j, k)
         if change <= slack and swap_allowed(tour, i, j, k):
             apply_swap(tour, i, j, k)
             return change
-    sit(tour, tour.position[d], old)
+    use_entry(tour, tour.position[d], old)
     return 0.0
 
 
@@ -222,56 +231,56 @@ def anneal(
 
     `temperature` is in the metric's unit.
     """
-    tour, state = lent_tour(tour), lent(state)
-    metric, order, position, flip = tour.metric, tour.order, tour.position, tour.flip
-    after, turns, near, n = tour.after, tour.turns, tour.near, len(tour.order)
-    seat, seat_row, seat_owner = tour.seat, tour.seat_row, tour.seat_owner
+    tour, state = borrowed_tour(tour), borrowed(state)
+    metric, order, position, is_reversed = tour.metric, tour.order, tour.position, tour.reversed
+    after, reversible, near, n = tour.after, tour.reversible, tour.near, len(tour.order)
+    entry_id, entry_row, entry_owner = tour.entry_id, tour.entry_row, tour.entry_owner
     total, taken, reach, most = 0.0, 0, REACH * temperature, MOST * temperature
     for _ in range(proposals):
-        option = -1
+        entry = -1
         if below(state, ANY_ONE_IN) == 0:
             kind, i, j, k = propose_any(n, state)
-        elif len(seat_owner) > 0 and below(state, SETTLE_ONE_IN) == 0:
+        elif len(entry_owner) > 0 and below(state, CHOOSE_ONE_IN) == 0:
             i = below(state, n)
             if below(state, SLIDE_ONE_IN) > 0:
-                total += settle(tour, i)
-            elif seat[order[i]] >= 0:
-                first, last = tour.seat_offsets[order[i]], tour.seat_offsets[order[i] + 1]
-                option, ahead = first + below(state, last - first), below(state, 2) == 0
+                total += choose_entry(tour, i)
+            elif entry_id[order[i]] >= 0:
+                first, last = tour.entry_offsets[order[i]], tour.entry_offsets[order[i] + 1]
+                entry, ahead = first + below(state, last - first), below(state, 2) == 0
                 slack = -temperature * math.log(uniform(state))
-                total += slide(tour, i, option, ahead, slack)
+                total += slide_entries(tour, i, entry, ahead, slack)
             continue
         else:
-            kind, i, j, k, option = propose_follow(
-                metric, order, position, flip, after, turns, near, seat, seat_row, seat_owner,
-                reach, state,
+            kind, i, j, k, entry = propose_follow(
+                metric, order, position, is_reversed, after, reversible, near, entry_id, entry_row,
+                entry_owner, reach, state,
             )  # fmt: skip
         if kind == NOTHING:
             continue
         change = 0.0
-        if option >= 0:
+        if entry >= 0:
             slack = -temperature * math.log(uniform(state))
-            change = step_to_seat(tour, kind, i, j, k, option, slack)
+            change = step_to_entry(tour, kind, i, j, k, entry, slack)
             total += change
             taken += int(change != 0.0)
             continue
         if kind == SWAP:
-            change = swap_change(metric, order, flip, after, i, j, k)
-        elif kind == TURN:
-            change = turn_change(metric, order, flip, after, turns, i, j)
+            change = swap_change(metric, order, is_reversed, after, i, j, k)
+        elif kind == REVERSE:
+            change = reversal_change(metric, order, is_reversed, after, reversible, i, j)
         elif kind == CARRY:
-            change = carry_change(metric, order, flip, after, turns, i, j, k)
+            change = carry_change(metric, order, is_reversed, after, reversible, i, j, k)
         if change > most:
             continue
         slack = -temperature * math.log(uniform(state))
         if kind == SWAP:
             change = commit_swap(tour, i, j, k, change) if change <= slack else 0.0
-        elif kind == TURN:
-            change = commit_turn(tour, i, j, change, slack) if change <= slack else 0.0
+        elif kind == REVERSE:
+            change = commit_reversal(tour, i, j, change, slack) if change <= slack else 0.0
         elif kind == CARRY:
             change = commit_carry(tour, i, j, k, change, slack) if change <= slack else 0.0
-        elif kind == SIFT:
-            change = try_sift(tour, i, j, slack)
+        elif kind == INSERT:
+            change = try_insertion(tour, i, j, slack)
         if change != 0.0:
             total += change
             taken += 1

@@ -1,8 +1,8 @@
-"""The best of several sequences, stretch by stretch.
+"""The best of several sequences, window by window.
 
 After a position at which two have printed the same contours, either may go on: what
 comes next is a permutation of the same contours in both, and each has what it needs
-printed before. So any choice of stretches between such positions breaks no edge.
+printed before. So any choice of windows between such positions breaks no edge.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.sequence.entries import point_in, point_out
 from decmcts._kernels.sequence.metric import Metric, distance
-from decmcts._kernels.sequence.seats import port_in, port_out
 
 
 @kernel
 def crossed(
     metric: Metric,
     order: NDArray[np.int32],
-    flip: NDArray[np.uint8],
-    seat: NDArray[np.int32],
+    is_reversed: NDArray[np.uint8],
+    entry_id: NDArray[np.int32],
 ) -> NDArray[np.int32]:
     """Return the number of the sequence to follow at each position, (n,), for least cost.
 
@@ -28,7 +28,8 @@ def crossed(
 
     Parameters
     ----------
-    order, flip, seat : (m, n) a row for each sequence; `flip` and `seat` by contour
+    order, is_reversed, entry_id : (m, n)
+        A row for each sequence; the latter two by contour.
     """
     m, n = order.shape
     place = np.empty((m, n), np.int64)
@@ -40,13 +41,13 @@ def crossed(
     best, now = np.zeros(m), np.zeros(m)
     for k in range(1, n):
         for t in range(m):
-            into = port_in(n, flip[t], seat[t], order[t, k])
+            into = point_in(n, is_reversed[t], entry_id[t], order[t, k])
             now[t] = np.inf
             for s in range(m):
                 ahead[s, t] = max(ahead[s, t], place[s, order[t, k - 1]])
                 if ahead[s, t] > k - 1:
                     continue
-                out = port_out(n, flip[s], seat[s], order[s, k - 1])
+                out = point_out(n, is_reversed[s], entry_id[s], order[s, k - 1])
                 cost = best[s] + distance(metric, out, into)
                 if cost < now[t]:
                     now[t], came[k, t] = cost, s

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.sequence.anneal import (
-    LONGEST_TURN,
+    LONGEST_REVERSAL,
     commit_carry,
+    commit_reversal,
     commit_swap,
-    commit_turn,
 )
-from decmcts._kernels.sequence.moves import Tour, carry_change, lent_tour, swap_change, turn_change
-from decmcts._kernels.sequence.seats import contour_of, near_row, settle
+from decmcts._kernels.sequence.entries import choose_entry, contour_of, near_row
+from decmcts._kernels.sequence.moves import (
+    Tour,
+    borrowed_tour,
+    carry_change,
+    reversal_change,
+    swap_change,
+)
 
 _GAIN = -1e-9  # mm; smaller gains are rounding
 
@@ -18,11 +24,11 @@ _GAIN = -1e-9  # mm; smaller gains are rounding
 @kernel
 def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
     """Mutate the tour by the first improving exchange that lets `at` follow p; return the gain."""
-    metric, order, flip, after = tour.metric, tour.order, tour.flip, tour.after
+    metric, order, is_reversed, after = tour.metric, tour.order, tour.reversed, tour.after
     room = len(order) - at if at > p else p - at
     for length in range(1, min(room, longest) + 1):
         i, j, k = (p + 1, at, at + length) if at > p else (at, at + length, p + 1)
-        change = swap_change(metric, order, flip, after, i, j, k)
+        change = swap_change(metric, order, is_reversed, after, i, j, k)
         if change < _GAIN:
             change = commit_swap(tour, i, j, k, change)
             if change < 0.0:
@@ -31,20 +37,20 @@ def _improve_swaps(tour: Tour, p: int, at: int, longest: int) -> float:
 
 
 @kernel
-def _improve_turns(tour: Tour, p: int, at: int) -> float:
-    """Mutate the tour by the first improving turn or carry of `at` to p; return the gain."""
-    metric, order, flip = tour.metric, tour.order, tour.flip
-    after, turns = tour.after, tour.turns
-    if p < at <= p + LONGEST_TURN:
-        change = turn_change(metric, order, flip, after, turns, p + 1, at + 1)
+def _improve_reversals(tour: Tour, p: int, at: int) -> float:
+    """Mutate the tour by the first improving reversal or carry of `at` to p; return the gain."""
+    metric, order, is_reversed = tour.metric, tour.order, tour.reversed
+    after, reversible = tour.after, tour.reversible
+    if p < at <= p + LONGEST_REVERSAL:
+        change = reversal_change(metric, order, is_reversed, after, reversible, p + 1, at + 1)
         if change < _GAIN:
-            change = commit_turn(tour, p + 1, at + 1, change, _GAIN)
+            change = commit_reversal(tour, p + 1, at + 1, change, _GAIN)
             if change < 0.0:
                 return change
     room = at - p - 1 if at > p else at + 1
-    for length in range(1, min(room, LONGEST_TURN) + 1):
+    for length in range(1, min(room, LONGEST_REVERSAL) + 1):
         first = at + 1 - length
-        change = carry_change(metric, order, flip, after, turns, first, at + 1, p)
+        change = carry_change(metric, order, is_reversed, after, reversible, first, at + 1, p)
         if change < _GAIN:
             change = commit_carry(tour, first, at + 1, p, change, _GAIN)
             if change < 0.0:
@@ -59,25 +65,25 @@ def descend(tour: Tour, first: int, last: int, longest: int) -> float:
     Segments up to `longest` are exchanged. Each position is worked on until
     nothing improves there.
     """
-    gain, tour = 0.0, lent_tour(tour)
+    gain, tour = 0.0, borrowed_tour(tour)
     for p in range(first, last):
-        gain += settle(tour, p)
+        gain += choose_entry(tour, p)
         better = True
         while better:
             better = False
             c = tour.order[p]
-            near = tour.near[near_row(tour.flip, tour.seat, tour.seat_row, c)]
+            near = tour.near[near_row(tour.reversed, tour.entry_id, tour.entry_row, c)]
             for x in range(len(near)):
                 if near[x] < 0:
                     continue
-                at = tour.position[contour_of(near[x], len(tour.order), tour.seat_owner)]
+                at = tour.position[contour_of(near[x], len(tour.order), tour.entry_owner)]
                 if at == p + 1:
                     continue
                 change = 0.0
-                if near[x] >= 2 * len(tour.order) or tour.flip[near[x] >> 1] == near[x] & 1:
+                if near[x] >= 2 * len(tour.order) or tour.reversed[near[x] >> 1] == near[x] & 1:
                     change = _improve_swaps(tour, p, at, longest)
                 if change == 0.0:
-                    change = _improve_turns(tour, p, at)
+                    change = _improve_reversals(tour, p, at)
                 if change < 0.0:
                     gain += change
                     better = True

@@ -2,8 +2,8 @@
 
 Two moves generate all others used here. `swap` exchanges the adjacent segments
 [i, j) and [j, k) of the sequence (or-opt, 3-exchange that keeps directions,
-whole runs of one tower past another). `turn` reverses the segment [i, k),
-contours that may turn being turned (2-opt, single flips).
+whole runs of one tower past another). A *reversal* puts the segment [i, k) in reverse
+order, and reverses those of its contours that may be (2-opt, single contours too).
 
 Since the stored edges have the closure of all, a swap is allowed iff no stored
 edge leads from the left segment into the right one: were a before b only by way
@@ -23,87 +23,95 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
-from decmcts._kernels.sequence.lend import lent
+from decmcts._kernels.sequence.borrowed import borrowed
+from decmcts._kernels.sequence.lags import (
+    LagState,
+    borrowed_lags,
+    retime,
+    reversal_keeps,
+    swap_keeps,
+)
 from decmcts._kernels.sequence.metric import Metric, costs_the_same_back, distance
-from decmcts._kernels.sequence.pauses import Pauses, lent_pauses, retime, swap_keeps, turn_keeps
 
 
 class Tour(NamedTuple):
     """A complete sequence and all that moves on it need, as arrays."""
 
     metric: Metric  # prices travels between ports
-    turns: NDArray[np.bool_]  # (n,) may be printed backwards
+    reversible: NDArray[np.bool_]  # (n,) may be reversed
     group: NDArray[np.int32]  # (n,) moves stay within one group; non-decreasing along the order
     pred_offsets: NDArray[np.int64]  # (n + 1,)
     preds: NDArray[np.int32]  # (m,)
     succ_offsets: NDArray[np.int64]  # (n + 1,)
     succs: NDArray[np.int32]  # (m,)
     near: NDArray[np.int32]  # (2n + anchors, k) entry ports near each exit, -1 padded
-    seat_offsets: NDArray[np.int64]  # (n + 1,) options of each contour for its entry
-    seat_owner: NDArray[np.int32]  # (m,) contour of each option; empty where there are none
-    seat_row: NDArray[np.int32]  # (m,) row of `near` for the exit of each option
-    seat: NDArray[np.int32]  # (n,) option in use, -1: entered as sliced
+    entry_offsets: NDArray[np.int64]  # (n + 1,) possible entries of each contour
+    entry_owner: NDArray[np.int32]  # (m,) contour of each entry; empty where there are none
+    entry_row: NDArray[np.int32]  # (m,) row of `near` for the exit of each entry
+    entry_id: NDArray[np.int32]  # (n,) entry in use, -1: entered as sliced
     order: NDArray[np.int32]  # (n,) contours in printing order
     position: NDArray[np.int32]  # (n,) inverse of order
-    flip: NDArray[np.uint8]  # (n,) by contour
+    reversed: NDArray[np.uint8]  # (n,) by contour
     after: NDArray[np.float64]  # (n,) by contour: travel to the next one, 0 for the last
     scratch: NDArray[np.int32]  # (n,)
     mark: NDArray[np.bool_]  # (n,) all False between moves
-    pauses: Pauses  # between contours that lie on each other
+    lags: LagState  # between contours that lie on each other
 
 
 @kernel
-def lent_tour(tour: Tour) -> Tour:
+def borrowed_tour(tour: Tour) -> Tour:
     """Return the tour with arrays that are not counted; valid while `tour` lives."""
     return Tour(
-        lent(tour.metric),
-        lent(tour.turns),
-        lent(tour.group),
-        lent(tour.pred_offsets),
-        lent(tour.preds),
-        lent(tour.succ_offsets),
-        lent(tour.succs),
-        lent(tour.near),
-        lent(tour.seat_offsets),
-        lent(tour.seat_owner),
-        lent(tour.seat_row),
-        lent(tour.seat),
-        lent(tour.order),
-        lent(tour.position),
-        lent(tour.flip),
-        lent(tour.after),
-        lent(tour.scratch),
-        lent(tour.mark),
-        lent_pauses(tour.pauses),
+        borrowed(tour.metric),
+        borrowed(tour.reversible),
+        borrowed(tour.group),
+        borrowed(tour.pred_offsets),
+        borrowed(tour.preds),
+        borrowed(tour.succ_offsets),
+        borrowed(tour.succs),
+        borrowed(tour.near),
+        borrowed(tour.entry_offsets),
+        borrowed(tour.entry_owner),
+        borrowed(tour.entry_row),
+        borrowed(tour.entry_id),
+        borrowed(tour.order),
+        borrowed(tour.position),
+        borrowed(tour.reversed),
+        borrowed(tour.after),
+        borrowed(tour.scratch),
+        borrowed(tour.mark),
+        borrowed_lags(tour.lags),
     )
 
 
 @kernel
-def entry(flip: NDArray[np.uint8], c: int) -> int:
+def port_in(is_reversed: NDArray[np.uint8], c: int) -> int:
     """Return the port contour c is entered at."""
-    return int(2 * c + flip[c])
+    return int(2 * c + is_reversed[c])
 
 
 @kernel
-def leave(flip: NDArray[np.uint8], c: int) -> int:
+def port_out(is_reversed: NDArray[np.uint8], c: int) -> int:
     """Return the port contour c is left at."""
-    return int(2 * c + 1 - flip[c])
+    return int(2 * c + 1 - is_reversed[c])
 
 
 @kernel
-def turned_entry(flip: NDArray[np.uint8], turns: NDArray[np.bool_], c: int) -> int:
-    """Return the port contour c is entered at once its segment is turned."""
-    return int(2 * c + (1 - flip[c] if turns[c] else flip[c]))
+def port_in_reversed(is_reversed: NDArray[np.uint8], reversible: NDArray[np.bool_], c: int) -> int:
+    """Return the port contour c is entered at once its segment is reversed."""
+    return int(2 * c + (1 - is_reversed[c] if reversible[c] else is_reversed[c]))
 
 
 @kernel
 def refresh(tour: Tour, i: int, k: int) -> None:
     """Mutate the tour: recompute the travels after positions [i, k)."""
-    order, flip, n = tour.order, tour.flip, len(tour.order)
+    order, is_reversed, n = tour.order, tour.reversed, len(tour.order)
     for p in range(max(i, 0), min(k, n)):
         travel = 0.0
         if p + 1 < n:
-            travel = distance(tour.metric, leave(flip, order[p]), entry(flip, order[p + 1]))
+            travel = distance(
+                tour.metric, port_out(is_reversed, order[p]), port_in(is_reversed, order[p + 1])
+            )
         tour.after[order[p]] = travel
 
 
@@ -111,7 +119,7 @@ def refresh(tour: Tour, i: int, k: int) -> None:
 def swap_change(
     metric: Metric,
     order: NDArray[np.int32],
-    flip: NDArray[np.uint8],
+    is_reversed: NDArray[np.uint8],
     after: NDArray[np.float64],
     i: int,
     j: int,
@@ -119,12 +127,16 @@ def swap_change(
 ) -> float:
     """Return the cost change of exchanging [i, j) and [j, k). O(1)."""
     first, middle, last = order[i], order[j - 1], order[k - 1]
-    change = distance(metric, leave(flip, last), entry(flip, first)) - after[middle] - after[last]
+    change = distance(metric, port_out(is_reversed, last), port_in(is_reversed, first))
+    change -= after[middle] + after[last]
     if i > 0:
         before = order[i - 1]
-        change += distance(metric, leave(flip, before), entry(flip, order[j])) - after[before]
+        change += (
+            distance(metric, port_out(is_reversed, before), port_in(is_reversed, order[j]))
+            - after[before]
+        )
     if k < len(order):
-        change += distance(metric, leave(flip, middle), entry(flip, order[k]))
+        change += distance(metric, port_out(is_reversed, middle), port_in(is_reversed, order[k]))
     return float(change)
 
 
@@ -201,9 +213,9 @@ def exchange(
 
 @kernel
 def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
-    """Say whether no edge leads from [i, j) into [j, k), and pauses are kept.
+    """Say whether no edge leads from [i, j) into [j, k), and lags are kept.
 
-    O(shorter segment's edges), and what lies within the longest pause.
+    O(shorter segment's edges), and what lies within the longest lag.
     """
     order, position = tour.order, tour.position
     if tour.group[order[i]] != tour.group[order[k - 1]]:
@@ -212,7 +224,7 @@ def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
         order, position, tour.pred_offsets, tour.preds, tour.succ_offsets, tour.succs, i, j, k
     ):
         return False
-    return swap_keeps(tour.pauses, order, position, i, j, k)
+    return swap_keeps(tour.lags, order, position, i, j, k)
 
 
 @kernel
@@ -220,62 +232,63 @@ def apply_swap(tour: Tour, i: int, j: int, k: int) -> None:
     """Mutate the tour: exchange [i, j) and [j, k). O(k - i)."""
     order, right = tour.order, k - j
     exchange(order, tour.position, tour.scratch, i, j, k)
-    retime(tour.pauses, order, i, k)
+    retime(tour.lags, order, i, k)
     refresh(tour, i - 1, i)
     refresh(tour, i + right - 1, i + right)
     refresh(tour, k - 1, k)
 
 
 @kernel
-def inner_change(
+def change_inside(
     metric: Metric,
     order: NDArray[np.int32],
-    flip: NDArray[np.uint8],
+    is_reversed: NDArray[np.uint8],
     after: NDArray[np.float64],
-    turns: NDArray[np.bool_],
+    reversible: NDArray[np.bool_],
     i: int,
     k: int,
 ) -> float:
-    """Return what turning [i, k) changes inside it: 0 where all turn, but for bare climbs."""
+    """Return what reversing [i, k) changes inside it: 0 where all may be, but for bare climbs."""
     change = 0.0
     for p in range(i, k - 1):
         a, b = order[p], order[p + 1]
-        there, back = turned_entry(flip, turns, b) ^ 1, turned_entry(flip, turns, a)
-        if turns[a] and turns[b] and costs_the_same_back(metric, there, back):
+        there = port_in_reversed(is_reversed, reversible, b) ^ 1
+        back = port_in_reversed(is_reversed, reversible, a)
+        if reversible[a] and reversible[b] and costs_the_same_back(metric, there, back):
             continue
         change += distance(metric, there, back) - after[a]
     return float(change)
 
 
 @kernel
-def turn_change(
+def reversal_change(
     metric: Metric,
     order: NDArray[np.int32],
-    flip: NDArray[np.uint8],
+    is_reversed: NDArray[np.uint8],
     after: NDArray[np.float64],
-    turns: NDArray[np.bool_],
+    reversible: NDArray[np.bool_],
     i: int,
     k: int,
 ) -> float:
-    """Return the cost change of turning [i, k) without what changes inside. O(1)."""
+    """Return the cost change of reversing [i, k) without what changes inside. O(1)."""
     first, last = order[i], order[k - 1]
     change = -after[last]
     if i > 0:
         before = order[i - 1]
-        into = turned_entry(flip, turns, last)
-        change += distance(metric, leave(flip, before), into) - after[before]
+        into = port_in_reversed(is_reversed, reversible, last)
+        change += distance(metric, port_out(is_reversed, before), into) - after[before]
     if k < len(order):
-        out = turned_entry(flip, turns, first) ^ 1
-        change += distance(metric, out, entry(flip, order[k]))
+        out = port_in_reversed(is_reversed, reversible, first) ^ 1
+        change += distance(metric, out, port_in(is_reversed, order[k]))
     return float(change)
 
 
 @kernel
-def turn_allowed(tour: Tour, i: int, k: int) -> bool:
-    """Say whether no edge lies inside [i, k) and turning it keeps the pauses."""
+def reversal_allowed(tour: Tour, i: int, k: int) -> bool:
+    """Say whether no edge lies inside [i, k) and reversing it keeps the lags."""
     if not is_unrelated(tour, i, k):
         return False
-    return turn_keeps(tour.pauses, tour.order, tour.position, i, k)
+    return reversal_keeps(tour.lags, tour.order, tour.position, i, k)
 
 
 @kernel
@@ -288,9 +301,9 @@ def is_unrelated(tour: Tour, i: int, k: int) -> bool:
 
 
 @kernel
-def apply_turn(tour: Tour, i: int, k: int) -> None:
-    """Mutate the tour: reverse [i, k) and turn its contours that may turn. O(k - i)."""
-    order, flip = tour.order, tour.flip
+def apply_reversal(tour: Tour, i: int, k: int) -> None:
+    """Mutate the tour: reverse [i, k), and its contours that may be. O(k - i)."""
+    order, is_reversed = tour.order, tour.reversed
     a, b = i, k - 1
     while a < b:
         order[a], order[b] = order[b], order[a]
@@ -299,9 +312,9 @@ def apply_turn(tour: Tour, i: int, k: int) -> None:
     for p in range(i, k):
         c = order[p]
         tour.position[c] = p
-        if tour.turns[c]:
-            flip[c] = 1 - flip[c]
-    retime(tour.pauses, order, i, k)
+        if tour.reversible[c]:
+            is_reversed[c] = 1 - is_reversed[c]
+    retime(tour.lags, order, i, k)
     refresh(tour, i - 1, k)
 
 
@@ -309,26 +322,30 @@ def apply_turn(tour: Tour, i: int, k: int) -> None:
 def carry_change(
     metric: Metric,
     order: NDArray[np.int32],
-    flip: NDArray[np.uint8],
+    is_reversed: NDArray[np.uint8],
     after: NDArray[np.float64],
-    turns: NDArray[np.bool_],
+    reversible: NDArray[np.bool_],
     i: int,
     k: int,
     p: int,
 ) -> float:
-    """Return the cost change of moving [i, k) turned to follow position p, outside it. O(1).
+    """Return the cost change of moving [i, k) reversed to follow position p, outside it. O(1).
 
-    As with `turn_change`, what changes inside the segment is not counted.
+    As with `reversal_change`, what changes inside the segment is not counted.
     """
     first, last, anchor = order[i], order[k - 1], order[p]
-    change = distance(metric, leave(flip, anchor), turned_entry(flip, turns, last))
+    change = distance(
+        metric, port_out(is_reversed, anchor), port_in_reversed(is_reversed, reversible, last)
+    )
     change -= after[anchor] + after[last]
     if p + 1 < len(order):
-        out = turned_entry(flip, turns, first) ^ 1
-        change += distance(metric, out, entry(flip, order[p + 1]))
+        out = port_in_reversed(is_reversed, reversible, first) ^ 1
+        change += distance(metric, out, port_in(is_reversed, order[p + 1]))
     if i > 0:
         before = order[i - 1]
         change -= after[before]
         if k < len(order):
-            change += distance(metric, leave(flip, before), entry(flip, order[k]))
+            change += distance(
+                metric, port_out(is_reversed, before), port_in(is_reversed, order[k])
+            )
     return float(change)

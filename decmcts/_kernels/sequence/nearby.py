@@ -45,8 +45,8 @@ def keep_possible(
     found: NDArray[np.int64],
     width: int,
     row_offsets: NDArray[np.int64],
-    option_owner: NDArray[np.int32],
-    turns: NDArray[np.bool_],
+    entry_owner: NDArray[np.int32],
+    reversible: NDArray[np.bool_],
     pred_offsets: NDArray[np.int64],
     preds: NDArray[np.int32],
     succ_offsets: NDArray[np.int64],
@@ -55,12 +55,12 @@ def keep_possible(
     """Return the first `width` ports of each row of `found` that may directly follow, -1 padded.
 
     Row q of `found` are ports by distance from exit q: rows 2c and 2c + 1 of contour
-    c, or 2n + row_offsets[c] onwards where it has options; a port of 2n + o is option
+    c, or 2n + row_offsets[c] onwards where it has entries; a port of 2n + o is entry
     o. Dropped are the contour itself, its predecessors, contours that must follow it
-    only after another, ends of contours that may not turn, and more than two ports
+    only after another, ends of contours that may not be reversed, and more than two ports
     of one contour.
     """
-    n = len(turns)
+    n = len(reversible)
     near = np.full((len(found), width), -1, np.int32)
     stamp = np.full(n, -1, np.int32)
     queue = np.empty(_MOST_VISITED, np.int32)
@@ -74,15 +74,15 @@ def keep_possible(
             kept = 0
             for x in range(found.shape[1]):
                 port = found[q, x]
-                if kept == width or port >= 2 * n + len(option_owner):
+                if kept == width or port >= 2 * n + len(entry_owner):
                     break
-                d = port >> 1 if port < 2 * n else option_owner[port - 2 * n]
-                if d == c or stamp[d] == c or (port < 2 * n and port & 1 and not turns[d]):
+                d = port >> 1 if port < 2 * n else entry_owner[port - 2 * n]
+                if d == c or stamp[d] == c or (port < 2 * n and port & 1 and not reversible[d]):
                     continue
                 known = 0
                 for y in range(kept):
                     other = near[q, y]
-                    known += int(other >= 2 * n and option_owner[other - 2 * n] == d)
+                    known += int(other >= 2 * n and entry_owner[other - 2 * n] == d)
                 if known < 2:
                     near[q, kept] = port
                     kept += 1

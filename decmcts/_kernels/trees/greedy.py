@@ -42,12 +42,12 @@ def _nearest_ready(
     key: NDArray[np.float64],
     limit: float,
 ) -> tuple[int, int]:
-    """Return the slot in `ready` and the flip nearest to port `at` with key <= limit, or -1.
+    """Return the slot in `ready` and the direction nearest to port `at` with key <= limit, or -1.
 
     Equal distances go to the lower contour id, so the result does not depend on
     the order of `ready`.
     """
-    slot, turned, shortest = -1, 0, np.inf
+    slot, is_reversed, shortest = -1, 0, np.inf
     for k in range(n_ready):
         c = ready[k]
         if key[c] > limit:
@@ -55,8 +55,8 @@ def _nearest_ready(
         for f in range(2 if reversible[c] else 1):
             d = 0.0 if at < 0 else distance(metric, at, 2 * c + f)
             if d < shortest or (d == shortest and c < ready[slot]):
-                slot, turned, shortest = k, f, d
-    return slot, turned
+                slot, is_reversed, shortest = k, f, d
+    return slot, is_reversed
 
 
 @kernel
@@ -71,7 +71,7 @@ def greedy_order(
     buffer: float,
     slab: float,
 ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-    """Return the order and flips of the nearest-feasible rule within a buffer.
+    """Return the order and directions of the nearest-feasible rule within a buffer.
 
     Only contours are candidates whose key is at most `buffer` above the lowest
     key not yet printed, that lowest key rounded down to a multiple of `slab`
@@ -79,7 +79,7 @@ def greedy_order(
     `by_key` sorts the contours by key.
     """
     n = len(reversible)
-    order, flip = np.empty(n, np.int32), np.zeros(n, np.uint8)
+    order, is_reversed = np.empty(n, np.int32), np.zeros(n, np.uint8)
     waiting = np.diff(pred_offsets).astype(np.int32)
     ready = np.empty(n, np.int32)
     n_ready, at, low = 0, -1, 0
@@ -100,6 +100,6 @@ def greedy_order(
         ready[slot] = ready[n_ready - 1]
         waiting[c] = -1
         n_ready = _release(c, waiting, ready, n_ready - 1, succ_offsets, succs)
-        order[k], flip[c] = c, f
+        order[k], is_reversed[c] = c, f
         at = 2 * c + 1 - f
-    return order, flip
+    return order, is_reversed

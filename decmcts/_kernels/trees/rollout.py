@@ -27,7 +27,7 @@ class Clustered(NamedTuple):
     """A print and its clusters; the cluster graph has no cycle."""
 
     metric: Metric
-    turns: NDArray[np.bool_]  # (n,)
+    reversible: NDArray[np.bool_]  # (n,)
     pred_offsets: NDArray[np.int64]  # (n + 1,)
     succ_offsets: NDArray[np.int64]  # (n + 1,)
     succs: NDArray[np.int32]  # (m,)
@@ -41,7 +41,7 @@ class Rollout(NamedTuple):
     """The print as far as one rollout has come; all arrays are mutated by it."""
 
     order: NDArray[np.int32]  # (n,)
-    flip: NDArray[np.uint8]  # (n,) by contour
+    reversed: NDArray[np.uint8]  # (n,) by contour
     waiting: NDArray[np.int32]  # (n,) predecessors not yet printed
     outer: NDArray[np.int32]  # (h,) edges into each cluster not yet satisfied
     ready: NDArray[np.int32]  # (h,) clusters that may be next, the first n_ready
@@ -68,20 +68,20 @@ def restart(clustered: Clustered, rollout: Rollout) -> None:
 @kernel
 def _nearest(
     metric: Metric,
-    turns: NDArray[np.bool_],
+    reversible: NDArray[np.bool_],
     local: NDArray[np.int32],
     n_local: int,
     at: int,
 ) -> tuple[int, int, float]:
-    """Return slot, flip and distance of the nearest of the first `n_local` contours."""
-    slot, turned, shortest = -1, 0, np.inf
+    """Return slot, direction and distance of the nearest of the first `n_local` contours."""
+    slot, is_reversed, shortest = -1, 0, np.inf
     for k in range(n_local):
         c = local[k]
-        for f in range(2 if turns[c] else 1):
+        for f in range(2 if reversible[c] else 1):
             d = 0.0 if at == NOWHERE else distance(metric, at, 2 * c + f)
             if d < shortest or (d == shortest and c < local[slot]):
-                slot, turned, shortest = k, f, d
-    return slot, turned, shortest
+                slot, is_reversed, shortest = k, f, d
+    return slot, is_reversed, shortest
 
 
 @kernel
@@ -106,7 +106,7 @@ def _release(clustered: Clustered, rollout: Rollout, c: int, n_local: int) -> in
 @kernel
 def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
     """Mutate the rollout: print cluster h, which must be ready, nearest feasible first."""
-    metric, turns, local = clustered.metric, clustered.turns, rollout.local
+    metric, reversible, local = clustered.metric, clustered.reversible, rollout.local
     slot = 0
     while rollout.ready[slot] != h:
         slot += 1
@@ -118,11 +118,11 @@ def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
             local[n_local] = clustered.members[x]
             n_local += 1
     while n_local > 0:
-        slot, f, d = _nearest(metric, turns, local, n_local, rollout.tally[2])
+        slot, f, d = _nearest(metric, reversible, local, n_local, rollout.tally[2])
         c = local[slot]
         local[slot] = local[n_local - 1]
         n_local = _release(clustered, rollout, c, n_local - 1)
-        rollout.order[rollout.tally[0]], rollout.flip[c] = c, f
+        rollout.order[rollout.tally[0]], rollout.reversed[c] = c, f
         rollout.tally[0] += 1
         rollout.tally[2] = 2 * c + 1 - f
         rollout.travel[0] += d

@@ -170,10 +170,10 @@ def simulate_many(
     longest: float,
     iterations: int,
     order: NDArray[np.int32],
-    flip: NDArray[np.uint8],
+    is_reversed: NDArray[np.uint8],
     best: float,
 ) -> float:
-    """Mutate the tree by `iterations`; leave the best sequence in `order`, `flip`; return its T.
+    """Mutate the tree by `iterations`; leave the best in `order`, `is_reversed`; return its T.
 
     Sequences no better than `best` are not kept.
     """
@@ -182,5 +182,5 @@ def simulate_many(
         if rollout.travel[0] < best:
             best = rollout.travel[0]
             order[:] = rollout.order
-            flip[:] = rollout.flip
+            is_reversed[:] = rollout.reversed
     return best

@@ -15,28 +15,28 @@ from decmcts.print.toolpath import Toolpath, visit_points
 
 def direct_actions(job: PrintJob, toolpath: Toolpath) -> HeadActions:
     """Return travel and print actions with straight travels; the first starts in place."""
-    kinds, contours, turned, entries, paths = [], [], [], [], []
+    kinds, contours, reverse, entries, paths = [], [], [], [], []
     at = None
-    for c, flip, entry in zip(
+    for c, is_reversed, entry in zip(
         toolpath.order.tolist(), toolpath.reversed.tolist(), toolpath.entry.tolist(), strict=True
     ):
-        path = visit_points(job.contours, c, reversed_=flip, entry=entry)
+        path = visit_points(job.contours, c, reversed_=is_reversed, entry=entry)
         if at is not None:
             kinds.append(ActionKind.TRAVEL)
             contours.append(NO_CONTOUR)
-            turned.append(False)
+            reverse.append(False)
             entries.append(0)
             paths.append(np.stack([at, path[0]]))
         kinds.append(ActionKind.PRINT)
         contours.append(c)
-        turned.append(flip)
+        reverse.append(is_reversed)
         entries.append(entry)
         paths.append(path)
         at = path[-1]
     k = len(kinds)
     sizes = [len(p) for p in paths]
     return HeadActions(
-        "head", np.array(kinds, np.int8), np.array(contours, np.int32), np.array(turned, np.bool_),
+        "head", np.array(kinds, np.int8), np.array(contours, np.int32), np.array(reverse, np.bool_),
         np.array(entries, np.int32), np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
         np.concatenate(paths) if paths else np.zeros((0, 3)), np.zeros(k), np.zeros(k),
         np.zeros(k + 1, np.int64), np.zeros(0, np.int32), np.zeros(0, np.int32), *end_edges(0),

@@ -23,7 +23,7 @@ def state_edges(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return the contours an epoch begins at, and those that set something first, (n,) bool.
 
-    The latter run one way only: backwards what holds behind the command would hold
+    The latter run one way only: reversed, what holds behind the command would hold
     before it, and what is not set yet cannot be set back.
     """
     edge, one_way = np.zeros(len(runs), np.bool_), np.zeros(len(runs), np.bool_)

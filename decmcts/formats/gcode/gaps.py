@@ -30,7 +30,7 @@ class Blocks:
     blocks: tuple[Block, ...]
     barriers: tuple[Barrier, ...]
     epoch: NDArray[np.int32]  # (n,)
-    tied: NDArray[np.bool_]  # (n,) part of a verbatim sequence, may not turn
+    tied: NDArray[np.bool_]  # (n,) part of a verbatim sequence, may not be reversed
 
 
 def cursor_at(motion: Motion, track: Track, line: int) -> Cursor:

@@ -310,7 +310,7 @@ class _HeadFile:
             contour = int(head.contour[k])
             self._cross(int(self.job.contours.epoch[contour]))
             print_contour(
-                emitter, self.job, contour, [], turned=bool(head.reversed[k]),
+                emitter, self.job, contour, [], is_reversed=bool(head.reversed[k]),
                 entry=int(head.entry[k]), passed=passed,
             )  # fmt: skip
             self._retract_for(head, k + 1)

@@ -275,12 +275,12 @@ def _contours(
     state[slot] = parsed.track.at(motion.line[moves])
     state[offsets[:-1]] = state[offsets[:-1] + 1]
     rounding_mm = 0.5 * 10.0 ** -motion.decimals[0]
-    turns = _reversible(points, extrusion, offsets, beads.role, rounding_mm)
+    reversible = _reversible(points, extrusion, offsets, beads.role, rounding_mm)
     contours = Contours(
         points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
         height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
         layer=beads.layer, tool=motion.modes[motion.line[runs.first], 2].astype(np.int16),
-        reversible=turns & ~blocks.tied & ~one_way,
+        reversible=reversible & ~blocks.tied & ~one_way,
         epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
     )  # fmt: skip
     state.setflags(write=False)
@@ -305,13 +305,13 @@ def _reversible(
     role: NDArray[np.int8],
     rounding_mm: float,
 ) -> NDArray[np.bool_]:
-    """Tell which contours give the same bead backwards.
+    """Tell which contours give the same bead reversed.
 
     Not ironing (it pushes material ahead of itself), not slopes (vase, scarf
     seams: one end lies on the other), not ramps of flow at both ends of a seam,
     not what ends with a segment of no length once rounded, which as the first would
     be lost.
-    Beads of varying width keep the filament of each segment, so they may turn;
+    Beads of varying width keep the filament of each segment, so they may be reversed;
     so may contours followed by a wipe, which is made again along the end they
     then have.
     """

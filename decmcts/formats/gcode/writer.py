@@ -87,7 +87,7 @@ def gcode_bytes(
             block = next(blocks, None)
         progress.tell(emitter, k)
         print_contour(
-            emitter, job, contour, path, turned=bool(actions.reversed[k]),
+            emitter, job, contour, path, is_reversed=bool(actions.reversed[k]),
             entry=int(actions.entry[k]),
         )  # fmt: skip
         path = []
@@ -169,7 +169,7 @@ def print_contour(
     contour: int,
     path: list[NDArray[np.float64]],
     *,
-    turned: bool,
+    is_reversed: bool,
     entry: int,
     passed: Mapping[int, str] | None = None,
 ) -> None:
@@ -181,7 +181,7 @@ def print_contour(
     """
     said = passed or {}
     way = traversal(job.contours, contour, entry)
-    step = -1 if turned else 1
+    step = -1 if is_reversed else 1
     points = way.points[::step]
     state = emitter.document.point_state[way.rows[1:]][::step].tolist()
     begin: tuple[float, float, float] = tuple(points[0].tolist())

@@ -36,9 +36,9 @@ def zigzags(
         return []
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     turn = np.array([[cosine, -sine], [sine, cosine]])
-    turned = shapely.transform(region, lambda xy: xy @ turn)
-    ends = _lines(turned, distance)
-    chains = _chains(ends, border_joints(ends, turned, longest=_LONGEST_JOINT * distance))
+    rotated = shapely.transform(region, lambda xy: xy @ turn)
+    ends = _lines(rotated, distance)
+    chains = _chains(ends, border_joints(ends, rotated, longest=_LONGEST_JOINT * distance))
     return [chain @ turn.T for chain in chains if _length(chain) >= shortest]
 
 

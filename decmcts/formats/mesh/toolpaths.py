@@ -77,8 +77,8 @@ def _from_seam(ring: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a closed ring that starts at its rearmost corner, so that seams line up."""
     corners = ring[:-1]
     seam = int(np.lexsort((corners[:, 0], corners[:, 1]))[-1])
-    turned = np.roll(corners, -seam, axis=0)
-    return np.concatenate([turned, turned[:1]])
+    rotated = np.roll(corners, -seam, axis=0)
+    return np.concatenate([rotated, rotated[:1]])
 
 
 def _fill(

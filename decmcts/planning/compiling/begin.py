@@ -12,22 +12,22 @@ from decmcts.planning.events import Stop, never
 from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.planners import PLANNERS, Planner, plan_order
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.spacing import no_spacing
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sequence.timed_lags import no_timed_lags
 
 
 def compile_search(problem: OrderProblem, planner: str | Planner, stop: Stop = never) -> None:
     """Search problems of no size just long enough to need every kernel, off the clock.
 
-    One solved exactly, one by trees, races and what joins them, one that must cool; none
+    One solved exactly, one by trees, starts and what joins them, one that must cool; none
     once `stop` says so.
     """
-    ahead = ((3, None, 100), (2 * WINDOW, None, 500), (3, no_spacing(3), 100))
-    for n, spacing, iterations in ahead:
+    ahead = ((3, None, 100), (2 * WINDOW, None, 500), (3, no_timed_lags(3), 100))
+    for n, timed_lags, iterations in ahead:
         if stop():
             return
         row = row_of(n, loops=problem.seams is not None)
-        small = replace(row, pace=problem.pace, spacing=spacing)
+        small = replace(row, pace=problem.pace, timed_lags=timed_lags)
         plan_order(
             small, planner=planner, stopping=Stopping(iterations=iterations, asked=stop), seed=0,
         )  # fmt: skip

@@ -17,14 +17,14 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult
-from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.team.schedule.cooling import Timed, cooled
 
 PROBE = 0.1  # share of the search time for finding out whether cooling costs any
 CLOSE = 1e-3  # share of the print time by which the clock of a search may be wrong
 LITTLE = 1e-3  # share of the print time: waits that cost less than a search heeding time would
 
-Run = Callable[[Spacing | None, float], SearchResult]
+Run = Callable[[TimedLags | None, float], SearchResult]
 
 
 def search_cooled(
@@ -32,7 +32,7 @@ def search_cooled(
     machine: Machine,
     graph: DependencyGraph,
     lags: Lags,
-    spacing: Spacing | None,
+    timed_lags: TimedLags | None,
     search: Run,
     sliced: Toolpath,
     *,
@@ -42,7 +42,7 @@ def search_cooled(
     """Return the order with the least time, waits included.
 
     A short search without regard to cooling shows whether it costs much. If so, one
-    that heeds `spacing`, time between what lies on each other, gets the rest; else, or
+    that heeds `timed_lags`, time between what lies on each other, gets the rest; else, or
     where that is None, another one without. `sliced`, the source's own order, waits for
     nothing, so the result is never slower than it but for what the clock of a search may
     be wrong by. Its cost is that of the search, before anything was moved to make use of
@@ -57,10 +57,10 @@ def search_cooled(
 
     probed = keep(search(None, PROBE * time_limit_s))
     if probed.at_first_s <= LITTLE * probed.seconds:
-        spacing = None
-    if spacing is not None:
+        timed_lags = None
+    if timed_lags is not None:
         report(Step("searching orders that let spots cool"))
-    keep(search(spacing, (1.0 - PROBE) * time_limit_s))
+    keep(search(timed_lags, (1.0 - PROBE) * time_limit_s))
     seconds, result = min(tries, key=lambda one: one[0])
     bound = max((r.bound for _, r in tries if r.bound is not None), default=None)
     if seconds > (1.0 + CLOSE) * cooled(job, machine, graph, lags, sliced).seconds:

@@ -13,10 +13,10 @@ from decmcts.planning.one_head.cooling import search_cooled
 from decmcts.planning.options import Search
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.planners import KEEP_TIME, Planner, SearchResult, plan_order
+from decmcts.search.planners import KEEP_LAGS, Planner, SearchResult, plan_order
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.spacing import Spacing
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.team.schedule.cooling import cooled
 
 
@@ -27,7 +27,7 @@ class OrderSearch:
     print_problem: PrintProblem
     problem: OrderProblem
     lags: Lags  # by the times a search estimates
-    spacing: Spacing | None
+    timed_lags: TimedLags | None
     asked: Search
     report: Report
     bound: float | None = None  # no order costs less, if known
@@ -38,7 +38,7 @@ class OrderSearch:
 
     def compile_cooling(self) -> None:
         """Compile what times orders in which something must cool, off the clock."""
-        if self.spacing is not None:
+        if self.timed_lags is not None:
             given = self.print_problem
             sliced = source_toolpath(self.problem)
             cooled(given.job, given.machine, given.graph, self.lags, sliced)
@@ -55,22 +55,22 @@ class OrderSearch:
             as_asked = chosen in (asked.planner, asked.name)
             began = "" if as_asked else f"; with {FIRST}, while the rest is compiled"
             self.report(Step(f"searching ({asked.name}, {asked.time_limit_s:g} s{began})"))
-        if self.spacing is None:
+        if self.timed_lags is None:
             return self._run(chosen, stop)(None, asked.time_limit_s)
         return search_cooled(
             given.job, given.machine, given.graph, self.lags,
-            self.spacing if chosen in KEEP_TIME else None, self._run(chosen, stop),
+            self.timed_lags if chosen in KEEP_LAGS else None, self._run(chosen, stop),
             source_toolpath(self.problem), time_limit_s=asked.time_limit_s, report=self.report,
         )  # fmt: skip
 
     def _run(
         self, chosen: str | Planner, stop: Stop
-    ) -> Callable[[Spacing | None, float], SearchResult]:
-        """Return the search as a function of the spacing to heed and the time it has, s."""
+    ) -> Callable[[TimedLags | None, float], SearchResult]:
+        """Return the search as a function of the time lags to heed and the time it has, s."""
 
-        def run(heeded: Spacing | None, limit_s: float) -> SearchResult:
+        def run(heeded: TimedLags | None, limit_s: float) -> SearchResult:
             return plan_order(
-                replace(self.problem, spacing=heeded), planner=chosen,
+                replace(self.problem, timed_lags=heeded), planner=chosen,
                 stopping=Stopping(limit_s, self.asked.max_iterations, stop), seed=self.asked.seed,
                 progress=self.report, bound=self.bound,
             )  # fmt: skip

@@ -26,9 +26,9 @@ from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult, plan_order, toolpath_cost
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.spacing import Spacing
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.schedule.cooling import find_lags, print_times, source_times, spacing_of
+from decmcts.search.sequence.timed_lags import TimedLags
+from decmcts.team.schedule.cooling import find_lags, print_times, source_times, timed_lags_of
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
 
@@ -145,8 +145,8 @@ def _searched(
     stop: Stop,
 ) -> tuple[PlanDocument, Lags, SearchResult]:
     """Return the plan of the source's own order, what must cool by it, and what was found."""
-    lags, guess, spacing = _lags(problem, before)
-    order = OrderSearch(problem, bare, guess, spacing, search, report, bound)
+    lags, guess, timed_lags = _lags(problem, before)
+    order = OrderSearch(problem, bare, guess, timed_lags, search, report, bound)
     found: SearchResult | None = None
     if before is None:
         assert judge is not None  # one of the two is given
@@ -207,13 +207,15 @@ def _no_slower(
 
 def _as_sliced(plan: JointPlan) -> bool:
     """Say whether a plan for one head prints as sliced: order, directions and entries."""
-    lane = plan.heads[0]
-    prints = lane.kind == ActionKind.PRINT
-    moved = lane.reversed[prints] | (lane.entry[prints] != 0)
-    return bool((np.diff(lane.contour[prints]) > 0).all()) and not bool(moved.any())
+    actions = plan.heads[0]
+    prints = actions.kind == ActionKind.PRINT
+    moved = actions.reversed[prints] | (actions.entry[prints] != 0)
+    return bool((np.diff(actions.contour[prints]) > 0).all()) and not bool(moved.any())
 
 
-def _lags(problem: PrintProblem, source: PlanDocument | None) -> tuple[Lags, Lags, Spacing | None]:
+def _lags(
+    problem: PrintProblem, source: PlanDocument | None
+) -> tuple[Lags, Lags, TimedLags | None]:
     """Return what must cool how long, by the plan's times and by those a search estimates.
 
     And the latter as a search keeps them; None where nothing has to cool. Without a plan
@@ -224,4 +226,4 @@ def _lags(problem: PrintProblem, source: PlanDocument | None) -> tuple[Lags, Lag
     guess = source_times(job, problem.machine, problem.graph) if rule else none
     exact = guess if source is None else print_times(source.plan.heads[0], n)
     lags, estimated = find_lags(job.contours, [exact, guess], rule)
-    return lags, estimated, spacing_of(estimated, *guess) if len(estimated.below) else None
+    return lags, estimated, timed_lags_of(estimated, *guess) if len(estimated.below) else None

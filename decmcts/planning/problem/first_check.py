@@ -39,9 +39,11 @@ def refuse_unsound(problem: PrintProblem, before: PlanDocument, *, writes: bool)
         return
     with draft_folder() as folder:
         draft = Path(folder) / "draft.gcode"
-        lane = before.plan.heads[0]
-        write_gcode(problem.document, problem.job, lane, draft)
-        verdict = verify_written(draft, problem.job, problem.document, problem.machine, lane=lane)
+        actions = before.plan.heads[0]
+        write_gcode(problem.document, problem.job, actions, draft)
+        verdict = verify_written(
+            draft, problem.job, problem.document, problem.machine, actions=actions
+        )
         if not verdict.ok:
             raise _refusal(problem, verdict, _source_line(problem, draft, verdict.faults[0]))
 

@@ -55,7 +55,7 @@ def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verd
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
     parks = {head.name: head.park for head in plan.machine.heads}
-    at = [parks[lane.head] for lane in plan.plan.heads]
+    at = [parks[actions.head] for actions in plan.plan.heads]
     release = plan.machine.release
     verdict = verify_heads(files, plan.plan, job, document, parks=at, release=release)
     return Verdict((*faults, *verdict.faults), verdict.counts)

@@ -71,8 +71,8 @@ def write_heads(
     """
     problem, plan = planned.problem, planned.after.plan
     parks = {head.name: head.park for head in problem.machine.heads}
-    at = [parks[lane.head] for lane in plan.heads]
-    names = [f"{stem.name}_{lane.head}.gcode" for lane in plan.heads]
+    at = [parks[actions.head] for actions in plan.heads]
+    names = [f"{stem.name}_{actions.head}.gcode" for actions in plan.heads]
     with draft_folder() as folder:
         drafts = [folder / name for name in names]
         for index, draft in enumerate(drafts):

@@ -29,10 +29,10 @@ def header_lines(planned: Planned) -> list[str]:
 
 def layers_line(planned: Planned) -> str | None:
     """Return one line on layers entered more often than in the source; None if they are not."""
-    lanes, layer = planned.after.plan.heads, planned.problem.job.contours.layer
-    if len(lanes) > 1 or not len(layer):
+    all_actions, layer = planned.after.plan.heads, planned.problem.job.contours.layer
+    if len(all_actions) > 1 or not len(layer):
         return None
-    order = lanes[0].contour[lanes[0].kind == ActionKind.PRINT]
+    order = all_actions[0].contour[all_actions[0].kind == ActionKind.PRINT]
     was, now = (1 + int(np.count_nonzero(np.diff(row))) for row in (layer, layer[order]))
     if now <= was:
         return None

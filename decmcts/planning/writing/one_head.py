@@ -44,14 +44,14 @@ def draft_single(
     VerificationError
         When the text differs from the verified plan; it names `path`, where it was to go.
     """
-    problem, lane = planned.problem, planned.after.plan.heads[0]
-    write(problem.document, problem.job, lane, draft, header_lines=header_lines(planned))
+    problem, actions = planned.problem, planned.after.plan.heads[0]
+    write(problem.document, problem.job, actions, draft, header_lines=header_lines(planned))
     times = file_times(planned, draft)
     if times.before_s:
         draft.write_bytes(restated(draft.read_bytes(), times.after_s / times.before_s))
-    seams = list(seams_of_plan(lane))
+    seams = list(seams_of_plan(actions))
     verdict = verify_written(
-        draft, problem.job, problem.document, problem.machine, seams=seams, lane=lane
+        draft, problem.job, problem.document, problem.machine, seams=seams, actions=actions
     )
     require_sound(verdict, path)
     return times

@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts.search.sequence.annealing import Cooling, anneal_until, descend_fully, tour_of
+from decmcts.search.sequence.annealing import (
+    TemperatureSchedule,
+    anneal_until,
+    descend_fully,
+    tour_of,
+)
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.starts.greedy import Greedy
@@ -57,8 +62,8 @@ class Local:
         for until in rounds:
             mean = incumbent.cost / len(incumbent.problem)
             tour = tour_of(incumbent, near)
-            cooling = Cooling(self.hot * mean, self.cold * mean)
-            anneal_until(incumbent, tour, state, cooling, until)
+            schedule = TemperatureSchedule(self.hot * mean, self.cold * mean)
+            anneal_until(incumbent, tour, state, schedule, until)
             if incumbent.over:
                 return
         descend_fully(incumbent, tour_of(incumbent, near))

@@ -46,18 +46,18 @@ class Mcts:
         tried = np.zeros(len(clustered.outer_preds), np.bool_)
         longest = incumbent.problem.longest_hop() * len(rollout.order)
         tree, chunk = new_tree(1024), 1
-        order, flip, best = rollout.order.copy(), rollout.flip.copy(), math.inf
+        order, is_reversed, best = rollout.order.copy(), rollout.reversed.copy(), math.inf
         while not incumbent.over and not self._has_lost_patience(incumbent):
             if tree.size[0] + chunk > len(tree.parent):
                 tree = grown(tree, min(2 * len(tree.parent) + chunk, _MOST_NODES))
             before, was = incumbent.seconds, best
             best = simulate_many(
                 tree, clustered, rollout, tried, state, self.exploration, longest, chunk,
-                order, flip, best,
+                order, is_reversed, best,
             )  # fmt: skip
             incumbent.iterations += chunk
             if best < was:
-                incumbent.offer(order, flip)
+                incumbent.offer(order, is_reversed)
                 incumbent.offer_order(order)
             incumbent.tick()
             chunk = _next_chunk(incumbent, chunk, incumbent.seconds - before)

@@ -75,16 +75,16 @@ def lower_bound(
     contour back to the root. Each of them is *possible*: it leads from i to j only
     where no j ≺ i and no k has i ≺ k ≺ j, for i and j are neighbours in a linear
     extension; the first contour has no predecessor and the last no successor.
-    For prices u (contours and root), t (ways to print a contour), ρ ≥ 0 (sets S of
+    For prices u (contours and root), t (choices for a contour), ρ ≥ 0 (sets S of
     contours that each order leaves at least k_S times, see
     `decmcts.search.bounds.crossings`) and τ ≥ 0 (sets P of travels of which each order uses
-    at most one, see `decmcts.search.bounds.passages`) let a travel from i to j cost
+    at most one, see `decmcts.search.bounds.exclusive_travels`) let a travel from i to j cost
 
         price + u_i + t_p − t_q − Σ {ρ_S : i in S, j not in S} + Σ {τ_P : (i, j) in P}
 
-    if i is printed in way p and j in way q, forwards or backwards; a loop is entered
-    and left at whichever options are nearest. Over the order, each contour and the root is left
-    once, so the u add up to Σ u; each contour is left in the way in which it was
+    if i is printed by choice p and j by choice q, as sliced or reversed; a loop is entered
+    and left at whichever entries are nearest. Over the order, each contour and the root is left
+    once, so the u add up to Σ u; each contour is left by the choice by which it was
     entered, so the t cancel; the refunds are at least Σ ρ_S k_S and the tolls at most
     Σ τ. Hence
 

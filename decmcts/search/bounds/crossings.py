@@ -40,7 +40,7 @@ def forced_crossings(problem: OrderProblem, *, most: int = 60) -> Crossings:
     The bound on exits of a set S is the largest number of steps from S to outside
     along any chain of the graph. It holds: a linear extension visits the members of
     a chain in their order, so between two that follow each other in the chain, one
-    in S and one not, it travels at least once from S to outside; these stretches of
+    in S and one not, it travels at least once from S to outside; these steps of
     the order are disjoint.
     """
     n = len(problem)

@@ -23,7 +23,7 @@ from decmcts._kernels.exact.ideals import (
     reaches,
     trace,
 )
-from decmcts.search.bounds.ways import ways_of
+from decmcts.search.bounds.choices import choices_of
 from decmcts.search.sequence.problem import OrderProblem
 
 _IDEALS, _STEPS, _TRAVELS = 2_000_000, 8_000_000, 32_000_000  # 0.4 GiB, if all is used
@@ -39,8 +39,8 @@ class Optimum:
     """A sequence, and the proof that none costs less: all of them were looked at."""
 
     order: NDArray[np.int32]  # (n,)
-    flip: NDArray[np.uint8]  # (n,) by contour
-    seat: NDArray[np.int32]  # (n,) by contour
+    reversed: NDArray[np.uint8]  # (n,) by contour
+    entry_id: NDArray[np.int32]  # (n,) by contour
     cost: float
     bound: float  # the cost, rounded down
 
@@ -96,12 +96,12 @@ def solve_exactly(
     reach, near = reaches(graph.pred_offsets, graph.preds)
     if n == 0 or not near:
         return None
-    ways = ways_of(problem, apart=True)
+    choices = choices_of(problem, apart=True)
     rules = Rules(reach, needs(graph.pred_offsets, graph.preds), slack_of(problem))
     ideals, steps = room_for(_IDEALS, _STEPS, _TRAVELS, _SLOTS), 0
     at = empty(ideals)
     while at.level < n:
-        at = make_ideals(ideals, ways, rules, at, max(1, min(_QUOTA, widest)), widest)
+        at = make_ideals(ideals, choices, rules, at, max(1, min(_QUOTA, widest)), widest)
         made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])
         if at.full or not go_on(made, 0.0):
             return None
@@ -109,28 +109,28 @@ def solve_exactly(
     while first < at.first:
         last = int(np.searchsorted(effort, effort[first] + _EFFORT, side="right")) - 1
         last = max(first + 1, last)
-        price_steps(ideals, ways, rules, first, last)
+        price_steps(ideals, choices, rules, first, last)
         made = int(ideals.begin[last] - ideals.begin[first])
         if not go_on(made, effort[last] / effort[-1]) and last < at.first:
             return None
         first = last
-    cost, order, chosen = trace(ideals, ways, at.first)
-    way, place = np.empty(n, np.int64), chosen - ways.offsets[order]
-    way[order] = place
-    options = np.ones(n, np.int64) if problem.seams is None else np.diff(problem.seams.offsets)
-    seat = np.full(n, -1, np.int64)
+    cost, order, chosen = trace(ideals, choices, at.first)
+    choice, place = np.empty(n, np.int64), chosen - choices.offsets[order]
+    choice[order] = place
+    entries = np.ones(n, np.int64) if problem.seams is None else np.diff(problem.seams.offsets)
+    entry_id = np.full(n, -1, np.int64)
     if problem.seams is not None:
-        seat[options > 1] = (problem.seams.offsets[:-1] + way)[options > 1]
-    flip = np.where(options > 1, 0, way)
+        entry_id[entries > 1] = (problem.seams.offsets[:-1] + choice)[entries > 1]
+    is_reversed = np.where(entries > 1, 0, choice)
     bound = min(cost * (1.0 - _ROUNDING), cost * (1.0 + _ROUNDING))  # costs may be negative
-    return Optimum(order, flip.astype(np.uint8), seat.astype(np.int32), cost, bound)
+    return Optimum(order, is_reversed.astype(np.uint8), entry_id.astype(np.int32), cost, bound)
 
 
 def _effort(ideals: Ideals, count: int) -> NDArray[np.float64]:
     """Return how many travels are looked at, at most, before each ideal is priced, (count + 1,)."""
     ports = ideals.ports[:count].astype(np.float64)
-    ways = np.diff(ideals.base[ideals.begin[: count + 1]])
-    return np.concatenate([[0.0], np.cumsum(1.0 + ports * (ports + ways))])
+    choices = np.diff(ideals.base[ideals.begin[: count + 1]])
+    return np.concatenate([[0.0], np.cumsum(1.0 + ports * (ports + choices))])
 
 
 def slack_of(problem: OrderProblem) -> float:

@@ -4,8 +4,8 @@ What two good sequences share is contracted, to search only what they differ in
 (`merge`), and all but a neighbourhood, to search that alone
 (`decmcts.search.hybrid.neighbourhoods`).
 Either way few, partly long contours are left, on which annealing moves large
-structure for next to no time. A run is printed as it is, or backwards where all of
-it may turn. Contours that stay single keep their freedoms.
+structure for next to no time. A run is printed as it is, or reversed where all of
+it may be. Contours that stay single keep their freedoms.
 
 References
 ----------
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.sequence.metric import points_of
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Seams
 
@@ -33,39 +33,39 @@ class Contraction:
     whole: Sequence
     problem: OrderProblem
     begins: NDArray[np.int64]  # (runs + 1,) positions in `whole`
-    options: NDArray[np.int64]  # (m,) number in the whole problem of each option of single ones
+    entries: NDArray[np.int64]  # (m,) number in the whole problem of each entry of single ones
 
     def start(self) -> Sequence:
         """Return the small problem's sequence that is `whole`."""
         runs, seams = len(self.problem), self.problem.seams
-        seat = np.full(runs, -1, np.int32)
+        entry_id = np.full(runs, -1, np.int32)
         if seams is not None:
-            used = self.whole.seat[self.whole.order[self.begins[:-1]]]
+            used = self.whole.entry_id[self.whole.order[self.begins[:-1]]]
             chosen = np.diff(seams.offsets) > 1
             first = seams.offsets[:-1][chosen]
-            seat[chosen] = used[chosen] - self.options[first] + first
+            entry_id[chosen] = used[chosen] - self.entries[first] + first
         return Sequence(
             self.problem,
             self.problem.metric(),
             near_ports(self.problem),
             np.arange(runs, dtype=np.int32),
             np.zeros(runs, np.uint8),
-            seat,
+            entry_id,
         )
 
     def expanded(self, small: Sequence) -> Sequence:
         """Return the sequence of all contours that one of the small problem stands for."""
         whole, sizes = self.whole, np.diff(self.begins)[small.order]
-        turned = np.repeat(small.flip[small.order] == 1, sizes)
+        in_reverse = np.repeat(small.reversed[small.order] == 1, sizes)
         place = np.arange(len(whole.order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
         first = np.repeat(self.begins[small.order], sizes)
         last = np.repeat(self.begins[small.order + 1] - 1, sizes)
-        order = whole.order[np.where(turned, last - place, first + place)]
-        flip, seat = whole.flip.copy(), whole.seat.copy()
-        flip[order[turned]] ^= 1
-        seated = np.flatnonzero(small.seat >= 0)
-        seat[whole.order[self.begins[seated]]] = self.options[small.seat[seated]]
-        return Sequence(whole.problem, whole.metric, whole.near, order, flip, seat)
+        order = whole.order[np.where(in_reverse, last - place, first + place)]
+        is_reversed, entry_id = whole.reversed.copy(), whole.entry_id.copy()
+        is_reversed[order[in_reverse]] ^= 1
+        entered = np.flatnonzero(small.entry_id >= 0)
+        entry_id[whole.order[self.begins[entered]]] = self.entries[small.entry_id[entered]]
+        return Sequence(whole.problem, whole.metric, whole.near, order, is_reversed, entry_id)
 
 
 def merge(one: Sequence, other: Sequence) -> Contraction:
@@ -86,32 +86,32 @@ def contract(sequence: Sequence, together: NDArray[np.bool_]) -> Contraction:
     run[order] = np.repeat(np.arange(k), np.diff(begins))
     pairs = run[whole.graph.pairs()].astype(np.int64)
     inner = pairs[:, 0] == pairs[:, 1]
-    turns = np.ones(k, np.bool_)
-    np.logical_and.at(turns, run, whole.reversible)
-    turns[pairs[inner, 0]] = False
+    reversible = np.ones(k, np.bool_)
+    np.logical_and.at(reversible, run, whole.reversible)
+    reversible[pairs[inner, 0]] = False
     outer = np.unique(pairs[~inner, 0] * k + pairs[~inner, 1])
     graph = DependencyGraph.from_pairs(k, np.stack([outer // k, outer % k], axis=1))
     first, last = order[begins[:-1]], order[begins[1:] - 1]
     start, end, costs = _ends(sequence, first, 0), _ends(sequence, last, 1), whole.costs
-    seams, options = _seams(whole.seams, first, np.diff(begins) == 1, start, end)
+    seams, entries = _seams(whole.seams, first, np.diff(begins) == 1, start, end)
     problem = OrderProblem(
         start,
         end,
-        turns,
+        reversible,
         np.zeros(k, np.int32),
         graph,
         pace=whole.pace,
         costs=None if costs is None else costs[np.ix_(last, first)],
         seams=seams,
     )
-    return Contraction(sequence, problem, begins, options)
+    return Contraction(sequence, problem, begins, entries)
 
 
 def _shared(one: Sequence, other: Sequence) -> NDArray[np.bool_]:
     """Tell after which positions of `one` both go on alike, (n - 1,)."""
     follows = np.full(len(one.order), -1, np.int32)
     follows[other.order[:-1]] = other.order[1:]
-    alike = (one.flip == other.flip) & (one.seat == other.seat)
+    alike = (one.reversed == other.reversed) & (one.entry_id == other.entry_id)
     a, b = one.order[:-1], one.order[1:]
     return np.asarray((follows[a] == b) & alike[a] & alike[b])
 
@@ -120,10 +120,10 @@ def _ends(sequence: Sequence, contours: NDArray[np.int32], leaving: int) -> NDAr
     """Return where contours are entered (0) or left (1), (k, 3); bare costs have no places."""
     if sequence.problem.costs is not None:
         return np.zeros((len(contours), 3))
-    seat, flip = sequence.seat[contours], sequence.flip[contours]
-    port = 2 * contours + (flip ^ leaving)
-    door = 2 * len(sequence.order) + 2 * seat + leaving
-    return np.ascontiguousarray(points_of(sequence.metric)[np.where(seat >= 0, door, port)])
+    entry_id, is_reversed = sequence.entry_id[contours], sequence.reversed[contours]
+    port = 2 * contours + (is_reversed ^ leaving)
+    door = 2 * len(sequence.order) + 2 * entry_id + leaving
+    return np.ascontiguousarray(points_of(sequence.metric)[np.where(entry_id >= 0, door, port)])
 
 
 def _seams(
@@ -133,7 +133,7 @@ def _seams(
     start: NDArray[np.float64],
     end: NDArray[np.float64],
 ) -> tuple[Seams | None, NDArray[np.int64]]:
-    """Return the options of runs, and their numbers in the whole problem.
+    """Return the entries of runs, and their numbers in the whole problem.
 
     Those of single contours are kept; a longer run has one, from `start` to `end`.
     """
@@ -141,7 +141,7 @@ def _seams(
         return None, np.empty(0, np.int64)
     counts = np.where(single, np.diff(seams.offsets)[first], 1)
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    options = np.repeat(seams.offsets[first] - offsets[:-1], counts) + np.arange(offsets[-1])
-    enter, leave, one = seams.enter[options], seams.leave[options], offsets[:-1][counts == 1]
+    entries = np.repeat(seams.offsets[first] - offsets[:-1], counts) + np.arange(offsets[-1])
+    enter, leave, one = seams.enter[entries], seams.leave[entries], offsets[:-1][counts == 1]
     enter[one], leave[one] = start[counts == 1], end[counts == 1]
-    return Seams(offsets, enter, leave, seams.vertices[options]), options
+    return Seams(offsets, enter, leave, seams.vertices[entries]), entries

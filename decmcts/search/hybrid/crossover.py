@@ -1,4 +1,4 @@
-"""The best of several sequences, stretch by stretch: what threads found apart is joined.
+"""The best of several sequences, window by window: what threads found apart is joined.
 
 References
 ----------
@@ -11,26 +11,26 @@ from __future__ import annotations
 import numpy as np
 
 from decmcts._kernels.sequence.crossover import crossed
-from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.blocks import Sequence
 
 
 def crossover(sequences: list[Sequence]) -> Sequence:
-    """Return the cheapest sequence of stretches of those given; no dearer than any.
+    """Return the cheapest sequence of windows of those given; no dearer than any.
 
-    They are of one problem and stay as they are. Stretches end where two have printed
+    They are of one problem and stay as they are. Windows end where two have printed
     the same contours, see `crossed`.
     """
     best = sequences[0].copy()
     if len(sequences) == 1:
         return best
-    order, flip, seat = (
+    order, is_reversed, entry_id = (
         np.stack([getattr(sequence, name) for sequence in sequences])
-        for name in ("order", "flip", "seat")
+        for name in ("order", "reversed", "entry_id")
     )
-    followed = crossed(best.metric, order, flip, seat)
+    followed = crossed(best.metric, order, is_reversed, entry_id)
     best.order[:] = order[followed, np.arange(len(followed))]
-    best.flip[best.order], best.seat[best.order] = (
-        flip[followed, best.order],
-        seat[followed, best.order],
+    best.reversed[best.order], best.entry_id[best.order] = (
+        is_reversed[followed, best.order],
+        entry_id[followed, best.order],
     )
     return best

@@ -30,7 +30,7 @@ class Exact:
 
             optimum = solve_exactly(incumbent.problem, go_on, widest=widest)
             if optimum is not None:
-                incumbent.offer(optimum.order, optimum.flip, optimum.seat)
+                incumbent.offer(optimum.order, optimum.reversed, optimum.entry_id)
                 incumbent.prove(optimum.bound)
                 incumbent.finish()
         incumbent.tick()

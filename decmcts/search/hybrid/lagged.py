@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from decmcts.search.hybrid.search import END, Search
-from decmcts.search.hybrid.threads import anneal_rivals
+from decmcts.search.hybrid.threads import anneal_sequences
 from decmcts.search.sequence.annealing import descend_fully, tour_of
 
 
@@ -29,8 +29,8 @@ class Lagged:
         incumbent.tick()
         yield
         for until in self.rounds:
-            rivals = [search.best() for _ in threads.states]
-            coolings = [search.cooling(self.hot, self.cold)] * len(rivals)
-            yield from anneal_rivals(incumbent, rivals, threads, coolings, until)
+            sequences = [search.best() for _ in threads.states]
+            schedules = [search.schedule(self.hot, self.cold)] * len(sequences)
+            yield from anneal_sequences(incumbent, sequences, threads, schedules, until)
         descend_fully(incumbent, tour_of(incumbent, search.near))
         incumbent.offer_order(incumbent.order)

@@ -9,7 +9,7 @@ high one. Once that wins a round, every thread stays within layers, and the firs
 at the lower temperature. Were the best shared with all threads, their results would be
 alike.
 
-After each round what all so far ended in is joined stretch by stretch: where layers
+After each round what all so far ended in is joined window by window: where layers
 follow each other strictly, that has the best that was found of each. Then what the
 best and the next best still differ in is annealed, the rest contracted to runs.
 """
@@ -22,11 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.contraction import merge
-from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.hybrid.search import Search
-from decmcts.search.hybrid.threads import anneal_rivals
-from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.hybrid.threads import anneal_sequences
+from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.starts.layerwise import layer_runs
 
 
@@ -40,7 +40,7 @@ class Multistart:
     until: float = 0.65  # share at which they end
     steps: float = 3000.0  # of a thread in a round, for each contour and entry
     most: int = 8  # rounds
-    merging: float = 0.2  # share of a round for what the best and a rival differ in; 0: none
+    merging: float = 0.2  # share of a round for what the best and the next best differ in; 0: none
     merged: float = 1.0  # temperature that begins with, in mean travels of what is left
     hot: float = 1.5
     mild: float = 0.7  # from here on some of the structure stays
@@ -69,26 +69,31 @@ class Multistart:
         in_layers: list[Sequence] = []  # and of those that stayed within layers
         for number in range(rounds):
             other, best = plain if layered is None else layered, search.best()
-            rivals = [other.copy() if ahead else best, *(other.copy() for _ in threads.states[1:])]
+            sequences = [
+                other.copy() if ahead else best,
+                *(other.copy() for _ in threads.states[1:]),
+            ]
             if number in (0, rounds // 2) and not ahead:
-                yield from search.propose(rivals[0])
+                yield from search.propose(sequences[0])
             until = began + length * (number + 1)
-            heats = self._heats(number, layered is not None, ahead, len(rivals))
-            groups = _groups(layers, layered is not None, ahead, len(rivals))
-            coolings = [Cooling(heat * mean, self.cold * mean) for heat in heats]
+            heats = self._heats(number, layered is not None, ahead, len(sequences))
+            groups = _groups(layers, layered is not None, ahead, len(sequences))
+            schedules = [TemperatureSchedule(heat * mean, self.cold * mean) for heat in heats]
             annealed = until - self.merging * length
-            yield from anneal_rivals(incumbent, rivals, threads, coolings, annealed, groups=groups)
-            ends += rivals
+            yield from anneal_sequences(
+                incumbent, sequences, threads, schedules, annealed, groups=groups
+            )
+            ends += sequences
             found = threads.join([search.best(), *ends])
-            found.settle()
-            incumbent.offer(found.order, found.flip, found.seat)
-            if layered is not None and len(rivals) > 1:
-                in_layers += rivals[0 if ahead else 1 :]
+            found.choose_entries()
+            incumbent.offer(found.order, found.reversed, found.entry_id)
+            if layered is not None and len(sequences) > 1:
+                in_layers += sequences[0 if ahead else 1 :]
                 layered = threads.join([layered, *in_layers])
-                layered.settle()
-                incumbent.offer(layered.order, layered.flip, layered.seat)
-                ahead = ahead or rivals[-1].cost < rivals[0].cost
-            yield from self._merge(search, rivals, until)
+                layered.choose_entries()
+                incumbent.offer(layered.order, layered.reversed, layered.entry_id)
+                ahead = ahead or sequences[-1].cost < sequences[0].cost
+            yield from self._merge(search, sequences, until)
 
     def _count(self, search: Search) -> int:
         """Return how many rounds there is time for."""
@@ -104,21 +109,21 @@ class Multistart:
         other = self.mild if number % 2 and not has_layered else self.hot
         return [self.mild if ahead else self.hot, *[other] * (count - 1)]
 
-    def _merge(self, search: Search, rivals: list[Sequence], until: float) -> Iterator[None]:
+    def _merge(self, search: Search, sequences: list[Sequence], until: float) -> Iterator[None]:
         """Anneal what the best sequence and the next best differ in."""
         best, threads = search.best(), search.threads
-        others = [rival for rival in rivals if rival.cost > best.cost]
+        others = [sequence for sequence in sequences if sequence.cost > best.cost]
         if not others or self.merging == 0.0:
             return
-        merged = merge(best, min(others, key=lambda rival: rival.cost))
+        merged = merge(best, min(others, key=lambda sequence: sequence.cost))
         if len(merged.problem) < 2:
             return
         starts = [merged.start() for _ in threads.states]
         mean = starts[0].cost / len(merged.problem)
-        coolings = [Cooling(self.merged * mean, self.cold * mean) for _ in starts]
+        schedules = [TemperatureSchedule(self.merged * mean, self.cold * mean) for _ in starts]
         if mean > 0.0:
-            yield from anneal_rivals(
-                search.incumbent, starts, threads, coolings, until, contraction=merged
+            yield from anneal_sequences(
+                search.incumbent, starts, threads, schedules, until, contraction=merged
             )
 
 

@@ -27,12 +27,12 @@ from scipy.spatial import cKDTree
 
 from decmcts._kernels.random import below, uniform
 from decmcts._kernels.sequence.anneal import anneal
+from decmcts.search.hybrid.blocks import Sequence, cut
 from decmcts.search.hybrid.contraction import Contraction, contract
-from decmcts.search.hybrid.pieces import Sequence, cut
 from decmcts.search.hybrid.search import END, Search
 from decmcts.search.hybrid.threads import ROUND_S, Threads
 from decmcts.search.hybrid.windows import WindowSolver
-from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 
 _SIZE = (15.0, 200.0)  # contours of a neighbourhood
@@ -43,7 +43,7 @@ _MOST_AT_FIRST = 200_000.0  # steps, before it is known how long they take
 _LONGEST_S = 0.5  # for one: the clock is looked at between them, the stop wish at meetings
 _PASSES = 20  # neighbourhoods each contour is to be in; the more time, the longer each takes
 _SLICES = 12  # of equal temperature
-_STRETCHES = (1.0, 3.0, 10.0)  # of heights: towers to layers
+_SCALES = (1.0, 3.0, 10.0)  # of heights: towers to layers
 _WHOLE = 6000  # contours up to which they are taken of the whole print
 _PART = 1500  # contours set free in a part of a larger one
 _PART_PASSES = 2  # parts each contour is to be in
@@ -54,14 +54,14 @@ _PLACES = (1, 3)  # of the sequence, in a neighbourhood that is no ball
 class Places:
     """Where contours lie, for neighbourhoods of several shapes."""
 
-    points: tuple[NDArray[np.float64], ...]  # (n, 3) middles of their ends, one a stretch
+    points: tuple[NDArray[np.float64], ...]  # (n, 3) middles of their ends, one a scale
     trees: tuple[cKDTree, ...]
 
     @staticmethod
     def of(sequence: Sequence) -> Places:
         """Take the places of the problem's contours."""
         middles = (sequence.problem.start + sequence.problem.end) / 2
-        points = tuple(middles * [1.0, 1.0, stretch] for stretch in _STRETCHES)
+        points = tuple(middles * [1.0, 1.0, scale] for scale in _SCALES)
         return Places(points, tuple(map(cKDTree, points)))
 
     def draw(self, sequence: Sequence, size: int, state: NDArray[np.uint64]) -> NDArray[np.bool_]:
@@ -145,7 +145,7 @@ class Neighbourhoods:
         """Return what neighbourhoods make of a sequence until the share `until`.
 
         Each thread tries some by itself for a while; then the best of what all have,
-        stretch by stretch, goes on, to the incumbent too: of a contraction the whole
+        window by window, goes on, to the incumbent too: of a contraction the whole
         sequence it stands for.
         """
         places, began, made = Places.of(sequence), incumbent.spent, 0
@@ -157,7 +157,7 @@ class Neighbourhoods:
             best = threads.join([result for result, *_ in found])
             if best.cost < sequence.cost:
                 whole = best if contraction is None else contraction.expanded(best)
-                incumbent.offer(whole.order, whole.flip, whole.seat)
+                incumbent.offer(whole.order, whole.reversed, whole.entry_id)
             sequence = best
             annealed, solved = (sum(numbers) for numbers in list(zip(*found, strict=True))[1:])
             made += annealed
@@ -189,9 +189,9 @@ class _Trial:
         longest = min(max(self.steps / (_PASSES * n), _STEPS[1]), _STEPS[2])
         while cost > 0.0:
             free = self.places.draw(sequence, min(n, round(_between(*_SIZE, state))), state)
-            cooling = Cooling(cost / n * _between(*_HOT, state), cost / n * _COLD)
+            schedule = TemperatureSchedule(cost / n * _between(*_HOT, state), cost / n * _COLD)
             steps, most = _between(_STEPS[0], longest, state), self._most()
-            found, number = _annealed(sequence, free, state, cooling, steps, most)
+            found, number = _annealed(sequence, free, state, schedule, steps, most)
             made += number
             if (now := found.cost) <= cost:
                 sequence, cost = found, now
@@ -227,7 +227,7 @@ def _annealed(
     sequence: Sequence,
     free: NDArray[np.bool_],
     state: NDArray[np.uint64],
-    cooling: Cooling,
+    schedule: TemperatureSchedule,
     steps: float,
     most: float,
 ) -> tuple[Sequence, int]:
@@ -237,13 +237,13 @@ def _annealed(
     """
     small = _all_but(sequence, free)
     start = small.start()
-    piece = cut(start, 0, len(start.order))
+    block = cut(start, 0, len(start.order))
     slice_ = max(1, int(min(steps * len(start.order), most) / _SLICES))
     for k in range(_SLICES):
-        anneal(piece.tour, state, cooling.at(k / (_SLICES - 1)), slice_)
-    piece.put_back(start)
+        anneal(block.tour, state, schedule.at(k / (_SLICES - 1)), slice_)
+    block.put_back(start)
     found = small.expanded(start)
-    found.settle()
+    found.choose_entries()
     return found, slice_ * _SLICES
 
 

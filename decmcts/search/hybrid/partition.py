@@ -1,7 +1,7 @@
 """One sequence parted among all threads, for prints too large for several starts.
 
 On the largest a layered start is annealed within layers first. Then come the trees
-and a first, fast annealing, then a long one: in long pieces while hot, where long
+and a first, fast annealing, then a long one: in long blocks while hot, where long
 moves decide the large structure, in many short ones while cold. Half-way the trees,
 guided by what annealing made of the sequence, get another turn. It leaves time for
 neighbourhoods, or for windows where there is less; for neither where there is least.
@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.search import END, Search
-from decmcts.search.hybrid.threads import anneal_pieces, anneal_rivals
-from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.hybrid.threads import anneal_blocks, anneal_sequences
+from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.starts.layerwise import layer_runs
 
 
@@ -32,7 +32,7 @@ class Partition:
     windows_from: float = 0.85  # or at which windows are solved exactly,
     for_windows: float = 2000.0  # if there are only so many
     until: float = END  # if there are fewer still
-    pieces: tuple[int, int] = (1, 4)  # of each thread, hot and cold; 0: whole sequences alone
+    blocks: tuple[int, int] = (1, 4)  # of each thread, hot and cold; 0: whole sequences alone
     hot: float = 1.5
     warm: float = 0.2  # from here on the structure stays
     cold: float = 0.03
@@ -55,13 +55,13 @@ class Partition:
         if large and search.layered is not None:
             yield from self._within_layers(search, search.layered)
         yield from search.propose(search.best())
-        long, short = self.pieces
-        fast = search.cooling(self.hot, self.cold)
+        long, short = self.blocks
+        fast = search.schedule(self.hot, self.cold)
         until = search.incumbent.spent + self.first
         yield from self._anneal(search, search.best(), fast, until, long)
         sequence = search.best()
-        hot = search.cooling(self.hot, self.warm)
-        cold = search.cooling(self.warm, self.cold)  # of the same mean travel
+        hot = search.schedule(self.hot, self.warm)
+        cold = search.schedule(self.warm, self.cold)  # of the same mean travel
         yield from self._anneal(search, sequence, hot, self.half_way, long)
         yield from search.propose(search.best())
         if search.incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
@@ -75,23 +75,28 @@ class Partition:
         return self.windows_from if self.affords_windows(search) else self.until
 
     def _anneal(
-        self, search: Search, sequence: Sequence, cooling: Cooling, until: float, pieces: int
+        self,
+        search: Search,
+        sequence: Sequence,
+        schedule: TemperatureSchedule,
+        until: float,
+        blocks: int,
     ) -> Iterator[None]:
         """Anneal the sequence, parted among the threads."""
-        yield from anneal_pieces(
-            search.incumbent, sequence, search.threads, cooling, until, pieces=pieces
+        yield from anneal_blocks(
+            search.incumbent, sequence, search.threads, schedule, until, blocks=blocks
         )
 
     def _within_layers(self, search: Search, layered: Sequence) -> Iterator[None]:
         """Anneal within layers on each thread, and join the best."""
         incumbent, threads = search.incumbent, search.threads
-        rivals, until = [layered.copy() for _ in threads.states], incumbent.spent + self.layers
-        coolings = [search.cooling(self.hot, self.cold)] * len(rivals)
-        groups = [layer_runs(incumbent.problem.layer)] * len(rivals)
-        yield from anneal_rivals(incumbent, rivals, threads, coolings, until, groups=groups)
-        found = threads.join(rivals)
-        found.settle()
-        incumbent.offer(found.order, found.flip, found.seat)
+        sequences, until = [layered.copy() for _ in threads.states], incumbent.spent + self.layers
+        schedules = [search.schedule(self.hot, self.cold)] * len(sequences)
+        groups = [layer_runs(incumbent.problem.layer)] * len(sequences)
+        yield from anneal_sequences(incumbent, sequences, threads, schedules, until, groups=groups)
+        found = threads.join(sequences)
+        found.choose_entries()
+        incumbent.offer(found.order, found.reversed, found.entry_id)
         yield
 
 

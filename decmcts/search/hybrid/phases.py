@@ -59,7 +59,7 @@ class Hybrid:
     windows: Windows = field(default_factory=Windows)
     descent: Descent = field(default_factory=Descent)
     lagged: Lagged = field(default_factory=Lagged)  # where contours must be some time apart
-    crosses: bool = True  # results of threads are joined stretch by stretch
+    crosses: bool = True  # results of threads are joined window by window
     threads: int = 2  # fixed, so that results do not depend on the machine
 
     def __post_init__(self) -> None:
@@ -83,7 +83,7 @@ class Hybrid:
 
     def phases(self, search: Search) -> Iterator[Phase]:
         """Yield the phases; each is chosen when it is due."""
-        if search.incumbent.problem.spacing is not None:
+        if search.incumbent.problem.timed_lags is not None:
             yield self.lagged
             return
         yield self.starts

@@ -9,10 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.threads import Threads
 from decmcts.search.hybrid.trees import Trees
-from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 
@@ -26,7 +26,7 @@ class Search:
     incumbent: Incumbent
     threads: Threads
     trees: Trees
-    by_layers: tuple[NDArray[np.int32], NDArray[np.uint8]] | None = None  # order, flip
+    by_layers: tuple[NDArray[np.int32], NDArray[np.uint8]] | None = None  # order, directions
     layered: Sequence | None = None  # goes by layers and is worth annealing within them
     _near: NDArray[np.int32] | None = field(default=None, repr=False)
 
@@ -37,10 +37,10 @@ class Search:
             self._near = near_ports(self.incumbent.problem)
         return self._near
 
-    def cooling(self, hot: float, cold: float) -> Cooling:
+    def schedule(self, hot: float, cold: float) -> TemperatureSchedule:
         """Return the way between two temperatures given in mean travels of the best sequence."""
         mean = self.incumbent.cost / len(self.incumbent.problem)
-        return Cooling(hot * mean, cold * mean)
+        return TemperatureSchedule(hot * mean, cold * mean)
 
     def best(self) -> Sequence:
         """Return a copy of the best sequence so far."""

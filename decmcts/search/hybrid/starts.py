@@ -45,9 +45,9 @@ class LayeredStart:
         if (np.diff(group[best.order]) >= 0).all():
             search.layered = best
         elif search.by_layers is not None:
-            order, flip = search.by_layers
-            layered = replace(best.copy(), order=order.copy(), flip=flip.copy())
-            layered.settle()
+            order, is_reversed = search.by_layers
+            layered = replace(best.copy(), order=order.copy(), reversed=is_reversed.copy())
+            layered.choose_entries()
             if layered.cost <= self.promising * best.cost:
                 search.layered = layered
         yield

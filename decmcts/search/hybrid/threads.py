@@ -1,10 +1,10 @@
-"""Annealing on several threads at once: rivals on whole sequences, or pieces of one.
+"""Annealing on several threads at once: each a whole sequence, or blocks of one.
 
-Rivals anneal a sequence each and the better one is taken. Pieces share one
+Of whole sequences the better one is taken. Blocks share one
 sequence out: as many steps are made together as threads allow, but nothing moves
-across a cut. Cuts are placed anew all the time, and in every other turn rivals
-take the place of pieces, so that no move is ruled out for long; what those find is
-joined stretch by stretch (`decmcts.search.hybrid.crossover`). Each thread has a
+across a cut. Cuts are placed anew all the time, and in every other turn whole
+sequences take the place of blocks, so that no move is ruled out for long; what those find is
+joined window by window (`decmcts.search.hybrid.crossover`). Each thread has a
 generator of its own and results are joined in a fixed order: equal seeds and
 equal iterations give equal sequences, whatever the threads' pace.
 
@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded, uniform
 from decmcts._kernels.sequence.anneal import anneal
+from decmcts.search.hybrid.blocks import Block, Sequence, cut
 from decmcts.search.hybrid.contraction import Contraction
 from decmcts.search.hybrid.crossover import crossover
-from decmcts.search.hybrid.pieces import Piece, Sequence, cut
-from decmcts.search.sequence.annealing import Cooling
+from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
 
@@ -40,7 +40,7 @@ _CHUNK_S = 0.02  # how often a thread looks at the clock
 _LARGEST_CHUNK = 4_000_000
 _ROUNDS = 400  # of a search that is limited by iterations
 _CUT_A_ROUND = 1_000_000  # a cut lasts a round for so many contours and edges: cutting takes time
-_LEAST_PIECE = 100  # contours
+_LEAST_BLOCK = 100  # contours
 _STEPS_A_S = 1.5e6  # of a thread, about
 
 Chunks: TypeAlias = Iterator[tuple[float, int]]
@@ -53,7 +53,7 @@ class Threads:
     pool: ThreadPoolExecutor
     states: list[NDArray[np.uint64]]  # (1,) each, mutated
     cutting: NDArray[np.uint64]  # (1,) mutated
-    crosses: bool = True  # results are joined stretch by stretch; False: the best is taken
+    crosses: bool = True  # results are joined window by window; False: the best is taken
 
     def fresh(self) -> NDArray[np.uint64]:
         """Mutate `cutting`; return a new generator, (1,)."""
@@ -81,11 +81,11 @@ def open_threads(count: int, seed: int, *, crosses: bool = True) -> Iterator[Thr
         yield Threads(pool, states[:count], states[count], crosses)
 
 
-def anneal_rivals(
+def anneal_sequences(
     incumbent: Incumbent,
-    rivals: list[Sequence],
+    sequences: list[Sequence],
     threads: Threads,
-    coolings: list[Cooling],
+    schedules: list[TemperatureSchedule],
     until: float,
     *,
     groups: list[NDArray[np.int32]] | None = None,
@@ -97,74 +97,74 @@ def anneal_rivals(
     and non-decreasing along the sequence. Mutates the sequences and the generators; the
     incumbent gets what is best, of a contraction the whole sequence it stands for.
     """
-    tours: list[Piece] = []
+    tours: list[Block] = []
 
     def begin() -> None:
-        tours[:] = [cut(rival, 0, len(rival.order)) for rival in rivals]
+        tours[:] = [cut(sequence, 0, len(sequence.order)) for sequence in sequences]
         if groups is not None:
             tours[:] = [tour.within(group) for tour, group in zip(tours, groups, strict=True)]
 
     def work(thread: int, chunks: Chunks) -> None:
-        state, cooling = threads.states[thread], coolings[thread]
+        state, schedule = threads.states[thread], schedules[thread]
         for share, proposals in chunks:
-            anneal(tours[thread].tour, state, cooling.at(share), proposals)
+            anneal(tours[thread].tour, state, schedule.at(share), proposals)
 
     def meet() -> None:
-        for rival, tour in zip(rivals, tours, strict=True):
-            tour.put_back(rival)
-            rival.settle()
-            found = rival if contraction is None else contraction.expanded(rival)
-            incumbent.offer(found.order, found.flip, found.seat)
+        for sequence, tour in zip(sequences, tours, strict=True):
+            tour.put_back(sequence)
+            sequence.choose_entries()
+            found = sequence if contraction is None else contraction.expanded(sequence)
+            incumbent.offer(found.order, found.reversed, found.entry_id)
 
     yield from _in_rounds(incumbent, threads, until, begin, work, meet)
 
 
-def anneal_pieces(
+def anneal_blocks(
     incumbent: Incumbent,
     sequence: Sequence,
     threads: Threads,
-    cooling: Cooling,
+    schedule: TemperatureSchedule,
     until: float,
     *,
-    pieces: int,
+    blocks: int,
 ) -> Iterator[None]:
     """Anneal one sequence on all threads until the share `until` is spent; yield at meetings.
 
-    There are so many `pieces` for each thread, fewer where they would be too small; in
+    There are so many `blocks` for each thread, fewer where they would be too small; in
     every other turn, and always if that is 0, each thread has the whole sequence, and the
     best of both goes on.
     Mutates the sequence and the generators; offers what it passes to the incumbent.
     """
     n, count = len(sequence.order), len(threads.states)
-    shares: list[list[Piece]] = []
-    rivals, begun, lasting = False, 0, 1 + (n + len(sequence.problem.graph.preds)) // _CUT_A_ROUND
+    shares: list[list[Block]] = []
+    whole, begun, lasting = False, 0, 1 + (n + len(sequence.problem.graph.preds)) // _CUT_A_ROUND
 
     def begin() -> None:
-        nonlocal shares, rivals, begun
+        nonlocal shares, whole, begun
         if begun % lasting == 0:
-            too_few = pieces == 0 or n < _LEAST_PIECE * count
-            rivals = too_few or begun // lasting % 2 == 1
-            shares = _whole(sequence, count) if rivals else _parted(sequence, threads, pieces)
+            too_few = blocks == 0 or n < _LEAST_BLOCK * count
+            whole = too_few or begun // lasting % 2 == 1
+            shares = _whole(sequence, count) if whole else _parted(sequence, threads, blocks)
         begun += 1
 
     def work(thread: int, chunks: Chunks) -> None:
-        contours = sum(len(piece.ids) for piece in shares[thread])
+        contours = sum(len(block.ids) for block in shares[thread])
         for share, proposals in chunks:
-            heat = cooling.at(share)
-            for piece in shares[thread]:
-                steps = max(1, proposals * len(piece.ids) // contours)
-                anneal(piece.tour, threads.states[thread], heat, steps)
+            heat = schedule.at(share)
+            for block in shares[thread]:
+                steps = max(1, proposals * len(block.ids) // contours)
+                anneal(block.tour, threads.states[thread], heat, steps)
 
     def meet() -> None:
-        found = [sequence.copy() if rivals else sequence for _ in shares]
+        found = [sequence.copy() if whole else sequence for _ in shares]
         for own, mine in zip(found, shares, strict=True):
-            for piece in mine:
-                piece.put_back(own)
-        if rivals:
+            for block in mine:
+                block.put_back(own)
+        if whole:
             sequence.become(threads.join(found))
-        if begun % lasting == 0:  # else the same pieces go on, with entries of their own
-            sequence.settle()
-        incumbent.offer(sequence.order, sequence.flip, sequence.seat)
+        if begun % lasting == 0:  # else the same blocks go on, with entries of their own
+            sequence.choose_entries()
+        incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
 
     yield from _in_rounds(incumbent, threads, until, begin, work, meet)
 
@@ -223,20 +223,20 @@ class _Round:
             self.size = int(min(max(_CHUNK_S * speed, 1000.0), most))
 
 
-def _whole(sequence: Sequence, count: int) -> list[list[Piece]]:
+def _whole(sequence: Sequence, count: int) -> list[list[Block]]:
     """Return the whole sequence for each thread."""
-    piece = cut(sequence, 0, len(sequence.order))
-    return [[piece], *([piece.twin()] for _ in range(count - 1))]
+    block = cut(sequence, 0, len(sequence.order))
+    return [[block], *([block.twin()] for _ in range(count - 1))]
 
 
-def _parted(sequence: Sequence, threads: Threads, most: int) -> list[list[Piece]]:
-    """Return the pieces of each thread, `most` at the most, about as many contours for each."""
+def _parted(sequence: Sequence, threads: Threads, most: int) -> list[list[Block]]:
+    """Return the blocks of each thread, `most` at the most, about as many contours for each."""
     n, count = len(sequence.order), len(threads.states)
-    parts = min(n // (_LEAST_PIECE * count), most) * count  # at least `count`
+    parts = min(n // (_LEAST_BLOCK * count), most) * count  # at least `count`
     shift = uniform(threads.cutting)
     places = [0, *(int((shift + k) * n / parts) for k in range(parts)), n]
-    pieces = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
-    shares: list[list[Piece]] = [[] for _ in range(count)]
-    for piece in sorted(pieces, key=lambda piece: (-len(piece.ids), piece.first)):
-        min(shares, key=lambda share: sum(len(p.ids) for p in share)).append(piece)
+    blocks = [cut(sequence, a, b) for a, b in pairwise(places) if a < b]
+    shares: list[list[Block]] = [[] for _ in range(count)]
+    for block in sorted(blocks, key=lambda block: (-len(block.ids), block.first)):
+        min(shares, key=lambda share: sum(len(p.ids) for p in share)).append(block)
     return shares

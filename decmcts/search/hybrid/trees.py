@@ -24,7 +24,7 @@ from decmcts._kernels.trees.guided import block_ranks, explore
 from decmcts._kernels.trees.rollout import Clustered, Rollout
 from decmcts._kernels.trees.tree import Tree, new_tree
 from decmcts.feasibility.clustering import cluster_contours
-from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.threads import Threads
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
@@ -51,9 +51,9 @@ class Trees:
         until = incumbent.spent + self.share
         search = guided_search(incumbent, self.gamma, threads.fresh())
         yield from grow_until(incumbent, search, exploration=self.exploration, until=until)
-        guest.order[:], guest.flip[:] = search.order, search.flip
-        guest.settle()
-        incumbent.offer(guest.order, guest.flip, guest.seat)
+        guest.order[:], guest.reversed[:] = search.order, search.reversed
+        guest.choose_entries()
+        incumbent.offer(guest.order, guest.reversed, guest.entry_id)
         yield
 
     def _have_time(self, incumbent: Incumbent) -> bool:
@@ -72,14 +72,14 @@ class GuidedSearch:
     rank: NDArray[np.float64]  # (h,) place of each cluster in the guide
     state: NDArray[np.uint64]
     order: NDArray[np.int32]  # (n,)
-    flip: NDArray[np.uint8]  # (n,) by contour
-    best_mm: float = math.inf
+    reversed: NDArray[np.uint8]  # (n,) by contour
+    best_cost: float = math.inf
 
-    def grow(self, rollouts: int, reference_mm: float, exploration: float) -> None:
+    def grow(self, rollouts: int, reference_cost: float, exploration: float) -> None:
         """Mutate the search by so many iterations."""
-        self.best_mm = explore(
+        self.best_cost = explore(
             self.tree, self.clustered, self.rollout, self.rank, 1.0 / len(self.rank), exploration,
-            reference_mm, rollouts, self.state, self.order, self.flip, self.best_mm,
+            reference_cost, rollouts, self.state, self.order, self.reversed, self.best_cost,
         )  # fmt: skip
 
 
@@ -91,9 +91,9 @@ def guided_search(incumbent: Incumbent, gamma: float, state: NDArray[np.uint64])
     labels = cluster_contours(incumbent.problem.graph, threshold=gamma)
     clustered = clustered_problem(incumbent.problem, labels)
     rank = block_ranks(position, clustered.label, len(clustered.outer_preds))
-    order, flip = incumbent.order.copy(), incumbent.flip.copy()
+    order, is_reversed = incumbent.order.copy(), incumbent.reversed.copy()
     rollout, tree = fresh_rollout(clustered), new_tree(_CAPACITY)
-    return GuidedSearch(clustered, rollout, tree, rank, state, order, flip)
+    return GuidedSearch(clustered, rollout, tree, rank, state, order, is_reversed)
 
 
 def grow_until(
@@ -110,7 +110,7 @@ def grow_until(
     while True:
         before, step = incumbent.seconds, rollouts
         search.grow(step, incumbent.cost, exploration)
-        incumbent.offer(search.order, search.flip)
+        incumbent.offer(search.order, search.reversed)
         incumbent.tick(step * n)
         if incumbent.over or incumbent.spent >= until:
             return

@@ -1,7 +1,7 @@
 """Windows of a sequence put in their best order, one after the other, exactly.
 
 Annealing leaves some dozens of contours that follow each other in a good order; which
-is the best is found in milliseconds (`decmcts._kernels.exact.stretch`).
+is the best is found in milliseconds (`decmcts._kernels.exact.window`).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.exact.ideals import Ideals
-from decmcts._kernels.exact.stretch import solve_stretches
+from decmcts._kernels.exact.window import solve_windows
 from decmcts.search.bounds.exact import room_for, slack_of
-from decmcts.search.hybrid.pieces import Sequence, cut
+from decmcts.search.hybrid.blocks import Sequence, cut
 from decmcts.search.hybrid.search import END, Search
 from decmcts.search.hybrid.threads import ROUND_S, Threads
 from decmcts.search.sequence.incumbent import Incumbent
@@ -45,14 +45,14 @@ class WindowSolver:
         """
         if len(sequence.order) <= 2:
             return 0
-        piece, slack, made = cut(sequence, 0, len(sequence.order)), slack_of(sequence.problem), 0
+        block, slack, made = cut(sequence, 0, len(sequence.order)), slack_of(sequence.problem), 0
         limit, spent, most = incumbent.stopping.iterations, incumbent.spent, _TRAVELS
         if limit is not None:
             self.chunk = most = int((until - spent) * limit)
         while spent < until:
             before = incumbent.seconds
-            self.length, steps = solve_stretches(
-                piece.tour, self._ideals, state, self.length, slack, _WIDEST, most, self.chunk
+            self.length, steps = solve_windows(
+                block.tour, self._ideals, state, self.length, slack, _WIDEST, most, self.chunk
             )
             made += steps
             if limit is not None or steps < self.chunk:  # all is in its best order
@@ -60,7 +60,7 @@ class WindowSolver:
             speed = steps / max(incumbent.seconds - before, 1e-6)
             self.chunk = int(min(max(_CHUNK_S * speed, _LEAST_CHUNK), _LARGEST_CHUNK))
             spent = incumbent.spent
-        piece.put_back(sequence)
+        block.put_back(sequence)
         return made
 
 
@@ -83,8 +83,8 @@ def improve_windows(
         )
         total = sum(made)
         sequence.become(threads.join(found))
-        sequence.settle()
-        incumbent.offer(sequence.order, sequence.flip, sequence.seat)
+        sequence.choose_entries()
+        incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
         incumbent.tick(total)
         yield
         if total == 0:  # too few contours, or iterations

@@ -9,29 +9,29 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.descent import descend
+from decmcts._kernels.sequence.entries import use_entries
 from decmcts._kernels.sequence.metric import points_of
 from decmcts._kernels.sequence.moves import Tour, refresh
-from decmcts._kernels.sequence.seats import sit_all
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.spacing import no_pauses
+from decmcts.search.sequence.timed_lags import no_lag_state
 
 _POLL_S = 0.1  # how often a search looks at the clock and the stop wish
 _LARGEST_CHUNK = 1_000_000
-_CHUNKS = 400  # pieces of a run that is limited by iterations
-_STRETCH = 500  # positions between looks at the clock in a descent
+_CHUNKS = 400  # parts of a run that is limited by iterations
+_POSITIONS = 500  # positions between looks at the clock in a descent
 _LONGEST_SWAP = 50  # segments tried exhaustively; longer ones are left to annealing
 
 
 @dataclass(frozen=True, slots=True)
-class Cooling:
+class TemperatureSchedule:
     """Geometric cooling between two temperatures, in the unit of costs."""
 
-    hot_mm: float
-    cold_mm: float
+    first: float
+    last: float
 
     def at(self, share: float) -> float:
         """Return the temperature after `share` (0..1) of the run."""
-        return float(self.hot_mm * (self.cold_mm / self.hot_mm) ** min(max(share, 0.0), 1.0))
+        return float(self.first * (self.last / self.first) ** min(max(share, 0.0), 1.0))
 
 
 def tour_of(
@@ -39,15 +39,15 @@ def tour_of(
 ) -> Tour:
     """Return a mutable copy of the incumbent; moves stay within equal `group`."""
     problem, graph, n = incumbent.problem, incumbent.problem.graph, len(incumbent.problem)
-    metric, seams, spacing = problem.metric(), problem.seams, problem.spacing
+    metric, seams, timed_lags = problem.metric(), problem.seams, problem.timed_lags
     every = np.arange(n, dtype=np.int32)
     if seams is not None:
-        sit_all(points_of(metric), incumbent.seat)
+        use_entries(points_of(metric), incumbent.entry_id)
     position = np.empty(n, np.int32)
     position[incumbent.order] = every
     tour = Tour(
         metric,
-        problem.reversible.copy(),  # writable, as in pieces: kernels are compiled once
+        problem.reversible.copy(),  # writable, as in blocks: kernels are compiled once
         np.zeros(n, np.int32) if group is None else group,
         graph.pred_offsets,
         graph.preds,
@@ -57,21 +57,25 @@ def tour_of(
         np.zeros(n + 1, np.int64) if seams is None else seams.offsets,
         np.empty(0, np.int32) if seams is None else seams.owner,
         np.empty(0, np.int32) if seams is None else seams.rows,
-        incumbent.seat.copy(),
+        incumbent.entry_id.copy(),
         incumbent.order.copy(),
         position,
-        incumbent.flip.copy(),
+        incumbent.reversed.copy(),
         np.zeros(n),
         np.empty(n, np.int32),
         np.zeros(n, np.bool_),
-        no_pauses() if spacing is None else spacing.pauses(incumbent.order, every),
+        no_lag_state() if timed_lags is None else timed_lags.state(incumbent.order, every),
     )
     refresh(tour, 0, n)
     return tour
 
 
 def anneal_until(
-    incumbent: Incumbent, tour: Tour, state: NDArray[np.uint64], cooling: Cooling, until: float
+    incumbent: Incumbent,
+    tour: Tour,
+    state: NDArray[np.uint64],
+    schedule: TemperatureSchedule,
+    until: float,
 ) -> None:
     """Anneal the tour until the share `until` is spent or the search is over.
 
@@ -86,9 +90,9 @@ def anneal_until(
     while not incumbent.over and (spent := incumbent.spent) < until:
         share = (spent - began) / (until - began)
         before = incumbent.seconds
-        anneal(tour, state, cooling.at(share), chunk)
+        anneal(tour, state, schedule.at(share), chunk)
         incumbent.iterations += chunk
-        incumbent.offer(tour.order, tour.flip, tour.seat)
+        incumbent.offer(tour.order, tour.reversed, tour.entry_id)
         incumbent.tick()
         if limit is None:
             speed = chunk / max(incumbent.seconds - before, 1e-6)
@@ -103,9 +107,9 @@ def descend_fully(incumbent: Incumbent, tour: Tour) -> None:
     n, gain = len(tour.order), -1.0
     while gain < 0.0:
         gain = 0.0
-        for first in range(0, n, _STRETCH):
-            gain += descend(tour, first, min(first + _STRETCH, n), _LONGEST_SWAP)
-            incumbent.offer(tour.order, tour.flip, tour.seat)
-            incumbent.tick(min(_STRETCH, n - first))
+        for first in range(0, n, _POSITIONS):
+            gain += descend(tour, first, min(first + _POSITIONS, n), _LONGEST_SWAP)
+            incumbent.offer(tour.order, tour.reversed, tour.entry_id)
+            incumbent.tick(min(_POSITIONS, n - first))
             if incumbent.over:
                 return

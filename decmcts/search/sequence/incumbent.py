@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.seats import visits_cost
+from decmcts._kernels.sequence.entries import visits_cost
 from decmcts._kernels.sequence.tour import respects
 from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Progress, Stopping
@@ -48,12 +48,12 @@ class Incumbent:
         self.stopping = stopping
         self.metric = problem.metric()
         self.order: NDArray[np.int32] = np.arange(len(problem), dtype=np.int32)
-        self.flip: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
+        self.reversed: NDArray[np.uint8] = np.zeros(len(problem), np.uint8)
         seams = problem.seams
-        self.seat: NDArray[np.int32] = (
+        self.entry_id: NDArray[np.int32] = (
             np.full(len(problem), -1, np.int32) if seams is None else seams.sliced
         )
-        self.source_cost = visits_cost(self.metric, self.order, self.flip, self.seat)
+        self.source_cost = visits_cost(self.metric, self.order, self.reversed, self.entry_id)
         self.cost = self.source_cost
         self.iterations = 0
         self.notes: dict[str, float] = {}  # what a planner chose, by name
@@ -92,13 +92,13 @@ class Incumbent:
     def offer(
         self,
         order: NDArray[np.int32],
-        flip: NDArray[np.uint8],
-        seat: NDArray[np.int32] | None = None,
+        is_reversed: NDArray[np.uint8],
+        entry_id: NDArray[np.int32] | None = None,
     ) -> bool:
-        """Take the sequence if it is better; `flip` is by contour. Returns whether it was.
+        """Take the sequence if it is better; `is_reversed` is by contour. Returns whether it was.
 
-        `seat` is the option each contour is entered by, see `Seams`; None: as sliced. A
-        sequence that does not keep the problem's spacing is not taken: not all planners
+        `entry_id` is the entry each contour is entered by, see `Seams`; None: as sliced. A
+        sequence that does not keep the problem's time lags is not taken: not all planners
         know of time.
 
         Raises
@@ -107,21 +107,21 @@ class Incumbent:
             If a better sequence breaks the dependency graph: a fault of the planner.
         """
         seams = self.problem.seams
-        if seat is None:
-            seat = self.seat if seams is None else seams.sliced
-        cost = visits_cost(self.metric, order, flip, seat)
+        if entry_id is None:
+            entry_id = self.entry_id if seams is None else seams.sliced
+        cost = visits_cost(self.metric, order, is_reversed, entry_id)
         if cost >= self.cost:
             return False
         graph = self.problem.graph
         if not respects(order, graph.succ_offsets, graph.succs):
             raise RuntimeError("a planner offered a sequence that is no linear extension")
-        if self.problem.spacing is not None and not self.problem.spacing.keeps(order):
+        if self.problem.timed_lags is not None and not self.problem.timed_lags.keeps(order):
             return False
-        if (flip.astype(np.bool_) & ~self.problem.reversible).any():
-            raise RuntimeError("a planner turned a contour that may not turn")
-        if seams is not None and not _allowed(seat, seams):
+        if (is_reversed.astype(np.bool_) & ~self.problem.reversible).any():
+            raise RuntimeError("a planner reversed a contour that may not be reversed")
+        if seams is not None and not _allowed(entry_id, seams):
             raise RuntimeError("a planner entered a contour where it may not")
-        self.order, self.flip, self.seat = order.copy(), flip.copy(), seat.copy()
+        self.order, self.reversed, self.entry_id = order.copy(), is_reversed.copy(), entry_id.copy()
         self.cost = cost
         self._improved_at_s = self.seconds
         self._history.append((self._improved_at_s, self.iterations, cost))
@@ -159,8 +159,8 @@ class Incumbent:
             self.stopping, self._ended = usual, usual.ends(self.progress)
 
 
-def _allowed(seat: NDArray[np.int32], seams: Seams) -> bool:
-    """Say whether contours with a choice have an option of their own, and all others none."""
+def _allowed(entry_id: NDArray[np.int32], seams: Seams) -> bool:
+    """Say whether contours with a choice have an entry of their own, and all others none."""
     choice = np.diff(seams.offsets) > 1
-    within = (seat >= seams.offsets[:-1]) & (seat < seams.offsets[1:])
-    return bool(np.where(choice, within, seat == -1).all())
+    within = (entry_id >= seams.offsets[:-1]) & (entry_id < seams.offsets[1:])
+    return bool(np.where(choice, within, entry_id == -1).all())

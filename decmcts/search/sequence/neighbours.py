@@ -9,14 +9,14 @@ from scipy.spatial import cKDTree
 from decmcts._kernels.sequence.nearby import keep_possible
 from decmcts.search.sequence.problem import OrderProblem
 
-LAYER_STRETCH = 40.0  # heights count this much more: most contours far above or below must wait
+LAYER_SCALE = 40.0  # heights count this much more: most contours far above or below must wait
 
 
 def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDArray[np.int32]:
     """Return for each exit up to `width` entry ports near it, (2n + anchors, width), -1 padded.
 
-    Port 2c is the start of contour c and 2c + 1 its end; 2n + o is option o of a loop
-    that may be entered elsewhere. Of the options only the anchors are listed, and
+    Port 2c is the start of contour c and 2c + 1 its end; 2n + o is entry o of a loop
+    that may be entered elsewhere. Of the entries only the anchors are listed, and
     have rows (`Seams.rows`). The lists are drawn from the `pool` nearest; contours
     that precedence keeps from following are left out.
     """
@@ -25,16 +25,16 @@ def near_ports(problem: OrderProblem, *, width: int = 10, pool: int = 40) -> NDA
         return _cheap_successors(problem, width)
     if n == 0:
         return np.full((0, width), -1, np.int32)
-    stretch, seams = np.array([1.0, 1.0, LAYER_STRETCH]), problem.seams
-    exits = entries = problem.ports() * stretch
+    scale, seams = np.array([1.0, 1.0, LAYER_SCALE]), problem.seams
+    exits = entries = problem.ports() * scale
     usable = np.ones(2 * n, np.bool_)
     usable[1::2] = problem.reversible
     row_offsets, owner, anchors = np.zeros(n + 1, np.int64), np.empty(0, np.int32), np.arange(0)
     if seams is not None:
         row_offsets, owner, anchors = seams.row_offsets, seams.owner, seams.anchors
         usable &= np.repeat(np.diff(row_offsets) == 0, 2)
-        exits = np.concatenate([exits, seams.leave[anchors] * stretch])
-        entries = np.concatenate([entries, seams.enter * stretch])
+        exits = np.concatenate([exits, seams.leave[anchors] * scale])
+        entries = np.concatenate([entries, seams.enter * scale])
     ids = np.concatenate([np.flatnonzero(usable), 2 * n + anchors])
     k = min(pool, len(ids))
     _, index = cKDTree(entries[ids]).query(exits, k=np.arange(1, k + 1), workers=2)

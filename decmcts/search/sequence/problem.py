@@ -1,6 +1,6 @@
 """The problem a planner for one head solves, without anything it does not need.
 
-A planner knows endpoints, which contours may turn, layers and the dependency
+A planner knows endpoints, which contours may be reversed, layers and the dependency
 graph. How contours look in between, or how the source text looked, stays
 outside, so that a bare problem (endpoints and precedence) can be solved too.
 """
@@ -15,20 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.geometry.walls import Walls
+from decmcts._kernels.sequence.entries import choose_visits
 from decmcts._kernels.sequence.metric import Matrix, Metric, Timed, TimedBare, costliest, distance
-from decmcts._kernels.sequence.seats import choose_visits
 from decmcts._kernels.sequence.tour import longest_hop
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.seam import SeamPolicy, entry_points, exit_points, seam_entries
 from decmcts.print.walls import has_walls, no_walls
-from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.timed_lags import TimedLags
 
 Freedom = Literal["fixed", "reversible", "seam"]
 
 
-MOST_ANCHORS = 6  # options of one contour that have near lists of their own
+MOST_ANCHORS = 6  # entries of one contour that have near lists of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,24 +60,24 @@ class Pace:
 
 @dataclass(frozen=True)
 class Seams:
-    """Where contours may be entered: options of each, those of contour c in a row.
+    """Where contours may be entered: the entries of each, those of contour c in a row.
 
-    A contour with one option has no choice: its start and end are that option's.
+    A contour with one entry has no choice: its start and end are that entry's.
     """
 
-    offsets: NDArray[np.int64]  # (n + 1,) contour c owns options offsets[c]:offsets[c + 1], >= 1
+    offsets: NDArray[np.int64]  # (n + 1,) contour c owns entries offsets[c]:offsets[c + 1], >= 1
     enter: NDArray[np.float64]  # (m, 3)
     leave: NDArray[np.float64]  # (m, 3)
     vertices: NDArray[np.int32]  # (m,) numbers of points within the contour
 
     @cached_property
     def owner(self) -> NDArray[np.int32]:
-        """Contour of each option, (m,)."""
+        """Contour of each entry, (m,)."""
         return np.repeat(np.arange(len(self.offsets) - 1, dtype=np.int32), np.diff(self.offsets))
 
     @property
     def sliced(self) -> NDArray[np.int32]:
-        """First option of contours with a choice, the slicer's own if allowed; else -1, (n,)."""
+        """First entry of contours with a choice, the slicer's own if allowed; else -1, (n,)."""
         first = self.offsets[:-1].astype(np.int32)
         return np.where(np.diff(self.offsets) > 1, first, -1).astype(np.int32)
 
@@ -90,7 +90,7 @@ class Seams:
 
     @cached_property
     def anchors(self) -> NDArray[np.int64]:
-        """Option in the middle of each run that shares a row of the near lists."""
+        """Entry in the middle of each run that shares a row of the near lists."""
         chosen = np.flatnonzero(np.diff(self.offsets)[self.owner] > 1)
         begins = np.flatnonzero(np.diff(self.rows[chosen], prepend=-1))
         ends = np.append(begins[1:], len(chosen))
@@ -98,7 +98,7 @@ class Seams:
 
     @cached_property
     def rows(self) -> NDArray[np.int32]:
-        """Row of the near lists for each option; of no meaning without choice, (m,)."""
+        """Row of the near lists for each entry; of no meaning without choice, (m,)."""
         counts, owner = np.diff(self.offsets)[self.owner], self.owner
         place = np.arange(len(owner)) - self.offsets[owner]
         kept = np.diff(self.row_offsets)[owner]
@@ -108,7 +108,7 @@ class Seams:
 
 @dataclass(frozen=True, slots=True)
 class OrderProblem:
-    """Order `n` contours, and choose the direction of those that may turn.
+    """Order `n` contours, and choose the direction of those that may be reversed.
 
     Contours are numbered in source order, which is a linear extension of
     `graph`: the source is always a solution.
@@ -116,13 +116,13 @@ class OrderProblem:
 
     start: NDArray[np.float64]  # (n, 3) first point as sliced, mm
     end: NDArray[np.float64]  # (n, 3) last point as sliced, mm
-    reversible: NDArray[np.bool_]  # (n,) may be printed backwards
+    reversible: NDArray[np.bool_]  # (n,) may be reversed
     layer: NDArray[np.int32]  # (n,) layer index of the source
     graph: DependencyGraph
     pace: Pace | None = None  # travels cost seconds instead of mm
     costs: NDArray[np.float64] | None = None  # (n, n) bare costs instead of both
     seams: Seams | None = None  # where loops may be entered; None: as sliced
-    spacing: Spacing | None = None  # time between contours that lie on each other; None: any
+    timed_lags: TimedLags | None = None  # time between contours that lie on each other; None: any
 
     def __post_init__(self) -> None:
         n = self.graph.n
@@ -136,11 +136,13 @@ class OrderProblem:
             raise ValueError("an endpoint is not finite")
         if self.costs is not None:
             if self.costs.shape != (n, n) or self.reversible.any():
-                raise ValueError("bare costs need an (n, n) matrix and contours that never turn")
+                raise ValueError(
+                    "bare costs need an (n, n) matrix and contours that are never reversed"
+                )
             if np.isnan(self.costs).any():
                 raise ValueError("a cost is not a number")
-        if self.spacing is not None and len(self.spacing.seconds) != n:
-            raise ValueError(f"times of {len(self.spacing.seconds)} contours, expected {n}")
+        if self.timed_lags is not None and len(self.timed_lags.seconds) != n:
+            raise ValueError(f"times of {len(self.timed_lags.seconds)} contours, expected {n}")
 
     def __len__(self) -> int:
         return self.graph.n
@@ -157,8 +159,8 @@ class OrderProblem:
         Parameters
         ----------
         freedom : {"fixed", "reversible", "seam"}
-            With "fixed" nothing turns. With "reversible" the open contours that
-            the reader marked reversible may; turning a closed contour changes
+            With "fixed" nothing is reversed. With "reversible" the open contours that
+            the reader marked reversible may be; reversing a closed contour changes
             no travel, so closed contours keep the slicer's direction. With "seam"
             closed contours may also be entered elsewhere.
         seam : SeamPolicy
@@ -174,17 +176,17 @@ class OrderProblem:
             raise ValueError(f"freedom is {freedom!r}, expected one of {get_args(Freedom)}")
         if graph.n != len(contours):
             raise ValueError(f"the graph has {graph.n} contours, the job {len(contours)}")
-        turns = contours.reversible & ~contours.closed & (freedom != "fixed")
+        reversible = contours.reversible & ~contours.closed & (freedom != "fixed")
         start, end, seams = contours.start, contours.end, None
         if freedom == "seam":
             seams = _seams(contours, seam)
-            turns &= np.diff(seams.offsets) == 1
+            reversible &= np.diff(seams.offsets) == 1
             first = seams.offsets[:-1]
             start, end = seams.enter[first], seams.leave[first]
         return OrderProblem(
             np.ascontiguousarray(start, np.float64),
             np.ascontiguousarray(end, np.float64),
-            np.ascontiguousarray(turns, np.bool_),
+            np.ascontiguousarray(reversible, np.bool_),
             np.ascontiguousarray(contours.layer, np.int32),
             graph,
             seams=seams,
@@ -201,8 +203,8 @@ class OrderProblem:
             return Matrix(np.ascontiguousarray(self.costs, np.float64))
         points = self.ports()
         if self.seams is not None:
-            options = np.stack([self.seams.enter, self.seams.leave], axis=1).reshape(-1, 3)
-            points = np.concatenate([points, options])
+            entries = np.stack([self.seams.enter, self.seams.leave], axis=1).reshape(-1, 3)
+            points = np.concatenate([points, entries])
         return points if self.pace is None else _timed(points, self.pace)
 
     def visits_for(
@@ -213,8 +215,8 @@ class OrderProblem:
         `metric` is the problem's own, whatever its ports have been changed to.
         """
         offsets = np.zeros(len(self) + 1, np.int64) if self.seams is None else self.seams.offsets
-        flip, seat = choose_visits(metric, order, self.reversible, offsets)
-        return flip, seat
+        is_reversed, entry_id = choose_visits(metric, order, self.reversible, offsets)
+        return is_reversed, entry_id
 
     def longest_hop(self) -> float:
         """Return the cost of the longest travel there can be."""

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
-from decmcts.search.sequence.annealing import Cooling as TemperatureSchedule
+from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sop.found import offer
 
 _HOT = 1.0  # first temperature, in scales; of the last annealing twice that
 _COLD = 0.05  # last temperature, in scales
-_COLDER = 0.01  # of every second annealing of the lane with long ones
+_COLDER = 0.01  # of every second annealing of the thread with long ones
 _TEMPERATURES = 100  # of an annealing
 _SHORTEST = (2_000, 64_000)  # proposals a node: many short annealings on one thread, few long
 _FIRST = 4_000  # of the first: soon over, and then the pace is known
@@ -31,7 +31,7 @@ _NEAR = 8  # by cost, and as many by reduced cost
 
 
 @dataclass(slots=True)
-class AnnealLane:
+class AnnealThread:
     """Annealing after annealing; each goes on from where the one before ended.
 
     They are once, twice, four and eight times as long as the shortest, and each length

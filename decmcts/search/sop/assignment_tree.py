@@ -1,7 +1,7 @@
 """Branch and bound over assignments: exact where the assignment is nearly a sequence.
 
 An assignment of successors may fall apart into circles, or break precedence along
-a stretch. Not all steps of such a circle or stretch can be kept: each branch
+a run. Not all steps of such a circle or run can be kept: each branch
 forbids one of them and keeps those before it. Best bound first. Strong where
 precedence is sparse and costs are unlike distances; hopeless elsewhere.
 
@@ -115,7 +115,7 @@ class AssignmentTree:
         return [(a, int(after[a])) for a in nodes]
 
     def _broken(self, after: NDArray[np.int64]) -> list[int]:
-        """Return what a shortest stretch of the first node's path that breaks order leaves."""
+        """Return what a shortest run of the first node's path that breaks order leaves."""
         path = [0]
         while path[-1] != len(after) - 1:
             path.append(int(after[path[-1]]))

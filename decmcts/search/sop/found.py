@@ -12,5 +12,5 @@ FOUND_BY = ("start", "beam", "annealing", "assignments")
 
 def offer(incumbent: Incumbent, order: NDArray[np.int32], name: str) -> None:
     """Offer a sequence and note who found it."""
-    if incumbent.offer(order, incumbent.flip):
+    if incumbent.offer(order, incumbent.reversed):
         incumbent.notes["found_by"] = FOUND_BY.index(name)

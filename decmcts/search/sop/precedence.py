@@ -36,7 +36,7 @@ class Precedence:
         return np.argwhere(self.direct).astype(np.int32)
 
     def reversed(self) -> Precedence:
-        """Return the precedence of the sequences read backwards."""
+        """Return the precedence of the sequences reversed."""
         return Precedence(
             self.original[::-1],
             np.ascontiguousarray(self.before.T[::-1, ::-1]),

@@ -29,8 +29,8 @@ from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.sop.assignment import Assignment, assign, patched
 from decmcts.search.sop.found import FOUND_BY
-from decmcts.search.sop.lanes import Race
 from decmcts.search.sop.precedence import Precedence
+from decmcts.search.sop.threads import TwoThreads
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,10 +191,10 @@ def _search(
     costs = incumbent.problem.costs
     assert costs is not None
     wish = patched(costs, precedence.possible, assignment.following)
-    incumbent.offer(precedence.repaired(wish), incumbent.flip)
+    incumbent.offer(precedence.repaired(wish), incumbent.reversed)
     incumbent.tick()
     if len(costs) <= 3 or incumbent.over:
         return incumbent.cost if len(costs) <= 3 else assignment.bound
     whole = bool((costs == np.rint(costs)).all())
     least_gain = 0.5 if whole else 1e-9 * (1.0 + float(costs.max()))
-    return Race(incumbent, precedence, assignment, seed, least_gain).run()
+    return TwoThreads(incumbent, precedence, assignment, seed, least_gain).run()

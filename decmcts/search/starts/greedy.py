@@ -26,8 +26,8 @@ class Greedy:
         """Offer one sequence a buffer height, the unlimited one first."""
         heights = np.maximum(incumbent.problem.start[:, 2], incumbent.problem.end[:, 2])
         for buffer, slab in buffers(heights):
-            order, flip = nearest_feasible(incumbent, heights, buffer=buffer, slab=slab)
-            incumbent.offer(order, flip)
+            order, is_reversed = nearest_feasible(incumbent, heights, buffer=buffer, slab=slab)
+            incumbent.offer(order, is_reversed)
             incumbent.offer_order(order)
             incumbent.tick(1)
             if incumbent.over:
@@ -56,7 +56,7 @@ def buffers(heights: NDArray[np.float64]) -> Iterator[tuple[float, float]]:
 def nearest_feasible(
     incumbent: Incumbent, key: NDArray[np.float64], *, buffer: float, slab: float = 0.0
 ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-    """Return order and flips of the nearest-feasible rule, see `greedy_order`."""
+    """Return order and directions of the nearest-feasible rule, see `greedy_order`."""
     problem, graph = incumbent.problem, incumbent.problem.graph
     return greedy_order(
         incumbent.metric,

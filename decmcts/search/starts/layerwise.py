@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts.search.sequence.annealing import Cooling, anneal_until, descend_fully, tour_of
+from decmcts.search.sequence.annealing import (
+    TemperatureSchedule,
+    anneal_until,
+    descend_fully,
+    tour_of,
+)
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.starts.greedy import nearest_feasible
@@ -37,8 +42,8 @@ class Layerwise:
             return
         tour = tour_of(incumbent, near_ports(incumbent.problem), group)
         mean = incumbent.cost / len(incumbent.problem)
-        cooling = Cooling(self.hot * mean, self.cold * mean)
-        anneal_until(incumbent, tour, seeded(seed), cooling, 0.97)
+        schedule = TemperatureSchedule(self.hot * mean, self.cold * mean)
+        anneal_until(incumbent, tour, seeded(seed), schedule, 0.97)
         if incumbent.over:
             return
         descend_fully(incumbent, tour)
@@ -48,7 +53,7 @@ class Layerwise:
 def nearest_in_layers(
     incumbent: Incumbent, group: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-    """Return order and flips of the nearest-feasible rule, group after group."""
+    """Return order and directions of the nearest-feasible rule, group after group."""
     return nearest_feasible(incumbent, group.astype(np.float64), buffer=0.0)
 
 

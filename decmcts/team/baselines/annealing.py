@@ -41,21 +41,21 @@ class Order:
 
     contour: Ids  # (n,) in the order of their turns
     head: Ids  # (n,) by contour
-    backwards: NDArray[np.bool_]  # (n,) by contour
+    reversed: NDArray[np.bool_]  # (n,) by contour
 
     def toolpaths(self, heads: int) -> list[Toolpath]:
         """Return one toolpath a head."""
         order = self.contour.astype(np.int32)
-        return StatedOrder(order, self.backwards[order], self.head[order]).toolpaths(heads)
+        return StatedOrder(order, self.reversed[order], self.head[order]).toolpaths(heads)
 
 
 def order_of(units: Units) -> Order:
     """Return the joint order in which units were put."""
     stated = stated_of(units)
     n = len(stated.order)
-    head, backwards = np.empty(n, np.int64), np.empty(n, np.bool_)
-    head[stated.order], backwards[stated.order] = stated.head, stated.backwards
-    return Order(stated.order.astype(np.int64), head, backwards)
+    head, is_reversed = np.empty(n, np.int64), np.empty(n, np.bool_)
+    head[stated.order], is_reversed[stated.order] = stated.head, stated.reversed
+    return Order(stated.order.astype(np.int64), head, is_reversed)
 
 
 def window(run: Ids, place: Ids, graph: DependencyGraph) -> tuple[int, int]:
@@ -83,7 +83,7 @@ class Moves:
         run = self._run(now)
         kind = rng.random()
         head = now.head if kind < 0.4 else self._given(run, now.head)
-        contour = now.contour if kind > 0.7 else self._turned(run, now.contour)
+        contour = now.contour if kind > 0.7 else self._moved_in_turn(run, now.contour)
         return Order(contour, head, self._entered(run, now, contour, head))
 
     def _run(self, now: Order) -> Ids:
@@ -110,7 +110,7 @@ class Moves:
         given[run[eligible[run, r]]] = r
         return given
 
-    def _turned(self, run: Ids, contour: Ids) -> Ids:
+    def _moved_in_turn(self, run: Ids, contour: Ids) -> Ids:
         """Move a run to a turn near its own, within what precedence allows."""
         place = np.empty(len(contour), np.int64)
         place[contour] = np.arange(len(contour))
@@ -127,17 +127,17 @@ class Moves:
     def _entered(self, run: Ids, now: Order, contour: Ids, head: Ids) -> NDArray[np.bool_]:
         """Enter every contour of a run at the end nearer to where its head comes from."""
         visits = self._problem.visits
-        backwards = now.backwards.copy()
+        is_reversed = now.reversed.copy()
         mine = contour[head[contour] == head[run[0]]]
         at = {int(c): k for k, c in enumerate(mine)}
         for c in run:
             k = at.get(int(c), 0)
             if k and visits.reversible[c]:
                 before = mine[k - 1]
-                here = visits.ends[before, 0 if backwards[before] else 1]
+                here = visits.ends[before, 0 if is_reversed[before] else 1]
                 ways = np.linalg.norm(visits.ends[c] - here, axis=1)
-                backwards[c] = bool(ways[1] < ways[0])
-        return backwards
+                is_reversed[c] = bool(ways[1] < ways[0])
+        return is_reversed
 
 
 def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:

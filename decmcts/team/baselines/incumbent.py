@@ -101,4 +101,4 @@ def stated_of(units: Units) -> StatedOrder:
     used = int(units.used[0])
     row = np.flatnonzero(units.contour[:used] >= 0)
     head = units.head[row].astype(np.int64)
-    return StatedOrder(units.contour[row].astype(np.int32), units.backwards[row], head)
+    return StatedOrder(units.contour[row].astype(np.int32), units.reversed[row], head)

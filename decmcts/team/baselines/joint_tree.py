@@ -38,7 +38,7 @@ class Node:
     total: float = 0.0  # of rewards
 
 
-class Sharing:
+class Handout:
     """Macro-actions given to heads one after the other."""
 
     def __init__(self, problem: TeamProblem, rng: np.random.Generator) -> None:
@@ -84,12 +84,12 @@ class Sharing:
         self._given += 1
 
 
-def carried_out(problem: TeamProblem, policy: int, sharing: Sharing) -> Units:
+def carried_out(problem: TeamProblem, policy: int, handout: Handout) -> Units:
     """Dispatch everything; what no single head may do as a whole goes to any that may."""
     heads = len(problem.machine.heads)
-    owner = sharing.owner[problem.macro]
+    owner = handout.owner[problem.macro]
     mine = (owner[:, None] == np.arange(heads)[None]) | (owner < 0)[:, None]
-    place = sharing.rank / max(len(sharing.rank), 1)
+    place = handout.rank / max(len(handout.rank), 1)
     keys = np.repeat((place[problem.macro] + 1e-3 * problem.progress)[None], heads, axis=0)
     weights = np.repeat(POLICIES[policy][None], heads, axis=0)
     return dispatched(problem, weights, keys=keys, eligible=mine & problem.space.eligible)
@@ -105,31 +105,31 @@ class JointTree:
 
     def sample(self, best: Incumbent) -> None:
         """Descend, add one node, roll out and back up."""
-        sharing = Sharing(self._problem, self._rng)
+        handout = Handout(self._problem, self._rng)
         path, policy = [self._root], -1
         while True:
             node = path[-1]
-            if policy >= 0 and sharing.over:
+            if policy >= 0 and handout.over:
                 break
             widened = len(node.children) ** 2 <= node.visits
-            action = self._new_action(node, policy, sharing) if widened else self._chosen(node)
+            action = self._new_action(node, policy, handout) if widened else self._chosen(node)
             added = action not in node.children
             path.append(node.children.setdefault(action, Node()))
             if policy < 0:
                 policy = action
             else:
-                sharing.give(action)
+                handout.give(action)
             if added:
                 break
-        while not sharing.over:
-            sharing.give(sharing.by_chance())
-        makespan = best.offer(carried_out(self._problem, policy, sharing))
+        while not handout.over:
+            handout.give(handout.by_chance())
+        makespan = best.offer(carried_out(self._problem, policy, handout))
         self._back_up(path, makespan)
 
-    def _new_action(self, node: Node, policy: int, sharing: Sharing) -> int:
+    def _new_action(self, node: Node, policy: int, handout: Handout) -> int:
         if policy < 0:
             return min(len(node.children), len(POLICIES) - 1)
-        return sharing.by_chance()
+        return handout.by_chance()
 
     def _chosen(self, node: Node) -> int:
         """Return the action of largest upper confidence bound."""

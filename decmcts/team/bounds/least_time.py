@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import turned
+from decmcts.print.loops import rotated
 from decmcts.print.machine import Machine
 from decmcts.print.motion import segment_times
 from decmcts.print.seam import SeamEntries
@@ -54,7 +54,7 @@ def least_times(
     limits = [machine.limits_of(head) for head in machine.heads]
     kinds = {own: [k for k, other in enumerate(limits) if other == own] for own in limits}
     for entry in choices(entries, len(contours)):
-        run, offsets = turned(contours, entry)
+        run, offsets = rotated(contours, entry)
         running = replace(
             contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
         )

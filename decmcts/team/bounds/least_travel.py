@@ -165,9 +165,10 @@ def ends_of(contours: Contours, entries: SeamEntries | None) -> tuple[Ends, Ends
     """Return where contours may be left, and where they may be entered."""
     n = len(contours)
     every = np.arange(n)
-    turns = np.flatnonzero(contours.reversible)
-    outs, ins = [contours.end, contours.start[turns]], [contours.start, contours.end[turns]]
-    owner = [every, turns]
+    reversible = np.flatnonzero(contours.reversible)
+    outs = [contours.end, contours.start[reversible]]
+    ins = [contours.start, contours.end[reversible]]
+    owner = [every, reversible]
     if entries is not None:
         moved = entries.vertices > 0
         both = [found(contours, entries)[moved] for found in (entry_points, exit_points)]

@@ -35,7 +35,7 @@ from decmcts._kernels.geometry.pieces import cut_pieces
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import turned
+from decmcts.print.loops import rotated
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries
 from decmcts.team.bounds.least_time import choices, least_times
@@ -178,7 +178,7 @@ def _with_travels(
     """
     way = np.unique(held.way)
     contour, back = way // 2, way % 2 == 1
-    turns = np.isin(contour, contour[back])  # others may be left, or entered, at any of their ends
+    reversible = np.isin(contour, contour[back])  # others are left, or entered, at any end
     first, last = contours.start[contour, axis], contours.end[contour, axis]
     outs, ins = ends_of(contours, entries)
     low, high, seconds = [held.low], [held.high], [held.seconds]
@@ -190,8 +190,8 @@ def _with_travels(
         np.minimum.at(least, ends.contour, ends.points[:, axis])
         np.maximum.at(most, ends.contour, ends.points[:, axis])
         reach = shares.pace.reach(share)[contour]
-        low.append(np.where(turns, own, most[contour]) + reach)
-        high.append(np.where(turns, own, least[contour]) - reach)
+        low.append(np.where(reversible, own, most[contour]) + reach)
+        high.append(np.where(reversible, own, least[contour]) - reach)
         seconds.append(share[contour])
     travels = np.arange(len(held.way) + 2 * len(way)) >= len(held.way)
     ways = np.concatenate([held.way, way, way])
@@ -201,13 +201,13 @@ def _with_travels(
 def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
     """Return what room along an axis each piece of each contour holds, and for how long.
 
-    Pieces are those that `decmcts.team.engine.order` makes, of contours it may turn.
+    Pieces are those that `decmcts.team.engine.order` makes, of contours it may reverse.
     """
     contours = job.contours
-    turns = contours.reversible & ~contours.closed
+    reversible = contours.reversible & ~contours.closed
     most = MOST_PIECES if machine.release == "point" else 1
-    turns &= most > 1  # whole contours hold the same either way
-    pieces = cut_pieces(contours.points, contours.offsets, turns, PIECE_MM, most)
+    reversible &= most > 1  # whole contours hold the same either way
+    pieces = cut_pieces(contours.points, contours.offsets, reversible, PIECE_MM, most)
     way = np.repeat(np.arange(2 * len(contours)), np.diff(pieces.offsets))
     contour, back = way // 2, way % 2 == 1
     first, last = contours.offsets[contour], contours.offsets[contour + 1] - 1
@@ -252,7 +252,7 @@ def _whole_from_any(held: Held, contours: Contours, axis: int, entries: SeamEntr
     """
     low, high = held.low.copy(), held.high.copy()
     for entry in choices(entries, len(contours)):
-        run, offsets = turned(contours, entry)
+        run, offsets = rotated(contours, entry)
         at = run.points[:, axis]
         np.maximum(low, np.minimum.reduceat(at, offsets[:-1]), out=low)
         np.minimum(high, np.maximum.reduceat(at, offsets[:-1]), out=high)

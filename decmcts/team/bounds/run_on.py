@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from decmcts._kernels.geometry.loops import Turned
+from decmcts._kernels.geometry.loops import Rotated
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import turned
+from decmcts.print.loops import rotated
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import Program, limit_rows
 from decmcts.print.seam import SeamEntries, entry_points, exit_points
@@ -65,7 +65,7 @@ def _seconds(
     A straight run-up of the same kind stands before its first move, or behind its last: each
     contour has a point more at either side, where the first or last is, or far beyond.
     """
-    run, offsets = turned(job.contours, entry)
+    run, offsets = rotated(job.contours, entry)
     said = np.full(len(run.points), np.nan)
     if job.acceleration is not None:
         said = job.acceleration[run.rows]
@@ -95,7 +95,7 @@ def _seconds(
 
 
 def _run_ups(
-    run: Turned, offsets: NDArray[np.int64]
+    run: Rotated, offsets: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Floats]]:
     """Yield contours, their first moves, and how often these fit a run-up; then the last moves."""
     length = np.linalg.norm(np.diff(run.points, axis=0, prepend=run.points[:1]), axis=1)

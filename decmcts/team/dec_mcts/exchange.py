@@ -11,7 +11,7 @@ from decmcts.team.engine.plans import HUNDREDTHS, POLICIES, decode, encode
 from decmcts.team.engine.policy_space import beside
 from decmcts.team.engine.problem import TeamProblem
 
-STRETCH = 0.3  # of a part's progress, standard deviation of a change of a shift
+SHIFT_SPREAD = 0.3  # of a part's progress, standard deviation of a change of a shift
 FEW = 5  # macro-actions shifted by themselves, at most
 
 Plan = NDArray[np.int32]
@@ -54,7 +54,7 @@ def _moved(
         chosen = beside(row[min(row)], rng, policies)
         row = dict.fromkeys(row, chosen)
     elif move < 0.6:
-        later[_stretch(problem, rng)] = _hundredths(rng, 1)
+        later[_macros_of_one_part(problem, rng)] = _hundredths(rng, 1)
     else:
         some = rng.choice(problem.n_macros, min(problem.n_macros, int(rng.integers(1, FEW + 1))))
         later[some] = _hundredths(rng, len(some))
@@ -65,12 +65,12 @@ def _moved(
 
 def _hundredths(rng: np.random.Generator, count: int) -> NDArray[np.int32]:
     """Return random shifts, none of them 0."""
-    drawn = np.rint(HUNDREDTHS * rng.normal(0.0, STRETCH, count)).astype(np.int32)
+    drawn = np.rint(HUNDREDTHS * rng.normal(0.0, SHIFT_SPREAD, count)).astype(np.int32)
     return np.where(drawn == 0, 1, drawn)
 
 
-def _stretch(problem: TeamProblem, rng: np.random.Generator) -> Ints:
-    """Return the macro-actions of a random stretch of one part."""
+def _macros_of_one_part(problem: TeamProblem, rng: np.random.Generator) -> Ints:
+    """Return the macro-actions of a random window of one part."""
     part = problem.macro_part
     mine = np.flatnonzero(part == part[int(rng.integers(len(part)))])
     first = int(rng.integers(len(mine)))

@@ -33,8 +33,8 @@ from decmcts.team.dec_mcts.distribution import PlanDistribution
 from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
 from decmcts.team.dec_mcts.max_plus import PairValues
 from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.dec_mcts.polish import FEW, Polish
-from decmcts.team.dec_mcts.race import Race
 from decmcts.team.dec_mcts.tree import ROOT, Boltzmann, Tree
 from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
 from decmcts.team.engine.problem import TeamProblem
@@ -82,7 +82,7 @@ class DecMcts:
         self._rng = np.random.default_rng([seed, head])
         self._others: dict[int, PlanDistribution] = {}
         self._values = JointValues(problem)
-        self._races: dict[Team, Race] = {}
+        self._trials: dict[Team, PolicyTrials] = {}
         self._pairs: dict[Team, PairValues] = {}
         self._line: _Line | None = None
         self._lines = self._alone = 0  # joint orders polished, rounds without another head
@@ -176,25 +176,25 @@ class DecMcts:
 
     def _try_policies(self, team: Team) -> bool:
         """Try some policies for all heads at once; False when this head has tried all its own."""
-        if team not in self._races:
+        if team not in self._trials:
             eligible = room_of(self.problem, team)[1]
             require_printable(self.problem.job.contours, self.problem.machine, eligible, live=team)
             p = self.parameters
             turn = team.index(self.head)
-            self._races[team] = Race(turn, len(team), policies=p.policies, tries=p.tries)
-        race = self._races[team]
-        if race.next() is None:
+            self._trials[team] = PolicyTrials(turn, len(team), policies=p.policies, tries=p.tries)
+        trials = self._trials[team]
+        if trials.next() is None:
             return False
         # the first round is short: by the longest so far peers judge how long we may be silent
-        work = AT_ONCE if race.makespans else AT_ONCE // 8
+        work = AT_ONCE if trials.makespans else AT_ONCE // 8
         for _ in range(max(1, work // max(1, len(self.problem.macro)))):
-            policy = race.next()
+            policy = trials.next()
             if policy is None:
                 break
             plans = {r: self._by_policy(r, policy) for r in team}
-            race.note(policy, self._values.makespan(plans, team))
-        if race.next() is None and self.parameters.share:
-            best = [self._by_policy(self.head, k) for k in race.best(self.parameters.plans)]
+            trials.note(policy, self._values.makespan(plans, team))
+        if trials.next() is None and self.parameters.share:
+            best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
             self._own.renew(self._with_start(best, team))
         return True
 
@@ -268,7 +268,7 @@ class DecMcts:
     def _child_plan(self, node: int, team: Team) -> Plan:
         """Return the plan of the next child: the best policies at the root, then exchanges."""
         children = self._tree.children(node)
-        best = self._races[team].best(ROOT_POLICIES)
+        best = self._trials[team].best(ROOT_POLICIES)
         if node == ROOT and children < len(best):
             return self._by_policy(self.head, best[children])
         return self._exchange(self._tree.plans[node])

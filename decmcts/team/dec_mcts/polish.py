@@ -1,7 +1,7 @@
 """Refines one joint order by local search, and joins what two heads made of the same one.
 
 Front of `decmcts._kernels.refine.recreate`, `.polish` and `.join`. A head improves the best joint
-order it knows and tells it to the team. Of an order it is told it takes the pieces that are better
+order it knows and tells it to the team. Of an order it is told it takes the windows that are better
 than its own (partition crossover, Whitley, Hains & Howe 2009). So heads improve different places
 at once.
 """
@@ -114,12 +114,12 @@ class Polish:
         self._keep()
 
     def take(self, other: StatedOrder) -> None:
-        """Take from another joint order the stretches in which it is better."""
+        """Take from another joint order the windows in which it is better."""
         if not np.isfinite(self.makespan_s) or not len(self._joint.order):
             return
         self.makespan_s = join(
             self.makespan_s, _differences(self._stated(), other), other.order.astype(np.int64),
-            other.head.astype(np.int64), np.ascontiguousarray(other.backwards),
+            other.head.astype(np.int64), np.ascontiguousarray(other.reversed),
             self._joint, self._problem.visits, self._fleet, self._units, self._heads, self._marks,
         )  # fmt: skip
         self._keep()
@@ -127,7 +127,7 @@ class Polish:
     def _stated(self) -> StatedOrder:
         order = self._joint.order
         return StatedOrder(
-            order.astype(np.int32), self._joint.backwards[order], self._joint.head[order]
+            order.astype(np.int32), self._joint.reversed[order], self._joint.head[order]
         )
 
     def _keep(self) -> None:
@@ -141,10 +141,10 @@ class Polish:
 
 def _joint_of(stated: StatedOrder, heads: int) -> JointOrder:
     n = len(stated.order)
-    head, backwards = np.empty(n, np.int64), np.empty(n, np.bool_)
-    head[stated.order], backwards[stated.order] = stated.head, stated.backwards
+    head, is_reversed = np.empty(n, np.int64), np.empty(n, np.bool_)
+    head[stated.order], is_reversed[stated.order] = stated.head, stated.reversed
     made = JointOrder(
-        stated.order.astype(np.int64), np.empty(n, np.int64), head, backwards,
+        stated.order.astype(np.int64), np.empty(n, np.int64), head, is_reversed,
         np.empty(n, np.int64), np.empty(n, np.int64),
     )  # fmt: skip
     link(made, heads)
@@ -189,7 +189,7 @@ def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
 
 
 def _differences(mine: StatedOrder, other: StatedOrder) -> NDArray[np.int64]:
-    """Return first turn and end of all stretches of the same contours that differ, (k, 2)."""
+    """Return first turn and end of all windows of the same contours that differ, (k, 2)."""
     n = len(mine.order)
     turn = np.empty(n, np.int64)
     turn[other.order] = np.arange(n)
@@ -197,6 +197,6 @@ def _differences(mine: StatedOrder, other: StatedOrder) -> NDArray[np.int64]:
     ends = np.flatnonzero(cut) + 1
     begins = np.concatenate([[0], ends[:-1]]).astype(np.int64)
     differs = (mine.order != other.order) | (mine.head != other.head)
-    differs |= mine.backwards != other.backwards
+    differs |= mine.reversed != other.reversed
     unlike = np.add.reduceat(differs, begins) > 0
     return np.ascontiguousarray(np.stack([begins, ends], axis=1)[unlike])

@@ -46,7 +46,7 @@ def plan_team(
         for agent in team:
             if rounds and spent() >= 1.0:
                 break  # a round of many heads takes long
-            best = take_turn(agent, team, spent(), best)
+            best = plan_once(agent, team, spent(), best)
         rounds += 1
         assert best is not None
         if progress is not None:
@@ -55,7 +55,7 @@ def plan_team(
             return best
 
 
-def take_turn(
+def plan_once(
     agent: DecMcts, team: Sequence[DecMcts], spent: float, best: Proposal | None
 ) -> Proposal:
     """Let one head hear the best joint plan, plan a round and tell the others.

@@ -40,8 +40,8 @@ def split(toolpath: Toolpath, eligible: NDArray[np.bool_], live: Sequence[int]) 
     parts = []
     for r in range(eligible.shape[1]):
         at = np.flatnonzero(head == r)
-        order, backwards, entry = toolpath.order[at], toolpath.reversed[at], toolpath.entry[at]
-        parts.append(Toolpath(order, backwards, entry, at))
+        order, is_reversed, entry = toolpath.order[at], toolpath.reversed[at], toolpath.entry[at]
+        parts.append(Toolpath(order, is_reversed, entry, at))
     return parts
 
 

@@ -107,12 +107,12 @@ def require_complete(
 def sequences_of(toolpaths: Sequence[Toolpath]) -> Sequences:
     """Return the toolpaths as the kernels take them; turns are used if all of them have some."""
     order = np.concatenate([toolpath.order for toolpath in toolpaths]).astype(np.int32)
-    backwards = np.concatenate([toolpath.reversed for toolpath in toolpaths]).astype(np.bool_)
+    is_reversed = np.concatenate([toolpath.reversed for toolpath in toolpaths]).astype(np.bool_)
     offsets = np.cumsum([0, *(len(toolpath) for toolpath in toolpaths)]).astype(np.int64)
     turns = [toolpath.turn for toolpath in toolpaths if toolpath.turn is not None]
     if len(turns) < len(toolpaths):
         turns = []
-    return Sequences(order, backwards, offsets, np.concatenate([*turns, np.empty(0, np.int64)]))
+    return Sequences(order, is_reversed, offsets, np.concatenate([*turns, np.empty(0, np.int64)]))
 
 
 def refuse(verdict: int, machine: Machine) -> None:
@@ -158,12 +158,12 @@ def order_of_job(
     running: Contours, toolpaths: Sequence[Toolpath], lags: Lags,
 ) -> UnitOrder:  # fmt: skip
     """Return the partial order of a print whose contours run as `running` says."""
-    turned = np.zeros(len(job.contours), np.bool_)
+    is_reversed = np.zeros(len(job.contours), np.bool_)
     for toolpath in toolpaths:
-        turned[toolpath.order] = toolpath.reversed
+        is_reversed[toolpath.order] = toolpath.reversed
     seconds = printing_times(job, machine)
     in_pieces = len(machine.heads) > 1 and machine.release == "point"
-    visits = visits_of(running, graph, seconds, turned, in_pieces=in_pieces, lags=lags)
+    visits = visits_of(running, graph, seconds, is_reversed, in_pieces=in_pieces, lags=lags)
     return order_units(visits, fleet, machine, toolpaths)
 
 

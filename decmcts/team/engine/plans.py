@@ -8,9 +8,9 @@ A plan is a flat int32 sequence, so that it travels in a message as it is:
   those with the least progress + shift first (random keys, Bean 1994, ORSA Journal on
   Computing 6(2));
 - or a serial plan: the symbol `n_macros + len(POLICIES)`, then 2·contour +
-  backwards for every contour: everything in this order, one head at a time;
+  reversed for every contour: everything in this order, one head at a time;
 - or a stated order: the symbol `n_macros + len(POLICIES) + 1`, the number of heads, then
-  (2·contour + backwards)·heads + head for every contour: all heads do exactly this.
+  (2·contour + reversed)·heads + head for every contour: all heads do exactly this.
 
 A sequence that means nothing counts as policy 0 without shifts, since a plan may come
 from a peer.
@@ -78,7 +78,7 @@ class StatedOrder:
     """Who prints what, in one order of all; conflicts are decided in this order."""
 
     order: NDArray[np.int32]  # (n,) contours
-    backwards: NDArray[np.bool_]  # (n,) aligned with order
+    reversed: NDArray[np.bool_]  # (n,) aligned with order
     head: NDArray[np.int64]  # (n,) aligned with order
 
     @staticmethod
@@ -99,7 +99,7 @@ class StatedOrder:
         for r in range(heads):
             turn = np.flatnonzero(self.head == r)
             entry = np.zeros(len(turn), np.int32)
-            made.append(Toolpath(self.order[turn], self.backwards[turn], entry, turn))
+            made.append(Toolpath(self.order[turn], self.reversed[turn], entry, turn))
         return made
 
 
@@ -117,9 +117,9 @@ def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
     """Return what a plan says; what means nothing is skipped."""
     serial, unshifted = n_macros + len(POLICIES), np.zeros(n_macros, np.int32)
     if len(plan) == n_contours + 1 and plan[0] == serial and n_contours:
-        order, backwards = plan[1:] // 2, plan[1:] % 2 == 1
+        order, is_reversed = plan[1:] // 2, plan[1:] % 2 == 1
         if np.array_equal(np.sort(order), np.arange(n_contours)):
-            return Intent(unshifted, 0, Toolpath.of(order, backwards))
+            return Intent(unshifted, 0, Toolpath.of(order, is_reversed))
     stated = _decode_stated(plan, serial + 1, n_contours)
     if stated is not None:
         return Intent(unshifted, 0, None, stated)
@@ -169,5 +169,5 @@ def encode_serial(toolpath: Toolpath, n_macros: int) -> NDArray[np.int32]:
 
 def encode_stated(stated: StatedOrder, heads: int, n_macros: int) -> NDArray[np.int32]:
     """Return the plan that states who prints what in which order."""
-    symbols = (2 * stated.order.astype(np.int64) + stated.backwards) * heads + stated.head
+    symbols = (2 * stated.order.astype(np.int64) + stated.reversed) * heads + stated.head
     return np.concatenate([[n_macros + len(POLICIES) + 1, heads], symbols]).astype(np.int32)

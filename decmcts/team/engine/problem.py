@@ -102,9 +102,9 @@ def build_team_problem(
     require_printable(contours, machine, space.eligible)
     by_head = printing_times(job, machine)
     seconds = by_head.min(axis=0, initial=np.inf)
-    turns = contours.reversible & ~contours.closed
+    reversible = contours.reversible & ~contours.closed
     visits = visits_of(
-        contours, graph, by_head, turns, in_pieces=machine.release == "point", lags=lags
+        contours, graph, by_head, reversible, in_pieces=machine.release == "point", lags=lags
     )
     quantile = _quantile(seconds, space, machine)
     part = part_of(contours)

@@ -114,7 +114,7 @@ def _dispatched(
 
 
 def as_allowed(problem: TeamProblem, order: Toolpath) -> Toolpath | None:
-    """Return a serial order with only what may run backwards; None if it breaks the precedence."""
+    """Return a serial order that reverses only what may be; None if it breaks the precedence."""
     if not _keeps_precedence(problem, order.order):
         return None
     return Toolpath.of(order.order, order.reversed & problem.visits.reversible[order.order])
@@ -124,9 +124,9 @@ def is_allowed(problem: TeamProblem, stated: StatedOrder, eligible: NDArray[np.b
     """Whether a stated order keeps precedence, directions and who may print what."""
     if stated.head.max(initial=0) >= eligible.shape[1]:
         return False
-    backwards = stated.backwards & ~problem.visits.reversible[stated.order]
+    is_reversed = stated.reversed & ~problem.visits.reversible[stated.order]
     may = eligible[stated.order, stated.head]
-    return bool(may.all() and not backwards.any()) and _keeps_precedence(problem, stated.order)
+    return bool(may.all() and not is_reversed.any()) and _keeps_precedence(problem, stated.order)
 
 
 def _keeps_precedence(problem: TeamProblem, order: NDArray[np.int32]) -> bool:
@@ -170,9 +170,9 @@ def _resolved(units: Units, heads: int) -> Resolved:
     for r in range(heads):
         turn = np.flatnonzero(units.head[printing] == r)
         order = units.contour[printing[turn]].astype(np.int32)
-        backwards = units.backwards[printing[turn]]
+        is_reversed = units.reversed[printing[turn]]
         entry = np.zeros(len(order), np.int32)
-        toolpaths.append(Toolpath(order, backwards, entry, turn))
-        symbols = np.concatenate([[-1, r], 2 * order.astype(np.int64) + backwards, turn])
+        toolpaths.append(Toolpath(order, is_reversed, entry, turn))
+        symbols = np.concatenate([[-1, r], 2 * order.astype(np.int64) + is_reversed, turn])
         state.update(np.ascontiguousarray(symbols, "<i8").tobytes())
     return Resolved(tuple(toolpaths), makespan, state.hexdigest())

@@ -30,7 +30,7 @@ from decmcts._kernels.refine.qcsp import Crew, Yard, anneal_crews, copied, decod
 from decmcts.formats.qcsp import QcspProblem, QcspSchedule
 from decmcts.search.sequence.stopping import Progress
 from decmcts.team.qcsp.bound import least_makespan
-from decmcts.team.qcsp.ways import ways_of
+from decmcts.team.qcsp.paths import paths_of
 
 _HOT, _WARM, _COLD = 0.03, 0.008, 0.0005  # temperatures, shares of the makespan
 _FIRST_ROUND = 20_000  # proposals of each thread
@@ -38,7 +38,7 @@ _LONGEST_ROUND = 4_000  # for each task: several rounds end nearer than one that
 _SLICE = 10_000  # proposals between looks at the clock, at most
 _SLICE_WORK = 10_000_000  # tasks times cranes of them
 _ROUNDS = 3  # of one length: a hot sweep, a warm one, and one that moves tasks in the order too
-_LANES = 2  # that anneal at once
+_THREADS = 2  # that anneal at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,23 +59,23 @@ class QcspResult:
 
 @dataclass(slots=True)
 class _Goal:
-    """A makespan that ends a round, and which lanes reached it after how many proposals.
+    """A makespan that ends a round, and which threads reached it after how many proposals.
 
-    A lane that has not reached it goes on until it has made as many proposals as the one that
-    has. Of all lanes that have reached it by then the first one counts. So the result does not
+    A thread that has not reached it goes on until it has made as many proposals as the one that
+    has. Of all threads that have reached it by then the first one counts. So the result does not
     depend on which thread is faster.
     """
 
     makespan: float
-    reached: list[tuple[int, int]] = field(default_factory=list)  # proposals, lane; all append
+    reached: list[tuple[int, int]] = field(default_factory=list)  # proposals, thread; all append
 
     def is_open(self, made: int) -> bool:
-        """Say whether a lane that made so many proposals may still be first."""
+        """Say whether a thread that made so many proposals may still be first."""
         return all(made < other for other, _ in self.reached)
 
 
 @dataclass(slots=True)
-class _Lane:
+class _Thread:
     """One thread's schedules."""
 
     number: int
@@ -191,20 +191,20 @@ class _Search:
         self._most, self._progress, self._stop = most, progress, stop
         self._bound = least_makespan(problem)
         self._goal = max(target, self._bound)
-        self._lanes = list(_lanes_of(problem, seed))
-        self._best = self._lanes[0].crew
+        self._threads = list(_threads_of(problem, seed))
+        self._best = self._threads[0].crew
         self._makespan = np.inf if len(problem) else 0.0
         self._proposals = 0
         self._history: list[tuple[float, int, float]] = []
 
     def run(self) -> None:
         """Anneal until there is no time left, or nothing better."""
-        for lane in self._lanes:  # whatever the limits are, there is a schedule
-            lane.anneal(1, 1.0, 1.0, free=False, go_on=lambda: True, goal=_Goal(self._goal))
-            self._offer(lane)
+        for thread in self._threads:  # whatever the limits are, there is a schedule
+            thread.anneal(1, 1.0, 1.0, free=False, go_on=lambda: True, goal=_Goal(self._goal))
+            self._offer(thread)
         turn, length, speed = 0, _FIRST_ROUND, 0.0
         longest = max(length, _LONGEST_ROUND * len(self.problem))
-        with ThreadPoolExecutor(_LANES) as pool:
+        with ThreadPoolExecutor(_THREADS) as pool:
             while self._may_go_on() and not self._reached():
                 kind = turn % _ROUNDS
                 round_ = self._length(length, speed)
@@ -217,73 +217,73 @@ class _Search:
                 turn += 1
                 length = length if turn % _ROUNDS else min(2 * length, longest)
 
-    def _at_work(self, cycle: int) -> list[_Lane]:
-        """Return a lane of each direction, every other time two of the better one."""
-        first, second = self._lanes[:2], self._lanes[2:]
+    def _at_work(self, cycle: int) -> list[_Thread]:
+        """Return a thread of each direction, every other time two of the better one."""
+        first, second = self._threads[:2], self._threads[2:]
         if cycle % 2 == 0:
             return first
         better = int(np.argmin([min(a.least, b.least) for a, b in zip(first, second, strict=True)]))
         return [first[better], second[better]]
 
     def result(self) -> QcspResult:
-        """Return the best schedule with the ways of all cranes."""
+        """Return the best schedule with the paths of all cranes."""
         crane, begin = self._best.crane.copy(), self._best.begin.copy()
-        ways = ways_of(self.problem, crane, begin)
-        schedule = QcspSchedule(crane, begin, ways, float(self._makespan))
+        paths = paths_of(self.problem, crane, begin)
+        schedule = QcspSchedule(crane, begin, paths, float(self._makespan))
         history = np.array(self._history, np.float64).reshape(-1, 3)
         bound = min(self._bound, schedule.makespan)
         return QcspResult(schedule, bound, self._proposals, history, self.seed)
 
     def _round(
-        self, pool: ThreadPoolExecutor, lanes: list[_Lane], proposals: int, *, warmest: float,
+        self, pool: ThreadPoolExecutor, threads: list[_Thread], proposals: int, *, warmest: float,
         free: bool,
     ) -> None:  # fmt: skip
-        """Let lanes anneal once, side by side, and keep what is better."""
+        """Let threads anneal once, side by side, and keep what is better."""
         scale = float(self._makespan)
-        own = [(lane.crew.order.copy(), lane.crew.crane.copy()) for lane in lanes]
+        own = [(thread.crew.order.copy(), thread.crew.crane.copy()) for thread in threads]
         if free:
-            for lane in lanes:
-                lane.crew.order[:], lane.crew.crane[:] = self._best.order, self._best.crane
+            for thread in threads:
+                thread.crew.order[:], thread.crew.crane[:] = self._best.order, self._best.crane
         goal = _Goal(self._goal)
         works = [
             pool.submit(
-                lane.anneal, proposals, scale * warmest, scale * _COLD, free=free,
+                thread.anneal, proposals, scale * warmest, scale * _COLD, free=free,
                 go_on=self._has_time, goal=goal,
             )
-            for lane in lanes
+            for thread in threads
         ]  # fmt: skip
         made = [work.result() for work in works]
         if goal.reached:
             first, number = min(goal.reached)
-            self._proposals += first * len(lanes)
-            self._offer(self._lanes[number])
+            self._proposals += first * len(threads)
+            self._offer(self._threads[number])
         else:
             self._proposals += sum(made)
-            self._keep(lanes, own, free=free)
+            self._keep(threads, own, free=free)
         if self._progress is not None:
             self._progress(self._stand())
 
     def _keep(
         self,
-        lanes: list[_Lane],
+        threads: list[_Thread],
         own: list[tuple[NDArray[np.int32], NDArray[np.int32]]],
         *,
         free: bool,
     ) -> None:
-        """Take what is better; after a free round lanes go on from the sweep they had, `own`."""
-        for lane, (order, crane) in zip(lanes, own, strict=True):
-            makespan = self._offer(lane)
+        """Take what is better; after a free round threads go on from the sweep they had, `own`."""
+        for thread, (order, crane) in zip(threads, own, strict=True):
+            makespan = self._offer(thread)
             if not free:
-                lane.least = min(lane.least, makespan)
+                thread.least = min(thread.least, makespan)
             else:
-                lane.crew.order[:], lane.crew.crane[:] = order, crane
+                thread.crew.order[:], thread.crew.crane[:] = order, crane
 
-    def _offer(self, lane: _Lane) -> float:
-        """Take the lane's last result if it is better; return its makespan."""
-        makespan = lane.makespan()
+    def _offer(self, thread: _Thread) -> float:
+        """Take the thread's last result if it is better; return its makespan."""
+        makespan = thread.makespan()
         if makespan < self._makespan:
             self._makespan = makespan
-            self._best = copied(lane.crew)
+            self._best = copied(thread.crew)
             self._history.append((self._seconds(), self._proposals, makespan))
         return makespan
 
@@ -291,11 +291,11 @@ class _Search:
         """Return the proposals of the next round: `length`, or all that are left if few are."""
         left = (self._limit_s - self._seconds()) * speed if speed > 0.0 else np.inf
         if self._most is not None:
-            left = min(left, (self._most - self._proposals) // _LANES)
+            left = min(left, (self._most - self._proposals) // _THREADS)
         return max(1, int(left)) if left < 1.5 * length else length
 
     def _may_go_on(self) -> bool:
-        spent = self._most is not None and self._proposals + _LANES > self._most
+        spent = self._most is not None and self._proposals + _THREADS > self._most
         return not spent and self._has_time()
 
     def _has_time(self) -> bool:
@@ -314,12 +314,12 @@ class _Search:
         return Progress(self._seconds(), self._proposals, cost, improved, self._bound)
 
 
-def _lanes_of(problem: QcspProblem, seed: int) -> Iterator[_Lane]:
-    """Yield lanes to the right and left in turn, the work shared out evenly along the rail."""
+def _threads_of(problem: QcspProblem, seed: int) -> Iterator[_Thread]:
+    """Yield threads to the right and left in turn, the work shared out evenly along the rail."""
     yard, depth = _yard(problem)
     n, q = len(problem), problem.cranes
-    for lane in range(2 * _LANES):
-        rightward = lane % 2 == 0
+    for thread in range(2 * _THREADS):
+        rightward = thread % 2 == 0
         along = yard.bay if rightward else -yard.bay
         sweep = np.lexsort((np.arange(n), depth, along)).astype(np.int32)
         work = problem.duration[sweep]
@@ -329,8 +329,8 @@ def _lanes_of(problem: QcspProblem, seed: int) -> Iterator[_Lane]:
         crew.order[:] = sweep
         crew.crane[sweep] = rank if rightward else q - 1 - rank
         best = crew.order.copy(), crew.crane.copy()
-        state = seeded(seed * 2 * _LANES + lane)
-        yield _Lane(lane, yard, sweep, rightward, crew, best, state, _slice_of(n, q))
+        state = seeded(seed * 2 * _THREADS + thread)
+        yield _Thread(thread, yard, sweep, rightward, crew, best, state, _slice_of(n, q))
 
 
 def _slice_of(tasks: int, cranes: int) -> int:

@@ -37,16 +37,16 @@ def join_actions(
 
     Where something must cool the head rests where it is to print, until it may.
     """
-    lanes = [
-        _lane(job, order, rows, travels, toolpath)
+    all_actions = [
+        _untimed(job, order, rows, travels, toolpath)
         for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
     ]
     times = [
         action_times(
-            job, machine.limits_of(head), lane.path, lane.offsets, lane.contour, lane.flipped,
-            lane.entry, rests=len(lanes) > 1,
+            job, machine.limits_of(head), actions.path, actions.offsets, actions.contour,
+            actions.reversed, actions.entry, rests=len(all_actions) > 1,
         )
-        for head, lane in zip(machine.heads, lanes, strict=True)
+        for head, actions in zip(machine.heads, all_actions, strict=True)
     ]  # fmt: skip
     seconds = np.zeros(len(order.head))
     for rows, timed in zip(_rows(order), times, strict=True):
@@ -59,8 +59,8 @@ def join_actions(
         rests = None
     plan = JointPlan(
         tuple(
-            _head_actions(head.name, order, rows, lane, begin, seconds)
-            for head, rows, lane in zip(machine.heads, _rows(order), lanes, strict=True)
+            _head_actions(head.name, order, rows, actions, begin, seconds)
+            for head, rows, actions in zip(machine.heads, _rows(order), all_actions, strict=True)
         )
     )
     return plan if rests is None else with_rests(plan, order, rests)
@@ -79,11 +79,11 @@ def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float
 
 
 @dataclass(frozen=True, slots=True)
-class _Lane:
+class _Untimed:
     """What one head does, without times."""
 
     contour: NDArray[np.int32]  # (k,) NO_CONTOUR where it travels
-    flipped: NDArray[np.bool_]  # (k,)
+    reversed: NDArray[np.bool_]  # (k,)
     entry: NDArray[np.int32]  # (k,)
     path: NDArray[np.float64]  # (offsets[-1], 3)
     offsets: NDArray[np.int64]  # (k + 1,)
@@ -94,22 +94,22 @@ def _rows(order: UnitOrder) -> list[NDArray[np.int64]]:
     return [order.rows[r, : order.counts[r]] for r in range(len(order.counts))]
 
 
-def _lane(
+def _untimed(
     job: PrintJob,
     order: UnitOrder,
     rows: NDArray[np.int64],
     travels: Sequence[NDArray[np.float64]],
     toolpath: Toolpath,
-) -> _Lane:
+) -> _Untimed:
     """Return contours and paths of one head's actions."""
     prints = order.kind[rows] == UNIT_PRINT
     contour = np.full(len(rows), NO_CONTOUR, np.int32)
     contour[prints] = order.contour[rows[prints]]
-    flipped, entry = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int32)
-    flipped[prints], entry[prints] = toolpath.reversed, toolpath.entry
-    paths = _paths(job.contours, contour, flipped, entry, [travels[row] for row in rows])
-    return _Lane(
-        contour, flipped, entry, np.concatenate(paths) if paths else np.empty((0, 3)),
+    is_reversed, entry = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int32)
+    is_reversed[prints], entry[prints] = toolpath.reversed, toolpath.entry
+    paths = _paths(job.contours, contour, is_reversed, entry, [travels[row] for row in rows])
+    return _Untimed(
+        contour, is_reversed, entry, np.concatenate(paths) if paths else np.empty((0, 3)),
         np.cumsum([0, *(len(path) for path in paths)]).astype(np.int64),
     )  # fmt: skip
 
@@ -118,22 +118,22 @@ def _head_actions(
     name: str,
     order: UnitOrder,
     rows: NDArray[np.int64],
-    lane: _Lane,
+    actions: _Untimed,
     begin: NDArray[np.float64],
     seconds: NDArray[np.float64],
 ) -> HeadActions:
     """Write down the actions of one head."""
     kind = np.where(order.kind[rows] == UNIT_PARK, ActionKind.PARK, ActionKind.TRAVEL)
-    kind = np.where(lane.contour != NO_CONTOUR, ActionKind.PRINT, kind)
+    kind = np.where(actions.contour != NO_CONTOUR, ActionKind.PRINT, kind)
     waiting, head = np.nonzero(order.after[rows] >= 0)
     return HeadActions(
         head=name,
         kind=kind.astype(np.int8),
-        contour=lane.contour,
-        reversed=lane.flipped,
-        entry=lane.entry,
-        path_offsets=lane.offsets,
-        path=lane.path,
+        contour=actions.contour,
+        reversed=actions.reversed,
+        entry=actions.entry,
+        path_offsets=actions.offsets,
+        path=actions.path,
         begin_s=begin[rows],
         end_s=begin[rows] + seconds[rows],
         after_offsets=np.searchsorted(waiting, np.arange(len(rows) + 1)).astype(np.int64),
@@ -147,13 +147,13 @@ def _head_actions(
 def _paths(
     contours: Contours,
     contour: NDArray[np.int32],
-    flipped: NDArray[np.bool_],
+    is_reversed: NDArray[np.bool_],
     entry: NDArray[np.int32],
     travels: Sequence[NDArray[np.float64]],
 ) -> list[NDArray[np.float64]]:
     """Return the nozzle's path of each action."""
     paths = list(travels)
     for i in np.flatnonzero(contour != NO_CONTOUR):
-        c, turned, at = int(contour[i]), bool(flipped[i]), int(entry[i])
-        paths[i] = visit_points(contours, c, reversed_=turned, entry=at)
+        c, back, at = int(contour[i]), bool(is_reversed[i]), int(entry[i])
+        paths[i] = visit_points(contours, c, reversed_=back, entry=at)
     return paths

@@ -27,12 +27,12 @@ from decmcts.print.machine import Machine
 from decmcts.print.motion import job_times
 from decmcts.print.plan import ActionKind, HeadActions
 from decmcts.print.toolpath import Toolpath, endpoints
-from decmcts.search.sequence.spacing import Spacing
+from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.space import travel_row
 
 LEAST_LAG_S = 0.05  # what the source gives less than this is nothing to keep
-TRAVEL_SHARE = 0.7  # of the source's mean travel: what a search's takes, for `spacing_of`
+TRAVEL_SHARE = 0.7  # of the source's mean travel: what a search's takes, for `timed_lags_of`
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +68,9 @@ def find_lags(
     above = np.repeat(np.arange(n), np.diff(offsets))
     found = []
     for begin, end in times:
-        pause = np.full(n, np.inf)  # from the last of what is under a contour to its begin
-        np.minimum.at(pause, above, begin[above] - end[below])
-        lag = np.minimum(min_layer_time_s, pause[above])
+        given = np.full(n, np.inf)  # from the last of what is under a contour to its begin
+        np.minimum.at(given, above, begin[above] - end[below])
+        lag = np.minimum(min_layer_time_s, given[above])
         kept = lag > LEAST_LAG_S
         count = np.bincount(above[kept], minlength=n)
         offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
@@ -90,11 +90,11 @@ def source_times(
     return end - visits.seconds[0], end
 
 
-def spacing_of(lags: Lags, begin: NDArray[np.float64], end: NDArray[np.float64]) -> Spacing:
+def timed_lags_of(lags: Lags, begin: NDArray[np.float64], end: NDArray[np.float64]) -> TimedLags:
     """Return the lags as a search keeps them, from `source_times` of at least one contour."""
     printing = end - begin
     travel = (end[-1] - printing.sum()) / len(end)
-    return Spacing.owed_by_source(lags, printing + TRAVEL_SHARE * travel)
+    return TimedLags.kept_by_source(lags, printing + TRAVEL_SHARE * travel)
 
 
 def print_times(actions: HeadActions, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -2,7 +2,7 @@
 
 Heads agree on sequences with every loop at a fixed entry (`first_entries`, `agreed_job`). Where
 loops may begin anywhere, each head's own sequence then has its entries and directions
-chosen by dynamic programming (`decmcts._kernels.sequence.seats`), so that the travels within it
+chosen by dynamic programming (`decmcts._kernels.sequence.entries`), so that the travels within it
 cost least. A head that travels less may make another wait, so they are taken window by
 window of the joint order, where the makespan falls. No sequence changes here.
 """
@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.engine.carry_out import OK, carry_out
 from decmcts._kernels.engine.lags import Lags
+from decmcts._kernels.sequence.entries import choose_visits
 from decmcts._kernels.sequence.metric import with_points
-from decmcts._kernels.sequence.seats import choose_visits
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import enter_at, turned
+from decmcts.print.loops import enter_at, rotated
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries, seam_entries
 from decmcts.print.toolpath import Toolpath, entries_by_contour
@@ -68,14 +68,14 @@ def entries_of(job: PrintJob, orders: Orders) -> SeamEntries | None:
 
 
 def agreed_job(job: PrintJob, orders: Orders, entry: NDArray[np.int32]) -> PrintJob:
-    """Return the print as heads plan it: loops entered there, nothing turned if all is fixed."""
+    """Return the print as heads plan it: loops entered there, nothing reversed if all is fixed."""
     contours = job.contours
     if orders.freedom == "fixed":
         none = np.zeros(len(contours), np.bool_)
         return replace(job, contours=replace(contours, reversible=none))
     if not entry.any():
         return job
-    run, offsets = turned(contours, entry)
+    run, offsets = rotated(contours, entry)
     entered = replace(
         contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
     )
@@ -167,12 +167,17 @@ class _Engine:
     def makespan(self, toolpaths: Sequence[Toolpath]) -> float:
         """Return the makespan; infinite where heads shut each other in."""
         n = len(self._job.contours)
-        turns = np.zeros(n, np.bool_)
+        is_reversed = np.zeros(n, np.bool_)
         for path in toolpaths:
-            turns[path.order] = path.reversed
+            is_reversed[path.order] = path.reversed
         running = enter_at(self._job.contours, entries_by_contour(toolpaths, n))
         visits = visits_of(
-            running, self._graph, self._seconds, turns, in_pieces=self._in_pieces, lags=self._lags
+            running,
+            self._graph,
+            self._seconds,
+            is_reversed,
+            in_pieces=self._in_pieces,
+            lags=self._lags,
         )
         units, verdict = carry_out(sequences_of(toolpaths), visits, self._fleet)
         return float(units.end[: units.used[0]].max(initial=0.0)) if verdict == OK else np.inf
@@ -211,19 +216,21 @@ def _along(problem: OrderProblem, toolpath: Toolpath, park: NDArray[np.float64])
     begins = np.arange(len(problem) + 1) if problem.seams is None else problem.seams.offsets
     count = np.diff(begins)[order]
     first = np.cumsum(count) - count
-    option = np.repeat(begins[order] - first, count) + np.arange(count.sum())
+    possible = np.repeat(begins[order] - first, count) + np.arange(count.sum())
     ends = np.stack([problem.start, problem.end], axis=1)
     doors = ends
     if problem.seams is not None:
         doors = np.stack([problem.seams.enter, problem.seams.leave], axis=1)
     stop = np.broadcast_to(park, (1, 2, 3))
-    points = np.concatenate([stop, ends[order], stop, stop, doors[option], stop]).reshape(-1, 3)
+    points = np.concatenate([stop, ends[order], stop, stop, doors[possible], stop]).reshape(-1, 3)
     offsets = np.concatenate([[0, 1], 1 + np.cumsum(count), [2 + count.sum()]]).astype(np.int64)
-    turns = np.concatenate([[False], problem.reversible[order], [False]])
+    reversible = np.concatenate([[False], problem.reversible[order], [False]])
     rows = np.arange(k + 2, dtype=np.int32)
-    flip, seat = choose_visits(with_points(problem.metric(), points), rows, turns, offsets)
+    is_reversed, entry_id = choose_visits(
+        with_points(problem.metric(), points), rows, reversible, offsets
+    )
     entry = np.zeros(k, np.int32)
     if problem.seams is not None:
-        at = np.where(seat[1:-1] >= 0, seat[1:-1] - 1, first)
-        entry = np.ascontiguousarray(problem.seams.vertices[option[at]], np.int32)
-    return replace(toolpath, reversed=flip[1:-1].astype(np.bool_), entry=entry)
+        at = np.where(entry_id[1:-1] >= 0, entry_id[1:-1] - 1, first)
+        entry = np.ascontiguousarray(problem.seams.vertices[possible[at]], np.int32)
+    return replace(toolpath, reversed=is_reversed[1:-1].astype(np.bool_), entry=entry)

@@ -41,7 +41,7 @@ def with_rests(plan: JointPlan, order: UnitOrder, rests: Rests) -> JointPlan:
     count = int(rests.used[0])
     row, other = rests.row[:count], rests.other[:count]
     unit, first = rests.unit[:count], rests.first[:count]
-    lanes = []
+    all_actions = []
     for r, (head, rows) in enumerate(zip(plan.heads, mine_of, strict=True)):
         mine, at = resting[r], shifted[r]
         edges = [
@@ -55,8 +55,10 @@ def with_rests(plan: JointPlan, order: UnitOrder, rests: Rests) -> JointPlan:
              int(shifted[int(other[i])][unit[i]]), ACTION_END)
             for i in cooling.tolist()
         ]  # fmt: skip
-        lanes.append(_rested(head, mine, rests.begin[rows], rests.seconds[rows], sorted(edges)))
-    return JointPlan(tuple(lanes))
+        all_actions.append(
+            _rested(head, mine, rests.begin[rows], rests.seconds[rows], sorted(edges))
+        )
+    return JointPlan(tuple(all_actions))
 
 
 def _rested(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.motion.program import Habit, Segments, write_moves
 from decmcts.print.job import PrintJob, ProcessSettings
-from decmcts.print.loops import turned
+from decmcts.print.loops import rotated
 from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program, limit_rows, travel_acceleration, travel_feed
 from decmcts.print.walls import retracted_paths, walls_for
@@ -39,7 +39,7 @@ def action_times(
     path: NDArray[np.float64],
     offsets: NDArray[np.int64],
     contour: NDArray[np.int32],
-    flipped: NDArray[np.bool_],
+    is_reversed: NDArray[np.bool_],
     entry: NDArray[np.int32],
     *,
     rests: bool,
@@ -50,7 +50,7 @@ def action_times(
     ----------
     path : (m, 3) mm, of all actions one after the other
     offsets : (k + 1,) action i owns path[offsets[i]:offsets[i + 1]]
-    contour, flipped, entry : (k,) what it prints and how; contour -1: it travels
+    contour, is_reversed, entry : (k,) what it prints and how; contour -1: it travels
     rests : bool
         Whether the head stands still between two actions, as where it may have to wait.
     """
@@ -62,9 +62,9 @@ def action_times(
     retracts = retracted_paths(walls_for(job), settings, path, offsets)
     entries = np.zeros(len(c), np.int32)
     entries[contour[contour >= 0]] = entry[contour >= 0]
-    run, first = turned(c, entries)
+    run, first = rotated(c, entries)
     segments = Segments(first, run.extrusion, run.feed, row[run.rows])
-    moves = write_moves(path, offsets, contour, flipped, retracts, segments, habit)
+    moves = write_moves(path, offsets, contour, is_reversed, retracts, segments, habit)
     m = int(moves.used[0])
     action = moves.action[:m]
     rest = np.diff(action, prepend=-1) != 0 if rests else np.zeros(m, np.bool_)

@@ -91,11 +91,11 @@ def _waiting(
     lift = path_time(np.stack([start, up]), feed, machine.limits)
     onward = max(sum(t.seconds for t in travels), path_time(rest, feed, machine.limits))
     saved = lift + onward - sum(t.seconds for t in travels)
-    pause = np.ceil((wait_s - saved) / STEP_S) * STEP_S
+    dwell = np.ceil((wait_s - saved) / STEP_S) * STEP_S
     if up[2] > start[2]:
         yield _Row(ActionKind.TRAVEL, k, np.stack([start, up]), lift)
-    if pause > LEAST_WAIT_S:
-        yield _Row(ActionKind.WAIT, k, up[None], float(pause))
+    if dwell > LEAST_WAIT_S:
+        yield _Row(ActionKind.WAIT, k, up[None], float(dwell))
     yield _Row(ActionKind.TRAVEL, k, rest, onward)
 
 

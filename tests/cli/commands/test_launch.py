@@ -81,7 +81,7 @@ def test_the_file_of_parameters_is_not_written_over(
 @pytest.mark.slow
 @pytest.mark.parametrize("freedom", ["fixed", "seam"])
 def test_heads_are_as_free_as_was_asked(tmp_path: Path, freedom: str) -> None:
-    """Nothing turns with `fixed`; with `seam` loops are entered elsewhere and all stays sound."""
+    """Nothing is reversed with `fixed`; with `seam` loops are entered elsewhere; all is sound."""
     plan, source = tmp_path / "plan.json", str(sample_path("plate.gcode.gz"))
     options = ["--freedom", freedom, "--time-limit", "2", "--plan", str(plan)]
     assert run(["launch", source, *options]) == 0

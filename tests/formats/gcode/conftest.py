@@ -54,10 +54,10 @@ def again(tmp_path: Path) -> Callable[..., tuple[PrintJob, GcodeDocument, bytes]
         path = toolpath_of(job, seed)
         if seams:
             path = replace(path, entry=random_entries(job.contours, seed or 0)[path.order])
-        lane = direct_actions(job, path)
-        write_gcode(document, job, lane, out)
+        actions = direct_actions(job, path)
+        write_gcode(document, job, actions, out)
         job2, document2 = read_gcode(out)
-        due = source_with(job, document, seams_of_plan(lane))
+        due = source_with(job, document, seams_of_plan(actions))
         assert same_extrusions(*due, job2, document2) == []
         assert len(job2.contours) == len(job.contours)
         return job2, document2, out.read_bytes()

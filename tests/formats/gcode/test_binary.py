@@ -146,12 +146,12 @@ def changed(kind: int, **fields: object) -> bytes:
 def damaged() -> dict[str, tuple[bytes, str]]:
     whole = pack(text())
     gcode = next(block for block in read_blocks(whole) if block.kind == 1)
-    flipped = bytearray(whole)
-    flipped[-20] ^= 1
+    altered = bytearray(whole)
+    altered[-20] ^= 1
     return {
         "header only": (whole[:7], "ends within its header"),
         "truncated": (whole[:-40], "ends within a block of G-code"),
-        "a byte changed": (bytes(flipped), "checksum of a block of G-code"),
+        "a byte changed": (bytes(altered), "checksum of a block of G-code"),
         "another version": (stored(read_blocks(whole), version=9), "version 9"),
         "no G-code": (stored([b for b in read_blocks(whole) if b.kind != 1]), "no G-code"),
         "unknown block": (whole[:10] + struct.pack("<HHI", 77, 0, 4) + bytes(10), "block 77"),

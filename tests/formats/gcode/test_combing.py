@@ -90,9 +90,9 @@ def test_beyond_a_length_the_source_retracts(tmp_path):
 def test_written_as_the_source_would(tmp_path):
     """Retracted over the gap of the U, bare inside: as often as the source, in its own order."""
     job, document = read(tmp_path, part(bare_mm=50.0))
-    made, lane = planned(tmp_path, job, document)
+    made, actions = planned(tmp_path, job, document)
     walls = walls_for(job)
-    travels = [lane.action_path(k) for k in range(1, len(lane)) if is_travel(lane, k)]
+    travels = [actions.action_path(k) for k in range(1, len(actions)) if is_travel(actions, k)]
     bare = sum(not retracts(walls, job.settings, as_tuples(way)) for way in travels)
     assert bare >= 30
     source = (tmp_path / "part.gcode").read_text()
@@ -112,17 +112,17 @@ def test_layers_change_as_in_the_source(tmp_path, bare_changes):
     """Bare where the source leaves them so (one retraction a layer less), retracted where not."""
     text = part(bare_mm=50.0, layers=8, bare_changes=bare_changes)
     job, document = read(tmp_path, text)
-    made, lane = planned(tmp_path, job, document)
+    made, actions = planned(tmp_path, job, document)
     walls = walls_for(job)
-    travels = [lane.action_path(k) for k in range(1, len(lane)) if is_travel(lane, k)]
+    travels = [actions.action_path(k) for k in range(1, len(actions)) if is_travel(actions, k)]
     climbs = [way for way in travels if way[-1, 2] > way[0, 2] > 0.1]
     assert len(climbs) == 7
     assert {retracts(walls, job.settings, as_tuples(way)) for way in climbs} == {not bare_changes}
     assert made.count("G1 E-1") == text.count("G1 E-1 F2400") == (10 if bare_changes else 17)
 
 
-def is_travel(lane: HeadActions, k: int) -> bool:
-    return bool(lane.kind[k] == ActionKind.TRAVEL)
+def is_travel(actions: HeadActions, k: int) -> bool:
+    return bool(actions.kind[k] == ActionKind.TRAVEL)
 
 
 def as_tuples(way: np.ndarray) -> list[tuple[float, float, float]]:
@@ -132,20 +132,20 @@ def as_tuples(way: np.ndarray) -> list[tuple[float, float, float]]:
 def planned(tmp_path: Path, job: PrintJob, document: GcodeDocument) -> tuple[str, HeadActions]:
     """Return the file and the actions of the source's own order."""
     loaded = load(tmp_path / "part.gcode", "paper", NO_QUALITY)
-    lane = plan_judged(loaded, SLICED).after.plan.heads[0]
+    actions = plan_judged(loaded, SLICED).after.plan.heads[0]
     out = io.BytesIO()
-    write_gcode(document, job, lane, out)
-    return out.getvalue().decode(), lane
+    write_gcode(document, job, actions, out)
+    return out.getvalue().decode(), actions
 
 
 @pytest.mark.slow
 def test_times_and_file_agree_on_every_travel(tmp_path):
     """The seconds of a plan's travel have a retraction in them iff the file has one there."""
     job, document = read(tmp_path, part(bare_mm=50.0))
-    made, lane = planned(tmp_path, job, document)
-    travels = [k for k in range(1, len(lane)) if is_travel(lane, k)]
+    made, actions = planned(tmp_path, job, document)
+    travels = [k for k in range(1, len(actions)) if is_travel(actions, k)]
     walls = walls_for(job)
-    due = sum(retracts(walls, job.settings, as_tuples(lane.action_path(k))) for k in travels)
+    due = sum(retracts(walls, job.settings, as_tuples(actions.action_path(k))) for k in travels)
     assert 0 < due < len(travels)
     body = made[made.index(";LAYER_CHANGE") : made.rindex("M104")]
     assert body.count("G1 E1.") - 1 == due  # the first bead is approached, not travelled to

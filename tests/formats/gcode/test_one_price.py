@@ -101,23 +101,23 @@ def own_order(path: Path) -> tuple[PrintProblem, HeadActions]:
     return loaded, planned.after.plan.heads[0]
 
 
-def travels_of(lane: HeadActions) -> list[list[Point]]:
+def travels_of(actions: HeadActions) -> list[list[Point]]:
     """Return the ways between contours."""
-    prints = np.flatnonzero(lane.kind == ActionKind.PRINT)
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
     rows = range(prints[0], prints[-1])
     return [
-        [tuple(point) for point in lane.action_path(k).tolist()]
-        for k in rows if lane.kind[k] == ActionKind.TRAVEL
+        [tuple(point) for point in actions.action_path(k).tolist()]
+        for k in rows if actions.kind[k] == ActionKind.TRAVEL
     ]  # fmt: skip
 
 
-def retracted(job: PrintJob, lane: HeadActions) -> int:
+def retracted(job: PrintJob, actions: HeadActions) -> int:
     """Compare search and plan on every travel of a plan; return how many are retracted.
 
     Of one that is lifted over what is printed the search may not know.
     """
     metric, walls, count = metric_of(job), walls_for(job), 0
-    for way in travels_of(lane):
+    for way in travels_of(actions):
         found, moving = seconds(metric, way[0], way[-1])
         due = retracts(walls, job.settings, way)
         lifted = max(z for *_, z in way) > max(way[0][2], way[-1][2])
@@ -126,11 +126,11 @@ def retracted(job: PrintJob, lane: HeadActions) -> int:
     return count
 
 
-def pulls_in(path: Path, lane: HeadActions) -> int:
+def pulls_in(path: Path, actions: HeadActions) -> int:
     """Return how often the file of a plan pulls filament back."""
     job, document = read_gcode(path)
     out = io.BytesIO()
-    write_gcode(document, job, lane, out)
+    write_gcode(document, job, actions, out)
     return text_time(out.getvalue(), LIMITS).retractions
 
 
@@ -140,7 +140,7 @@ def test_search_plan_and_file_agree_on_every_travel(tmp_path, bare_changes):
     """One price: a travel costs the retraction in the search iff plan and file have it."""
     path = tmp_path / "part.gcode"
     path.write_text(part(bare_mm=50.0, layers=8, bare_changes=bare_changes))
-    loaded, lane = own_order(path)
+    loaded, actions = own_order(path)
     job = loaded.job
     assert isinstance(metric_of(job), TimedBare)
     seen = kinds_seen(job, np.random.default_rng(3), 3000)
@@ -149,9 +149,9 @@ def test_search_plan_and_file_agree_on_every_travel(tmp_path, bare_changes):
     assert (True, True, -1) in seen
     assert (False, True, -1) not in seen
     assert ((False, True, 1) in seen) == bare_changes
-    due = retracted(job, lane)
-    assert 0 < due < len(travels_of(lane)) // 2
-    assert pulls_in(path, lane) == due + 2  # before the first bead, and after the last
+    due = retracted(job, actions)
+    assert 0 < due < len(travels_of(actions)) // 2
+    assert pulls_in(path, actions) == due + 2  # before the first bead, and after the last
 
 
 @pytest.mark.slow
@@ -161,11 +161,11 @@ def test_search_plan_and_file_agree_on_every_travel(tmp_path, bare_changes):
 def test_they_agree_on_real_files(name):
     """Slicers' walls have gaps, islands and arcs that no made print has."""
     path = CORPUS / "gcode" / f"{name}.gcode.gz"
-    loaded, lane = own_order(path)
+    loaded, actions = own_order(path)
     job = loaded.job
     assert isinstance(metric_of(job), TimedBare) == (job.settings.bare_inside_mm > 0.0)
     seen = kinds_seen(job, np.random.default_rng(4), 2000)
     assert {(True, True, change) for change in (-1, 0, 1)} < seen
     assert ((False, True, 0) in seen) == (job.settings.bare_inside_mm > 0.0)
     assert ((False, True, 1) in seen) == (job.settings.bare_climb_mm > 0.0)
-    assert pulls_in(path, lane) == retracted(job, lane) + 2
+    assert pulls_in(path, actions) == retracted(job, actions) + 2

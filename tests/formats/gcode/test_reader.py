@@ -99,7 +99,7 @@ def test_state_first_set_in_the_print_ends_an_epoch(read):
 
 
 @pytest.mark.parametrize(
-    ("text", "turns"),
+    ("text", "reversible"),
     [
         (";TYPE:Ironing\nG1 X0 Y0\nG1 X5 E1\n", False),
         ("G1 X0 Y0 Z.2\nG1 X5 Z.3 E1\n", False),
@@ -109,18 +109,18 @@ def test_state_first_set_in_the_print_ends_an_epoch(read):
         ("G1 X0 Y0\nG1 X2 E.05\nG1 X9 E1\nG1 Y9 E2\nG1 X0 E3\nG1 Y0 E3.1\n", False),
     ],
 )
-def test_what_may_be_printed_backwards(read, text, turns):
-    """Ironing, slopes, flow ramps and blobs change when turned; plain beads and wipes do not."""
-    assert read(text)[0].contours.reversible.tolist() == [turns]
+def test_what_may_be_reversed(read, text, reversible):
+    """Ironing, slopes, flow ramps and blobs change when reversed; plain beads and wipes do not."""
+    assert read(text)[0].contours.reversible.tolist() == [reversible]
 
 
 def test_vase_is_one_contour(read):
     """Continuous Z cannot be cut."""
-    turns = "".join(
+    reversible = "".join(
         f"G1 X{10 * np.cos(t):.3f} Y{10 * np.sin(t):.3f} Z{t / 30:.4f} E{t:.4f}\n"
         for t in np.arange(1, 60, 0.3)
     )
-    job, _ = read("G1 X10 Y0 Z0\n" + turns)
+    job, _ = read("G1 X10 Y0 Z0\n" + reversible)
     assert len(job.contours) == 1 and not job.contours.reversible[0]
 
 

@@ -212,8 +212,8 @@ def test_the_hot_nozzle_is_never_lowered_onto_the_part(read, tmp_path, end):
     text = SQUARE + "G1 X20 Y0 F6000\nG1 X30 E4.99 F1500\n"
     job, document = read(text + end)
     out = tmp_path / "o.gcode"
-    turned = Toolpath.of(np.array([1, 0], np.int32), np.zeros(2, np.bool_))
-    write_gcode(document, job, direct_actions(job, turned), out)
+    toolpath = Toolpath.of(np.array([1, 0], np.int32), np.zeros(2, np.bool_))
+    write_gcode(document, job, direct_actions(job, toolpath), out)
     motions = read_motions(out)
     last = int(np.flatnonzero(motions.contour >= 0)[-1])
     assert motions.points[last + 2 :, 2].min() > 0.2 + 0.3
@@ -224,8 +224,8 @@ def test_a_nozzle_lowered_onto_the_part_is_found(read, tmp_path):
     """What older versions wrote before the end code melts a dent into the part."""
     job, document = read(SQUARE + "G1 X20 Y0 F6000\nG1 X30 E4.99 F1500\nM84 ; done\n")
     out = tmp_path / "o.gcode"
-    turned = Toolpath.of(np.array([1, 0], np.int32), np.zeros(2, np.bool_))
-    write_gcode(document, job, direct_actions(job, turned), out)
+    toolpath = Toolpath.of(np.array([1, 0], np.int32), np.zeros(2, np.bool_))
+    write_gcode(document, job, direct_actions(job, toolpath), out)
     end = document.postamble.decode()
     out.write_text(out.read_text().removesuffix(end) + "G1 Z.2\n" + end)
     (fault,) = same_ending(document, out)
@@ -251,13 +251,13 @@ def test_filament_total_is_the_sources(read, tmp_path, text):
 
 
 def test_a_line_said_twice_pushes_its_filament_where_the_source_does(read, tmp_path):
-    """The second pushes on the spot; after a bead run backwards it would lay one across."""
+    """The second pushes on the spot; after a bead that is reversed it would lay one across."""
     text = "G1 X0 Y0 Z.2\nG1 X9 E.4 F900\nG1 X9 Y0 E.5\n"
     text += "".join(f"G1 X{x}\nG1 X{x + 9} E.4\n" for x in (20, 40, 60))
     job, document = read(text, start=M83)
     out = tmp_path / "o.gcode"
-    turned = Toolpath.of(np.arange(4, dtype=np.int32), np.arange(4) < 1)
-    write_gcode(document, job, direct_actions(job, turned), out)
+    toolpath = Toolpath.of(np.arange(4, dtype=np.int32), np.arange(4) < 1)
+    write_gcode(document, job, direct_actions(job, toolpath), out)
     assert same_extrusions(job, document, *read_gcode(out)) == []
     pushed = read_motions(out)
     still = (pushed.points[1:] == pushed.points[:-1]).all(axis=1) & (pushed.extrusion == 0.5)
@@ -322,13 +322,13 @@ def test_another_way_to_the_end_code_is_found(read, tmp_path, spoil):
 def test_a_wait_is_a_dwell_that_is_made_anew_when_read(read, tmp_path):
     """The head stands retracted above the print; planning the file again starts without it."""
     job, document = read(SQUARE + "G1 E2.99 F2400\nG1 X20 Y0 F6000\nG1 E3.99\nG1 X30 E4.99 F1500\n")
-    lane = direct_actions(job, Toolpath.as_sliced(2))
-    printed = np.flatnonzero(lane.kind == ActionKind.PRINT)
-    at = lane.path[lane.path_offsets[printed[0] + 1] - 1]
+    actions = direct_actions(job, Toolpath.as_sliced(2))
+    printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    at = actions.path[actions.path_offsets[printed[0] + 1] - 1]
     up = at + np.array([0.0, 0.0, 2.0])
-    lane = inserted(lane, int(printed[0]) + 1, np.stack([at, up]), 2.5)
+    actions = inserted(actions, int(printed[0]) + 1, np.stack([at, up]), 2.5)
     out = tmp_path / "waits.gcode"
-    write_gcode(document, job, lane, out)
+    write_gcode(document, job, actions, out)
     lines = out.read_text().splitlines()
     k = lines.index("G4 P2500 ; decmcts waits for cooling")
     assert lines[k - 1].startswith("G1 Z2.2")
@@ -338,26 +338,30 @@ def test_a_wait_is_a_dwell_that_is_made_anew_when_read(read, tmp_path):
     assert not job2.barriers
 
 
-def inserted(lane, place, lift, seconds):
+def inserted(actions, place, lift, seconds):
     """The actions with a lift and a wait above it before action `place`."""
     rows = slice(0, place), slice(place, None)
-    points = int(lane.path_offsets[place])
+    points = int(actions.path_offsets[place])
 
     def put(old, *new):
         return np.concatenate([old[rows[0]], np.array(new, old.dtype), old[rows[1]]])
 
-    begin = float(lane.end_s[place - 1])
+    begin = float(actions.end_s[place - 1])
     return replace(
-        lane,
-        kind=put(lane.kind, ActionKind.TRAVEL, ActionKind.WAIT),
-        contour=put(lane.contour, -1, -1),
-        reversed=put(lane.reversed, False, False),
-        entry=put(lane.entry, 0, 0),
+        actions,
+        kind=put(actions.kind, ActionKind.TRAVEL, ActionKind.WAIT),
+        contour=put(actions.contour, -1, -1),
+        reversed=put(actions.reversed, False, False),
+        entry=put(actions.entry, 0, 0),
         path_offsets=np.concatenate(
-            [lane.path_offsets[: place + 1], points + np.array([2]), lane.path_offsets[place:] + 3]
+            [
+                actions.path_offsets[: place + 1],
+                points + np.array([2]),
+                actions.path_offsets[place:] + 3,
+            ]
         ),
-        path=np.concatenate([lane.path[:points], lift, lift[1:], lane.path[points:]]),
-        begin_s=put(lane.begin_s, begin, begin),
-        end_s=put(lane.end_s, begin, begin + seconds),
-        after_offsets=np.zeros(len(lane) + 3, np.int64),
+        path=np.concatenate([actions.path[:points], lift, lift[1:], actions.path[points:]]),
+        begin_s=put(actions.begin_s, begin, begin),
+        end_s=put(actions.end_s, begin, begin + seconds),
+        after_offsets=np.zeros(len(actions) + 3, np.int64),
     )

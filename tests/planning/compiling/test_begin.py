@@ -13,7 +13,7 @@ import numpy as np
 from decmcts.planning.compiling.begin import compile_search
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.planners import plan_order
-from decmcts.search.sequence.spacing import no_spacing
+from decmcts.search.sequence.timed_lags import no_timed_lags
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, with_bare, with_loops, with_pace
 
@@ -31,7 +31,7 @@ if kind == "time":
 if kind == "bare":
     problem = with_bare(problem)
 if kind == "cooling":
-    problem = replace(problem, spacing=no_spacing(600))
+    problem = replace(problem, timed_lags=no_timed_lags(600))
 if ahead == "yes":
     compile_search(problem, planner)
 """

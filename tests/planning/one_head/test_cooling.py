@@ -24,7 +24,7 @@ from decmcts.planning.problem.print_problem import parked_above
 from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.planners import KEEP_TIME, SearchResult
+from decmcts.search.planners import KEEP_LAGS, SearchResult
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times, source_times
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
@@ -75,8 +75,8 @@ def plan(tmp_path, *options: str, text: str | None = None):
 
 def towers_in_order(document) -> list[int]:
     """Which tower is printed when: 0 the left one, 1 the right one."""
-    lane = document.plan.heads[0]
-    contour = lane.contour[lane.kind == ActionKind.PRINT]
+    actions = document.plan.heads[0]
+    contour = actions.contour[actions.kind == ActionKind.PRINT]
     return [int(document.contours.start[c, 0] > 100) for c in contour.tolist()]
 
 
@@ -109,7 +109,7 @@ def test_time_between_layers_is_kept_by_the_order_itself(tmp_path, capsys, plann
     summary = json.loads(capsys.readouterr().out)
     before, after = summary["before"], summary["after"]
     assert after["print_time_s"] <= before["print_time_s"]
-    if planner in KEEP_TIME:
+    if planner in KEEP_LAGS:
         assert after["waits_s"] < 1.0
         assert after["extrusionless_travel_mm"] < 0.9 * before["extrusionless_travel_mm"]
 
@@ -140,8 +140,8 @@ def test_the_source_is_left_unless_it_is_clearly_faster(tmp_path, feed, close):
 def test_waits_are_dwells_off_the_print(tmp_path, capsys):
     """With the slicer's rule off one may ask for another; the file says what it waits."""
     text, document = plan(tmp_path, "--min-layer-time", "4", text=two_towers(rule=""))
-    lane = document.plan.heads[0]
-    seconds = (lane.end_s - lane.begin_s)[lane.kind == ActionKind.WAIT]
+    actions = document.plan.heads[0]
+    seconds = (actions.end_s - actions.begin_s)[actions.kind == ActionKind.WAIT]
     dwells = [int(ms) for ms in re.findall(r"^G4 P(\d+) ; decmcts waits", text, re.M)]
     assert dwells == [math.ceil(1000 * s - 1e-6) for s in seconds]
     summary = json.loads(capsys.readouterr().out)["after"]
@@ -161,14 +161,16 @@ def test_a_wait_lost_on_the_way_to_the_file_is_seen(tmp_path):
     sliced = schedule(job, machine, graph, [Toolpath.as_sliced(n)])
     plan = schedule(job, machine, graph, [Toolpath.of(towers, np.zeros(n, np.bool_))])
     (lags,) = find_lags(job.contours, [print_times(sliced.heads[0], n)], 12.0)
-    lane = add_waits(job, machine, plan, lags).heads[0]
-    assert np.count_nonzero(lane.kind == ActionKind.WAIT) == 2 * (LAYERS - 1)
-    write_gcode(text, job, lane, out)
-    assert verify_written(out, job, text, machine, lane=lane).ok
+    actions = add_waits(job, machine, plan, lags).heads[0]
+    assert np.count_nonzero(actions.kind == ActionKind.WAIT) == 2 * (LAYERS - 1)
+    write_gcode(text, job, actions, out)
+    assert verify_written(out, job, text, machine, actions=actions).ok
     written = out.read_text()
     for shorter in (";", "G4 P1 ;"):
         out.write_text(re.sub(r"G4 P\d+ ;", shorter, written, count=1))
-        assert verify_written(out, job, text, machine, lane=lane).kinds() == {FaultKind.COOLING}
+        assert verify_written(out, job, text, machine, actions=actions).kinds() == {
+            FaultKind.COOLING
+        }
 
 
 def test_cooling_moves_no_seam_back(tmp_path):
@@ -178,10 +180,10 @@ def test_cooling_moves_no_seam_back(tmp_path):
     text = closed.replace("F240\n", "F600\n")
     asked = ("--freedom", "seam", "--seam", "rear")
     _, document = plan(tmp_path, *asked, text=text)
-    lane = document.plan.heads[0]
-    rows = lane.kind == ActionKind.PRINT
-    assert (lane.entry[rows] == seam_entries(document.contours, "rear").vertices[0]).all()
-    assert lane.entry[rows].all()
+    actions = document.plan.heads[0]
+    rows = actions.kind == ActionKind.PRINT
+    assert (actions.entry[rows] == seam_entries(document.contours, "rear").vertices[0]).all()
+    assert actions.entry[rows].all()
 
 
 def test_the_paper_knows_no_quality(tmp_path):

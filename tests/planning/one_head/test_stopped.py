@@ -58,10 +58,10 @@ def test_no_second_search_is_announced_after_a_stop(tmp_path):
 
 @pytest.mark.parametrize("change", [{"reversed": True}, {"entry": 1}])
 def test_as_sliced_means_directions_and_entries_too(tmp_path, change):
-    """Said of a plan that runs a contour backwards, "the source's own order" is half the truth."""
-    lane = planned_when_stopped(tmp_path, []).after.plan.heads[0]
+    """Said of a plan that reverses a contour, "the source's own order" is half the truth."""
+    actions = planned_when_stopped(tmp_path, []).after.plan.heads[0]
     ((name, value),) = change.items()
     for kind, still in ((ActionKind.PRINT, False), (ActionKind.TRAVEL, True)):
-        column = np.array(getattr(lane, name))
-        column[np.flatnonzero(lane.kind == kind)[0]] = value
-        assert pipeline._as_sliced(JointPlan((replace(lane, **{name: column}),))) is still
+        column = np.array(getattr(actions, name))
+        column[np.flatnonzero(actions.kind == kind)[0]] = value
+        assert pipeline._as_sliced(JointPlan((replace(actions, **{name: column}),))) is still

@@ -281,7 +281,7 @@ STACK = (
     )
     + END[len("G1 E-1 F2400\n") :]
 )
-RULE = "0.7"  # the source's own pause is no longer than the other tower
+RULE = "0.7"  # the source's own lag is no longer than the other tower
 
 
 @pytest.fixture

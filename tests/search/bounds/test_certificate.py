@@ -21,13 +21,13 @@ from decmcts.search.bounds.relaxation import Relaxation
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import Freedom, OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from tests.search.problems import price, random_problem, ways, with_bare, with_loops, with_pace
+from tests.search.problems import choices, price, random_problem, with_bare, with_loops, with_pace
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[3].parent / "shared"))
 
 
 def optimum(problem: OrderProblem) -> float:
-    """Least travel by depth-first search over all linear extensions and ways to print each."""
+    """Least travel by depth-first search over all linear extensions and choices for each."""
     n = len(problem)
     before: list[set[int]] = [set() for _ in range(n)]
     for a, b in problem.graph.pairs():
@@ -43,7 +43,7 @@ def optimum(problem: OrderProblem) -> float:
             return
         for c in set(range(n)) - set(done):
             if before[c] <= set(done):
-                for into, out in ways(problem, c):
+                for into, out in choices(problem, c):
                     step = 0.0 if exit_ is None else price(problem, exit_, into)
                     visit([*done, c], out, travel + step)
 
@@ -75,7 +75,7 @@ def varied(problem: OrderProblem, seed: int) -> OrderProblem:
 def layered_problem(seed: int) -> OrderProblem:
     """Up to eight contours in layers that nearly follow each other as wholes."""
     n = 5 + seed % 4
-    problem = random_problem(seed, n, density=0.0, turning=(0.0, 0.5, 1.0)[seed % 3])
+    problem = random_problem(seed, n, density=0.0, reversible=(0.0, 0.5, 1.0)[seed % 3])
     rng = np.random.default_rng(seed)
     layer = np.sort(rng.integers(0, 3, n))
     wanted = (layer[:, None] < layer[None, :]) & (rng.random((n, n)) < 0.9)
@@ -84,12 +84,12 @@ def layered_problem(seed: int) -> OrderProblem:
 
 
 def small_problem(seed: int) -> OrderProblem:
-    """Up to seven contours: sparse to dense graphs, none to all of them turning."""
+    """Up to seven contours: sparse to dense graphs, none to all of them reversible."""
     return random_problem(
         seed,
         2 + seed % 6,
         density=(0.0, 0.15, 0.3, 0.6)[seed % 4],
-        turning=(0.0, 0.5, 1.0)[seed % 3],
+        reversible=(0.0, 0.5, 1.0)[seed % 3],
     )
 
 
@@ -139,18 +139,18 @@ def test_travels_that_are_not_listed_are_bounded_too(
 def test_the_cheapest_travels_are_those_of_a_plain_search(seed: int) -> None:
     """Boxes of contours and of 64 contours may hide nothing."""
     n, width = 150, 3
-    problem = varied(random_problem(seed, n, density=0.02, turning=0.5), 2 * seed)
+    problem = varied(random_problem(seed, n, density=0.02, reversible=0.5), 2 * seed)
     relaxed = Relaxation(problem)
     rng = np.random.default_rng(seed)
     prices = relaxed.prices(relaxed.allowed(rng.normal(0.0, 1.0, relaxed.size)))
-    tails, rest = price_travels(relaxed.ways, relaxed.boxes, relaxed.rule, prices, width)
+    tails, rest = price_travels(relaxed.choices, relaxed.boxes, relaxed.rule, prices, width)
     after = np.zeros((n, n), np.bool_)
     for b in range(n - 1, -1, -1):
         for a, c in problem.graph.pairs():
             if a == b:
                 after[b] |= after[c]
                 after[b, c] = True
-    rule, offsets = relaxed.rule, relaxed.ways.offsets
+    rule, offsets = relaxed.rule, relaxed.choices.offsets
     for j in range(n):
         covers = set(rule.covers[rule.offsets[j] : rule.offsets[j + 1]].tolist())
         unrelated = set(np.flatnonzero(~(after[j] | after[:, j])).tolist()) - {j}
@@ -162,8 +162,8 @@ def test_the_cheapest_travels_are_those_of_a_plain_search(seed: int) -> None:
                 - prices.crossing[prices.zone[i], prices.zone[j]]
                 + min(
                     price(problem, out, into)
-                    + prices.way[offsets[i] + p]
-                    - prices.way[offsets[j] + q]
+                    + prices.by_choice[offsets[i] + p]
+                    - prices.by_choice[offsets[j] + q]
                     for p, (_, out) in numbered(problem, i)
                     for q, (into, _) in numbered(problem, j)
                 )
@@ -176,12 +176,14 @@ def test_the_cheapest_travels_are_those_of_a_plain_search(seed: int) -> None:
 
 
 def numbered(problem: OrderProblem, c: int) -> list[tuple[int, tuple[np.ndarray, np.ndarray]]]:
-    """Ways of a contour with the number of each; all of a loop's options have one."""
-    return [(k if problem.reversible[c] else 0, way) for k, way in enumerate(ways(problem, c))]
+    """Choices of a contour with the number of each; all of a loop's entries have one."""
+    return [
+        (k if problem.reversible[c] else 0, choice) for k, choice in enumerate(choices(problem, c))
+    ]
 
 
 def test_edges_given_twice_change_nothing() -> None:
-    """Each travel pays its toll once; layers in series have many passages."""
+    """Each travel pays its toll once; layers in series have many exclusive travels."""
     problem = columns(2, 4, 4)
     pairs = problem.graph.pairs()
     twice = replace(problem, graph=DependencyGraph.from_pairs(16, np.concatenate([pairs, pairs])))
@@ -270,7 +272,7 @@ def test_contours_on_one_spot_have_a_bound_of_zero() -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_bound_stays_below_what_planners_find(seed: int) -> None:
     """Beyond the exact size the bound must still lie below any order found, and not far."""
-    problem = random_problem(seed, 60, density=(0.0, 0.02, 0.1)[seed % 3], turning=seed % 2)
+    problem = random_problem(seed, 60, density=(0.0, 0.02, 0.1)[seed % 3], reversible=seed % 2)
     problem = varied(problem, 2 * seed)
     found = lower_bound(problem, time_limit_s=60.0, max_iterations=600)
     best = plan_order(problem, planner="local", stopping=Stopping(iterations=300_000), seed=0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.exact.ideals import WINDOW
-from decmcts._kernels.sequence.seats import visits_cost
+from decmcts._kernels.sequence.entries import visits_cost
 from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.bounds import exact
@@ -19,7 +19,7 @@ from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem, Seams
 from decmcts.search.sequence.stopping import Stopping
-from tests.search.problems import price, random_problem, ways, with_bare, with_loops, with_pace
+from tests.search.problems import choices, price, random_problem, with_bare, with_loops, with_pace
 
 
 def kinds(problem: OrderProblem, seed: int) -> OrderProblem:
@@ -46,11 +46,11 @@ def layers(seed: int, count: int, each: int, *, apart: bool = False) -> OrderPro
 
 
 def least(problem: OrderProblem) -> float:
-    """The optimum by plain recursion over the set printed and the last contour's way."""
+    """The optimum by plain recursion over the set printed and the last contour's choice."""
     n, needed = len(problem), [set[int]() for _ in range(len(problem))]
     for a, b in problem.graph.pairs().tolist():
         needed[b].add(a)
-    ends = [ways(problem, c) for c in range(n)]
+    ends = [choices(problem, c) for c in range(n)]
 
     @cache
     def step(c: int, k: int, d: int, m: int) -> float:
@@ -76,8 +76,8 @@ def check(problem: OrderProblem, found: Optimum) -> None:
     graph = problem.graph
     assert sorted(found.order.tolist()) == list(range(len(problem)))
     assert respects(found.order, graph.succ_offsets, graph.succs)
-    assert not (found.flip.astype(bool) & ~problem.reversible).any()
-    cost = visits_cost(problem.metric(), found.order, found.flip, found.seat)
+    assert not (found.reversed.astype(bool) & ~problem.reversible).any()
+    cost = visits_cost(problem.metric(), found.order, found.reversed, found.entry_id)
     assert found.cost == pytest.approx(cost)
     assert found.bound <= cost
 
@@ -123,7 +123,7 @@ def test_annealing_finds_nothing_better(apart: bool) -> None:
 def test_what_cannot_follow_is_not_free() -> None:
     """An infinite cost leads nowhere, also when all that lead to a set are infinite."""
     costs = np.array([[0, np.inf, 5, 9], [np.inf, 0, 7, 9], [6, 8, 0, 9], [1, 1, 1, 0]])
-    problem = random_problem(0, 4, turning=0.0)
+    problem = random_problem(0, 4, reversible=0.0)
     graph = DependencyGraph.from_pairs(4, np.array([(0, 3), (1, 3), (2, 3)], np.int32))
     found = solve_exactly(replace(problem, graph=graph, costs=costs))
     assert found is not None
@@ -213,7 +213,7 @@ def test_hybrid_searches_where_it_cannot_prove() -> None:
 
 
 def test_pieces_of_work_are_small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Loops with many options cost far more than their number of steps tells."""
+    """Loops with many entries cost far more than their number of steps tells."""
     monkeypatch.setattr(exact, "_EFFORT", 1e5)
     problem, options = layers(6, 12, 7), 24
     n, rng = len(problem), np.random.default_rng(6)
@@ -242,7 +242,7 @@ def test_pieces_of_work_are_small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_costs_without_end_or_below_zero() -> None:
     """Bare costs may be anything but no number."""
-    problem = random_problem(1, 4, density=0.0, turning=0.0)
+    problem = random_problem(1, 4, density=0.0, reversible=0.0)
     for cost in (np.inf, -5.0):
         found = solve_exactly(replace(problem, costs=np.full((4, 4), cost)))
         assert found is not None

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.contraction import contract, merge
-from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
@@ -23,14 +23,16 @@ def found(problem: OrderProblem, seed: int, iterations: int = 3000) -> Sequence:
         problem, planner="local", stopping=Stopping(iterations=iterations), seed=seed
     )
     n, order = len(problem), result.toolpath.order
-    flip, seat = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
-    flip[order] = result.toolpath.reversed
+    is_reversed, entry_id = np.zeros(n, np.uint8), np.full(n, -1, np.int32)
+    is_reversed[order] = result.toolpath.reversed
     if problem.seams is not None:
         chosen = order[np.diff(problem.seams.offsets)[order] > 1]
         entry = np.zeros(n, np.int64)
         entry[order] = result.toolpath.entry
-        seat[chosen] = problem.seams.offsets[chosen] + entry[chosen]
-    return Sequence(problem, problem.metric(), near_ports(problem), order.copy(), flip, seat)
+        entry_id[chosen] = problem.seams.offsets[chosen] + entry[chosen]
+    return Sequence(
+        problem, problem.metric(), near_ports(problem), order.copy(), is_reversed, entry_id
+    )
 
 
 def varied(seed: int) -> OrderProblem:
@@ -60,18 +62,23 @@ def test_sequences_of_it_stand_for_allowed_ones_at_their_cost(seed: int) -> None
         whole = few.expanded(small)
         assert sorted(whole.order.tolist()) == list(range(len(problem)))
         assert respects(whole.order, graph.succ_offsets, graph.succs)
-        assert not (whole.flip & ~problem.reversible).any()
+        assert not (whole.reversed & ~problem.reversible).any()
         assert whole.cost == pytest.approx(inside + small.cost)
 
 
 @pytest.mark.slow
 def test_what_both_share_is_contracted_and_nothing_else() -> None:
     """Two sequences that are one leave a single run; without any in common all stay."""
-    problem = random_problem(5, 30, density=0.0, turning=0.0)
+    problem = random_problem(5, 30, density=0.0, reversible=0.0)
     one = found(problem, 0)
     assert len(merge(one, one).problem) == 1
     other = Sequence(
-        problem, one.metric, one.near, one.order[::-1].copy(), one.flip.copy(), one.seat.copy()
+        problem,
+        one.metric,
+        one.near,
+        one.order[::-1].copy(),
+        one.reversed.copy(),
+        one.entry_id.copy(),
     )
     assert len(merge(one, other).problem) == 30
 
@@ -91,11 +98,11 @@ def test_any_runs_may_be_contracted(seed: int, timed: bool) -> None:
     again = few.expanded(result)
     assert sorted(again.order.tolist()) == list(range(len(problem)))
     assert respects(again.order, problem.graph.succ_offsets, problem.graph.succs)
-    assert not (again.flip & ~problem.reversible).any()
+    assert not (again.reversed & ~problem.reversible).any()
     assert again.cost == pytest.approx(inside + result.cost)
     if problem.seams is not None:
-        chosen = again.seat >= 0
-        assert (problem.seams.owner[again.seat[chosen]] == np.flatnonzero(chosen)).all()
+        chosen = again.entry_id >= 0
+        assert (problem.seams.owner[again.entry_id[chosen]] == np.flatnonzero(chosen)).all()
         assert (chosen == (np.diff(problem.seams.offsets) > 1)).all()
 
 
@@ -108,5 +115,5 @@ def test_entries_that_differ_are_not_shared() -> None:
     assert problem.seams is not None
     loop = int(np.flatnonzero(np.diff(problem.seams.offsets) > 1)[0])
     first = int(problem.seams.offsets[loop])
-    other.seat[loop] = first if one.seat[loop] != first else first + 1
+    other.entry_id[loop] = first if one.entry_id[loop] != first else first + 1
     assert len(merge(one, other).problem) in (2, 3)  # the loop, and what is before and behind

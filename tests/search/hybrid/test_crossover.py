@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.crossover import crossover
-from decmcts.search.hybrid.pieces import Sequence
 from tests.search.hybrid.test_contraction import found, varied
 
 CASES = [0, 1, 2, 3, 4, 5, 6, 7]  # points, loops, seconds, bare costs, twice; see `varied`
 
 
 def best_of_all_choices(sequences: list[Sequence]) -> float:
-    """The least cost over all choices of stretches, by trying every one."""
+    """The least cost over all choices of windows, by trying every one."""
     n, following = len(sequences[0].order), range(len(sequences))
-    visits = [[(c, s.flip[c], s.seat[c]) for c in s.order.tolist()] for s in sequences]
+    visits = [[(c, s.reversed[c], s.entry_id[c]) for c in s.order.tolist()] for s in sequences]
     begun = {(): set(following)}  # what may be printed so far: whom to follow from there
     for k in range(n):
         longer: dict[tuple, set[int]] = {}
@@ -32,9 +32,9 @@ def best_of_all_choices(sequences: list[Sequence]) -> float:
     least = np.inf
     for printed in begun:
         tried = sequences[0].copy()
-        order, flip, seat = (np.array(column) for column in zip(*printed, strict=True))
+        order, is_reversed, entry_id = (np.array(column) for column in zip(*printed, strict=True))
         tried.order[:] = order
-        tried.flip[order], tried.seat[order] = flip, seat
+        tried.reversed[order], tried.entry_id[order] = is_reversed, entry_id
         least = min(least, tried.cost)
     return float(least)
 
@@ -49,17 +49,17 @@ def mutated(sequence: Sequence, seed: int, swaps: int) -> Sequence:
             child.order[k : k + 2] = child.order[k : k + 2][::-1]
     problem = child.problem
     if problem.reversible.any():
-        child.flip[random.choice(np.flatnonzero(problem.reversible))] ^= 1
+        child.reversed[random.choice(np.flatnonzero(problem.reversible))] ^= 1
     if problem.seams is not None:
-        c = random.choice(np.flatnonzero(child.seat >= 0))
-        child.seat[c] = random.integers(problem.seams.offsets[c], problem.seams.offsets[c + 1])
+        c = random.choice(np.flatnonzero(child.entry_id >= 0))
+        child.entry_id[c] = random.integers(problem.seams.offsets[c], problem.seams.offsets[c + 1])
     return child
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("count", "swaps"), [(2, 4), (3, 2), (4, 1)])
 @pytest.mark.parametrize("seed", CASES)
-def test_the_best_choice_of_stretches_is_taken(seed: int, count: int, swaps: int) -> None:
+def test_the_best_choice_of_segments_is_taken(seed: int, count: int, swaps: int) -> None:
     """Against all choices, on sequences that differ in a few places."""
     start = found(varied(seed), seed, iterations=10)
     given = [mutated(start, seed + 100 * k, swaps) for k in range(count)]
@@ -76,7 +76,7 @@ def test_what_annealing_made_twice_is_joined(seed: int) -> None:
     child = crossover([one, other])
     assert child.cost <= min(one.cost, other.cost) * (1 + 1e-12)
     assert respects(child.order, problem.graph.succ_offsets, problem.graph.succs)
-    assert not (child.flip & ~problem.reversible).any()
+    assert not (child.reversed & ~problem.reversible).any()
 
 
 def test_several_sequences_are_joined_better_than_two_at_a_time() -> None:
@@ -107,11 +107,11 @@ def test_on_ties_the_first_is_followed() -> None:
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_joining_leaves_what_is_joined_as_it_was(count: int) -> None:
-    """Races go on with the sequences they have."""
+    """Threads go on with the sequences they have."""
     given = [found(varied(1), k, iterations=1000) for k in range(count)]
     before = [sequence.copy() for sequence in given]
     assert crossover(given).cost <= min(sequence.cost for sequence in before) * (1 + 1e-12)
     for sequence, was in zip(given, before, strict=True):
         assert (sequence.order == was.order).all()
-        assert (sequence.flip == was.flip).all()
-        assert (sequence.seat == was.seat).all()
+        assert (sequence.reversed == was.reversed).all()
+        assert (sequence.entry_id == was.entry_id).all()

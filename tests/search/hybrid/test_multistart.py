@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.pieces import Sequence
 from decmcts.search.hybrid.starts import LayeredStart
-from decmcts.search.hybrid.threads import Threads, anneal_rivals
+from decmcts.search.hybrid.threads import Threads, anneal_sequences
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
@@ -33,23 +33,25 @@ def test_stays_within_layers_once_that_is_ahead(
     pools: list[int] = []  # how many are joined: what all ended in, or those within layers
 
     def watched(
-        incumbent: Incumbent, rivals: list[Sequence], *args: Any, **options: Any
+        incumbent: Incumbent, sequences: list[Sequence], *args: Any, **options: Any
     ) -> Iterator[None]:
         if "groups" not in options:
-            yield from anneal_rivals(incumbent, rivals, *args, **options)
+            yield from anneal_sequences(incumbent, sequences, *args, **options)
             return
         within = [bool(group.any()) for group in options["groups"]]
-        coolings = args[1]
-        assert (coolings[0].hot_mm < coolings[1].hot_mm) == within[0]
-        heats.append(coolings[1].hot_mm)
-        for rival, stays in zip(rivals, within, strict=True):
-            assert not stays or (np.diff(layer[rival.order]) >= 0).all()
-            assert not stays or rival.cost <= min(found, default=np.inf) + 1e-9
-        yield from anneal_rivals(incumbent, rivals, *args, **options)
+        schedules = args[1]
+        assert (schedules[0].first < schedules[1].first) == within[0]
+        heats.append(schedules[1].first)
+        for sequence, stays in zip(sequences, within, strict=True):
+            assert not stays or (np.diff(layer[sequence.order]) >= 0).all()
+            assert not stays or sequence.cost <= min(found, default=np.inf) + 1e-9
+        yield from anneal_sequences(incumbent, sequences, *args, **options)
         if not within[0]:  # one of them has bad luck
-            rivals[0 if ahead else 1].order[:] = np.arange(200)
-            rivals[0 if ahead else 1].flip[:] = 0
-        found.extend(rival.cost for rival, stays in zip(rivals, within, strict=True) if stays)
+            sequences[0 if ahead else 1].order[:] = np.arange(200)
+            sequences[0 if ahead else 1].reversed[:] = 0
+        found.extend(
+            sequence.cost for sequence, stays in zip(sequences, within, strict=True) if stays
+        )
         rounds.append(within)
 
     join = Threads.join
@@ -59,7 +61,7 @@ def test_stays_within_layers_once_that_is_ahead(
         pools.append(len(sequences))
         return join(threads, sequences)
 
-    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_rivals", watched)
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_sequences", watched)
     monkeypatch.setattr(Threads, "join", watched_join)
     planner = Hybrid(layered=LayeredStart(promising=10.0), multistart=Multistart(steps=50.0))
     plan_order(problem, planner=planner, stopping=Stopping(iterations=400_000), seed=0)
@@ -81,9 +83,9 @@ def test_several_starts_on_larger_prints_if_there_is_time(
 
     def watched(*args: Any, **options: Any) -> Iterator[None]:
         rounds.append(1)
-        yield from anneal_rivals(*args, **options)
+        yield from anneal_sequences(*args, **options)
 
-    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_rivals", watched)
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_sequences", watched)
     planner = Hybrid(multistart=Multistart(always=10, at_most=at_most, least=100.0))
     problem = random_problem(5, 60, density=0.05)
     plan_order(problem, planner=planner, stopping=Stopping(iterations=60 * steps), seed=0)
@@ -102,9 +104,9 @@ def test_entries_of_loops_make_rounds_longer(
 
     def watched(*args: Any, **options: Any) -> Iterator[None]:
         rounds.append("groups" in options)
-        yield from anneal_rivals(*args, **options)
+        yield from anneal_sequences(*args, **options)
 
-    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_rivals", watched)
+    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_sequences", watched)
     planner = Hybrid(multistart=Multistart(steps=100.0))
     problem = random_problem(5, 60, density=0.05)
     problem = with_loops(problem, 5) if loops else problem

@@ -29,7 +29,7 @@ def improved(seed: int, iterations: int) -> Incumbent:
         stopping=Stopping(iterations=iterations),
     )
     start = found(problem, seed, iterations=10)
-    incumbent.offer(start.order, start.flip, start.seat)
+    incumbent.offer(start.order, start.reversed, start.entry_id)
     with open_threads(2, seed) as threads:
         for _ in Neighbourhoods(until=1.0).improve(incumbent, start, threads):
             if incumbent.over:
@@ -46,7 +46,7 @@ def test_they_improve_and_stay_allowed(seed: int) -> None:
     assert incumbent.cost < before
     assert sorted(incumbent.order.tolist()) == list(range(len(problem)))
     assert respects(incumbent.order, problem.graph.succ_offsets, problem.graph.succs)
-    assert not (incumbent.flip & ~problem.reversible).any()
+    assert not (incumbent.reversed & ~problem.reversible).any()
 
 
 @pytest.mark.slow
@@ -61,10 +61,10 @@ def test_equal_seeds_and_iterations_give_equal_sequences(seed: int) -> None:
 
 @pytest.mark.slow
 def test_loops_find_better_entries() -> None:
-    """Single contours keep their options: neighbourhoods of loops end with other entries."""
+    """Single contours keep their entries: neighbourhoods of loops end with other entries."""
     problem = varied(1)
     start, incumbent = found(problem, 1, iterations=10), improved(1, 40_000)
-    assert (incumbent.seat != start.seat).any()
+    assert (incumbent.entry_id != start.entry_id).any()
 
 
 @pytest.mark.slow

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.pieces import Sequence
-from decmcts.search.hybrid.threads import anneal_pieces
+from decmcts.search.hybrid.threads import anneal_blocks
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
@@ -32,9 +32,9 @@ def test_goes_on_from_the_best_of_what_it_has_half_way(
         incumbent: Incumbent, sequence: Sequence, *args: Any, **options: Any
     ) -> Iterator[None]:
         begun.append((sequence.cost, incumbent.cost))
-        yield from anneal_pieces(incumbent, sequence, *args, **options)
+        yield from anneal_blocks(incumbent, sequence, *args, **options)
 
-    monkeypatch.setattr("decmcts.search.hybrid.partition.anneal_pieces", watched)
+    monkeypatch.setattr("decmcts.search.hybrid.partition.anneal_blocks", watched)
     hardly_cooled = Partition(warm=1.4)
     planner = Hybrid(multistart=NO_STARTS, partition=hardly_cooled, trees=Trees(share=trees))
     problem = random_problem(5, 300, density=0.01)

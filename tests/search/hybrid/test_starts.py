@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from decmcts._kernels.sequence.seats import visits_cost
-from decmcts.search.hybrid.pieces import Sequence
+from decmcts._kernels.sequence.entries import visits_cost
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
 from decmcts.search.hybrid.threads import open_threads
@@ -53,7 +53,8 @@ def test_layers_are_tried_though_another_start_is_a_little_better(loops: bool) -
         assert layered.cost == visits_cost(
             incumbent.metric, order, *problem.visits_for(incumbent.metric, order)
         )
-    incumbent.order, incumbent.flip, incumbent.seat = layered.order, layered.flip, layered.seat
+    incumbent.order = layered.order
+    incumbent.reversed, incumbent.entry_id = layered.reversed, layered.entry_id
     best = layered_start(search, 0.1)
     assert best is not None
     assert (best.order == incumbent.order).all()

@@ -11,7 +11,7 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts._kernels.trees.guided import block_ranks, explore
 from decmcts._kernels.trees.tree import new_tree
-from decmcts.search.hybrid.pieces import Sequence
+from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.threads import open_threads
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.incumbent import Incumbent
@@ -28,17 +28,17 @@ def explored(
 ) -> tuple[float, np.ndarray, np.ndarray]:
     clustered = clustered_problem(problem, np.arange(len(problem), dtype=np.int32))
     rollout, tree = fresh_rollout(clustered), new_tree(capacity)
-    order, flip = rollout.order.copy(), rollout.flip.copy()
+    order, is_reversed = rollout.order.copy(), rollout.reversed.copy()
     best = explore(
         tree, clustered, rollout, rank[np.argsort(clustered.label)], stray, 0.3, 1.0, rollouts,
-        seeded(1), order, flip, np.inf,
+        seeded(1), order, is_reversed, np.inf,
     )  # fmt: skip
-    return best, order, flip
+    return best, order, is_reversed
 
 
 def test_the_first_rollout_repeats_the_guide() -> None:
     """The search starts from what annealing found, not from a random order."""
-    problem = random_problem(4, 25, density=0.1, turning=0.0)
+    problem = random_problem(4, 25, density=0.1, reversible=0.0)
     _, order, _ = explored(problem, np.arange(25.0), rollouts=1, stray=0.0)
     assert order.tolist() == list(range(25))
 
@@ -46,16 +46,16 @@ def test_the_first_rollout_repeats_the_guide() -> None:
 def test_its_best_sequence_is_allowed_and_costs_what_it_says() -> None:
     """Annealing starts from it."""
     problem = random_problem(5, 25, density=0.1)
-    best, order, flip = explored(problem, np.arange(25.0), rollouts=300, stray=0.1)
+    best, order, is_reversed = explored(problem, np.arange(25.0), rollouts=300, stray=0.1)
     assert respects(order, problem.graph.succ_offsets, problem.graph.succs)
-    assert tour_cost(problem.ports(), order, flip) == pytest.approx(best)
+    assert tour_cost(problem.ports(), order, is_reversed) == pytest.approx(best)
     assert best < explored(problem, np.arange(25.0), rollouts=1, stray=0.0)[0]
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_it_finds_the_optimum_when_every_contour_is_a_cluster(seed: int) -> None:
     """Widening must not shut out any order for ever."""
-    problem = random_problem(seed, 6, density=0.3, turning=0.0)
+    problem = random_problem(seed, 6, density=0.3, reversible=0.0)
     best, _, _ = explored(problem, np.arange(6.0), rollouts=20_000, stray=0.2)
     assert best == pytest.approx(cheapest_by_brute_force(problem))
 

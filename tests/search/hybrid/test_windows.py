@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from decmcts._kernels.exact.stretch import solve_stretch
+from decmcts._kernels.exact.window import solve_window
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
 from decmcts.search.bounds.exact import room_for, slack_of
-from decmcts.search.hybrid.pieces import Sequence, cut
+from decmcts.search.hybrid.blocks import Sequence, cut
 from decmcts.search.hybrid.threads import open_threads
 from decmcts.search.hybrid.windows import WindowSolver, improve_windows
 from decmcts.search.sequence.incumbent import Incumbent
@@ -20,7 +20,7 @@ from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.bounds.test_exact import kinds
 from tests.search.hybrid.test_contraction import found, varied
-from tests.search.problems import price, random_problem, ways
+from tests.search.problems import choices, price, random_problem
 
 
 def solved(
@@ -33,20 +33,20 @@ def solved(
     limit: int = 200_000,
 ) -> bool:
     """Mutate the sequence: positions [first, last) in their best order, if that is not too much."""
-    piece = cut(sequence, 0, len(sequence.order))
+    block = cut(sequence, 0, len(sequence.order))
     ideals = room_for(room, 4 * room, 20 * room, 20_011)
     slack = slack_of(sequence.problem)
-    done, _ = solve_stretch(piece.tour, ideals, first, last, slack, widest, limit)
-    piece.put_back(sequence)
+    done, _ = solve_window(block.tour, ideals, first, last, slack, widest, limit)
+    block.put_back(sequence)
     return bool(done)
 
 
-def way_in_use(sequence: Sequence, c: int) -> int:
-    """The number of the way, as `ways` lists them, in which a contour is printed now."""
-    seams, seat = sequence.problem.seams, int(sequence.seat[c])
-    if seams is not None and seat >= 0:
-        return seat - int(seams.offsets[c])
-    return int(sequence.flip[c])
+def choice_in_use(sequence: Sequence, c: int) -> int:
+    """The number of the choice, as `choices` lists them, in which a contour is printed now."""
+    seams, entry_id = sequence.problem.seams, int(sequence.entry_id[c])
+    if seams is not None and entry_id >= 0:
+        return entry_id - int(seams.offsets[c])
+    return int(sequence.reversed[c])
 
 
 def least(sequence: Sequence, first: int, last: int) -> float:
@@ -57,10 +57,10 @@ def least(sequence: Sequence, first: int, last: int) -> float:
     for a, b in problem.graph.pairs().tolist():
         if a in inside and b in inside:
             needed[b].add(a)
-    ends = {c: list(enumerate(ways(problem, c))) for c in ids}
+    ends = {c: list(enumerate(choices(problem, c))) for c in ids}
     for at, guards in ((0, first > 0), (-1, last < n)):
         if guards:
-            ends[ids[at]] = [ends[ids[at]][way_in_use(sequence, ids[at])]]
+            ends[ids[at]] = [ends[ids[at]][choice_in_use(sequence, ids[at])]]
     if first > 0:
         for c in ids[1:]:
             needed[c].add(ids[0])
@@ -76,7 +76,7 @@ def least(sequence: Sequence, first: int, last: int) -> float:
             for k, (into, _) in ends[c]:
                 cost = 0.0
                 if left is not None:
-                    out = ways(problem, left[0])[left[1]][1]
+                    out = choices(problem, left[0])[left[1]][1]
                     cost = price(problem, out, into)
                 costs.append(cost + rest(done | {c}, (c, k)))
         return min(costs, default=0.0)
@@ -90,8 +90,8 @@ def window_cost(sequence: Sequence, first: int, last: int) -> float:
     for a, b in zip(
         sequence.order[first : last - 1], sequence.order[first + 1 : last], strict=True
     ):
-        out = ways(problem, int(a))[way_in_use(sequence, int(a))][1]
-        total += price(problem, out, ways(problem, int(b))[way_in_use(sequence, int(b))][0])
+        out = choices(problem, int(a))[choice_in_use(sequence, int(a))][1]
+        total += price(problem, out, choices(problem, int(b))[choice_in_use(sequence, int(b))][0])
     return total
 
 
@@ -100,7 +100,7 @@ def check(sequence: Sequence) -> None:
     problem = sequence.problem
     assert sorted(sequence.order.tolist()) == list(range(len(problem)))
     assert respects(sequence.order, problem.graph.succ_offsets, problem.graph.succs)
-    assert not (sequence.flip.astype(bool) & ~problem.reversible).any()
+    assert not (sequence.reversed.astype(bool) & ~problem.reversible).any()
 
 
 @pytest.mark.slow
@@ -109,7 +109,7 @@ def test_a_window_ends_in_the_best_order_there_is(seed: int) -> None:
     """At the beginning, the end and between, of every kind of print; the rest stays."""
     problem = kinds(random_problem(seed, 20, density=(0.0, 0.1, 0.4)[seed % 3]), seed)
     sequence = found(problem, seed, iterations=1)
-    sequence.settle()
+    sequence.choose_entries()
     for first, last in ((0, 6), (14, 20), (6, 13), (3, 10)):
         before, best = sequence.copy(), least(sequence, first, last)
         assert solved(sequence, first, last)
@@ -118,8 +118,8 @@ def test_a_window_ends_in_the_best_order_there_is(seed: int) -> None:
         outside = [p for p in range(20) if not first <= p < last]
         kept = before.order[outside]
         assert (kept == sequence.order[outside]).all()
-        assert (before.flip[kept] == sequence.flip[kept]).all()
-        assert (before.seat[kept] == sequence.seat[kept]).all()
+        assert (before.reversed[kept] == sequence.reversed[kept]).all()
+        assert (before.entry_id[kept] == sequence.entry_id[kept]).all()
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_what_takes_too_much_stays_as_it_was() -> None:
     assert not solved(sequence, 5, 25, room=50)
     assert not solved(sequence, 5, 25, limit=100)
     assert (sequence.order == before.order).all()
-    assert (sequence.flip == before.flip).all()
+    assert (sequence.reversed == before.reversed).all()
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Which contours a planner may turn, and what a problem refuses."""
+"""Which contours a planner may be reversed, and what a problem refuses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from decmcts.search.sequence.problem import OrderProblem
 
 
 def three_contours() -> PrintJob:
-    """An open contour that may turn, an open one that may not, and a closed one."""
+    """An open contour that may be reversed, an open one that may not, and a closed one."""
     points = np.array(
         [[0, 0, 0.2], [1, 0, 0.2], [3, 0, 0.2], [4, 0, 0.2], [5, 5, 0.2], [6, 5, 0.2], [5, 5, 0.2]],
         np.float64,
@@ -41,8 +41,8 @@ def three_contours() -> PrintJob:
 NO_EDGES = np.empty((0, 2), np.int32)
 
 
-def test_only_open_contours_the_reader_allows_may_turn() -> None:
-    """Turning a contour with variable flow would spoil the bead."""
+def test_only_open_contours_the_reader_allows_may_be_reversed() -> None:
+    """Reversing a contour with variable flow would spoil the bead."""
     job, graph = three_contours(), DependencyGraph.from_pairs(3, NO_EDGES)
     problem = OrderProblem.from_job(job, graph, "reversible")
     assert problem.reversible.tolist() == [True, False, False]

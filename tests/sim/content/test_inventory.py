@@ -1,4 +1,4 @@
-"""Multisets of extrusions: matched through rounding and turning, and not otherwise."""
+"""Multisets of extrusions: matched through rounding and reversing, and not otherwise."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def random_ends(n, seed=0):
     return np.round(rng.uniform(0, 100, (n, 6)), 3)
 
 
-def test_shuffled_turned_and_rounded_is_the_same():
-    """A plan may reorder and turn; a file rounds to three decimals, also across a grid line."""
+def test_shuffled_reversed_and_rounded_is_the_same():
+    """A plan may reorder and reverse; a file rounds to three decimals, also across a grid line."""
     rng = np.random.default_rng(2)
     exact = rng.uniform(0, 100, (500, 6))
     exact[:50] = np.round(exact[:50], 3) + 0.0005  # halfway between two grid points
-    turned = np.where(rng.random(500)[:, None] < 0.5, exact, np.roll(exact, 3, axis=1))
-    ours = np.round(turned, 3)[rng.permutation(500)]
+    either_way = np.where(rng.random(500)[:, None] < 0.5, exact, np.roll(exact, 3, axis=1))
+    ours = np.round(either_way, 3)[rng.permutation(500)]
     assert kinds(segments(ours), segments(exact)) == set()
 
 

@@ -13,7 +13,7 @@ from sim.faults import FaultKind
 from sim.replay.execution import arrivals_of, execute, run_trial, timing_factors
 from sim.replay.growth import beads_for
 from sim.rules.order import order_of
-from sim.verify import lanes_of, verify_plan
+from sim.verify import all_actions_of, verify_plan
 
 ENOUGH = 5  # the first point of the shared plan at which the other head may begin
 
@@ -51,7 +51,7 @@ def test_without_the_wait_replays_see_the_contact(make):
 def test_the_last_point_is_as_good_as_the_end(make):
     """Nothing moves between the last point and the end."""
     for edge in ((0, 1, 8), (0, 1, ACTION_END), (0, 1)):
-        legs = legs_of(lanes_of(make.shared_plan([edge])))
+        legs = legs_of(all_actions_of(make.shared_plan([edge])))
         assert not legs.cut
         assert waiting_for(make, edge).ok
 
@@ -136,8 +136,8 @@ def test_beads_may_be_there_unless_ordered_later(make):
         rows[0]["after"] = [(1, 1, 2)]
 
     document = make.edited(make.shared_plan([]), 0, wait_too)
-    legs = legs_of(lanes_of(document))
-    order = order_of(legs.lanes)
+    legs = legs_of(all_actions_of(document))
+    order = order_of(legs.all_actions)
     beads = beads_for(document.contours, legs, order, 1)
     travel, line = 3, 4  # moves of the right head
     assert set(beads.since[beads.label == 0]) == {travel + 2}
@@ -149,12 +149,17 @@ def test_beads_may_be_there_unless_ordered_later(make):
 def test_a_lag_counts_from_when_the_point_was_passed(make):
     """Replays wait the lag out, however fast or slow the other head is."""
     document = make.shared_plan([(0, 1, ENOUGH, 7.0)])
-    lanes = lanes_of(document)
-    legs, arrivals = legs_of(lanes), [arrivals_of(document, lane) for lane in lanes]
+    all_actions = all_actions_of(document)
+    legs, arrivals = (
+        legs_of(all_actions),
+        [arrivals_of(document, actions) for actions in all_actions],
+    )
     passing = [legs.arrivals(h, times) for h, times in enumerate(arrivals)]
-    first = lanes[0].path_offsets[1]
+    first = all_actions[0].path_offsets[1]
     for _, factors in timing_factors(legs, 3, seed=1):
-        begin, _ = run_trial(document.machine, legs.lanes, order_of(legs.lanes), passing, factors)
+        begin, _ = run_trial(
+            document.machine, legs.all_actions, order_of(legs.all_actions), passing, factors
+        )
         travel = factors[0][0] * arrivals[0][first - 1]
         passed = travel + factors[0][1] * arrivals[0][first + ENOUGH]
         assert begin[1][0] == pytest.approx(passed + 7.0)
@@ -188,33 +193,33 @@ def test_nominal_times_wait_for_the_point_and_the_lag(make):
 def test_legs_wait_as_the_actions_do(make, seed):
     """Times by legs are those of a slow walk over the actions' own points and lags."""
     rng = np.random.default_rng(seed)
-    lanes = tuple(
-        replace(lane, after_lag_s=rng.choice([0.0, 2.5], len(lane.after_head)))
-        for lane in make.lanes_with_points(rng)
+    all_actions = tuple(
+        replace(actions, after_lag_s=rng.choice([0.0, 2.5], len(actions.after_head)))
+        for actions in make.actions_with_points(rng)
     )
-    legs = legs_of(lanes)
-    takes = [rng.uniform(0.1, 2.0, (len(lane), 3)) for lane in lanes]  # of each move
+    legs = legs_of(all_actions)
+    takes = [rng.uniform(0.1, 2.0, (len(actions), 3)) for actions in all_actions]  # of each move
     seconds = [
         np.array([takes[h][o][(r := rows[a:b] % 4)[0] : r[-1]].sum() for o, a, b in zip(
             legs.origin[h], leg.path_offsets, leg.path_offsets[1:], strict=False)])
-        for h, (leg, rows) in enumerate(zip(legs.lanes, legs.rows, strict=True))
+        for h, (leg, rows) in enumerate(zip(legs.all_actions, legs.rows, strict=True))
     ]  # fmt: skip
-    begin = execute(legs.lanes, order_of(legs.lanes), seconds)
+    begin = execute(legs.all_actions, order_of(legs.all_actions), seconds)
 
     def begins(h, a):
         due = [begins(h, a - 1) + takes[h][a - 1].sum()] if a else [0.0]
-        for e in lanes[h].after_edges(a):
+        for e in all_actions[h].after_edges(a):
             moves = takes[e.head][e.action][: None if e.point == ACTION_END else e.point]
             due.append(begins(e.head, e.action) + moves.sum() + e.lag_s)
         return max(due)
 
-    for h, lane in enumerate(lanes):
-        first = np.searchsorted(legs.origin[h], np.arange(len(lane)))
-        assert begin[h][first] == pytest.approx([begins(h, a) for a in range(len(lane))])
+    for h, actions in enumerate(all_actions):
+        first = np.searchsorted(legs.origin[h], np.arange(len(actions)))
+        assert begin[h][first] == pytest.approx([begins(h, a) for a in range(len(actions))])
 
 
 def test_points_that_were_not_cut_are_no_order(make):
     """An order of whole actions would take a point for the end, which is not safe."""
-    lanes = lanes_of(make.shared_plan([(0, 1, ENOUGH)]))
+    all_actions = all_actions_of(make.shared_plan([(0, 1, ENOUGH)]))
     with pytest.raises(ValueError, match="cut into legs"):
-        order_of(lanes)
+        order_of(all_actions)

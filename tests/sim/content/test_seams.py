@@ -144,11 +144,11 @@ def test_a_plan_with_random_seams_passes(planned) -> None:
 def test_an_entry_that_is_not_its_paths_is_seen(planned) -> None:
     """The entry says how to run a loop again; it must be the path's."""
     _, _, document = planned
-    lane = document.plan.heads[0]
-    at = int(np.flatnonzero(lane.entry > 1)[0])
-    entry = lane.entry.copy()
+    actions = document.plan.heads[0]
+    at = int(np.flatnonzero(actions.entry > 1)[0])
+    entry = actions.entry.copy()
     entry[at] -= 1
-    plan = replace(document.plan, heads=(replace(lane, entry=entry),))
+    plan = replace(document.plan, heads=(replace(actions, entry=entry),))
     assert FaultKind.WRONG_PATH in verify_plan(replace(document, plan=plan), trials=1).kinds()
 
 
@@ -156,9 +156,9 @@ def test_an_entry_that_is_not_its_paths_is_seen(planned) -> None:
 def test_a_file_with_random_seams_passes_and_is_the_sources(planned, tmp_path) -> None:
     """Every segment, its filament, feed and machine state; with the plan and without it."""
     job, text, document = planned
-    lane, out = document.plan.heads[0], tmp_path / "out.gcode"
-    write_gcode(text, job, lane, out)
-    seams = list(seams_of_plan(lane))
+    actions, out = document.plan.heads[0], tmp_path / "out.gcode"
+    write_gcode(text, job, actions, out)
+    seams = list(seams_of_plan(actions))
     assert verify_written(out, job, text, document.machine, seams=seams).faults == ()
     assert not verify_written(out, job, text, document.machine).ok
     found = {m.contour: m.entry for m in seams_of_file(read_gcode(out)[0].contours, job.contours)}
@@ -196,9 +196,9 @@ def test_filament_feed_and_machine_state_go_with_each_segment(tmp_path, mode) ->
     machine = load_machine("mk4s")
     for entry in (1, 2, 3):
         toolpath = replace(Toolpath.as_sliced(1), entry=np.array([entry], np.int32))
-        lane = direct_actions(job, toolpath)
-        write_gcode(text, job, lane, out)
-        seams = list(seams_of_plan(lane))
+        actions = direct_actions(job, toolpath)
+        write_gcode(text, job, actions, out)
+        seams = list(seams_of_plan(actions))
         assert verify_written(out, job, text, machine, seams=seams).faults == ()
         assert judge(out, source, "mk4s", seed=0, trials=1).faults == ()
         assert read_motions(out).extrusion.sum() == pytest.approx(
@@ -224,12 +224,12 @@ def test_each_slip_in_a_moved_loop_is_seen(tmp_path, old, new) -> None:
     fan = {0: "M106 S10\n", 2: "M106 S30\n"}
     source.write_text(wall("M83", CLIPPED, step=0.04, extra=lambda k: fan.get(k, "")))
     job, text = read_gcode(source)
-    lane = direct_actions(job, replace(Toolpath.as_sliced(1), entry=np.array([2], np.int32)))
-    write_gcode(text, job, lane, out)
+    actions = direct_actions(job, replace(Toolpath.as_sliced(1), entry=np.array([2], np.int32)))
+    write_gcode(text, job, actions, out)
     raw = out.read_text()
     assert old in raw
     out.write_text(raw.replace(old, new))
-    seams = list(seams_of_plan(lane))
+    seams = list(seams_of_plan(actions))
     assert not verify_written(out, job, text, load_machine("mk4s"), seams=seams).ok
     assert not judge(out, source, "mk4s", seed=0, trials=1).ok
 
@@ -242,23 +242,23 @@ def test_a_loop_of_arcs_begins_at_another_chord(tmp_path) -> None:
     job, text = read_gcode(source)
     assert job.contours.closed.tolist() == [True]
     entry = random_entries(job.contours, 1)
-    lane = direct_actions(job, replace(Toolpath.as_sliced(1), entry=entry))
-    write_gcode(text, job, lane, out)
+    actions = direct_actions(job, replace(Toolpath.as_sliced(1), entry=entry))
+    write_gcode(text, job, actions, out)
     assert entry[0] > 0
-    seams = list(seams_of_plan(lane))
+    seams = list(seams_of_plan(actions))
     assert verify_written(out, job, text, load_machine("mk4s"), seams=seams).faults == ()
 
 
 @pytest.mark.slow
-def test_turning_all_loops_keeps_the_judges_and_the_planners_sums(planned) -> None:
+def test_rotating_all_loops_keeps_the_judges_and_the_planners_sums(planned) -> None:
     """The planner's segments are those the judge expects, one by one."""
     job, _, document = planned
-    lane = document.plan.heads[0]
+    actions = document.plan.heads[0]
     entry = np.zeros(len(job.contours), np.int32)
-    prints = lane.contour >= 0
-    entry[lane.contour[prints]] = lane.entry[prints]
+    prints = actions.contour >= 0
+    entry[actions.contour[prints]] = actions.entry[prints]
     ours = enter_at(job.contours, entry)
-    for moved in seams_of_plan(lane):
+    for moved in seams_of_plan(actions):
         run = run_of(job.contours, moved)
         assert isinstance(run, Run)
         rows = slice(int(ours.offsets[moved.contour]), int(ours.offsets[moved.contour + 1]))

@@ -26,11 +26,13 @@ def every_order(problem: TeamProblem) -> float:
         for head in product(range(heads), repeat=n):
             if not problem.space.eligible[list(order), list(head)].all():
                 continue
-            for backwards in product((False, True), repeat=n):
-                turned = np.array(backwards)
-                if (turned & ~problem.visits.reversible[list(order)]).any():
+            for directions in product((False, True), repeat=n):
+                is_reversed = np.array(directions)
+                if (is_reversed & ~problem.visits.reversible[list(order)]).any():
                     continue
-                stated = StatedOrder(np.array(order, np.int32), turned, np.array(head, np.int64))
+                stated = StatedOrder(
+                    np.array(order, np.int32), is_reversed, np.array(head, np.int64)
+                )
                 sequences = sequences_of(stated.toolpaths(heads))
                 units, verdict = carry_out(sequences, problem.visits, problem.fleet)
                 if verdict == OK:

@@ -64,7 +64,7 @@ def kinds(make, ours, source):
 
 
 def test_the_source_itself_and_another_good_order(make, towers):
-    """Layers may be printed in any order of the towers, and contours turned."""
+    """Layers may be printed in any order of the towers, and contours reversed."""
     source = file_of(towers)
     assert kinds(make, source, source) == set()
     ours = file_of([towers[i][::-1] for i in (1, 0, 2, 3, 5, 4, 6, 7)])

@@ -38,11 +38,11 @@ END = "G1 E-2 F2400\nG28 X0\nM104 S0\nM84\n"
 PARKS = ((-50.0, 0.0, 20.0), (250.0, 0.0, 20.0))
 
 
-def lane_of(job, name, contours, park, after) -> HeadActions:
+def actions_of(job, name, contours, park, after) -> HeadActions:
     """Return travel in, prints with travels between them, and park; `after` {action: pairs}."""
-    turned = np.arange(len(contours)) % 2 == 1
+    is_reversed = np.arange(len(contours)) % 2 == 1
     order = np.array(contours, np.int32)
-    plain = direct_actions(job, Toolpath.of(order, turned & job.contours.reversible[order]))
+    plain = direct_actions(job, Toolpath.of(order, is_reversed & job.contours.reversible[order]))
     first, last = plain.path[0], plain.path[-1]
     kind = np.concatenate([[ActionKind.TRAVEL], plain.kind, [ActionKind.PARK]]).astype(np.int8)
     k, sizes = len(kind), np.concatenate([[2], np.diff(plain.path_offsets), [2]])
@@ -81,12 +81,12 @@ class Made:
         assert len(self.job.contours) == 8 and len(self.document.blocks) == 1
         plain = JointPlan(
             (
-                lane_of(self.job, "left", [0, 1, 4, 5], PARKS[0], {4: [(1, 1)], 8: [(1, 5)]}),
-                lane_of(self.job, "right", [3, 2, 7, 6], PARKS[1], {3: [(0, 1)], 5: [(0, 3)]}),
+                actions_of(self.job, "left", [0, 1, 4, 5], PARKS[0], {4: [(1, 1)], 8: [(1, 5)]}),
+                actions_of(self.job, "right", [3, 2, 7, 6], PARKS[1], {3: [(0, 1)], 5: [(0, 3)]}),
             )
         )
         self.plan = change(plain)
-        self.paths = [folder / f"out_{lane.head}.gcode" for lane in self.plan.heads]
+        self.paths = [folder / f"out_{actions.head}.gcode" for actions in self.plan.heads]
         for k, path in enumerate(self.paths):
             write_head_gcode(
                 self.document, self.job, self.plan, k, path, header_lines=["made"], park=PARKS[k],
@@ -105,7 +105,7 @@ def made(tmp_path: Path) -> Made:
 
 
 def test_honest_files_pass(made):
-    """With wipes, a barrier, other tools' heating, turned contours and waits both ways."""
+    """With wipes, a barrier, other tools' heating, reversed contours and waits both ways."""
     assert made.judged().faults == ()
 
 
@@ -256,7 +256,7 @@ def test_files_of_two_plans_mixed_are_seen(made, tmp_path):
     other.mkdir()
     made_again = Made(other)
     heads = made_again.plan.heads
-    again = lane_of(made.job, "left", [1, 0, 4, 5], PARKS[0], {4: [(1, 1)], 8: [(1, 5)]})
+    again = actions_of(made.job, "left", [1, 0, 4, 5], PARKS[0], {4: [(1, 1)], 8: [(1, 5)]})
     plan = JointPlan((again, heads[1]))
     write_head_gcode(made.document, made.job, plan, 0, made.paths[0], header_lines=["made"])
     assert not made.judged().ok

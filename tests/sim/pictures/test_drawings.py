@@ -12,11 +12,11 @@ from decmcts.print.plan import JointPlan
 from sim.pictures import drawings as pictures
 from sim.pictures.activity import EXACT, activity
 from sim.pictures.drawings import (
+    action_segments,
     draw_convergence,
     draw_gantt,
     draw_machine,
     draw_plan,
-    lane_segments,
 )
 
 RED = np.array([214, 39, 40]) / 255
@@ -55,20 +55,20 @@ def test_machines_with_and_without_bodies(make, tmp_path):
     draw_machine(replace(make.one_head_machine(), heads=(head,)), tmp_path / "m.png")
 
 
-def test_segments_of_a_lane(make):
+def test_segments_of_actions(make):
     """Every printed millimetre and no other is in the grey lines."""
     document = make.tower_plan()
-    lane = document.plan.heads[0]
-    printed = lane_segments(lane, printing=True)
+    actions = document.plan.heads[0]
+    printed = action_segments(actions, printing=True)
     assert len(printed) == 4 * len(document.contours)
     assert np.abs(np.diff(printed, axis=1)).sum() == pytest.approx(16.0 * len(document.contours))
-    assert len(lane_segments(lane, printing=False)) == 3 * (len(lane) // 2 + 1)
+    assert len(action_segments(actions, printing=False)) == 3 * (len(actions) // 2 + 1)
 
 
 def test_thinning_leaves_out_whole_paths(make):
     """Half a contour would look like a gap in the print."""
-    lane = make.tower_plan(layers=20).plan.heads[0]
-    some = lane_segments(lane, printing=True, most=40)
+    actions = make.tower_plan(layers=20).plan.heads[0]
+    some = action_segments(actions, printing=True, most=40)
     assert 0 < len(some) <= 44
     assert len(some) % 4 == 0
 
@@ -76,11 +76,11 @@ def test_thinning_leaves_out_whole_paths(make):
 def test_shares_add_up_to_the_time_spent(make):
     """Many actions are drawn as shares of intervals; no second may get lost."""
     for layers in (4, EXACT):
-        lane = make.tower_plan(layers=layers).plan.heads[0]
-        edges, shares = activity(lane, float(lane.end_s[-1]) + 10.0)
+        actions = make.tower_plan(layers=layers).plan.heads[0]
+        edges, shares = activity(actions, float(actions.end_s[-1]) + 10.0)
         spent = (shares * np.diff(edges)[:, None]).sum(axis=0)
-        printing = lane.kind == 0
-        length = lane.end_s - lane.begin_s
+        printing = actions.kind == 0
+        length = actions.end_s - actions.begin_s
         np.testing.assert_allclose(spent, [length[printing].sum(), length[~printing].sum()])
         assert len(shares) <= max(2 * EXACT, 801)
 

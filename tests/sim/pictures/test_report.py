@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sim.pictures import report
-from sim.pictures.report import gained, lane_polyline, scene_of, write_report
+from sim.pictures.report import action_polyline, gained, scene_of, write_report
 
 
 @pytest.mark.slow
@@ -43,8 +43,8 @@ def test_names_cannot_break_the_page(make, tmp_path):
     """Head names come from files; they are text, not markup."""
     document = make.tower_plan()
     evil = "</script><script>alert(1)</script>"
-    lane = replace(document.plan.heads[0], head=evil)
-    document = replace(document, plan=replace(document.plan, heads=(lane,)))
+    actions = replace(document.plan.heads[0], head=evil)
+    document = replace(document, plan=replace(document.plan, heads=(actions,)))
     write_report(tmp_path / "r.html", before=document, after=document)
     assert evil not in (tmp_path / "r.html").read_text(encoding="utf-8")
 
@@ -52,11 +52,11 @@ def test_names_cannot_break_the_page(make, tmp_path):
 def test_curves_hold_the_paths_in_time_order(make):
     """The slider cuts a curve by time, so its times must ascend."""
     document = make.two_head_plan()
-    for lane in document.plan.heads:
+    for actions in document.plan.heads:
         for printing in (True, False):
-            rows = lane_polyline(lane, printing=printing, step=1)
+            rows = action_polyline(actions, printing=printing, step=1)
             assert (np.diff(rows[:, 3]) >= 0).all()
-            paths = int((np.isin(lane.kind, 0) == printing).sum())
+            paths = int((np.isin(actions.kind, 0) == printing).sum())
             assert np.isnan(rows[:, 0]).sum() == paths - 1
 
 
@@ -66,11 +66,11 @@ def test_thinning_keeps_the_ends_and_says_so(make, monkeypatch):
     document = make.tower_plan()
     page, notes = scene_of(document, document)
     assert len(notes) == 2
-    lane = document.plan.heads[0]
+    actions = document.plan.heads[0]
     drawn = np.frombuffer(base64.b64decode(page["curves"][0]["x"]), "<f4")
-    ends = lane.path[lane.path_offsets[1:] - 1, 0][lane.kind == 0]
+    ends = actions.path[actions.path_offsets[1:] - 1, 0][actions.kind == 0]
     assert set(ends.astype("f4")) <= set(drawn)
-    assert len(drawn) < len(lane.path)
+    assert len(drawn) < len(actions.path)
 
 
 def test_the_scene_is_plain_json(make):

@@ -11,7 +11,7 @@ from sim.content.legs import legs_of
 from sim.faults import FaultKind
 from sim.replay.execution import arrivals_of, execute, run_trial, timing_factors
 from sim.rules.order import order_of
-from sim.verify import lanes_of, verify_plan
+from sim.verify import all_actions_of, verify_plan
 
 
 def forget_after(rows):
@@ -21,14 +21,14 @@ def forget_after(rows):
 
 def test_execution_begins_as_early_as_allowed(make):
     """Each action begins when the last thing it waits for has ended, not before, not later."""
-    lanes = lanes_of(make.two_head_plan())
-    order = order_of(lanes)
+    all_actions = all_actions_of(make.two_head_plan())
+    order = order_of(all_actions)
     rng = np.random.default_rng(0)
-    seconds = [rng.uniform(0.1, 2.0, len(lane)) for lane in lanes]
-    begin = execute(lanes, order, seconds)
-    for h, lane in enumerate(lanes):
-        for a in range(len(lane)):
-            waits = [begin[s][b] + seconds[s][b] for s, b in lane.after(a)]
+    seconds = [rng.uniform(0.1, 2.0, len(actions)) for actions in all_actions]
+    begin = execute(all_actions, order, seconds)
+    for h, actions in enumerate(all_actions):
+        for a in range(len(actions)):
+            waits = [begin[s][b] + seconds[s][b] for s, b in actions.after(a)]
             if a:
                 waits.append(begin[h][a - 1] + seconds[h][a - 1])
             assert begin[h][a] == max(waits, default=0.0)
@@ -36,8 +36,8 @@ def test_execution_begins_as_early_as_allowed(make):
 
 def test_adversarial_timing_is_among_the_trials(make):
     """Random error alone rarely makes one head twice as fast for the whole print."""
-    lanes = lanes_of(make.two_head_plan())
-    trials = dict(timing_factors(legs_of(lanes), 2, seed=7))
+    all_actions = all_actions_of(make.two_head_plan())
+    trials = dict(timing_factors(legs_of(all_actions), 2, seed=7))
     assert set(trials) == {
         "nominal", "random 0", "random 1", "head left fast", "head right fast",
         "in turn 0", "in turn 1",
@@ -50,8 +50,8 @@ def test_adversarial_timing_is_among_the_trials(make):
 
 def test_equal_seeds_give_equal_trials(make):
     """A fault found once must be found again."""
-    lanes = lanes_of(make.two_head_plan())
-    one, two = (dict(timing_factors(legs_of(lanes), 2, seed=3)) for _ in range(2))
+    all_actions = all_actions_of(make.two_head_plan())
+    one, two = (dict(timing_factors(legs_of(all_actions), 2, seed=3)) for _ in range(2))
     assert all(
         np.array_equal(a, b) for name in one for a, b in zip(one[name], two[name], strict=True)
     )
@@ -75,15 +75,17 @@ def test_a_head_that_waits_its_turn_is_never_met(make):
 def test_a_head_rests_where_it_ended(make):
     """Between two actions the course holds the last point, through any wait."""
     document = make.two_head_plan()
-    lanes = lanes_of(document)
-    arrivals = [arrivals_of(document, lane) for lane in lanes]
-    _, factors = next(timing_factors(legs_of(lanes), 0, 0))
-    begin, courses = run_trial(document.machine, lanes, order_of(lanes), arrivals, factors)
-    waits = next(a for a in range(len(lanes[1])) if lanes[1].after(a))
+    all_actions = all_actions_of(document)
+    arrivals = [arrivals_of(document, actions) for actions in all_actions]
+    _, factors = next(timing_factors(legs_of(all_actions), 0, 0))
+    begin, courses = run_trial(
+        document.machine, all_actions, order_of(all_actions), arrivals, factors
+    )
+    waits = next(a for a in range(len(all_actions[1])) if all_actions[1].after(a))
     end = courses[1].time[courses[1].action == waits - 1][-1]
     assert begin[1][waits] > end
     here = np.interp((end + begin[1][waits]) / 2, courses[1].time, courses[1].point[:, 0])
-    assert here == lanes[1].action_path(waits)[0, 0]
+    assert here == all_actions[1].action_path(waits)[0, 0]
 
 
 def test_a_head_moves_under_its_own_limits(make):
@@ -93,7 +95,7 @@ def test_a_head_moves_under_its_own_limits(make):
     slow = MotionLimits(travel_feed=15.0, max_feed=(15.0, 15.0, 2.0, 60.0))
     machine = replace(document.machine, heads=(left, replace(right, limits=slow)))
     before, after = (
-        [arrivals_of(d, lane)[-1] for lane in lanes_of(d)]
+        [arrivals_of(d, actions)[-1] for actions in all_actions_of(d)]
         for d in (document, replace(document, machine=machine))
     )
     assert after[0] == before[0]
@@ -101,15 +103,15 @@ def test_a_head_moves_under_its_own_limits(make):
 
 
 def test_print_feeds_follow_the_traversal(make):
-    """A contour run backwards runs its feeds backwards."""
+    """A contour that is reversed runs its feeds backwards."""
     document = make.tower_plan(layers=1, towers=((20.0, 20.0),))
     feed = np.array([0.0, 10.0, 20.0, 30.0, 40.0])
     document = replace(document, contours=replace(document.contours, feed=feed))
     forward = np.diff(arrivals_of(document, document.plan.heads[0])[4:9])
 
-    def turn(rows):
+    def reverse(rows):
         rows[1]["path"], rows[1]["reversed"] = rows[1]["path"][::-1].copy(), True
 
-    turned = make.edited(document, 0, turn)
-    backward = np.diff(arrivals_of(turned, turned.plan.heads[0])[4:9])
+    edited = make.edited(document, 0, reverse)
+    backward = np.diff(arrivals_of(edited, edited.plan.heads[0])[4:9])
     np.testing.assert_allclose(backward, forward[::-1])

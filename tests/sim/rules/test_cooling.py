@@ -71,24 +71,24 @@ def test_the_source_order_owes_nothing(make):
     """In source order every spot has what the source gave it, whatever the rule."""
     document = make.tower_plan(4)
     paths = [document.contours.polyline(c) for c in range(len(document.contours))]
-    lane = make.head_actions(
+    actions = make.head_actions(
         document.machine.heads[0], [(c, False) for c in range(len(paths))], paths, 0, clearance_z=2
     )
-    plan = replace(document.plan, heads=(lane,))
+    plan = replace(document.plan, heads=(actions,))
     assert verify_plan(with_rule(replace(document, plan=plan), 1000.0)).ok
 
 
 @pytest.mark.parametrize(("stated", "taken"), [(0.5, 1.0), (2.0, 2.0), (9.0, PRINT_TIMES)])
 def test_prints_may_be_slower_than_the_machine_but_not_by_any_factor(towers, stated, taken):
     """Slicers slow single lines down by M204, which the plan does not carry."""
-    lane = towers.plan.heads[0]
-    prints = lane.kind == ActionKind.PRINT
-    own = np.where(prints, 4.0, lane.end_s - lane.begin_s)
-    arrivals = np.zeros(len(lane.path))
-    arrivals[lane.path_offsets[1:] - 1] = own
+    actions = towers.plan.heads[0]
+    prints = actions.kind == ActionKind.PRINT
+    own = np.where(prints, 4.0, actions.end_s - actions.begin_s)
+    arrivals = np.zeros(len(actions.path))
+    arrivals[actions.path_offsets[1:] - 1] = own
     end = np.cumsum(np.where(prints, stated, 1.0) * own)
     begin = np.concatenate([[0.0], end[:-1]])
-    seconds = _seconds(replace(lane, begin_s=begin, end_s=end), arrivals)
+    seconds = _seconds(replace(actions, begin_s=begin, end_s=end), arrivals)
     assert seconds[prints] == pytest.approx(4.0 * taken)
 
 
@@ -125,7 +125,7 @@ def test_a_point_is_no_end(make):
 
 
 def test_two_heads_that_keep_the_source_order_owe_nothing(make):
-    """Each tower is printed without a pause in the source, so none is due."""
+    """Each tower is printed without a lag in the source, so none is due."""
     assert verify_plan(replace(make.two_head_plan(), min_layer_time_s=5.0)).ok
 
 

@@ -12,16 +12,16 @@ from sim.rules.least_time import LeastTime
 from sim.rules.order import order_of
 
 
-def longest(lanes, seconds, start, goal):
+def longest(all_actions, seconds, start, goal):
     """Return the longest way from the end of `start` to the begin of `goal`, or None."""
     ways = [
-        (edge.head, edge.action, edge.lag_s) for edge in lanes[goal[0]].after_edges(goal[1])
+        (edge.head, edge.action, edge.lag_s) for edge in all_actions[goal[0]].after_edges(goal[1])
     ] + ([(goal[0], goal[1] - 1, 0.0)] if goal[1] else [])
     found = []
     for head, leg, lag_s in ways:
         if (head, leg) == start:
             found.append(lag_s)
-        before = longest(lanes, seconds, start, (head, leg))
+        before = longest(all_actions, seconds, start, (head, leg))
         if before is not None:
             found.append(before + seconds[head][leg] + lag_s)
     return max(found, default=None)
@@ -31,16 +31,16 @@ def longest(lanes, seconds, start, goal):
 def test_least_time_is_the_longest_way(make, seed):
     """Every leg nearer than the limit is found, with its time; those farther are not."""
     rng = np.random.default_rng(seed)
-    lanes = tuple(
-        replace(lane, after_lag_s=rng.choice([0.0, 1.5], len(lane.after_head)))
-        for lane in make.lanes_with_points(rng)
+    all_actions = tuple(
+        replace(actions, after_lag_s=rng.choice([0.0, 1.5], len(actions.after_head)))
+        for actions in make.actions_with_points(rng)
     )
-    legs = legs_of(lanes)
-    seconds = [rng.choice([0.0, 0.5, 1.0], len(lane)) for lane in legs.lanes]
-    time, limit = LeastTime(legs, order_of(legs.lanes), seconds), 2.25
-    every = [(h, k) for h, lane in enumerate(legs.lanes) for k in range(len(lane))]
+    legs = legs_of(all_actions)
+    seconds = [rng.choice([0.0, 0.5, 1.0], len(actions)) for actions in legs.all_actions]
+    time, limit = LeastTime(legs, order_of(legs.all_actions), seconds), 2.25
+    every = [(h, k) for h, actions in enumerate(legs.all_actions) for k in range(len(actions))]
     for goal in every:
-        due = {start: longest(legs.lanes, seconds, start, goal) for start in every}
+        due = {start: longest(legs.all_actions, seconds, start, goal) for start in every}
         near = {at: gap for at, gap in due.items() if gap is not None and gap < limit}
         found = {(h, k): gap for h, k, gap in time.since(*goal, limit)}
         assert found == pytest.approx(near)
@@ -48,8 +48,8 @@ def test_least_time_is_the_longest_way(make, seed):
 
 def test_a_leg_is_found_once_and_alone(make):
     """With nothing before it, nothing has ended."""
-    lanes = legs_of(make.lanes_with_points(np.random.default_rng(0)))
-    order = order_of(lanes.lanes)
-    time = LeastTime(lanes, order, [np.ones(len(lane)) for lane in lanes.lanes])
+    legs = legs_of(make.actions_with_points(np.random.default_rng(0)))
+    order = order_of(legs.all_actions)
+    time = LeastTime(legs, order, [np.ones(len(actions)) for actions in legs.all_actions])
     head, leg = order.sequence[0].tolist()
     assert list(time.since(head, leg, 99.0)) == []

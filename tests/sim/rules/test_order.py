@@ -9,8 +9,8 @@ from decmcts.print.plan import ActionKind
 from sim.rules.order import order_of
 
 
-def random_lanes(make, rng, sizes, edges):
-    """Lanes with random `after` edges that follow a random interleaving, so they are acyclic."""
+def random_actions(make, rng, sizes, edges):
+    """Actions with random `after` edges that follow a random interleaving, so they are acyclic."""
     slots = [h for h, n in enumerate(sizes) for _ in range(n)]
     rng.shuffle(slots)
     seen, sequence = [0] * len(sizes), []
@@ -24,7 +24,7 @@ def random_lanes(make, rng, sizes, edges):
             waits[sequence[j]].append(sequence[i])
     stay = np.zeros((1, 3))
     return tuple(
-        make.lane(
+        make.actions_of_rows(
             f"h{h}",
             [(ActionKind.WAIT, -1, False)] * n,
             [stay] * n,
@@ -34,17 +34,17 @@ def random_lanes(make, rng, sizes, edges):
     )
 
 
-def reachable(lanes):
+def reachable(all_actions):
     """All (head, action) pairs each action comes after, by plain search."""
     before = {}
     changed = True
-    keys = [(h, a) for h in range(len(lanes)) for a in range(len(lanes[h]))]
+    keys = [(h, a) for h in range(len(all_actions)) for a in range(len(all_actions[h]))]
     for key in keys:
         before[key] = set()
     while changed:
         changed = False
         for h, a in keys:
-            direct = set(lanes[h].after(a)) | ({(h, a - 1)} if a else set())
+            direct = set(all_actions[h].after(a)) | ({(h, a - 1)} if a else set())
             total = direct | {k for d in direct for k in before[d]}
             if not total <= before[h, a]:
                 before[h, a] |= total
@@ -57,8 +57,8 @@ def test_windows_are_the_unordered_actions(make, seed):
     """[preceding, following) of an action is exactly what is ordered neither way."""
     rng = np.random.default_rng(seed)
     sizes = [int(n) for n in rng.integers(1, 8, 3)]
-    lanes = random_lanes(make, rng, sizes, edges=6)
-    order, before = order_of(lanes), reachable(lanes)
+    all_actions = random_actions(make, rng, sizes, edges=6)
+    order, before = order_of(all_actions), reachable(all_actions)
     for r in range(3):
         for s in range(3):
             if r == s:
@@ -74,8 +74,8 @@ def test_windows_are_the_unordered_actions(make, seed):
 
 def test_the_sequence_keeps_the_order(make):
     """Replays execute actions in this sequence, so nothing may come before what it waits for."""
-    lanes = random_lanes(make, np.random.default_rng(3), [6, 5], edges=8)
-    order, before = order_of(lanes), reachable(lanes)
+    all_actions = random_actions(make, np.random.default_rng(3), [6, 5], edges=8)
+    order, before = order_of(all_actions), reachable(all_actions)
     seen = set()
     for h, a in order.sequence.tolist():
         assert before[h, a] <= seen
@@ -86,5 +86,8 @@ def test_waiting_for_a_later_action_of_oneself_is_a_deadlock(make):
     """The head can never reach what it waits for; the action is named."""
     stay = [np.zeros((1, 3))] * 2
     rows = [(ActionKind.WAIT, -1, False)] * 2
-    lanes = (make.lane("a", rows, stay, [[(0, 1)], []]), make.lane("b", rows, stay, [[], []]))
-    assert order_of(lanes) == [(0, 0)]
+    all_actions = (
+        make.actions_of_rows("a", rows, stay, [[(0, 1)], []]),
+        make.actions_of_rows("b", rows, stay, [[], []]),
+    )
+    assert order_of(all_actions) == [(0, 0)]

@@ -33,12 +33,14 @@ def strokes(make, roles, *, order=None, gap=0.4, layers=1, freedom="seam", tower
     machine = make.one_head_machine(half=0.1)
     order = range(n * layers) if order is None else order
     z = 0.2 * layers + 1.0
-    lane = make.head_actions(machine.heads[0], [(c, False) for c in order], paths, 0, clearance_z=z)
+    actions = make.head_actions(
+        machine.heads[0], [(c, False) for c in order], paths, 0, clearance_z=z
+    )
     base = make.tower_plan()
     contours = replace(make.contours_of(paths), role=np.tile(np.array(roles, np.int8), layers))
     none = np.empty((0, 2), np.int32)
     return replace(
-        base, machine=machine, contours=contours, precedence=none, plan=JointPlan((lane,))
+        base, machine=machine, contours=contours, precedence=none, plan=JointPlan((actions,))
     )
 
 
@@ -136,10 +138,10 @@ def test_objects_one_by_one_climb_anew(make):
     plan = strokes(make, (P, P), gap=9.0, layers=3)
     by_object = np.array([0, 2, 4, 1, 3, 5])
     paths = [plan.contours.polyline(int(c)) for c in by_object]
-    lane = make.head_actions(
+    actions = make.head_actions(
         plan.machine.heads[0], [(c, False) for c in range(6)], paths, 0, clearance_z=1.6
     )
-    plan = replace(plan, contours=make.contours_of(paths), plan=JointPlan((lane,)))
+    plan = replace(plan, contours=make.contours_of(paths), plan=JointPlan((actions,)))
     assert verify_plan(plan, rules=replace(FREE, max_layers_ahead=0)).ok
 
 
@@ -147,18 +149,18 @@ def test_objects_one_by_one_climb_anew(make):
     ("freedom", "due"), [("fixed", {K.WRONG_PATH}), ("reversible", set()), ("seam", set())]
 )
 def test_freedom(make, freedom, due):
-    """A contour run backwards was not asked for with freedom `fixed`."""
+    """A contour that is reversed was not asked for with freedom `fixed`."""
     plan = strokes(make, (P, P))
 
-    def turn(rows):
+    def reverse(rows):
         rows[1]["path"], rows[1]["reversed"] = rows[1]["path"][::-1].copy(), True
         rows[0]["path"][-1] = rows[1]["path"][0]
         rows[0]["path"][-2, :2] = rows[1]["path"][0, :2]
         rows[2]["path"][0] = rows[1]["path"][-1]
         rows[2]["path"][1, :2] = rows[1]["path"][-1, :2]
 
-    turned = make.edited(plan, 0, turn)
-    assert verify_plan(turned, rules=replace(FREE, freedom=freedom)).kinds() == due
+    edited = make.edited(plan, 0, reverse)
+    assert verify_plan(edited, rules=replace(FREE, freedom=freedom)).kinds() == due
 
 
 @pytest.mark.slow

@@ -36,8 +36,10 @@ def flat_plan(roles, order, *, epoch=None, heads=1):
     if epoch is not None:
         contours = replace(contours, epoch=np.array(epoch, np.int32))
     visits = [(c, False) for c in order]
-    lane = head_actions(machine.heads[0], visits, paths, 0, clearance_z=5.0)
-    return PlanDocument("", machine, contours, np.empty((0, 2), np.int32), JointPlan((lane,)), {})
+    actions = head_actions(machine.heads[0], visits, paths, 0, clearance_z=5.0)
+    return PlanDocument(
+        "", machine, contours, np.empty((0, 2), np.int32), JointPlan((actions,)), {}
+    )
 
 
 def priming(verdict) -> list[str]:

@@ -99,18 +99,18 @@ def test_a_stated_order_that_cannot_be_is_ignored(case: Callable[..., Any], kind
     """A peer's broken plan must neither crash nor bind anyone."""
     problem = _problem(case, 2)
     stated = StatedOrder.of(_start(problem).toolpaths)
-    order, backwards, head = stated.order.copy(), stated.backwards.copy(), stated.head.copy()
+    order, is_reversed, head = stated.order.copy(), stated.reversed.copy(), stated.head.copy()
     if kind == "precedence":
-        order, backwards, head = order[::-1], backwards[::-1], head[::-1]
+        order, is_reversed, head = order[::-1], is_reversed[::-1], head[::-1]
     elif kind == "head":
         head += 2
     else:
         fixed = ~problem.visits.reversible[order]
         if not fixed.any():
             pytest.skip("every contour of this print may be reversed")
-        backwards[fixed] = True
+        is_reversed[fixed] = True
     nothing = resolve(problem, {}, [0, 1])
-    assert _stated(problem, StatedOrder(order, backwards, head)).digest == nothing.digest
+    assert _stated(problem, StatedOrder(order, is_reversed, head)).digest == nothing.digest
 
 
 @pytest.mark.slow

@@ -47,7 +47,7 @@ def test_a_told_order_that_cannot_be_is_not_polished() -> None:
     problem = smallest_problem()
     agent = compile_rounds(problem)[0]
     good = StatedOrder.of(resolve(problem, {}, HEADS).toolpaths)
-    bad = StatedOrder(good.order[::-1].copy(), good.backwards, good.head)
+    bad = StatedOrder(good.order[::-1].copy(), good.reversed, good.head)
     agent.take_joint({1: encode_stated(bad, 2, problem.n_macros)}, HEADS)
     agent.iterate(HEADS)
     best = agent.best(HEADS)

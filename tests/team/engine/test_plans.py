@@ -49,12 +49,12 @@ def test_a_serial_plan_comes_back() -> None:
 
 def test_a_stated_order_comes_back() -> None:
     """Who prints what, in which order and direction, survives."""
-    order, backwards = np.array([2, 0, 1], np.int32), np.array([True, False, True])
-    plan = encode_stated(StatedOrder(order, backwards, np.array([2, 0, 1])), 3, 9)
+    order, is_reversed = np.array([2, 0, 1], np.int32), np.array([True, False, True])
+    plan = encode_stated(StatedOrder(order, is_reversed, np.array([2, 0, 1])), 3, 9)
     stated = decode(plan, 9, 3).stated
     assert stated is not None
     assert stated.order.tolist() == [2, 0, 1]
-    assert stated.backwards.tolist() == [True, False, True]
+    assert stated.reversed.tolist() == [True, False, True]
     assert stated.head.tolist() == [2, 0, 1]
     assert decode(plan, 9, 4).stated is None
     plan[-1] = plan[-2]

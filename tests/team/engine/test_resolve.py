@@ -108,7 +108,7 @@ def test_serial_plan_is_kept_to_the_letter(problem: TeamProblem) -> None:
     _check(problem, resolved)
 
 
-def test_a_serial_plan_turns_nothing_that_may_not_be_turned(problem: TeamProblem) -> None:
+def test_a_serial_plan_reverses_nothing_that_may_not_be_reversed(problem: TeamProblem) -> None:
     """A peer states it: the judge would refuse the plan once all heads had agreed on it."""
     n = len(problem.macro)
     toolpath = Toolpath.of(np.arange(n, dtype=np.int32), np.ones(n, np.bool_))

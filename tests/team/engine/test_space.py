@@ -220,10 +220,10 @@ def test_on_a_rail_earlier_answers_tell_who_is_let_in(seed: int) -> None:
     end = start + rng.uniform(-60, 60, (n, 3)) * [1, 1, 0]
     points = np.stack([start, end], axis=1).reshape(-1, 3)
     offsets = np.arange(0, 2 * n + 1, 2, dtype=np.int64)
-    turns = np.ones(n, np.bool_)
+    reversible = np.ones(n, np.bool_)
     visits = Visits(
-        points.reshape(n, 2, 3), np.zeros((heads, n)), turns,
-        cut_pieces(points, offsets, turns, 1.0, 1), np.zeros(n + 1, np.int64),
+        points.reshape(n, 2, 3), np.zeros((heads, n)), reversible,
+        cut_pieces(points, offsets, reversible, 1.0, 1), np.zeros(n + 1, np.int64),
         np.empty(0, np.int32), no_lags(n),
     )  # fmt: skip
     fleet = fleet_of(smallest_job(), machine)

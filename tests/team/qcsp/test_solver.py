@@ -11,8 +11,8 @@ import pytest
 from decmcts._kernels.refine.qcsp import SPREAD, decode, weigh
 from decmcts.formats.qcsp import QcspProblem, problem_of
 from decmcts.team.qcsp.bound import least_makespan
-from decmcts.team.qcsp.solver import _lanes_of, solve_qcsp
-from decmcts.team.qcsp.ways import ways_of
+from decmcts.team.qcsp.paths import paths_of
+from decmcts.team.qcsp.solver import _threads_of, solve_qcsp
 from sim.qcsp import faults_of
 
 
@@ -200,16 +200,16 @@ def test_a_target_ends_the_search_the_same_way_whichever_thread_is_faster() -> N
 def test_schedules_are_given_up_only_above_the_limit(seed: int) -> None:
     """What is skipped as too dear must be so, or good schedules are missed without a word."""
     problem = random_qcsp(seed, 20, 4, 12, late=seed % 2 == 1)
-    lane = next(iter(_lanes_of(problem, seed)))
-    crew = lane.crew
+    thread = next(iter(_threads_of(problem, seed)))
+    crew = thread.crew
     crew.crane[:] = np.random.default_rng(seed).integers(0, 4, 20)
-    least = weigh(lane.yard, crew)
-    cost, makespan = decode(lane.yard, crew, np.inf)
+    least = weigh(thread.yard, crew)
+    cost, makespan = decode(thread.yard, crew, np.inf)
     assert least <= cost + 1e-9
     assert makespan == crew.end.max()
     assert cost == pytest.approx(makespan + SPREAD * crew.free.mean())
-    assert decode(lane.yard, crew, cost + 1e-6) == (cost, makespan)
-    assert decode(lane.yard, crew, cost - 1e-6) == (np.inf, np.inf)
+    assert decode(thread.yard, crew, cost + 1e-6) == (cost, makespan)
+    assert decode(thread.yard, crew, cost - 1e-6) == (np.inf, np.inf)
 
 
 def test_without_tasks_or_time_there_is_a_schedule() -> None:
@@ -225,11 +225,11 @@ def test_without_tasks_or_time_there_is_a_schedule() -> None:
         solve_qcsp(problem, time_limit_s=-1.0)
 
 
-def test_one_crane_s_way_goes_by_its_stops() -> None:
+def test_one_crane_s_path_goes_by_its_stops() -> None:
     """Time, place, and no detour that is not needed at the ends."""
     problem = problem_of({"t": 2, "s": 0, "p": [5, 5], "l": [3, 1], "r": [0], "l0": [3], "Phi": []})
-    (way,) = ways_of(problem, np.array([0, 0]), np.array([0.0, 9.0]))
-    assert way.tolist() == [[0.0, 3.0], [5.0, 3.0], [9.0, 1.0], [14.0, 1.0]]
+    (path,) = paths_of(problem, np.array([0, 0]), np.array([0.0, 9.0]))
+    assert path.tolist() == [[0.0, 3.0], [5.0, 3.0], [9.0, 1.0], [14.0, 1.0]]
 
 
 def test_bays_too_near_bound_the_makespan() -> None:

@@ -103,7 +103,7 @@ def test_lags_are_the_rule_or_what_the_source_gives() -> None:
 
 
 def test_only_the_last_of_what_is_under_a_contour_counts() -> None:
-    """A wall over wall and infill owes the wall no more than the infill's little pause."""
+    """A wall over wall and infill owes the wall no more than the infill's little lag."""
     job, machine, graph = make([20.0, 20.2])  # the two loops of a layer lie on each other
     lags = lags_of(job, machine, graph, 60.0)
     for b in range(4, len(job.contours)):
@@ -203,19 +203,19 @@ def test_waits_give_every_spot_its_time() -> None:
     plan = add_waits(job, machine, plain, lags)
     spare = gaps(plan, lags, len(job.contours))
     assert spare.min() > -LEAST_WAIT_S
-    lane = plan.heads[0]
-    waits = np.flatnonzero(lane.kind == ActionKind.WAIT)
+    actions = plan.heads[0]
+    waits = np.flatnonzero(actions.kind == ActionKind.WAIT)
     assert len(waits) == 2 * (LAYERS - 1)
-    spent = (lane.end_s - lane.begin_s)[waits]
+    spent = (actions.end_s - actions.begin_s)[waits]
     assert plan.makespan_s == pytest.approx(plain.makespan_s + spent.sum(), abs=4.0)
     for k in waits.tolist():
-        (place,) = lane.action_path(k)
-        printed = lane.action_path(k - 2)[-1]  # print, lift, wait
+        (place,) = actions.action_path(k)
+        printed = actions.action_path(k - 2)[-1]  # print, lift, wait
         assert place[2] == pytest.approx(printed[2] + LIFT_MM)
         assert (place[:2] == printed[:2]).all()
-    ends = lane.path[lane.path_offsets[1:] - 1]
-    assert (lane.path[lane.path_offsets[1:-1]] == ends[:-1]).all()
-    assert (lane.begin_s[1:] == lane.end_s[:-1]).all()
+    ends = actions.path[actions.path_offsets[1:] - 1]
+    assert (actions.path[actions.path_offsets[1:-1]] == ends[:-1]).all()
+    assert (actions.begin_s[1:] == actions.end_s[:-1]).all()
 
 
 def test_a_lift_that_takes_the_time_needs_no_dwell() -> None:
@@ -249,8 +249,8 @@ def test_a_low_ceiling_bounds_the_lift() -> None:
     lags = lags_of(job, machine, graph, 10.0)
     low = replace(machine.heads[0], reach_max=(200.0, 200.0, 1.5))
     plan = plan_of(job, machine, graph, towers_first(len(job.contours)))
-    lane = add_waits(job, replace(machine, heads=(low,)), plan, lags).heads[0]
-    waiting = np.flatnonzero(lane.kind == ActionKind.WAIT)
-    assert lane.path[lane.path_offsets[waiting], 2].max() <= 1.5
+    actions = add_waits(job, replace(machine, heads=(low,)), plan, lags).heads[0]
+    waiting = np.flatnonzero(actions.kind == ActionKind.WAIT)
+    assert actions.path[actions.path_offsets[waiting], 2].max() <= 1.5
     with pytest.raises(ValueError, match="one head"):
-        add_waits(job, machine, JointPlan((lane, lane)), lags)
+        add_waits(job, machine, JointPlan((actions, actions)), lags)

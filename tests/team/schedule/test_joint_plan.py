@@ -296,6 +296,6 @@ def test_order_against_the_precedence(case: Callable[..., Any]) -> None:
     """Sequences that contradict the graph are refused, they do not hang."""
     chosen = case(0)
     n = len(chosen.job.contours)
-    backwards = Toolpath.of(np.arange(n, dtype=np.int32)[::-1], np.zeros(n, np.bool_))
+    from_the_end = Toolpath.of(np.arange(n, dtype=np.int32)[::-1], np.zeros(n, np.bool_))
     with pytest.raises(InputError, match="contradict"):
-        schedule(chosen.job, chosen.machine, chosen.graph, [backwards, Toolpath.as_sliced(0)])
+        schedule(chosen.job, chosen.machine, chosen.graph, [from_the_end, Toolpath.as_sliced(0)])

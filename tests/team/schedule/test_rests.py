@@ -26,7 +26,7 @@ SEEDS = range(8)
 
 
 def lags_of(case: Any, rule_s: float = RULE_S) -> Lags:
-    """The rule, or the source's pause if less."""
+    """The rule, or the source's lag if less."""
     times = source_times(case.job, case.machine, case.graph)
     return find_lags(case.job.contours, [times], rule_s)[0]
 

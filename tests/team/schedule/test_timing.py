@@ -86,6 +86,6 @@ def test_a_plan_takes_as_long_as_its_file(tmp_path):
     file = print_time(tmp_path / "out.gcode", machine.limits)
     assert plan.makespan_s == pytest.approx(file.total_s, rel=0.01)
     document_of = PlanDocument("", machine, job.contours, graph.pairs(), plan, {})
-    lane = plan.heads[0]
-    judged = arrivals_of(document_of, lane)[lane.path_offsets[1:] - 1].sum()
+    actions = plan.heads[0]
+    judged = arrivals_of(document_of, actions)[actions.path_offsets[1:] - 1].sum()
     assert judged == pytest.approx(plan.makespan_s, rel=0.15)  # the judge knows no filament

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.lags import Lags
-from decmcts._kernels.sequence.pauses import Pauses, keeps_all, retime
+from decmcts._kernels.sequence.lags import LagState, keeps_all, retime
 
 
 @dataclass(frozen=True, slots=True)
-class Spacing:
+class TimedLags:
     """Time lags, and how long each contour takes, in the seconds of a search.
 
     A path of edges leads from each contour to those over it. Raises ValueError if the
@@ -42,18 +42,18 @@ class Spacing:
             raise ValueError("the source does not keep the lags itself")
 
     @staticmethod
-    def owed_by_source(lags: Lags, seconds: NDArray[np.float64]) -> Spacing:
+    def kept_by_source(lags: Lags, seconds: NDArray[np.float64]) -> TimedLags:
         """Return the lags, or what the source gives by this reckoning if less."""
         ended = np.cumsum(seconds)
         above = _above(lags)
         given = ended[above] - seconds[above] - ended[lags.below]
-        return Spacing(lags._replace(seconds=np.clip(given, 0.0, lags.seconds)), seconds)
+        return TimedLags(lags._replace(seconds=np.clip(given, 0.0, lags.seconds)), seconds)
 
     def keeps(self, order: NDArray[np.int32]) -> bool:
         """Say whether a sequence of all contours leaves enough time everywhere."""
         return bool(keeps_all(order, *self.lags, self.seconds))
 
-    def pauses(self, order: NDArray[np.int32], ids: NDArray[np.int32]) -> Pauses:
+    def state(self, order: NDArray[np.int32], ids: NDArray[np.int32]) -> LagState:
         """Return what moves need, for contours renumbered: number k is contour `ids[k]`, all n.
 
         `order` is a sequence of these numbers.
@@ -63,27 +63,27 @@ class Spacing:
         number[ids] = np.arange(n, dtype=np.int32)
         below = number[lags.below]
         above = number[_above(lags)]
-        pauses = Pauses(
+        state = LagState(
             *_rows(above, below, lags.seconds, n),
             *_rows(below, above, lags.seconds, n),
             float(lags.seconds.max(initial=0.0)),
             self.seconds[ids],
             np.zeros(n),
         )
-        retime(pauses, order, 0, n)
-        return pauses
+        retime(state, order, 0, n)
+        return state
 
 
-def no_spacing(n: int) -> Spacing:
-    """Return a spacing without lags."""
+def no_timed_lags(n: int) -> TimedLags:
+    """Return the times of n contours and no lag between them."""
     lags = Lags(np.zeros(n + 1, np.int64), np.empty(0, np.int32), np.empty(0))
-    return Spacing(lags, np.ones(n))
+    return TimedLags(lags, np.ones(n))
 
 
-def no_pauses() -> Pauses:
+def no_lag_state() -> LagState:
     """Return what moves need where nothing has to be kept."""
     offsets, ids, seconds = np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0)
-    return Pauses(offsets, ids, seconds, offsets, ids, seconds, 0.0, seconds, seconds)
+    return LagState(offsets, ids, seconds, offsets, ids, seconds, 0.0, seconds, seconds)
 
 
 def _above(lags: Lags) -> NDArray[np.int64]:

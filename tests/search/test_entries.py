@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.descent import descend
-from decmcts._kernels.sequence.seats import choose_visits, slide, visits_cost
+from decmcts._kernels.sequence.entries import choose_visits, slide_entries, visits_cost
 from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid.pieces import Sequence, cut
+from decmcts.search.hybrid.blocks import Sequence, cut
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports
@@ -57,12 +57,12 @@ def test_summed_changes_equal_the_recomputed_cost(
     if timed:
         problem = replace(problem, pace=Pace(100.0, 1500.0, 10.0, 200.0, hop_s=0.3, free_mm=2.0))
     tour = tour_of(started(problem), near_ports(problem))
-    before = visits_cost(problem.metric(), tour.order, tour.flip, tour.seat)
+    before = visits_cost(problem.metric(), tour.order, tour.reversed, tour.entry_id)
     total, _ = anneal(tour, seeded(seed), temperature, 700)
     total += descend(tour, 0, n, 5)
-    after = visits_cost(problem.metric(), tour.order, tour.flip, tour.seat)
+    after = visits_cost(problem.metric(), tour.order, tour.reversed, tour.entry_id)
     assert after == pytest.approx(before + total, abs=1e-6)
-    assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(after)
+    assert tour_cost(tour.metric, tour.order, tour.reversed) == pytest.approx(after)
     assert tour.after.sum() == pytest.approx(after, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
 
@@ -70,27 +70,27 @@ def test_summed_changes_equal_the_recomputed_cost(
 @pytest.mark.parametrize("ahead", [True, False])
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), slack=st.floats(-20.0, 20.0))
-def test_a_slide_costs_what_it_says_or_leaves_no_trace(
+def test_sliding_costs_what_it_says_or_leaves_no_trace(
     ahead: bool, seed: int, slack: float
 ) -> None:
     """Never more than the slack; refused, every loop is entered as before."""
     problem, rng = loops(seed, 12), np.random.default_rng(seed)
     tour = tour_of(started(problem), near_ports(problem))
-    chosen = np.flatnonzero(tour.seat[tour.order] >= 0)
+    chosen = np.flatnonzero(tour.entry_id[tour.order] >= 0)
     if len(chosen) == 0:
         return
     p = int(rng.choice(chosen))
-    option = int(rng.integers(*tour.seat_offsets[tour.order[p] : tour.order[p] + 2]))
-    before, cost = tour.seat.copy(), tour.after.sum()
-    change = slide(tour, p, option, ahead, slack)
-    after = visits_cost(problem.metric(), tour.order, tour.flip, tour.seat)
+    entry = int(rng.integers(*tour.entry_offsets[tour.order[p] : tour.order[p] + 2]))
+    before, cost = tour.entry_id.copy(), tour.after.sum()
+    change = slide_entries(tour, p, entry, ahead, slack)
+    after = visits_cost(problem.metric(), tour.order, tour.reversed, tour.entry_id)
     assert after == pytest.approx(cost + change, abs=1e-9)
     assert tour.after.sum() == pytest.approx(after, abs=1e-9)
     if change == 0.0:
-        assert (tour.seat == before).all() or slack >= 0.0
+        assert (tour.entry_id == before).all() or slack >= 0.0
     else:
         assert change <= slack
-        assert tour.seat[tour.order[p]] == option
+        assert tour.entry_id[tour.order[p]] == entry
 
 
 def tower(height: int) -> OrderProblem:
@@ -120,29 +120,29 @@ def test_the_seams_of_a_tower_slide_to_another_corner_together() -> None:
     """As far as it takes to gain what was asked for; not at all if it never does."""
     problem = tower(20)
     tour = tour_of(started(problem), near_ports(problem))
-    corner = int(tour.seat_offsets[1]) + 2
-    sliced = tour.seat.copy()
-    assert slide(tour, 1, corner, True, -1000.0) == 0.0
-    assert (tour.seat == sliced).all()
-    assert slide(tour, 1, corner, True, -100.0) < -100.0
-    assert (tour.seat[1:-1] - tour.seat_offsets[1:-2] == 2).all()
+    corner = int(tour.entry_offsets[1]) + 2
+    sliced = tour.entry_id.copy()
+    assert slide_entries(tour, 1, corner, True, -1000.0) == 0.0
+    assert (tour.entry_id == sliced).all()
+    assert slide_entries(tour, 1, corner, True, -100.0) < -100.0
+    assert (tour.entry_id[1:-1] - tour.entry_offsets[1:-2] == 2).all()
 
 
-def test_a_settled_sequence_is_entered_as_suits_its_order_best() -> None:
+def test_a_sequence_is_entered_as_suits_its_order_best() -> None:
     """All entries at once: no way to enter the tower is cheaper; without a choice none changes."""
     problem = tower(20)
     n = len(problem)
-    order, flip = np.arange(n, dtype=np.int32), np.zeros(n, np.uint8)
+    order, is_reversed = np.arange(n, dtype=np.int32), np.zeros(n, np.uint8)
     assert problem.seams is not None
     near = near_ports(problem)
-    sequence = Sequence(problem, problem.metric(), near, order, flip, problem.seams.sliced)
-    sequence.settle()
+    sequence = Sequence(problem, problem.metric(), near, order, is_reversed, problem.seams.sliced)
+    sequence.choose_entries()
     assert sequence.cost == pytest.approx(2 * np.hypot(1.0, 1.0) + 19)
     fixed = replace(problem, seams=None)
-    seat = np.full(n, -1, np.int32)
-    other = Sequence(fixed, fixed.metric(), near_ports(fixed), order, flip, seat)
+    entry_id = np.full(n, -1, np.int32)
+    other = Sequence(fixed, fixed.metric(), near_ports(fixed), order, is_reversed, entry_id)
     cost = other.cost
-    other.settle()
+    other.choose_entries()
     assert other.cost == cost
 
 
@@ -154,7 +154,7 @@ def test_entries_chosen_for_an_order_are_the_cheapest(seed: int) -> None:
     seams, order = problem.seams, np.arange(5, dtype=np.int32)
     assert seams is not None
     choice = np.diff(seams.offsets) > 1
-    ways = [
+    possible = [
         [(0, o) for o in range(seams.offsets[c], seams.offsets[c + 1])]
         if choice[c]
         else [(f, -1) for f in range(1 + int(problem.reversible[c]))]
@@ -164,30 +164,32 @@ def test_entries_chosen_for_an_order_are_the_cheapest(seed: int) -> None:
         visits_cost(
             problem.metric(),
             order,
-            np.array([w[0] for w in way], np.uint8),
-            np.array([w[1] for w in way], np.int32),
+            np.array([w[0] for w in visits], np.uint8),
+            np.array([w[1] for w in visits], np.int32),
         )
-        for way in product(*ways)
+        for visits in product(*possible)
     )
-    flip, seat = choose_visits(problem.metric(), order, problem.reversible, seams.offsets)
-    assert visits_cost(problem.metric(), order, flip, seat) == pytest.approx(least)
+    is_reversed, entry_id = choose_visits(
+        problem.metric(), order, problem.reversible, seams.offsets
+    )
+    assert visits_cost(problem.metric(), order, is_reversed, entry_id) == pytest.approx(least)
 
 
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), n=st.integers(4, 40))
-def test_what_a_piece_gains_the_whole_sequence_gains(seed: int, n: int) -> None:
-    """Local numbers of options must lead back to the right ones."""
+def test_what_a_block_gains_the_whole_sequence_gains(seed: int, n: int) -> None:
+    """Local numbers of entries must lead back to the right ones."""
     problem, rng = loops(seed, n), np.random.default_rng(seed)
     tour = tour_of(started(problem), near_ports(problem))
     anneal(tour, seeded(seed), 3.0, 300)
     sequence = Sequence(
-        problem, problem.metric(), near_ports(problem), tour.order, tour.flip, tour.seat
+        problem, problem.metric(), near_ports(problem), tour.order, tour.reversed, tour.entry_id
     )
     before = sequence.cost
     first, last = sorted(rng.choice(n + 1, 2, replace=False).tolist())
-    piece = cut(sequence, first, last)
-    change, _ = anneal(piece.tour, seeded(seed + 1), 0.5, 300)
-    piece.put_back(sequence)
+    block = cut(sequence, first, last)
+    change, _ = anneal(block.tour, seeded(seed + 1), 0.5, 300)
+    block.put_back(sequence)
     assert sequence.cost == pytest.approx(before + change, abs=1e-6)
     assert respects(sequence.order, problem.graph.succ_offsets, problem.graph.succs)
 
@@ -201,12 +203,12 @@ def test_every_planner_uses_the_freedom_and_reports_the_vertex(planner: str) -> 
     result = plan_order(problem, planner=planner, stopping=Stopping(iterations=20_000), seed=1)
     start, end = problem.start.copy(), problem.end.copy()
     for c, vertex in zip(result.toolpath.order, result.toolpath.entry, strict=True):
-        option = seams.offsets[c] + vertex
-        start[c], end[c] = seams.enter[option], seams.leave[option]
-    turned = result.toolpath.reversed[:, None]
+        entry = seams.offsets[c] + vertex
+        start[c], end[c] = seams.enter[entry], seams.leave[entry]
+    is_reversed = result.toolpath.reversed[:, None]
     order = result.toolpath.order
-    enter = np.where(turned, end[order], start[order])
-    leave = np.where(turned, start[order], end[order])
+    enter = np.where(is_reversed, end[order], start[order])
+    leave = np.where(is_reversed, start[order], end[order])
     travel = float(np.linalg.norm(enter[1:] - leave[:-1], axis=1).sum())
     assert result.cost == pytest.approx(travel)
     assert toolpath_cost(problem, result.toolpath) == pytest.approx(travel)
@@ -222,6 +224,6 @@ def test_a_search_out_of_iterations_still_ends_with_the_best_entries() -> None:
     """The exact choice for the order found must not be lost when the descent is cut short."""
     problem = loops(5, 300, density=0.01)
     result = plan_order(problem, planner="hybrid", stopping=Stopping(iterations=9000), seed=1)
-    flip, seat = problem.visits_for(problem.metric(), result.toolpath.order)
-    least = visits_cost(problem.metric(), result.toolpath.order, flip, seat)
+    is_reversed, entry_id = problem.visits_for(problem.metric(), result.toolpath.order)
+    least = visits_cost(problem.metric(), result.toolpath.order, is_reversed, entry_id)
     assert result.cost == pytest.approx(least)

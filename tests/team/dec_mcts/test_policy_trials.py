@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts.team.dec_mcts.race import Race
+from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.engine.plans import POLICIES, TUNED
 from decmcts.team.engine.policy_space import places
 
 
-def _run(race: Race, of: list[float] | np.ndarray) -> list[int]:
-    """Try policies until the race has none; returns them in turn."""
+def _run(trials: PolicyTrials, of: list[float] | np.ndarray) -> list[int]:
+    """Try policies until there are none; returns them in turn."""
     tried = []
-    while (row := race.next()) is not None:
+    while (row := trials.next()) is not None:
         tried.append(row)
-        race.note(row, float(of[row]))
+        trials.note(row, float(of[row]))
     return tried
 
 
@@ -23,27 +23,27 @@ def _run(race: Race, of: list[float] | np.ndarray) -> list[int]:
 def test_the_heads_share_the_first_ones_out(heads: int) -> None:
     """No two heads try the same policy before they know which are good."""
     tries = 30
-    races = [Race(r, heads, policies=len(POLICIES), tries=tries) for r in range(heads)]
-    first = [row for race in races for row in race._open]
+    everyones = [PolicyTrials(r, heads, policies=len(POLICIES), tries=tries) for r in range(heads)]
+    first = [row for trials in everyones for row in trials._open]
     assert len(first) == len(set(first)) == 10
-    assert all(len(_run(race, np.ones(len(POLICIES)))) == tries // heads for race in races)
+    assert all(len(_run(trials, np.ones(len(POLICIES)))) == tries // heads for trials in everyones)
 
 
 def test_the_first_ones_are_of_all_kinds() -> None:
     """Tuned ones, which are good on many prints, and others in turn."""
-    first = Race(0, 1, policies=len(POLICIES), tries=48)._open
+    first = PolicyTrials(0, 1, policies=len(POLICIES), tries=48)._open
     assert sum(row < TUNED for row in first) == sum(row >= TUNED for row in first) == 8
 
 
 def test_then_it_tries_what_is_like_the_best() -> None:
-    """A cheap race finds a good policy where like policies make like plans."""
+    """A few trials find a good policy where like policies make like plans."""
     at = places(len(POLICIES))
     makespans = np.linalg.norm(at - at[300], axis=1)
-    race = Race(0, 1, policies=len(POLICIES), tries=48)
-    tried = _run(race, makespans)
+    trials = PolicyTrials(0, 1, policies=len(POLICIES), tries=48)
+    tried = _run(trials, makespans)
     assert len(set(tried)) == 48
     random = np.median(np.sort(makespans)[: len(makespans) // 48])
-    assert makespans[race.best(1)[0]] < random
+    assert makespans[trials.best(1)[0]] < random
     assert np.mean(makespans[tried[16:]]) < 0.8 * np.mean(makespans[tried[:16]])
 
 
@@ -51,6 +51,6 @@ def test_then_it_tries_what_is_like_the_best() -> None:
 def test_each_head_tries_one_at_least_and_none_twice(policies: int, heads: int) -> None:
     """Also where there are more heads than policies."""
     for turn in range(heads):
-        race = Race(turn, heads, policies=policies, tries=512)
-        tried = _run(race, np.arange(512.0))
+        trials = PolicyTrials(turn, heads, policies=policies, tries=512)
+        tried = _run(trials, np.arange(512.0))
         assert 1 <= len(tried) == len(set(tried)) <= policies and max(tried) < policies

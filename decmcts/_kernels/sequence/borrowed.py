@@ -1,7 +1,7 @@
 """Arrays without reference counts, for loops that hand arrays to small functions.
 
 Numba counts references atomically wherever a function takes an array out of a
-tuple, which can cost more than the function's work. A lent array has no count;
+tuple, which can cost more than the function's work. A borrowed array has no count;
 its owner must outlive it, as a kernel's arguments outlive the call. Its type
 says that it may be written, whether it may or not, so that what it is passed to
 is compiled once.
@@ -37,27 +37,27 @@ def _without_count(typing_context: Any, array: Any) -> Any:
     return array.copy(readonly=False)(array), generate
 
 
-def lent(array: A) -> A:
+def borrowed(array: A) -> A:
     """Return a view of an array, or a metric of such views, without a count."""
     return array
 
 
-@overload(lent, strict=False)
-def _lent(array: Any) -> Any:
+@overload(borrowed, strict=False)
+def _borrowed(array: Any) -> Any:
     """Choose by type; plain Python has nothing to gain."""
     if isinstance(array, types.Array):
         return lambda array: _without_count(array)  # type: ignore[call-arg]
     if getattr(array, "instance_class", None) is Timed:
         return lambda array: Timed(
-            lent(array.points), array.speed, array.acceleration, array.z_speed,
+            borrowed(array.points), array.speed, array.acceleration, array.z_speed,
             array.z_acceleration, array.hop_s, array.free_mm,
         )  # fmt: skip
     if getattr(array, "instance_class", None) is TimedBare:
         return lambda array: TimedBare(
-            lent(array.points), array.speed, array.acceleration, array.z_speed,
+            borrowed(array.points), array.speed, array.acceleration, array.z_speed,
             array.z_acceleration, array.hop_s, array.free_mm, array.bare_mm, array.climb_mm,
-            lent(array.walls),
+            borrowed(array.walls),
         )  # fmt: skip
     if getattr(array, "instance_class", None) is Matrix:
-        return lambda array: Matrix(lent(array.costs))
+        return lambda array: Matrix(borrowed(array.costs))
     return None

@@ -1,9 +1,9 @@
-"""The best order of a stretch of a sequence, exactly: what a search may have left undone.
+"""The best order of a window of a sequence, exactly: what a search may have left undone.
 
 Some dozens of contours that follow each other are printed in their best order, by
 dynamic programming over order ideals, with what comes before and behind held fast.
-Ideals from which a lower bound on the rest leads to no less than the stretch costs
-now are given up, so a stretch that is optimal already is soon known to be.
+Ideals from which a lower bound on the rest leads to no less than the window costs
+now are given up, so a window that is optimal already is soon known to be.
 """
 
 from __future__ import annotations
@@ -24,49 +24,49 @@ from decmcts._kernels.exact.ideals import (
     price_steps,
     trace,
 )
-from decmcts._kernels.exact.pricing import NONE, Ways
+from decmcts._kernels.exact.pricing import NONE, Choices
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below
+from decmcts._kernels.sequence.entries import use_entry
 from decmcts._kernels.sequence.metric import distance
-from decmcts._kernels.sequence.moves import Tour, entry, leave, refresh
-from decmcts._kernels.sequence.seats import sit
+from decmcts._kernels.sequence.moves import Tour, port_in, port_out, refresh
 
-LONGEST = WINDOW - 2  # positions of a stretch
+LONGEST = WINDOW - 2  # positions of a window
 _ONE = np.uint64(1)
 _LEAST_GAIN = 1e-9  # mm or s
-_ASCENTS = 100  # of the lower bound on a stretch, at most
+_ASCENTS = 100  # of the lower bound on a window, at most
 _IN_VAIN = 5  # ascents, before their steps are halved
 _LEAST_SCALE = 0.05  # of a step; then it ends
-_MOST_WAYS = 2000  # of all contours of a stretch; travels between all are looked at first
+_MOST_CHOICES = 2000  # of all contours of a window; travels between all are looked at first
 _LOOKS = 32  # travels looked at while one is priced, about
 _SHORTEST = 8.0  # positions
-_LONGER, _SHORTER = 1.01, 0.9  # after a stretch that was solved, and one that was not
+_LONGER, _SHORTER = 1.01, 0.9  # after a window that was solved, and one that was not
 
 
 @kernel
-def _ways_of(tour: Tour, first: int, last: int) -> Ways:
-    """Return the ways to print positions [first, last); the guards at its ends have one each."""
+def _choices_of(tour: Tour, first: int, last: int) -> Choices:
+    """Return the choices for positions [first, last); the guards at its ends have one each."""
     order, n, most = tour.order, len(tour.order), 0
     for p in range(first, last):
         c = order[p]
-        most += 2 + int(tour.seat_offsets[c + 1] - tour.seat_offsets[c])
+        most += 2 + int(tour.entry_offsets[c + 1] - tour.entry_offsets[c])
     offsets = np.zeros(last - first + 1, np.int64)
     into, out, count = np.empty(most, np.int64), np.empty(most, np.int64), 0
     for p in range(first, last):
         c = order[p]
         guard = (p == first and first > 0) or (p == last - 1 and last < n)
-        if tour.seat[c] >= 0 and not guard:
-            for option in range(tour.seat_offsets[c], tour.seat_offsets[c + 1]):
-                into[count], out[count] = 2 * n + 2 * option, 2 * n + 2 * option + 1
+        if tour.entry_id[c] >= 0 and not guard:
+            for entry in range(tour.entry_offsets[c], tour.entry_offsets[c + 1]):
+                into[count], out[count] = 2 * n + 2 * entry, 2 * n + 2 * entry + 1
                 count += 1
         else:
-            into[count], out[count] = entry(tour.flip, c), leave(tour.flip, c)
+            into[count], out[count] = port_in(tour.reversed, c), port_out(tour.reversed, c)
             count += 1
-            if tour.turns[c] and not guard:
+            if tour.reversible[c] and not guard:
                 into[count], out[count] = out[count - 1], into[count - 1]
                 count += 1
         offsets[p - first + 1] = count
-    return Ways(tour.metric, offsets, np.arange(count + 1), into[:count], out[:count])
+    return Choices(tour.metric, offsets, np.arange(count + 1), into[:count], out[:count])
 
 
 @kernel
@@ -102,34 +102,35 @@ def _rules_of(before: NDArray[np.uint64], slack: float) -> Rules:
 class Potentials(NamedTuple):
     """Node potentials, by which the cheapest entries bound what a sequence costs.
 
-    A potential is got back at leaving by a way and paid at entering by it: in all a
-    sequence pays that of its last way less that of its first.
+    A potential is got back at leaving by a choice and paid at entering by it: in all a
+    sequence pays that of its last choice less that of its first.
     """
 
-    node: NDArray[np.int64]  # (w,) of each way
+    node: NDArray[np.int64]  # (w,) of each choice
     value: NDArray[np.float64]  # (nodes,)
     least: NDArray[np.float64]  # (k,) cheapest entry into each contour, with potentials
 
 
 @kernel
-def _nodes_of(ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the node of each way, (w,), and the first of each contour, (k + 1,).
+def _nodes_of(choices: Choices) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the node of each choice, (w,), and the first of each contour, (k + 1,).
 
-    Each way is one, but all ways of a loop that may be entered at many vertices are one together.
+    Each choice is one, but all of a loop that may be entered at many vertices are one
+    together.
     """
-    k = len(ways.offsets) - 1
-    node, first = np.empty(len(ways.into), np.int64), np.zeros(k + 1, np.int64)
+    k = len(choices.offsets) - 1
+    node, first = np.empty(len(choices.into), np.int64), np.zeros(k + 1, np.int64)
     for c in range(k):
-        count = ways.offsets[c + 1] - ways.offsets[c]
+        count = choices.offsets[c + 1] - choices.offsets[c]
         for w in range(count):
-            node[ways.offsets[c] + w] = first[c] + (w if count == 2 else 0)
+            node[choices.offsets[c] + w] = first[c] + (w if count == 2 else 0)
         first[c + 1] = first[c] + (2 if count == 2 else 1)
     return node, first
 
 
 @kernel
 def _travels(
-    ways: Ways, before: NDArray[np.uint64], node: NDArray[np.int64], nodes: int
+    choices: Choices, before: NDArray[np.uint64], node: NDArray[np.int64], nodes: int
 ) -> NDArray[np.float64]:
     """Return the least travel from node to node, (nodes, nodes), infinite where impossible."""
     k = len(before)
@@ -142,9 +143,9 @@ def _travels(
         for i in range(k):
             if i == j or (before[i] >> np.uint64(j)) & _ONE or (between >> np.uint64(i)) & _ONE:
                 continue
-            for w in range(ways.offsets[i], ways.offsets[i + 1]):
-                for v in range(ways.offsets[j], ways.offsets[j + 1]):
-                    cost = distance(ways.metric, ways.out[w], ways.into[v])
+            for w in range(choices.offsets[i], choices.offsets[i + 1]):
+                for v in range(choices.offsets[j], choices.offsets[j + 1]):
+                    cost = distance(choices.metric, choices.out[w], choices.into[v])
                     if cost < travel[node[v], node[w]]:
                         travel[node[v], node[w]] = cost
     return travel
@@ -181,16 +182,16 @@ def _entries(
 
 @kernel
 def _bounded(
-    ways: Ways, before: NDArray[np.uint64], most: float, fixed: bool
+    choices: Choices, before: NDArray[np.uint64], most: float, fixed: bool
 ) -> tuple[Potentials, float, int]:
     """Return potentials and the lower bound they give, by subgradient ascent towards `most`.
 
     If the ends are not `fixed`, all potentials are 0, and nothing is said of the whole.
     The last number is how many travels were looked at.
     """
-    node, first = _nodes_of(ways)
+    node, first = _nodes_of(choices)
     m = int(first[-1])
-    travel, looks = _travels(ways, before, node, m), len(ways.into) ** 2
+    travel, looks = _travels(choices, before, node, m), len(choices.into) ** 2
     value, slope, least = np.zeros(m), np.empty(m), np.zeros(len(before))
     best_value, best_least, best, scale, vain = value.copy(), least.copy(), -np.inf, 1.0, 0
     for _ in range(_ASCENTS if fixed else 1):
@@ -213,7 +214,7 @@ def _bounded(
 
 
 @kernel
-def _give_up(ideals: Ideals, ways: Ways, at: Stand, bounds: Potentials, most: float) -> int:
+def _give_up(ideals: Ideals, choices: Choices, at: Stand, bounds: Potentials, most: float) -> int:
     """Mutate the newest ideals: drop what cannot end below `most`; return how many are left."""
     alive = 0
     for i in range(at.first, at.ideals):
@@ -224,7 +225,7 @@ def _give_up(ideals: Ideals, ways: Ways, at: Stand, bounds: Potentials, most: fl
             bits >>= _ONE
         e, hope = ideals.newest[i], False
         while e != NONE:
-            w = ways.offsets[ideals.contour[e]]
+            w = choices.offsets[ideals.contour[e]]
             for x in range(ideals.base[e], ideals.base[e + 1]):
                 after = rest + bounds.value[bounds.node[w + x - ideals.base[e]]]
                 if ideals.travel[x] + after >= most:
@@ -241,23 +242,23 @@ def _give_up(ideals: Ideals, ways: Ways, at: Stand, bounds: Potentials, most: fl
 
 @kernel
 def _print_so(
-    tour: Tour, first: int, ways: Ways, order: NDArray[np.int32], way: NDArray[np.int64]
+    tour: Tour, first: int, choices: Choices, order: NDArray[np.int32], choice: NDArray[np.int64]
 ) -> None:
-    """Mutate the tour: positions from `first` on in this order, in these ways."""
+    """Mutate the tour: positions from `first` on in this order, in these choices."""
     n, k = len(tour.order), len(order)
     old = tour.order[first : first + k].copy()
     for x in range(k):
-        c, into = old[order[x]], ways.into[way[x]]
+        c, into = old[order[x]], choices.into[choice[x]]
         tour.order[first + x], tour.position[c] = c, first + x
         if into >= 2 * n:
-            sit(tour, first + x, (into - 2 * n) // 2)
+            use_entry(tour, first + x, (into - 2 * n) // 2)
         else:
-            tour.flip[c] = into - 2 * c
+            tour.reversed[c] = into - 2 * c
     refresh(tour, first - 1, first + k)
 
 
 @kernel
-def solve_stretch(
+def solve_window(
     tour: Tour, ideals: Ideals, first: int, last: int, slack: float, widest: int, limit: int
 ) -> tuple[bool, int]:
     """Mutate the tour: positions [first, last), `LONGEST` at most, in their best order.
@@ -269,31 +270,31 @@ def solve_stretch(
     cost = 0.0
     for p in range(first, last - 1):
         cost += tour.after[tour.order[p]]
-    ways = _ways_of(tour, first, last)
-    if len(ways.into) > _MOST_WAYS:
+    choices = _choices_of(tour, first, last)
+    if len(choices.into) > _MOST_CHOICES:
         return False, 0
     before, most = _before(tour, first, last), cost - _LEAST_GAIN
     rules, fixed = _rules_of(before, slack), first > 0 and last < len(tour.order)
-    bounds, bound, looks = _bounded(ways, before, most, fixed)
+    bounds, bound, looks = _bounded(choices, before, most, fixed)
     work = looks // _LOOKS
     if bound >= most:
         return True, work
     at = empty(ideals)
     while at.level < last - first:
-        then = extend(ideals, ways, rules, at, widest)
+        then = extend(ideals, choices, rules, at, widest)
         if then.full or then.travels > limit:
             return False, at.travels + work
-        price_steps(ideals, ways, rules, at.first, at.ideals)
+        price_steps(ideals, choices, rules, at.first, at.ideals)
         at = then
-        if _give_up(ideals, ways, at, bounds, most) == 0:
+        if _give_up(ideals, choices, at, bounds, most) == 0:
             return True, at.travels + work
-    _, order, way = trace(ideals, ways, at.first)
-    _print_so(tour, first, ways, order, way)
+    _, order, choice = trace(ideals, choices, at.first)
+    _print_so(tour, first, choices, order, choice)
     return True, at.travels + work
 
 
 @kernel
-def solve_stretches(
+def solve_windows(
     tour: Tour,
     ideals: Ideals,
     state: NDArray[np.uint64],
@@ -303,11 +304,11 @@ def solve_stretches(
     limit: int,
     quota: int,
 ) -> tuple[float, int]:
-    """Mutate the tour: stretch after stretch in its best order, from a random one on.
+    """Mutate the tour: window after window in its best order, from a random one on.
 
     Each is about `length` long, longer while they are solved, shorter where they are not.
     Returns the length to go on with, and the work done: about `quota`, less if the whole
-    tour is one stretch and solved.
+    tour is one window and solved.
     """
     n, made = len(tour.order), 0
     first = below(state, n)
@@ -315,7 +316,7 @@ def solve_stretches(
         positions = min(int(length), n)
         first = min(first, n - positions)
         last = first + positions
-        solved, work = solve_stretch(tour, ideals, first, last, slack, widest, limit)
+        solved, work = solve_window(tour, ideals, first, last, slack, widest, limit)
         made += work + positions
         length = min(length * _LONGER, LONGEST) if solved else max(length * _SHORTER, _SHORTEST)
         if solved and positions == n:

@@ -18,7 +18,7 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Bare
 from decmcts._kernels.sequence.metric import Matrix
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.annealing import AnnealLane, near_nodes
+from decmcts.search.sop.annealing import AnnealThread, near_nodes
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
@@ -39,13 +39,13 @@ _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
 @dataclass(slots=True)
-class BeamLane:
+class BeamThread:
     """Beams from one end or both; the one that found less goes on narrower."""
 
     beams: list[Beam]
     bound: float  # what to add to reduced costs
     least_gain: float  # costs differ by more than this
-    best: float = np.inf  # cost of the best sequence this lane has found
+    best: float = np.inf  # cost of the best sequence this thread has found
     exhausted: bool = False  # nothing better is left
     below: float = np.inf  # sequences have to cost less
     name: str = "beam"
@@ -88,7 +88,7 @@ class BeamLane:
 
 
 @dataclass(slots=True)
-class TreeLane:
+class TreeThread:
     """Branch and bound over assignments; its wishes are repaired."""
 
     tree: AssignmentTree
@@ -125,11 +125,11 @@ class TreeLane:
         self.below = min(self.below, incumbent.cost)
 
 
-Lane = BeamLane | AnnealLane | TreeLane
+SopThread = BeamThread | AnnealThread | TreeThread
 
 
 @dataclass(frozen=True, slots=True)
-class Race:
+class TwoThreads:
     """One problem's three searches, and the rules by which they share two threads."""
 
     incumbent: Incumbent
@@ -143,20 +143,20 @@ class Race:
         incumbent, pace = self.incumbent, _Pace.of(self.incumbent)
         changes, bound = list(_CHANGES), self.assignment.bound
         large = len(incumbent.problem) > _LARGEST_TREE
-        lanes: list[Lane] = [self._beams(), self._annealer(0) if large else self._tree()]
-        with ThreadPoolExecutor(len(lanes)) as pool:
+        threads: list[SopThread] = [self._beams(), self._annealer(0) if large else self._tree()]
+        with ThreadPoolExecutor(len(threads)) as pool:
             while True:
-                incumbent.tick(pace.slice(pool, lanes, incumbent))
-                for lane in lanes:
-                    lane.meet(incumbent)
-                bound = max(bound, *map(self._bound, lanes))
+                incumbent.tick(pace.slice(pool, threads, incumbent))
+                for thread in threads:
+                    thread.meet(incumbent)
+                bound = max(bound, *map(self._bound, threads))
                 if incumbent.cost - bound < self.least_gain:
                     return incumbent.cost
                 if incumbent.over:
                     return bound
                 if changes and incumbent.spent >= changes[0][0]:
                     _, lead, gap = changes.pop(0)
-                    lanes = self._handed_over(lanes, lead, cost_above=(1.0 + gap) * bound)
+                    threads = self._handed_over(threads, lead, cost_above=(1.0 + gap) * bound)
 
     @property
     def costs(self) -> NDArray[np.float64]:
@@ -165,43 +165,45 @@ class Race:
         assert isinstance(metric, Matrix)
         return metric.costs
 
-    def _bound(self, lane: Lane) -> float:
-        """Return what a lane has proven: no sequence costs less."""
-        if isinstance(lane, AnnealLane):
+    def _bound(self, thread: SopThread) -> float:
+        """Return what a thread has proven: no sequence costs less."""
+        if isinstance(thread, AnnealThread):
             return -np.inf
-        if lane.exhausted:
+        if thread.exhausted:
             return self.incumbent.cost
-        if isinstance(lane, TreeLane):
-            return min(self.assignment.bound + lane.tree.bound, self.incumbent.cost)
+        if isinstance(thread, TreeThread):
+            return min(self.assignment.bound + thread.tree.bound, self.incumbent.cost)
         return -np.inf
 
-    def _handed_over(self, lanes: list[Lane], lead: float, *, cost_above: float) -> list[Lane]:
-        """Return the lanes: annealing in place of the tree, and of the beams, that will not do.
+    def _handed_over(
+        self, threads: list[SopThread], lead: float, *, cost_above: float
+    ) -> list[SopThread]:
+        """Return the threads: annealing in place of the tree, and of the beams, that will not do.
 
         Beams have to be behind by `lead`, since they find most towards the end. A long
         annealing shows what it finds at its end only; there a short one before it has to
         come near the beams. The tree stays while the cost is not above `cost_above`.
         """
-        beams, other, cost = *lanes, self.incumbent.cost
-        if isinstance(beams, BeamLane):
-            if isinstance(other, AnnealLane) and other.is_last and np.isfinite(lead):
+        beams, other, cost = *threads, self.incumbent.cost
+        if isinstance(beams, BeamThread):
+            if isinstance(other, AnnealThread) and other.is_last and np.isfinite(lead):
                 cost, lead = other.best, -_NEAR_ENOUGH
             if (1.0 + lead) * cost < beams.best:
                 beams = self._annealer(1)
-        if isinstance(other, TreeLane) and self.incumbent.cost > cost_above:
+        if isinstance(other, TreeThread) and self.incumbent.cost > cost_above:
             other = self._annealer(0)
         return [beams, other]
 
-    def _tree(self) -> TreeLane:
-        """Return a lane of branch and bound."""
+    def _tree(self) -> TreeThread:
+        """Return a thread of branch and bound."""
         table = np.where(self.precedence.possible, self.assignment.reduced, np.inf)
         tree = AssignmentTree(table, self.precedence)
-        lane = TreeLane(tree, self.costs, self.assignment.bound, self.least_gain)
-        lane.meet(self.incumbent)
-        return lane
+        thread = TreeThread(tree, self.costs, self.assignment.bound, self.least_gain)
+        thread.meet(self.incumbent)
+        return thread
 
-    def _beams(self) -> BeamLane:
-        """Return a lane of beams from both ends.
+    def _beams(self) -> BeamThread:
+        """Return a thread of beams from both ends.
 
         Prices are not unique; each end is best served by those worked out from there.
         """
@@ -212,12 +214,12 @@ class Race:
             Beam(reduced, self.precedence, self.seed, backward=backward)
             for backward, reduced in zip((False, True), prices, strict=True)
         ]
-        lane = BeamLane(beams, self.assignment.bound, self.least_gain)
-        lane.meet(self.incumbent)
-        return lane
+        thread = BeamThread(beams, self.assignment.bound, self.least_gain)
+        thread.meet(self.incumbent)
+        return thread
 
-    def _annealer(self, number: int) -> AnnealLane:
-        """Return a lane that anneals from the best sequence."""
+    def _annealer(self, number: int) -> AnnealThread:
+        """Return a thread that anneals from the best sequence."""
         near, scale = near_nodes(self.costs, self.assignment.reduced, self.precedence.possible)
         graph, n = self.incumbent.problem.graph, len(self.costs)
         nodes = np.arange(n, dtype=np.int32)
@@ -226,9 +228,9 @@ class Race:
             nodes, nodes.copy(), np.empty(n, np.int32),
         )  # fmt: skip
         state = seeded(2 * self.seed + number)
-        lane = AnnealLane(bare, max(scale, self.least_gain), state, long=number > 0)
-        lane.meet(self.incumbent)
-        return lane
+        thread = AnnealThread(bare, max(scale, self.least_gain), state, long=number > 0)
+        thread.meet(self.incumbent)
+        return thread
 
 
 @dataclass(slots=True)
@@ -244,17 +246,19 @@ class _Pace:
         share = 20_000 if limit is None else max(limit // (2 * _SLICES), 1)
         return _Pace([min(share, _LARGEST_SLICE)] * 2, limit is None)
 
-    def slice(self, pool: ThreadPoolExecutor, lanes: list[Lane], incumbent: Incumbent) -> int:
-        """Let each lane work once; return the iterations made."""
+    def slice(
+        self, pool: ThreadPoolExecutor, threads: list[SopThread], incumbent: Incumbent
+    ) -> int:
+        """Let each thread work once; return the iterations made."""
         spent = incumbent.spent
 
-        def work(lane: int) -> int:
+        def work(thread: int) -> int:
             began = incumbent.seconds
-            made = lanes[lane].work(self.quotas[lane], spent)
+            made = threads[thread].work(self.quotas[thread], spent)
             if self.timed:
                 speed = made / max(incumbent.seconds - began, 1e-6)
-                most = min(4.0 * self.quotas[lane], _LARGEST_SLICE)
-                self.quotas[lane] = int(min(max(_SLICE_S * speed, 1000.0), most))
+                most = min(4.0 * self.quotas[thread], _LARGEST_SLICE)
+                self.quotas[thread] = int(min(max(_SLICE_S * speed, 1000.0), most))
             return made
 
-        return sum(pool.map(work, range(len(lanes))))
+        return sum(pool.map(work, range(len(threads))))

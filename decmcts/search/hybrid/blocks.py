@@ -1,8 +1,8 @@
-"""A stretch of a sequence as a small search problem of its own.
+"""A window of a sequence as a small search problem of its own.
 
 The contours next to it stay as guards at its ends, so that what is gained inside
-is gained in the whole sequence, to the bit; but where pieces that touch are changed
-at once, the travel between them becomes what neither saw. Since the stretch is
+is gained in the whole sequence, to the bit; but where blocks that touch are changed
+at once, the travel between them becomes what neither saw. Since the window is
 contiguous in a linear extension, the stored edges inside it have the closure of all
 edges inside it: any chain between two of its contours stays within. Nothing is
 searched here.
@@ -16,161 +16,167 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.inner import inner_edges, inner_ports
+from decmcts._kernels.sequence.block import block_edges, block_ports
+from decmcts._kernels.sequence.entries import use_entries, visits_cost
 from decmcts._kernels.sequence.metric import Metric, points_of, restricted, with_points
 from decmcts._kernels.sequence.moves import Tour, refresh
-from decmcts._kernels.sequence.seats import sit_all, visits_cost
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.spacing import no_pauses
+from decmcts.search.sequence.timed_lags import no_lag_state
 
 
 @dataclass(slots=True)
 class Sequence:
-    """A complete sequence that pieces are taken from and put back into; mutable."""
+    """A complete sequence that blocks are taken from and put back into; mutable."""
 
     problem: OrderProblem
     metric: Metric
     near: NDArray[np.int32]  # (2n + anchors, k) entry ports near each exit, see `near_ports`
     order: NDArray[np.int32]  # (n,)
-    flip: NDArray[np.uint8]  # (n,) by contour
-    seat: NDArray[np.int32]  # (n,) by contour
+    reversed: NDArray[np.uint8]  # (n,) by contour
+    entry_id: NDArray[np.int32]  # (n,) by contour
 
     @classmethod
     def best_of(cls, incumbent: Incumbent, near: NDArray[np.int32]) -> Sequence:
         """Return a copy of the best sequence so far."""
-        visits = (incumbent.order.copy(), incumbent.flip.copy(), incumbent.seat.copy())
+        visits = (incumbent.order.copy(), incumbent.reversed.copy(), incumbent.entry_id.copy())
         return cls(incumbent.problem, incumbent.metric, near, *visits)
 
     def copy(self) -> Sequence:
         """Return the same sequence, to be changed apart from this one."""
-        return replace(self, order=self.order.copy(), flip=self.flip.copy(), seat=self.seat.copy())
+        return replace(
+            self,
+            order=self.order.copy(),
+            reversed=self.reversed.copy(),
+            entry_id=self.entry_id.copy(),
+        )
 
     def become(self, other: Sequence) -> None:
         """Mutate the sequence to another of the same problem."""
-        self.order[:], self.flip[:], self.seat[:] = other.order, other.flip, other.seat
+        self.order[:] = other.order
+        self.reversed[:], self.entry_id[:] = other.reversed, other.entry_id
 
-    def settle(self) -> None:
+    def choose_entries(self) -> None:
         """Mutate the sequence: loops with a choice are entered where it suits the order best.
 
         Moves enter one loop anew, or a few; this all of them at once, exactly.
         """
         if self.problem.seams is not None:
-            self.flip[:], self.seat[:] = self.problem.visits_for(self.metric, self.order)
+            self.reversed[:], self.entry_id[:] = self.problem.visits_for(self.metric, self.order)
 
     @property
     def cost(self) -> float:
         """What its travels cost together."""
-        return float(visits_cost(self.metric, self.order, self.flip, self.seat))
+        return float(visits_cost(self.metric, self.order, self.reversed, self.entry_id))
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class Block:
     """Positions [first, last) of a sequence, with a guard on each side that has one."""
 
     first: int
     ids: NDArray[np.int32]  # (k,) contour of each local number, guards included
-    options: NDArray[np.int64]  # number in the whole problem of each local option
+    entries: NDArray[np.int64]  # number in the whole problem of each local entry
     guards: tuple[int, int]  # 0 or 1 before and behind
     tour: Tour  # local numbers are positions at the time of cutting
 
-    def twin(self) -> Piece:
-        """Return the same piece, to be changed apart from this one."""
+    def twin(self) -> Block:
+        """Return the same block, to be changed apart from this one."""
         tour, own = self.tour, self.tour.metric
-        if len(self.options):
+        if len(self.entries):
             own = with_points(own, points_of(own).copy())
         twin = tour._replace(
             metric=own,
-            seat=tour.seat.copy(),
+            entry_id=tour.entry_id.copy(),
             order=tour.order.copy(),
             position=tour.position.copy(),
-            flip=tour.flip.copy(),
+            reversed=tour.reversed.copy(),
             after=tour.after.copy(),
             scratch=tour.scratch.copy(),
             mark=tour.mark.copy(),
-            pauses=tour.pauses._replace(begin=tour.pauses.begin.copy()),
+            lags=tour.lags._replace(begin=tour.lags.begin.copy()),
         )
         return replace(self, tour=twin)
 
-    def within(self, group: NDArray[np.int32]) -> Piece:
-        """Return the piece with moves only within equal `group`, (n,) by contour."""
+    def within(self, group: NDArray[np.int32]) -> Block:
+        """Return the block with moves only within equal `group`, (n,) by contour."""
         return replace(self, tour=self.tour._replace(group=group[self.ids]))
 
     def put_back(self, sequence: Sequence) -> None:
-        """Mutate the sequence: print these positions as the piece does now."""
+        """Mutate the sequence: print these positions as the block does now."""
         inner = self.tour.order[self.guards[0] : len(self.ids) - self.guards[1]]
         sequence.order[self.first : self.first + len(inner)] = self.ids[inner]
-        sequence.flip[self.ids[inner]] = self.tour.flip[inner]
-        if len(self.options):
-            seated = self.tour.seat >= 0
-            sequence.seat[self.ids[seated]] = self.options[self.tour.seat[seated]]
+        sequence.reversed[self.ids[inner]] = self.tour.reversed[inner]
+        if len(self.entries):
+            entered = self.tour.entry_id >= 0
+            sequence.entry_id[self.ids[entered]] = self.entries[self.tour.entry_id[entered]]
 
 
-def cut(sequence: Sequence, first: int, last: int) -> Piece:
-    """Return positions [first, last) as a piece. O(contours and edges of the piece).
+def cut(sequence: Sequence, first: int, last: int) -> Block:
+    """Return positions [first, last) as a block. O(contours and edges of the block).
 
     Raises
     ------
     ValueError
-        If it is not the whole sequence where the problem has a spacing: what is due
+        If it is not the whole sequence where the problem has time lags: what is due
         across a cut would be lost.
     """
-    n, spacing = len(sequence.order), sequence.problem.spacing
-    if spacing is not None and last - first < n:
+    n, timed_lags = len(sequence.order), sequence.problem.timed_lags
+    if timed_lags is not None and last - first < n:
         raise ValueError("a part of a sequence cannot keep time with the rest of it")
     guards = (int(first > 0), int(last < n))
     ids = sequence.order[first - guards[0] : last + guards[1]].copy()
     k = len(ids)
     graph = sequence.problem.graph
-    pred_offsets, preds, succ_offsets, succs = inner_edges(
+    pred_offsets, preds, succ_offsets, succs = block_edges(
         graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
         ids, guards[0], k - guards[1],
     )  # fmt: skip
-    turns = sequence.problem.reversible[ids]
-    turns[: guards[0]] = turns[k - guards[1] :] = False
-    seams = _inner_seams(sequence, ids, guards)
+    reversible = sequence.problem.reversible[ids]
+    reversible[: guards[0]] = reversible[k - guards[1] :] = False
+    seams = _block_seams(sequence, ids, guards)
     own = np.arange(k, dtype=np.int32)
     tour = Tour(
         seams.metric,
-        turns,
+        reversible,
         np.zeros(k, np.int32),
         pred_offsets,
         preds,
         succ_offsets,
         succs,
-        _inner_near(sequence, ids, seams),
+        _block_near(sequence, ids, seams),
         seams.offsets,
         seams.owner,
         seams.row,
-        seams.seat,
+        seams.entry_id,
         own,
         own.copy(),
-        sequence.flip[ids],
+        sequence.reversed[ids],
         np.zeros(k),
         np.empty(k, np.int32),
         np.zeros(k, np.bool_),
-        no_pauses() if spacing is None else spacing.pauses(own, ids),
+        no_lag_state() if timed_lags is None else timed_lags.state(own, ids),
     )
     refresh(tour, 0, k)
-    return Piece(first, ids, seams.options, guards, tour)
+    return Block(first, ids, seams.entries, guards, tour)
 
 
-class _InnerSeams(NamedTuple):
-    """The metric and the options of a piece, in local numbers."""
+class _BlockSeams(NamedTuple):
+    """The metric and the entries of a block, in local numbers."""
 
     metric: Metric
-    options: NDArray[np.int64]  # (m,) number in the whole problem
+    entries: NDArray[np.int64]  # (m,) number in the whole problem
     offsets: NDArray[np.int64]  # (k + 1,)
     owner: NDArray[np.int32]  # (m,)
     row: NDArray[np.int32]  # (m,)
-    rows: NDArray[np.int64]  # rows of the whole near lists that the piece needs
-    seat: NDArray[np.int32]  # (k,)
+    rows: NDArray[np.int64]  # rows of the whole near lists that the block needs
+    entry_id: NDArray[np.int32]  # (k,)
 
 
-def _inner_seams(
+def _block_seams(
     sequence: Sequence, ids: NDArray[np.int32], guards: tuple[int, int]
-) -> _InnerSeams:
-    """Return what a piece of these contours needs of the problem's options.
+) -> _BlockSeams:
+    """Return what a block of these contours needs of the problem's entries.
 
     Guards have none: they stay as they are.
     """
@@ -178,40 +184,40 @@ def _inner_seams(
     rows = np.stack([2 * ids, 2 * ids + 1], axis=1).ravel().astype(np.int64)
     none = np.empty(0, np.int32)
     if seams is None:
-        metric, seat = restricted(sequence.metric, ids), np.full(k, -1, np.int32)
+        metric, entry_id = restricted(sequence.metric, ids), np.full(k, -1, np.int32)
         empty = np.empty(0, np.int64)
-        return _InnerSeams(metric, empty, np.zeros(k + 1, np.int64), none, none, rows, seat)
-    n, counts, old = len(sequence.order), np.diff(seams.offsets)[ids], sequence.seat[ids]
+        return _BlockSeams(metric, empty, np.zeros(k + 1, np.int64), none, none, rows, entry_id)
+    n, counts, old = len(sequence.order), np.diff(seams.offsets)[ids], sequence.entry_id[ids]
     counts[: guards[0]] = counts[k - guards[1] :] = 0
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    options = np.repeat(seams.offsets[ids] - offsets[:-1], counts) + np.arange(offsets[-1])
+    entries = np.repeat(seams.offsets[ids] - offsets[:-1], counts) + np.arange(offsets[-1])
     owner = np.repeat(np.arange(k, dtype=np.int32), counts)
     chosen = counts[owner] > 1
-    kept, dense = np.unique(seams.rows[options[chosen]], return_inverse=True)
-    row = np.full(len(options), -1, np.int32)
+    kept, dense = np.unique(seams.rows[entries[chosen]], return_inverse=True)
+    row = np.full(len(entries), -1, np.int32)
     row[chosen] = 2 * k + dense
-    doors = 2 * n + np.stack([2 * options, 2 * options + 1], axis=1).ravel()
+    doors = 2 * n + np.stack([2 * entries, 2 * entries + 1], axis=1).ravel()
     points = points_of(sequence.metric)[np.concatenate([rows, doors])]
     for guard in np.flatnonzero((counts == 0) & (old >= 0)):
         door = 2 * n + 2 * old[guard]
         points[2 * guard : 2 * guard + 2] = points_of(sequence.metric)[door : door + 2]
     free = (old >= 0) & (counts > 0)
-    seat = np.where(free, old - seams.offsets[ids] + offsets[:-1], -1).astype(np.int32)
-    sit_all(points, seat)
+    entry_id = np.where(free, old - seams.offsets[ids] + offsets[:-1], -1).astype(np.int32)
+    use_entries(points, entry_id)
     metric = with_points(sequence.metric, points)
-    return _InnerSeams(metric, options, offsets, owner, row, np.concatenate([rows, kept]), seat)
+    return _BlockSeams(metric, entries, offsets, owner, row, np.concatenate([rows, kept]), entry_id)
 
 
-def _inner_near(
-    sequence: Sequence, ids: NDArray[np.int32], seams: _InnerSeams
+def _block_near(
+    sequence: Sequence, ids: NDArray[np.int32], seams: _BlockSeams
 ) -> NDArray[np.int32]:
     """Return the near ports in local numbers; those inside are repeated to fill the lists.
 
-    A proposal drawn from a list then never falls outside the piece.
+    A proposal drawn from a list then never falls outside the block.
     """
     local, place = np.full(len(sequence.order), -1, np.int32), np.empty(0, np.int32)
     local[ids] = np.arange(len(ids), dtype=np.int32)
     if sequence.problem.seams is not None:
         place = np.full(int(sequence.problem.seams.offsets[-1]), -1, np.int32)
-        place[seams.options] = np.arange(len(seams.options), dtype=np.int32)
-    return inner_ports(sequence.near, seams.rows, local, place, len(ids))
+        place[seams.entries] = np.arange(len(seams.entries), dtype=np.int32)
+    return block_ports(sequence.near, seams.rows, local, place, len(ids))

@@ -1,19 +1,19 @@
-"""Where every crane is while it works, waits and steps aside: ways that keep their distance.
+"""Where every crane is while it works, waits and steps aside: paths that keep their distance.
 
 Given tasks whose pairs keep the temporal distance of `decmcts._kernels.refine.qcsp`,
-ways for all cranes exist, idle ones included. Measure positions so that crane v
+paths for all cranes exist, idle ones included. Measure positions so that crane v
 is moved left by spacing · v: then cranes may meet but not pass. Let crane v be,
 at every moment, at the rightmost place from which some stop of its own or of a
 crane left of it can just be reached or was just left: the maximum over stops
 (place c, from b to e) of c - speed · (time until b, or since e), and of a floor
 left of all. It never moves faster than the cranes do, being a maximum of
-functions that don't; it never lies left of the way of crane v - 1, having all of
+functions that don't; it never lies left of the path of crane v - 1, having all of
 its terms; and during a stop of crane v it is there, since a stop of a crane u <= v
 that would push it further right is one that is too near in time. (McShane's
 extension of a Lipschitz function.)
 
-From where it begins a crane runs to this way at full speed. While two cranes that
-begin too near are not yet as far apart as their ways, the left one goes left at
+From where it begins a crane runs to this path at full speed. While two cranes that
+begin too near are not yet as far apart as their paths, the left one goes left at
 full speed or the right one right, so they only move apart.
 """
 
@@ -27,7 +27,7 @@ from decmcts.formats.qcsp import QcspProblem
 _LEVEL = 1e-9  # bays; what is straight to this is one move
 
 
-def ways_of(
+def paths_of(
     problem: QcspProblem, crane: NDArray[np.int32], begin: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
     """Return for each crane (k, 2) rows (time, position), straight in between.
@@ -39,7 +39,7 @@ def ways_of(
     """
     end = begin + problem.duration
     last = float(end.max(initial=0.0))
-    ways: list[NDArray[np.float64]] = []
+    paths: list[NDArray[np.float64]] = []
     left: NDArray[np.float64] | None = None
     for v in range(problem.cranes):
         mine = np.flatnonzero(crane == v)
@@ -47,12 +47,12 @@ def ways_of(
         if problem.ready[v] > 0.0:
             stops = np.vstack([[0.0, problem.ready[v], problem.start[v]], stops])
         stops = stops[np.argsort(stops[:, 0], kind="stable")]
-        way = _own_way(stops, _floor(problem, v), problem.travel, last)
+        path = _own_path(stops, _floor(problem, v), problem.travel, last)
         if left is not None:
-            way = _extreme(way, left + np.array([0.0, problem.spacing]), np.maximum)
-        left = way
-        ways.append(_from_start(way, float(problem.start[v]), problem.travel))
-    return tuple(ways)
+            path = _extreme(path, left + np.array([0.0, problem.spacing]), np.maximum)
+        left = path
+        paths.append(_from_start(path, float(problem.start[v]), problem.travel))
+    return tuple(paths)
 
 
 def _floor(problem: QcspProblem, v: int) -> float:
@@ -62,10 +62,10 @@ def _floor(problem: QcspProblem, v: int) -> float:
     return float(behind - problem.spacing * most)
 
 
-def _own_way(
+def _own_path(
     stops: NDArray[np.float64], floor: float, travel: float, last: float
 ) -> NDArray[np.float64]:
-    """Return the way of one crane by its own stops, (k, 3) rows (begin, end, place)."""
+    """Return the path of one crane by its own stops, (k, 3) rows (begin, end, place)."""
     points: list[tuple[float, float]] = []
     for k, (begin, end, place) in enumerate(stops):
         down = (place - floor) * travel
@@ -86,17 +86,17 @@ def _own_way(
     return _sorted(np.array(points))
 
 
-def _sorted(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a way whose times increase; of rows of one time the first is kept."""
-    times = np.maximum.accumulate(way[:, 0])
+def _sorted(path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a path whose times increase; of rows of one time the first is kept."""
+    times = np.maximum.accumulate(path[:, 0])
     _, first = np.unique(times, return_index=True)
-    return np.stack([times[first], way[first, 1]], axis=1)
+    return np.stack([times[first], path[first, 1]], axis=1)
 
 
 def _extreme(
     one: NDArray[np.float64], other: NDArray[np.float64], choose: np.ufunc
 ) -> NDArray[np.float64]:
-    """Return the larger, or the smaller, of two ways at every moment."""
+    """Return the larger, or the smaller, of two paths at every moment."""
     times = np.union1d(one[:, 0], other[:, 0])
     a, b = np.interp(times, *one.T), np.interp(times, *other.T)
     apart = a - b
@@ -107,25 +107,25 @@ def _extreme(
     return _straightened(np.stack([times, found], axis=1))
 
 
-def _straightened(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the way without rows on the line between the rows kept on both sides."""
+def _straightened(path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the path without rows on the line between the rows kept on both sides."""
     kept = [0]
-    for k in range(1, len(way) - 1):
-        (t0, x0), (t1, x1), (t2, x2) = way[kept[-1]], way[k], way[k + 1]
+    for k in range(1, len(path) - 1):
+        (t0, x0), (t1, x1), (t2, x2) = path[kept[-1]], path[k], path[k + 1]
         if abs(x0 + (x2 - x0) * (t1 - t0) / (t2 - t0) - x1) > _LEVEL:
             kept.append(k)
-    if len(way) > 1:
-        kept.append(len(way) - 1)
-    return way[kept]
+    if len(path) > 1:
+        kept.append(len(path) - 1)
+    return path[kept]
 
 
-def _from_start(way: NDArray[np.float64], start: float, travel: float) -> NDArray[np.float64]:
-    """Return the way joined at full speed from `start`."""
-    last, gap = way[-1, 0], start - way[0, 1]
+def _from_start(path: NDArray[np.float64], start: float, travel: float) -> NDArray[np.float64]:
+    """Return the path joined at full speed from `start`."""
+    last, gap = path[-1, 0], start - path[0, 1]
     if last == 0.0:
         return np.array([[0.0, start]])
     if gap == 0.0:
-        return _straightened(np.vstack([[0.0, start], way[1:]]))
+        return _straightened(np.vstack([[0.0, start], path[1:]]))
     there = start - np.sign(gap) * last / travel
     run = np.array([[0.0, start], [last, there]])
-    return _extreme(run, way, np.maximum if gap > 0.0 else np.minimum)
+    return _extreme(run, path, np.maximum if gap > 0.0 else np.minimum)

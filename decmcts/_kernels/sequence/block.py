@@ -1,4 +1,4 @@
-"""The edges and near ports inside a stretch of a sequence, in numbers of its own."""
+"""The edges and near ports inside a window of a sequence, in numbers of its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from decmcts._kernels.jit import kernel
 
 
 @kernel
-def inner_edges(
+def block_edges(
     pred_offsets: NDArray[np.int64],
     preds: NDArray[np.int32],
     succ_offsets: NDArray[np.int64],
@@ -39,18 +39,18 @@ def inner_edges(
             after[x + 1] = 1
             before[k] += 1
     before, after = np.cumsum(before), np.cumsum(after)
-    inner_preds, inner_succs = np.empty(before[k], np.int32), np.empty(after[k], np.int32)
+    block_preds, block_succs = np.empty(before[k], np.int32), np.empty(after[k], np.int32)
     first, last = after[0], before[k - 1]
     for x in range(low, high):
-        if _fill(pred_offsets, preds, ids[x], local, inner_preds, before[x]) == 0 and low > 0:
-            inner_preds[before[x]] = 0
-            inner_succs[first] = x
+        if _fill(pred_offsets, preds, ids[x], local, block_preds, before[x]) == 0 and low > 0:
+            block_preds[before[x]] = 0
+            block_succs[first] = x
             first += 1
-        if _fill(succ_offsets, succs, ids[x], local, inner_succs, after[x]) == 0 and high < k:
-            inner_succs[after[x]] = k - 1
-            inner_preds[last] = x
+        if _fill(succ_offsets, succs, ids[x], local, block_succs, after[x]) == 0 and high < k:
+            block_succs[after[x]] = k - 1
+            block_preds[last] = x
             last += 1
-    return before, inner_preds, after, inner_succs
+    return before, block_preds, after, block_succs
 
 
 @kernel
@@ -83,7 +83,7 @@ def _fill(
 
 
 @kernel
-def inner_ports(
+def block_ports(
     near: NDArray[np.int32],
     rows: NDArray[np.int64],
     local: NDArray[np.int32],
@@ -92,7 +92,7 @@ def inner_ports(
 ) -> NDArray[np.int32]:
     """Return these rows of the near ports in local numbers, (rows, width).
 
-    Contours and options that are not there (-1 in `local` and `place`) are left out;
+    Contours and entries that are not there (-1 in `local` and `place`) are left out;
     the others are repeated in turn to fill the row, -1 if there are none.
     """
     n, width = len(local), near.shape[1]

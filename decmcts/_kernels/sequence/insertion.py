@@ -1,7 +1,7 @@
 """Moves that take along whatever precedence demands.
 
 Exchanges of segments fail where a single contour in between is bound to one
-side. A sift lets contour d follow contour c by sorting the window between them:
+side. An insertion lets contour d follow contour c by sorting the window between them:
 what d needs goes before c (or what needs d goes behind d), the rest keeps its
 order. It is feasible by construction and costs O(window).
 """
@@ -9,11 +9,11 @@ order. It is feasible by construction and costs O(window).
 from __future__ import annotations
 
 from decmcts._kernels.jit import kernel
+from decmcts._kernels.sequence.lags import rearranging_keeps
 from decmcts._kernels.sequence.metric import distance
-from decmcts._kernels.sequence.moves import Tour, entry, leave, refresh
-from decmcts._kernels.sequence.pauses import rearranging_keeps
+from decmcts._kernels.sequence.moves import Tour, port_in, port_out, refresh
 
-LONGEST_SIFT = 200  # positions; longer windows rarely keep their cost
+LONGEST_INSERTION = 200  # positions; longer windows rarely keep their cost
 
 
 @kernel
@@ -77,22 +77,26 @@ def _sort_window(tour: Tour, first: int, last: int, marked_first: bool) -> None:
 @kernel
 def _window_change(tour: Tour, first: int, last: int) -> float:
     """Return the cost change of putting `tour.scratch` in place of [first, last), mm."""
-    metric, order, flip, scratch = tour.metric, tour.order, tour.flip, tour.scratch
+    metric, order, is_reversed, scratch = tour.metric, tour.order, tour.reversed, tour.scratch
     change = 0.0
     for q in range(max(first - 1, 0), last):
         change -= tour.after[order[q]]
     for x in range(1, last - first):
-        change += distance(metric, leave(flip, scratch[x - 1]), entry(flip, scratch[x]))
+        change += distance(
+            metric, port_out(is_reversed, scratch[x - 1]), port_in(is_reversed, scratch[x])
+        )
     if first > 0:
-        change += distance(metric, leave(flip, order[first - 1]), entry(flip, scratch[0]))
+        change += distance(
+            metric, port_out(is_reversed, order[first - 1]), port_in(is_reversed, scratch[0])
+        )
     if last < len(order):
         end = scratch[last - first - 1]
-        change += distance(metric, leave(flip, end), entry(flip, order[last]))
+        change += distance(metric, port_out(is_reversed, end), port_in(is_reversed, order[last]))
     return change
 
 
 @kernel
-def try_sift(tour: Tour, p: int, at: int, slack: float) -> float:
+def try_insertion(tour: Tour, p: int, at: int, slack: float) -> float:
     """Mutate the tour: let the contour at `at` follow that at p; return the change, 0 if refused.
 
     p and `at` are in one group, at != p + 1. Ahead of p comes what the contour
@@ -100,7 +104,7 @@ def try_sift(tour: Tour, p: int, at: int, slack: float) -> float:
     """
     order, n_window = tour.order, abs(at - p) + 1
     first, last = min(p, at), max(p, at) + 1
-    if n_window > LONGEST_SIFT or tour.group[order[first]] != tour.group[order[last - 1]]:
+    if n_window > LONGEST_INSERTION or tour.group[order[first]] != tour.group[order[last - 1]]:
         return 0.0
     if not (_mark_needed(tour, p, at) if at > p else _mark_needing(tour, at, p)):
         return 0.0
@@ -113,7 +117,7 @@ def try_sift(tour: Tour, p: int, at: int, slack: float) -> float:
         _sort_window(tour, first, last, False)
     change = _window_change(tour, first, last)
     if change > slack or not rearranging_keeps(
-        tour.pauses, order, tour.position, tour.scratch, first, last
+        tour.lags, order, tour.position, tour.scratch, first, last
     ):
         return 0.0
     for x in range(n_window):

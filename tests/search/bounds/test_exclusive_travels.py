@@ -1,4 +1,4 @@
-"""No order may use two travels of a passage, or the bound would be wrong."""
+"""No order may use two of some exclusive travels, or the bound would be wrong."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import pytest
 from decmcts._kernels.exact.pricing import cover_mask
 from decmcts.feasibility.build import closure_of
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.bounds import passages
-from decmcts.search.bounds.passages import Passages, single_passages
+from decmcts.search.bounds import exclusive_travels
+from decmcts.search.bounds.exclusive_travels import ExclusiveTravels, find_exclusive_travels
 
 
-def passages_of(graph: DependencyGraph) -> Passages:
-    """Passages of a graph, as the relaxation asks for them."""
+def exclusive_of(graph: DependencyGraph) -> ExclusiveTravels:
+    """Exclusive travels of a graph, as the relaxation asks for them."""
     rows = closure_of(graph)
     kept = cover_mask(rows, graph.pred_offsets, graph.preds)
     heads = np.repeat(np.arange(graph.n), np.diff(graph.pred_offsets))[kept]
     offsets = np.searchsorted(heads, np.arange(graph.n + 1))
-    return single_passages(rows, offsets, graph.preds[kept])
+    return find_exclusive_travels(rows, offsets, graph.preds[kept])
 
 
 def layered(layers: int, each: int) -> DependencyGraph:
@@ -43,7 +43,7 @@ def test_every_order_passes_at_most_once() -> None:
     seen = tight = 0
     for seed in range(40):
         graph = nearly_layered(seed)
-        found = passages_of(graph)
+        found = exclusive_of(graph)
         seen += found.count
         for order in itertools.permutations(range(6)):
             place = np.argsort(order)
@@ -57,21 +57,21 @@ def test_every_order_passes_at_most_once() -> None:
 
 
 def test_layers_in_series_are_passed_once_each() -> None:
-    """Layers that are neighbours are one passage; contours between are a bend each."""
-    found = passages_of(layered(4, 3))
+    """Layers that are neighbours are one set; contours between are a bend each."""
+    found = exclusive_of(layered(4, 3))
     assert sorted(found.of.sum(axis=0)) == [6.0] * 6 + [9.0] * 3
     assert {(k // 12 // 3, k % 12 // 3) for k in found.keys} == {(0, 1), (1, 2), (2, 3)}
 
 
-def test_a_chain_has_no_passage() -> None:
+def test_a_chain_has_no_exclusive_travels() -> None:
     """Sets of one contour say no more than that it is left once."""
-    assert passages_of(layered(5, 1)).count == 0
-    assert passages_of(layered(2, 1)).count == 0
-    assert passages_of(DependencyGraph.from_pairs(3, np.empty((0, 2), np.int32))).count == 0
+    assert exclusive_of(layered(5, 1)).count == 0
+    assert exclusive_of(layered(2, 1)).count == 0
+    assert exclusive_of(DependencyGraph.from_pairs(3, np.empty((0, 2), np.int32))).count == 0
 
 
 @pytest.mark.parametrize("limit, most", [("MOST_MEMBERS", 20), ("MOST_LOOKS", 50)])
 def test_search_ends_at_its_limits(monkeypatch: pytest.MonkeyPatch, limit: str, most: int) -> None:
-    """Memory and time stay bounded on dense graphs; fewer passages are still valid ones."""
-    monkeypatch.setattr(passages, limit, most)
-    assert 0 < passages_of(layered(6, 3)).count < 17
+    """Memory and time stay bounded on dense graphs; fewer sets are still valid ones."""
+    monkeypatch.setattr(exclusive_travels, limit, most)
+    assert 0 < exclusive_of(layered(6, 3)).count < 17

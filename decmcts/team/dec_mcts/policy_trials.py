@@ -11,16 +11,16 @@ import numpy as np
 from decmcts.team.engine.plans import TUNED
 from decmcts.team.engine.policy_space import places
 
-BEST = 3  # near which the race goes on
+BEST = 3  # near which the trials go on
 
 
-class Race:
+class PolicyTrials:
     """The policies one head tries; `makespans` has those that were tried.
 
     Parameters
     ----------
     turn, heads : int
-        This head is the `turn`-th of so many that share the race.
+        This head is the `turn`-th of so many that share the trials.
     policies : int
         The first so many of POLICIES run.
     tries : int

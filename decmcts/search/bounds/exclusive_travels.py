@@ -1,9 +1,9 @@
-"""Sets of travels, called passages, of which every order uses one at most.
+"""Exclusive travels: sets of which every order uses one at most.
 
 Where all of one layer must be printed before any of the next, an order climbs from
 one layer to the other once. A bound that looks at single travels does not know that:
-it may take the cheap travel upwards at every contour. A passage is such a set of
-travels upwards.
+it may take the cheap travel upwards at every contour. Exclusive travels are such a set, here
+of all travels upwards.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ MOST_LOOKS = 100_000_000  # pairs of contours asked for their order, some 2 s
 
 
 @dataclass(frozen=True, slots=True)
-class Passages:
+class ExclusiveTravels:
     """Travels from contours to direct successors, and the sets of which one is used at most."""
 
     keys: NDArray[np.int64]  # (p,) sorted, tail · n + head
-    of: csr_array  # (p, passages) 1.0 where the travel is in the set
+    of: csr_array  # (p, exclusive travels) 1.0 where the travel is in the set
 
     @property
     def count(self) -> int:
@@ -32,9 +32,9 @@ class Passages:
         return int(self.of.shape[1])
 
 
-def single_passages(
+def find_exclusive_travels(
     before: NDArray[np.uint64], offsets: NDArray[np.int64], covers: NDArray[np.int32]
-) -> Passages:
+) -> ExclusiveTravels:
     """Return the travels from A to B for sets with a ≺ b for all a in A, b in B; and bends.
 
     An order travels from A to B at most once: if it leads from a to b, all of A is
@@ -75,7 +75,7 @@ def single_passages(
         if members > MOST_MEMBERS:
             break
         found[keys.tobytes()] = keys
-    return _passages(list(found.values()))
+    return _of_sets(list(found.values()))
 
 
 def _bends(
@@ -127,11 +127,13 @@ def _seeds(
                 yield tails, heads
 
 
-def _passages(sets: list[NDArray[np.int64]]) -> Passages:
+def _of_sets(sets: list[NDArray[np.int64]]) -> ExclusiveTravels:
     keys, place = np.unique(np.concatenate([*sets, np.empty(0, np.int64)]), return_inverse=True)
     of = np.repeat(np.arange(len(sets)), [len(one) for one in sets])
     shape = (len(keys), len(sets))
-    return Passages(keys, csr_array((np.ones(len(of)), (place.reshape(-1), of)), shape=shape))
+    return ExclusiveTravels(
+        keys, csr_array((np.ones(len(of)), (place.reshape(-1), of)), shape=shape)
+    )
 
 
 def _precede(

@@ -14,20 +14,26 @@ from decmcts._kernels.engine.lags import Lags
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.descent import descend
-from decmcts._kernels.sequence.moves import Tour, apply_swap, apply_turn, swap_allowed, turn_allowed
-from decmcts._kernels.sequence.sift import try_sift
+from decmcts._kernels.sequence.insertion import try_insertion
+from decmcts._kernels.sequence.moves import (
+    Tour,
+    apply_reversal,
+    apply_swap,
+    reversal_allowed,
+    swap_allowed,
+)
 from decmcts._kernels.sequence.tour import respects, tour_cost
-from decmcts.search.hybrid.pieces import Sequence, cut
-from decmcts.search.planners import KEEP_TIME, PLANNERS, plan_order, toolpath_cost
+from decmcts.search.hybrid.blocks import Sequence, cut
+from decmcts.search.planners import KEEP_LAGS, PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
-from decmcts.search.sequence.spacing import Spacing
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sequence.timed_lags import TimedLags
 from tests.search.problems import random_problem, started, with_loops
 
 
-def spaced_problem(seed: int, n: int, *, density: float, longest: float = 6.0) -> OrderProblem:
+def problem_with_lags(seed: int, n: int, *, density: float, longest: float = 6.0) -> OrderProblem:
     """A problem in which ends of some edges must be some time apart, as in the source or less."""
     rng = np.random.default_rng(seed)
     problem = random_problem(seed, n, density=density)
@@ -41,7 +47,7 @@ def spaced_problem(seed: int, n: int, *, density: float, longest: float = 6.0) -
         rng.uniform(0.0, longest, len(pairs)),
     )
     seconds = rng.choice([0.3, 1.0, 2.5], n)
-    return replace(problem, spacing=Spacing.owed_by_source(lags, seconds))
+    return replace(problem, timed_lags=TimedLags.kept_by_source(lags, seconds))
 
 
 def tour_for(problem: OrderProblem) -> Tour:
@@ -50,8 +56,8 @@ def tour_for(problem: OrderProblem) -> Tour:
 
 def keeps(problem: OrderProblem, order: np.ndarray) -> bool:
     """Say whether a sequence leaves enough time, by a clock of the test's own."""
-    assert problem.spacing is not None
-    lags, seconds = problem.spacing.lags, problem.spacing.seconds
+    assert problem.timed_lags is not None
+    lags, seconds = problem.timed_lags.lags, problem.timed_lags.seconds
     end = np.empty(len(order))
     end[order] = np.cumsum(seconds[order])
     above = np.repeat(np.arange(len(order)), np.diff(lags.offsets))
@@ -60,10 +66,10 @@ def keeps(problem: OrderProblem, order: np.ndarray) -> bool:
 
 def is_on_time(tour: Tour) -> bool:
     """Say whether the times kept with a tour, if any, are those of its sequence."""
-    if not len(tour.pauses.under):
+    if not len(tour.lags.under):
         return True
-    begin = np.cumsum(tour.pauses.seconds[tour.order]) - tour.pauses.seconds[tour.order]
-    return bool(np.allclose(tour.pauses.begin[tour.order], begin, atol=1e-6))
+    begin = np.cumsum(tour.lags.seconds[tour.order]) - tour.lags.seconds[tour.order]
+    return bool(np.allclose(tour.lags.begin[tour.order], begin, atol=1e-6))
 
 
 def walked(problem: OrderProblem, seed: int, steps: int = 300) -> Tour:
@@ -78,7 +84,7 @@ def walked(problem: OrderProblem, seed: int, steps: int = 300) -> Tour:
 def test_moves_are_allowed_exactly_when_the_result_keeps_graph_and_time(seed: int) -> None:
     """Too strict wastes moves, too lax prints on warm plastic."""
     rng = np.random.default_rng(seed)
-    problem = spaced_problem(seed, 12, density=0.15)
+    problem = problem_with_lags(seed, 12, density=0.15)
     graph = problem.graph
     i, j, k = sorted(rng.choice(13, 3, replace=False).tolist())
 
@@ -92,11 +98,11 @@ def test_moves_are_allowed_exactly_when_the_result_keeps_graph_and_time(seed: in
     apply_swap(swapped, i, j, k)
     assert allowed == holds(swapped)
     assert is_on_time(swapped)
-    turned = walked(problem, seed)
-    allowed = turn_allowed(turned, i, k)
-    apply_turn(turned, i, k)
-    assert allowed == holds(turned)
-    assert is_on_time(turned)
+    reversed_tour = walked(problem, seed)
+    allowed = reversal_allowed(reversed_tour, i, k)
+    apply_reversal(reversed_tour, i, k)
+    assert allowed == holds(reversed_tour)
+    assert is_on_time(reversed_tour)
 
 
 @settings(max_examples=60, deadline=None)
@@ -107,17 +113,19 @@ def test_moves_are_allowed_exactly_when_the_result_keeps_graph_and_time(seed: in
     loops=st.booleans(),
 )
 def test_annealing_and_descent_keep_time(seed: int, n: int, density: float, loops: bool) -> None:
-    """Carries undo a half-made move, sifts rearrange a window: the books must still balance."""
-    problem = spaced_problem(seed, n, density=density)
+    """Carries undo a half-made move, insertions rearrange a window: the sums must be right."""
+    problem = problem_with_lags(seed, n, density=density)
     if loops:
         problem = with_loops(problem, 3)
     tour = tour_for(problem)
-    before = tour_cost(tour.metric, tour.order, tour.flip)
+    before = tour_cost(tour.metric, tour.order, tour.reversed)
     total, _ = anneal(tour, seeded(seed), 5.0, 2000)
     for p in range(0, n - 2, 3):
-        total += try_sift(tour, p, p + 2, 3.0) + try_sift(tour, p + 1, p, 3.0)
+        total += try_insertion(tour, p, p + 2, 3.0) + try_insertion(tour, p + 1, p, 3.0)
     total += descend(tour, 0, n, 50)
-    assert tour_cost(tour.metric, tour.order, tour.flip) == pytest.approx(before + total, abs=1e-6)
+    assert tour_cost(tour.metric, tour.order, tour.reversed) == pytest.approx(
+        before + total, abs=1e-6
+    )
     assert respects(tour.order, tour.succ_offsets, tour.succs)
     assert keeps(problem, tour.order)
     assert is_on_time(tour)
@@ -126,13 +134,13 @@ def test_annealing_and_descent_keep_time(seed: int, n: int, density: float, loop
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_every_planner_leaves_time(planner: str) -> None:
     """Not all know of time; none may return what does not keep it."""
-    problem = spaced_problem(3, 60, density=0.02)
+    problem = problem_with_lags(3, 60, density=0.02)
     result = plan_order(problem, planner=planner, stopping=Stopping(iterations=20_000), seed=1)
     assert keeps(problem, result.toolpath.order)
-    assert result.cost < result.source_cost or planner not in KEEP_TIME
+    assert result.cost < result.source_cost or planner not in KEEP_LAGS
     assert result.cost <= result.source_cost
     free = plan_order(
-        replace(problem, spacing=None), planner=planner, seed=1,
+        replace(problem, timed_lags=None), planner=planner, seed=1,
         stopping=Stopping(iterations=20_000),
     )  # fmt: skip
     if planner != "slicer":
@@ -141,15 +149,15 @@ def test_every_planner_leaves_time(planner: str) -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_hybrid_finds_the_optimum_of_small_prints(seed: int) -> None:
-    """Against every order there is; without turns, so that an order has one cost."""
-    problem = spaced_problem(seed, 7, density=0.12, longest=4.0)
+    """Against every order there is; without directions, so that an order has one cost."""
+    problem = problem_with_lags(seed, 7, density=0.12, longest=4.0)
     problem = replace(problem, reversible=np.zeros(7, np.bool_))
     graph, tour = problem.graph, tour_for(problem)
-    flip, least = np.zeros(7, np.uint8), np.inf
+    is_reversed, least = np.zeros(7, np.uint8), np.inf
     for row in permutations(range(7)):
         order = np.array(row, np.int32)
         if respects(order, graph.succ_offsets, graph.succs) and keeps(problem, order):
-            least = min(least, tour_cost(tour.metric, order, flip))
+            least = min(least, tour_cost(tour.metric, order, is_reversed))
     result = plan_order(problem, planner="hybrid", stopping=Stopping(iterations=50_000), seed=0)
     assert result.cost == pytest.approx(least)
     assert toolpath_cost(problem, result.toolpath) == pytest.approx(least)
@@ -157,7 +165,7 @@ def test_hybrid_finds_the_optimum_of_small_prints(seed: int) -> None:
 
 def test_equal_seeds_give_equal_orders() -> None:
     """Results must be repeatable, whatever the threads' pace."""
-    problem = spaced_problem(8, 80, density=0.02)
+    problem = problem_with_lags(8, 80, density=0.02)
     first, second = (
         plan_order(problem, planner="hybrid", stopping=Stopping(iterations=40_000), seed=4)
         for _ in range(2)
@@ -169,14 +177,14 @@ def test_equal_seeds_give_equal_orders() -> None:
 def test_the_source_owes_no_more_than_it_gives() -> None:
     """It is the way out when nothing else is found, so it must keep its own lags."""
     lags = Lags(np.array([0, 0, 0, 1]), np.array([0], np.int32), np.array([10.0]))
-    spacing = Spacing.owed_by_source(lags, np.array([1.0, 4.0, 1.0]))
-    assert spacing.lags.seconds.tolist() == [4.0]
-    assert spacing.keeps(np.array([0, 1, 2], np.int32))
-    assert not spacing.keeps(np.array([0, 2, 1], np.int32))
+    timed_lags = TimedLags.kept_by_source(lags, np.array([1.0, 4.0, 1.0]))
+    assert timed_lags.lags.seconds.tolist() == [4.0]
+    assert timed_lags.keeps(np.array([0, 1, 2], np.int32))
+    assert not timed_lags.keeps(np.array([0, 2, 1], np.int32))
     with pytest.raises(ValueError, match="the source does not keep"):
-        Spacing(lags, np.array([1.0, 4.0, 1.0]))
+        TimedLags(lags, np.array([1.0, 4.0, 1.0]))
     with pytest.raises(ValueError, match="times of 3 contours, expected 5"):
-        replace(random_problem(1, 5, density=0.1), spacing=spacing)
+        replace(random_problem(1, 5, density=0.1), timed_lags=timed_lags)
 
 
 @pytest.mark.parametrize(
@@ -196,12 +204,12 @@ def test_lags_that_are_none_are_refused(lags, seconds, said) -> None:
     offsets, below, due = lags
     rows = Lags(np.array(offsets), np.array(below, np.int32), np.array(due))
     with pytest.raises(ValueError, match=said):
-        Spacing(rows, np.array(seconds))
+        TimedLags(rows, np.array(seconds))
 
 
 def test_a_search_that_is_to_stop_does_not_begin() -> None:
     """Ctrl-C while the first of two searches runs ends both."""
-    problem = spaced_problem(8, 80, density=0.02)
+    problem = problem_with_lags(8, 80, density=0.02)
     result = plan_order(
         problem, planner="hybrid", stopping=Stopping(seconds=60.0, asked=lambda: True), seed=4
     )
@@ -210,7 +218,7 @@ def test_a_search_that_is_to_stop_does_not_begin() -> None:
 
 def test_a_part_of_a_sequence_has_no_time_of_its_own() -> None:
     """What is due across a cut would be lost."""
-    problem = spaced_problem(2, 20, density=0.1)
+    problem = problem_with_lags(2, 20, density=0.1)
     sequence = Sequence.best_of(started(problem), near_ports(problem))
     assert len(cut(sequence, 0, 20).ids) == 20
     with pytest.raises(ValueError, match="keep time"):
