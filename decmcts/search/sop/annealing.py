@@ -90,7 +90,7 @@ class AnnealThread:
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting."""
-        if self._length == self._done == 0:
+        if self._cost == np.inf:
             self._begin(incumbent)
         if self._found is not None:
             offer(incumbent, self._found, self.name)
