@@ -18,8 +18,10 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sop.found import offer
 
 _HOT = 1.0  # first temperature, in scales; of the last annealing twice that
-_COLD = 0.05  # last temperature, in scales
+_COLD = 0.05  # temperature at the end of the slow cooling, in scales
 _COLDER = 0.01  # of every second annealing of the thread with long ones
+_QUENCH = 0.08  # last share of an annealing, in which the temperature falls fast,
+_FROZEN = 0.1  # to this share of the last temperature
 _TEMPERATURES = 100  # of an annealing
 _SHORTEST = (2_000, 64_000)  # proposals a node: many short annealings on one thread, few long
 _FIRST = 4_000  # of the first: soon over, and then the pace is known
@@ -66,8 +68,9 @@ class AnnealThread:
             if self._length:
                 step = min(left, max(self._length // _TEMPERATURES, 1), self._length - self._done)
                 share = self._done / self._length
-            temperature = self._temperatures().at(share)
-            self._cost += anneal_bare(self.bare, _SHARES, self.state, temperature, step)
+            self._cost += anneal_bare(
+                self.bare, _SHARES, self.state, self._temperature(share), step
+            )
             self._done += step
             left -= step
             if self._cost < self.best:
@@ -81,12 +84,15 @@ class AnnealThread:
         """Whether the last annealing has begun, which takes what is left of the budget."""
         return self._length == 0 and self._done > 0
 
-    def _temperatures(self) -> TemperatureSchedule:
-        """Return the temperatures of the present annealing."""
+    def _temperature(self, share: float) -> float:
+        """Return the temperature after `share` (0..1) of the present annealing."""
         hot, cold = _HOT if self._length else 2.0 * _HOT, _COLD
         if self._length and self.long and self._count & 1:
             cold = _COLDER
-        return TemperatureSchedule(hot * self.scale, cold * self.scale)
+        slow = min(share / (1.0 - _QUENCH), 1.0)
+        temperature = TemperatureSchedule(hot * self.scale, cold * self.scale).at(slow)
+        quenched = max(share - 1.0 + _QUENCH, 0.0) / _QUENCH
+        return temperature * float(_FROZEN ** min(quenched, 1.0))
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting."""
