@@ -84,7 +84,7 @@ def with_plain(
     numbered = Precedence.of(n, pairs)
     mine = np.ascontiguousarray(costs[np.ix_(numbered.original, numbered.original)])
     graph = DependencyGraph.from_pairs(n, numbered.pairs)
-    near, _ = near_nodes(mine, mine, numbered.possible)
+    near, _, _ = near_nodes(mine, mine, numbered.possible)
     steps = np.take_along_axis(mine, np.maximum(near, 0), axis=1)
     hot, state = float(steps[near >= 0].mean()), seeded(seed)
     bare = Bare(

@@ -20,6 +20,8 @@ from decmcts.search.sop.found import offer
 _HOT = 1.0  # first temperature, in scales; of the last annealing twice that
 _COLD = 0.05  # temperature at the end of the slow cooling, in scales
 _COLDER = 0.01  # of every second annealing of the thread with long ones
+_WARM = (1.0, 0.3, 2.0)  # first temperatures of warm annealings in turn, in reduced scales
+_WARM_SHARE = 0.25  # of what is left
 _QUENCH = 0.08  # last share of an annealing, in which the temperature falls fast,
 _FROZEN = 0.1  # to this share of the last temperature
 _TEMPERATURES = 100  # of an annealing
@@ -39,17 +41,24 @@ class AnnealThread:
     They are once, twice, four and eight times as long as the shortest, and each length
     gets as much time (Luby's sequence). Small problems need many short ones, large ones
     a long one: what is left, once it is little for the size, goes to a last one.
+    Where costs are no distances beams find more than a long one, so in its place come
+    warm ones: each begins with the best sequence known and changes it little.
     """
 
     bare: Bare
     scale: float  # mean cost of steps to near nodes beyond that to the nearest
     state: NDArray[np.uint64]  # (1,)
     long: bool  # whether its annealings are long ones
+    reduced_scale: float  # likewise, by reduced cost
+    distances: bool  # whether a step costs the same both ways
     name: str = "annealing"
     best: float = np.inf  # least cost seen where the temperature changes
+    promise: float = np.inf  # cost at the end of the first annealing
+    warm: bool = False  # whether each annealing begins with the best sequence known
     _cost: float = np.inf
     _found: NDArray[np.int32] | None = None  # since the last meeting
     _count: int = 0  # annealings ended
+    _anew: bool = False  # whether to begin with the best sequence at the next meeting
     _length: int = 0  # proposals of the present one, 0: as many as the budget allows
     _done: int = 0  # proposals made in it
     _began: float = 0.0  # budget spent when the last annealing began
@@ -82,38 +91,57 @@ class AnnealThread:
     @property
     def is_last(self) -> bool:
         """Whether the last annealing has begun, which takes what is left of the budget."""
-        return self._length == 0 and self._done > 0
+        return self._length == 0 and self._count > 0
 
     def _temperature(self, share: float) -> float:
         """Return the temperature after `share` (0..1) of the present annealing."""
-        hot, cold = _HOT if self._length else 2.0 * _HOT, _COLD
-        if self._length and self.long and self._count & 1:
+        hot, cold, scale = _HOT if self._length else 2.0 * _HOT, _COLD, self.scale
+        if self.warm:
+            hot, cold, scale = _WARM[self._count % len(_WARM)], _COLDER, self.reduced_scale
+        elif self._length and self.long and self._count & 1:
             cold = _COLDER
         slow = min(share / (1.0 - _QUENCH), 1.0)
-        temperature = TemperatureSchedule(hot * self.scale, cold * self.scale).at(slow)
+        temperature = TemperatureSchedule(hot * scale, cold * scale).at(slow)
         quenched = max(share - 1.0 + _QUENCH, 0.0) / _QUENCH
         return temperature * float(_FROZEN ** min(quenched, 1.0))
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting."""
         if self._cost == np.inf:
-            self._begin(incumbent)
+            self._take(incumbent)
+            self._length = _FIRST * len(self.bare.order)
         if self._found is not None:
             offer(incumbent, self._found, self.name)
             self._found = None
+        if self.is_last and not self.distances:
+            self.warm = self._anew = True
+        if self._anew:
+            self._take(incumbent)
+            self._length = self._warm_length(incumbent.spent)
+            self._anew = False
 
-    def _begin(self, incumbent: Incumbent) -> None:
+    def _warm_length(self, spent: float) -> int:
+        """Return the proposals of a warm annealing: a share of those that are left, if known."""
+        n = len(self.bare.order)
+        if self._pace == np.inf:
+            return _FIRST * n
+        return max(int(_WARM_SHARE * self._pace * (1.0 - spent)), n)
+
+    def _take(self, incumbent: Incumbent) -> None:
         """Take over the best sequence known."""
         self.bare.order[:] = incumbent.order
         self.bare.position[incumbent.order] = np.arange(len(incumbent.order))
-        self._cost = incumbent.cost
-        self._length = _FIRST * len(self.bare.order)
+        self._cost, self._done = incumbent.cost, 0
 
     def _end(self, spent: float) -> None:
         """Begin the next annealing."""
-        self._count, self._done = self._count + 1, 0
+        if self._count == 0:
+            self.promise = self._cost
+        self._count, self._done, self._anew = self._count + 1, 0, self.warm
         self._length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * len(self.bare.order)
-        if self._pace * (1.0 - spent) < max(_LONGEST * len(self.bare.order), self._length):
+        if not self.warm and self._pace * (1.0 - spent) < max(
+            _LONGEST * len(self.bare.order), self._length
+        ):
             self._length, self._began = 0, spent
 
 
@@ -126,15 +154,16 @@ def luby(k: int) -> int:
 
 def near_nodes(
     costs: NDArray[np.float64], reduced: NDArray[np.float64], possible: NDArray[np.bool_]
-) -> tuple[NDArray[np.int32], float]:
+) -> tuple[NDArray[np.int32], float, float]:
     """Return (n, k) nodes cheap to reach from each, and how much dearer they are than the cheapest.
 
     Half of them by cost, half by reduced cost; -1 padded. The second is a mean, over
-    the k cheapest by cost.
+    the k cheapest by cost; the third likewise, by reduced cost.
     """
     by_cost, excess = _nearest(costs, possible, 2 * _NEAR)
-    by_reduced, _ = _nearest(reduced, possible, _NEAR)
-    return np.concatenate([by_cost[:, :_NEAR], by_reduced], axis=1), excess
+    by_reduced, reduced_excess = _nearest(reduced, possible, 2 * _NEAR)
+    near = np.concatenate([by_cost[:, :_NEAR], by_reduced[:, :_NEAR]], axis=1)
+    return near, excess, reduced_excess
 
 
 def _nearest(

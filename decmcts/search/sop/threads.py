@@ -34,7 +34,8 @@ _CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may 
     (0.2, 0.005, 0.005),
     (0.4, 0.005, 0.0),
 )
-_NEAR_ENOUGH = 0.05  # share by which a short annealing may lie above beams
+_NEAR_ENOUGH = 0.05  # share by which the first annealing may lie above beams
+_WARM_LEAD = 8  # times the lead, where annealings change what beams found
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
@@ -186,8 +187,11 @@ class TwoThreads:
         """
         beams, other, cost = *threads, self.incumbent.cost
         if isinstance(beams, BeamThread):
-            if isinstance(other, AnnealThread) and other.is_last and np.isfinite(lead):
-                cost, lead = other.best, -_NEAR_ENOUGH
+            if isinstance(other, AnnealThread) and np.isfinite(lead):
+                if other.is_last:
+                    cost, lead = other.promise, -_NEAR_ENOUGH
+                elif other.warm:
+                    lead *= _WARM_LEAD
             if (1.0 + lead) * cost < beams.best:
                 beams = self._annealer(1)
         if isinstance(other, TreeThread) and self.incumbent.cost > cost_above:
@@ -220,7 +224,11 @@ class TwoThreads:
 
     def _annealer(self, number: int) -> AnnealThread:
         """Return a thread that anneals from the best sequence."""
-        near, scale = near_nodes(self.costs, self.assignment.reduced, self.precedence.possible)
+        both = self.precedence.possible & self.precedence.possible.T
+        distances = bool((self.costs == self.costs.T)[both].all())
+        near, scale, reduced_scale = near_nodes(
+            self.costs, self.assignment.reduced, self.precedence.possible
+        )
         graph, n = self.incumbent.problem.graph, len(self.costs)
         nodes = np.arange(n, dtype=np.int32)
         bare = Bare(
@@ -228,7 +236,10 @@ class TwoThreads:
             nodes, nodes.copy(), np.empty(n, np.int32),
         )  # fmt: skip
         state = seeded(2 * self.seed + number)
-        thread = AnnealThread(bare, max(scale, self.least_gain), state, long=number > 0)
+        warm_scale = max(reduced_scale, self.least_gain)
+        thread = AnnealThread(
+            bare, max(scale, self.least_gain), state, number > 0, warm_scale, distances
+        )
         thread.meet(self.incumbent)
         return thread
 

@@ -25,7 +25,7 @@ def layered(layers: int, contours: int, seed: int) -> tuple[Precedence, np.ndarr
 
 def sequence(precedence: Precedence, costs: np.ndarray) -> Bare:
     graph = DependencyGraph.from_pairs(len(costs), precedence.pairs)
-    near, _ = near_nodes(costs, costs, precedence.possible)
+    near, _, _ = near_nodes(costs, costs, precedence.possible)
     nodes = np.arange(len(costs), dtype=np.int32)
     return Bare(
         costs, near, graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
@@ -72,8 +72,8 @@ def test_few_nodes_have_nothing_to_exchange(n: int) -> None:
 
 def test_near_nodes_are_the_cheapest_that_may_follow() -> None:
     precedence, costs = layered(4, 10, seed=2)
-    near, excess = near_nodes(costs, costs, precedence.possible)
-    assert excess > 0.0
+    near, excess, same = near_nodes(costs, costs, precedence.possible)
+    assert excess == same > 0.0
     for a, row in enumerate(near):
         possible = np.flatnonzero(precedence.possible[a])
         cheapest = set(possible[np.argsort(costs[a, possible], kind="stable")][:4])
