@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.sop.annealing import near_nodes
+from decmcts.search.sop.annealing import NearSteps
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.solver import solve_sop
 
@@ -84,7 +84,7 @@ def with_plain(
     numbered = Precedence.of(n, pairs)
     mine = np.ascontiguousarray(costs[np.ix_(numbered.original, numbered.original)])
     graph = DependencyGraph.from_pairs(n, numbered.pairs)
-    near, _, _ = near_nodes(mine, mine, numbered.possible)
+    near = NearSteps.of(mine, mine, numbered.possible).near
     steps = np.take_along_axis(mine, np.maximum(near, 0), axis=1)
     hot, state = float(steps[near >= 0].mean()), seeded(seed)
     bare = Bare(

@@ -260,6 +260,16 @@ MESH_OPTIONS = (  # they mean nothing to G-code
 )  # fmt: skip
 
 
+def given(context: typer.Context) -> dict[str, list[str]]:
+    """Return what was said on the command line: by name, how it may be spelled (--yes, --no)."""
+    found: dict[str, list[str]] = {}
+    for parameter in context.command.params:
+        origin = context.get_parameter_source(parameter.name or "")
+        if parameter.name and origin is not None and origin.name == "COMMANDLINE":
+            found[parameter.name] = [*parameter.opts, *parameter.secondary_opts]
+    return found
+
+
 def rules_of(
     freedom: Freedom,
     seam: Seam | None,

@@ -168,24 +168,17 @@ def write_extras(
 
 def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) -> Slicing:
     """Return how meshes are sliced."""
-    said = (context.get_parameter_source(name) for name in opt.MESH_OPTIONS)
-    given = frozenset(
-        name
-        for name, origin in zip(opt.MESH_OPTIONS, said, strict=True)
-        if origin is not None and origin.name == "COMMANDLINE"
-    )
-    return Slicing(chosen, options, given)
+    return Slicing(chosen, options, frozenset(opt.MESH_OPTIONS) & opt.given(context).keys())
 
 
 def refuse_for_gcode(context: typer.Context, source: Path) -> None:
     """Raise InputError for an option of meshes given with a file that is none."""
     if source.suffix.lower() in MESH_SUFFIXES:
         return
-    for option in context.command.params:
-        origin = context.get_parameter_source(option.name or "")
-        if option.name in opt.MESH_OPTIONS and origin is not None and origin.name == "COMMANDLINE":
+    for name, spellings in opt.given(context).items():
+        if name in opt.MESH_OPTIONS:
             raise InputError(
-                f"{option.opts[0]} is for meshes and means nothing here: this is no mesh "
+                f"{spellings[0]} is for meshes and means nothing here: this is no mesh "
                 f"({', '.join(sorted(MESH_SUFFIXES))}), its beads are printed as they are",
                 path=source,
                 advice="leave it out, or set it in the slicer",

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import time
 from pathlib import Path
 
 import typer
 
+from decmcts.cli.commands.bare import proven, refuse_others
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.signals import interrupt_stops
-from decmcts.errors import InputError, VerificationError
+from decmcts.errors import VerificationError
 from decmcts.formats.qcsp import QcspProblem, read_qcsp, schedule_text
 from decmcts.jit.kernel import at_work
 from decmcts.planning.bare import compile_qcsp
@@ -22,24 +22,13 @@ from decmcts.planning.writing.places import (
     refuse_two_on_stdout,
     refuse_unwritable,
 )
-from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from decmcts.team.qcsp.solver import QcspResult, solve_qcsp
 from sim.qcsp import faults_of
-
-_MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})
 
 
 def refuse_for_qcsp(context: typer.Context) -> None:
     """Raise InputError for an option given that means nothing to a bare problem."""
-    for option in context.command.params:
-        name = option.name or ""
-        origin = context.get_parameter_source(name)
-        if origin is not None and origin.name == "COMMANDLINE" and name not in _MEANT:
-            said = [*option.opts, *option.secondary_opts][0 if context.params[name] else -1]
-            raise InputError(
-                f"{said} means nothing for a .qcsp file: it has tasks and cranes, but no print",
-                advice="leave it out",
-            )
+    refuse_others(context, ".qcsp", "tasks and cranes, but no print")
 
 
 def launch_qcsp(
@@ -98,14 +87,11 @@ def show(
             },
         )
         return
-    proven = "proven optimal" if found.optimal else f"bound {bound:,.10g}"
-    gap = 100.0 * (makespan / bound - 1.0) if bound > 0.0 else math.inf
-    if gap <= INFORMS_PERCENT and not found.optimal:
-        proven += f", at most {gap:.1f} % above optimal"
+    near = proven(makespan, bound, optimal=found.optimal)
     to = err if target == STDOUT else out
     to.print(
         f"{source.name}: {len(problem)} tasks, {problem.cranes} cranes, makespan {makespan:,.10g}, "
-        f"{proven} ({seconds:.1f} s, seed {found.seed}), verified",
+        f"{near} ({seconds:.1f} s, seed {found.seed}), verified",
         soft_wrap=True,
     )
     if target is not None:

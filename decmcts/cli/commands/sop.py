@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import re
 import time
 from pathlib import Path
 
 import typer
 
+from decmcts.cli.commands.bare import proven, refuse_others
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
@@ -17,23 +17,12 @@ from decmcts.jit.kernel import at_work
 from decmcts.planning.bare import compile_sop, require_sound
 from decmcts.planning.events import Step
 from decmcts.planning.writing.places import STDOUT, name_of, put, refuse_unwritable
-from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from decmcts.search.sop.solver import SopResult, solve_sop
-
-_MEANT = frozenset({"source", "output", "time_limit", "seed", "as_json"})
 
 
 def refuse_for_sop(context: typer.Context) -> None:
     """Raise InputError for an option given that means nothing to a bare problem."""
-    for option in context.command.params:
-        name = option.name or ""
-        origin = context.get_parameter_source(name)
-        if origin is not None and origin.name == "COMMANDLINE" and name not in _MEANT:
-            said = [*option.opts, *option.secondary_opts][0 if context.params[name] else -1]
-            raise InputError(
-                f"{said} means nothing for a .sop file: it has costs, but no contours or heads",
-                advice="leave it out",
-            )
+    refuse_others(context, ".sop", "costs, but no contours or heads")
 
 
 def plan_sop(
@@ -104,13 +93,10 @@ def show(
             },
         )
         return
-    proven = "proven optimal" if found.optimal else f"bound {found.bound:,.10g}"
-    gap = 100.0 * (found.cost / found.bound - 1.0) if found.bound > 0.0 else math.inf
-    if gap <= INFORMS_PERCENT and not found.optimal:
-        proven += f", at most {gap:.1f} % above optimal"
+    near = proven(found.cost, found.bound, optimal=found.optimal)
     to = err if target == STDOUT else out
     to.print(
-        f"{source.name}: {len(instance)} nodes, cost {found.cost:,.10g}, {proven} "
+        f"{source.name}: {len(instance)} nodes, cost {found.cost:,.10g}, {near} "
         f"({found.found_by}, {seconds['plan']:.1f} s, seed {found.seed}), verified",
         soft_wrap=True,
     )

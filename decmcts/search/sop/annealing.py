@@ -34,6 +34,34 @@ _SHARES = Shares(follow=0.7, reverse=0.12)
 _NEAR = 8  # by cost, and as many by reduced cost
 
 
+@dataclass(frozen=True, slots=True)
+class NearSteps:
+    """Cheap steps from each node, and how far their costs lie apart: what temperatures go by."""
+
+    near: NDArray[np.int32]  # (n, k) nodes: half by cost, half by reduced cost; -1 padded
+    scale: float  # mean cost beyond that of the cheapest, over the k cheapest of each node
+    reduced_scale: float  # likewise, by reduced cost
+    are_distances: bool  # every step that may go both ways costs the same both ways
+
+    @staticmethod
+    def of(
+        costs: NDArray[np.float64],
+        reduced: NDArray[np.float64],
+        possible: NDArray[np.bool_],
+        *,
+        least: float = 0.0,
+    ) -> NearSteps:
+        """Return those of (n, n) costs; scales are `least` or more."""
+        by_cost, scale = _nearest(costs, possible, 2 * _NEAR)
+        by_reduced, reduced_scale = _nearest(reduced, possible, 2 * _NEAR)
+        return NearSteps(
+            np.concatenate([by_cost[:, :_NEAR], by_reduced[:, :_NEAR]], axis=1),
+            max(scale, least),
+            max(reduced_scale, least),
+            bool((costs == costs.T)[possible & possible.T].all()),
+        )
+
+
 @dataclass(slots=True)
 class AnnealThread:
     """Annealing after annealing; each goes on from where the one before ended.
@@ -46,11 +74,9 @@ class AnnealThread:
     """
 
     bare: Bare
-    scale: float  # mean cost of steps to near nodes beyond that to the nearest
+    steps: NearSteps
     state: NDArray[np.uint64]  # (1,)
     long: bool  # whether its annealings are long ones
-    reduced_scale: float  # likewise, by reduced cost
-    distances: bool  # whether a step costs the same both ways
     name: str = "annealing"
     best: float = np.inf  # least cost seen where the temperature changes
     promise: float = np.inf  # cost at the end of the first annealing
@@ -95,9 +121,9 @@ class AnnealThread:
 
     def _temperature(self, share: float) -> float:
         """Return the temperature after `share` (0..1) of the present annealing."""
-        hot, cold, scale = _HOT if self._length else 2.0 * _HOT, _COLD, self.scale
+        hot, cold, scale = _HOT if self._length else 2.0 * _HOT, _COLD, self.steps.scale
         if self.warm:
-            hot, cold, scale = _WARM[self._count % len(_WARM)], _COLDER, self.reduced_scale
+            hot, cold, scale = _WARM[self._count % len(_WARM)], _COLDER, self.steps.reduced_scale
         elif self._length and self.long and self._count & 1:
             cold = _COLDER
         slow = min(share / (1.0 - _QUENCH), 1.0)
@@ -113,7 +139,7 @@ class AnnealThread:
         if self._found is not None:
             offer(incumbent, self._found, self.name)
             self._found = None
-        if self.is_last and not self.distances:
+        if self.is_last and not self.steps.are_distances:
             self.warm = self._anew = True
         if self._anew:
             self._take(incumbent)
@@ -150,20 +176,6 @@ def luby(k: int) -> int:
     while (k + 1) & k:
         k -= (1 << (k.bit_length() - 1)) - 1
     return (k + 1) >> 1
-
-
-def near_nodes(
-    costs: NDArray[np.float64], reduced: NDArray[np.float64], possible: NDArray[np.bool_]
-) -> tuple[NDArray[np.int32], float, float]:
-    """Return (n, k) nodes cheap to reach from each, and how much dearer they are than the cheapest.
-
-    Half of them by cost, half by reduced cost; -1 padded. The second is a mean, over
-    the k cheapest by cost; the third likewise, by reduced cost.
-    """
-    by_cost, excess = _nearest(costs, possible, 2 * _NEAR)
-    by_reduced, reduced_excess = _nearest(reduced, possible, 2 * _NEAR)
-    near = np.concatenate([by_cost[:, :_NEAR], by_reduced[:, :_NEAR]], axis=1)
-    return near, excess, reduced_excess
 
 
 def _nearest(

@@ -18,7 +18,7 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Bare
 from decmcts._kernels.sequence.metric import Matrix
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.annealing import AnnealThread, near_nodes
+from decmcts.search.sop.annealing import AnnealThread, NearSteps
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
@@ -129,7 +129,7 @@ class TreeThread:
 SopThread = BeamThread | AnnealThread | TreeThread
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class TwoThreads:
     """One problem's three searches, and the rules by which they share two threads."""
 
@@ -138,6 +138,7 @@ class TwoThreads:
     assignment: Assignment
     seed: int
     least_gain: float  # costs differ by more than this
+    _steps: NearSteps | None = None  # found for the first annealing
 
     def run(self) -> float:
         """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
@@ -223,23 +224,19 @@ class TwoThreads:
         return thread
 
     def _annealer(self, number: int) -> AnnealThread:
-        """Return a thread that anneals from the best sequence."""
-        both = self.precedence.possible & self.precedence.possible.T
-        distances = bool((self.costs == self.costs.T)[both].all())
-        near, scale, reduced_scale = near_nodes(
-            self.costs, self.assignment.reduced, self.precedence.possible
-        )
+        """Return a thread that anneals from the best sequence: 0 for short ones, 1 for long."""
+        if self._steps is None:
+            reduced, possible = self.assignment.reduced, self.precedence.possible
+            self._steps = NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
         graph, n = self.incumbent.problem.graph, len(self.costs)
         nodes = np.arange(n, dtype=np.int32)
         bare = Bare(
-            self.costs, near, graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
+            self.costs, self._steps.near,
+            graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
             nodes, nodes.copy(), np.empty(n, np.int32),
         )  # fmt: skip
         state = seeded(2 * self.seed + number)
-        warm_scale = max(reduced_scale, self.least_gain)
-        thread = AnnealThread(
-            bare, max(scale, self.least_gain), state, number > 0, warm_scale, distances
-        )
+        thread = AnnealThread(bare, self._steps, state, long=number > 0)
         thread.meet(self.incumbent)
         return thread
 

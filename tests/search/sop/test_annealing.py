@@ -8,7 +8,7 @@ import pytest
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.sop.annealing import luby, near_nodes
+from decmcts.search.sop.annealing import NearSteps, luby
 from decmcts.search.sop.precedence import Precedence
 
 
@@ -25,7 +25,7 @@ def layered(layers: int, contours: int, seed: int) -> tuple[Precedence, np.ndarr
 
 def sequence(precedence: Precedence, costs: np.ndarray) -> Bare:
     graph = DependencyGraph.from_pairs(len(costs), precedence.pairs)
-    near, _, _ = near_nodes(costs, costs, precedence.possible)
+    near = NearSteps.of(costs, costs, precedence.possible).near
     nodes = np.arange(len(costs), dtype=np.int32)
     return Bare(
         costs, near, graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
@@ -72,9 +72,10 @@ def test_few_nodes_have_nothing_to_exchange(n: int) -> None:
 
 def test_near_nodes_are_the_cheapest_that_may_follow() -> None:
     precedence, costs = layered(4, 10, seed=2)
-    near, excess, same = near_nodes(costs, costs, precedence.possible)
-    assert excess == same > 0.0
-    for a, row in enumerate(near):
+    steps = NearSteps.of(costs, costs, precedence.possible)
+    assert steps.scale == steps.reduced_scale > 0.0
+    assert steps.are_distances
+    for a, row in enumerate(steps.near):
         possible = np.flatnonzero(precedence.possible[a])
         cheapest = set(possible[np.argsort(costs[a, possible], kind="stable")][:4])
         assert set(row[row >= 0]) <= set(possible)
