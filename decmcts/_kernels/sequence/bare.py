@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below, uniform
-from decmcts._kernels.sequence.moves import edge_inside, edge_leads, exchange
+from decmcts._kernels.sequence.moves import edge_inside, edge_leads, exchange, reverse
 
 LONGEST_REVERSAL = 50  # nodes; in longer segments some edge lies nearly always
 REACH = 1.0  # temperatures by which a new step may cost more than the one it replaces
@@ -71,7 +71,7 @@ def anneal_bare(
             change = _reversal_change(costs, order, i, k, -temperature * math.log(uniform(state)))
             if change == math.inf or edge_inside(order, position, succ_offsets, succs, i, k):
                 continue
-            _reverse(order, position, i, k)
+            reverse(order, position, i, k)
             total += change
             continue
         if kind < shares.reverse + shares.follow:
@@ -159,15 +159,3 @@ def _reversal_change(
     for p in range(i, k - 1):
         change += costs[order[p + 1], order[p]] - costs[order[p], order[p + 1]]
     return float(change) if change <= slack else math.inf
-
-
-@kernel
-def _reverse(order: NDArray[np.int32], position: NDArray[np.int32], i: int, k: int) -> None:
-    """Mutate order and position: reverse [i, k). O(k - i)."""
-    a, b = i, k - 1
-    while a < b:
-        order[a], order[b] = order[b], order[a]
-        a += 1
-        b -= 1
-    for p in range(i, k):
-        position[order[p]] = p

@@ -212,6 +212,18 @@ def exchange(
 
 
 @kernel
+def reverse(order: NDArray[np.int32], position: NDArray[np.int32], i: int, k: int) -> None:
+    """Mutate order and position: reverse [i, k). O(k - i)."""
+    a, b = i, k - 1
+    while a < b:
+        order[a], order[b] = order[b], order[a]
+        a += 1
+        b -= 1
+    for p in range(i, k):
+        position[order[p]] = p
+
+
+@kernel
 def swap_allowed(tour: Tour, i: int, j: int, k: int) -> bool:
     """Say whether no edge leads from [i, j) into [j, k), and lags are kept.
 
@@ -304,14 +316,9 @@ def is_unrelated(tour: Tour, i: int, k: int) -> bool:
 def apply_reversal(tour: Tour, i: int, k: int) -> None:
     """Mutate the tour: reverse [i, k), and its contours that may be. O(k - i)."""
     order, is_reversed = tour.order, tour.reversed
-    a, b = i, k - 1
-    while a < b:
-        order[a], order[b] = order[b], order[a]
-        a += 1
-        b -= 1
+    reverse(order, tour.position, i, k)
     for p in range(i, k):
         c = order[p]
-        tour.position[c] = p
         if tour.reversible[c]:
             is_reversed[c] = 1 - is_reversed[c]
     retime(tour.lags, order, i, k)
