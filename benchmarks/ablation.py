@@ -324,7 +324,9 @@ def plot(found: dict[str, list[tuple[dict[str, str], Effect]]], path: Path) -> N
     figure, axis = plt.subplots(figsize=(9, 0.6 + 0.36 * len(drawn)), layout="constrained")
     axis.axvline(0.0, color="grey")
     for size, colour in zip(SIZES, ("C0", "C1", "C2"), strict=True):
-        axis.plot([], [], "o", color=colour, label=f"{size} contours")
+        if any(size_of(row) == size for name in drawn for row, _ in found[name]):
+            said = f"prints of {size.replace('to', 'up to')} contours" if "to" in size else "larger"
+            axis.plot([], [], "o", color=colour, label=said)
         for at, name in enumerate(drawn):
             more = [effect.more_percent for row, effect in found[name] if size_of(row) == size]
             axis.plot(more, [at] * len(more), "o", color=colour, alpha=0.6)
@@ -332,7 +334,7 @@ def plot(found: dict[str, list[tuple[dict[str, str], Effect]]], path: Path) -> N
     axis.set_xscale("symlog", linthresh=0.5)
     axis.set(xlabel="travel more than hybrid, %")
     axis.grid(axis="x", alpha=0.3)
-    axis.legend(loc="lower right")
+    figure.legend(loc="outside lower right", ncols=len(SIZES))
     figure.savefig(path, dpi=110)
 
 
