@@ -12,7 +12,7 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,7 @@ from agents.supervisor import AgentStatus, OnProgress, ShouldStop, Supervisor
 OnStart = Callable[[Mapping[int, int]], None]
 """Told the process id of every head."""
 
+PORTS = range(10_000, 32_768)  # outgoing connections get 32768 and more on Linux, 49152 elsewhere
 EXTRUDER = (sys.executable, "-m", "agents.extruder")
 
 
@@ -40,12 +41,28 @@ class Agreement:
 
 
 def free_ports(n: int) -> tuple[int, ...]:
-    """Return `n` different loopback ports that are free now."""
+    """Return `n` different loopback ports that are free now and likely stay so.
+
+    Systems give higher ones to outgoing connections: those of agents that try to reach a
+    peer could take its port before it listens there.
+
+    Raises
+    ------
+    OSError
+        If there are not so many.
+    """
+    found: list[int] = []
     with ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket()) for _ in range(n)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return tuple(int(each.getsockname()[1]) for each in sockets)
+        for port in secrets.SystemRandom().sample(PORTS, len(PORTS)):
+            if len(found) == n:
+                break
+            each = stack.enter_context(socket.socket())
+            with suppress(OSError):
+                each.bind(("127.0.0.1", port))
+                found.append(port)
+    if len(found) < n:
+        raise OSError(f"no {n} free ports from {PORTS.start} to {PORTS.stop - 1}")
+    return tuple(found)
 
 
 def run_agents(
