@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from decmcts.errors import InputError
-from decmcts.planning.one_head.certificate import SHARE, Certificate, certify
+from decmcts.planning.one_head.certificate import Certificate, certify
 from decmcts.planning.options import Search
 from decmcts.planning.result import Result
 from decmcts.search.planners import toolpath_cost
@@ -46,6 +46,5 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
         raise InputError("a plan for several heads has no bound on travel", advice="see bound_s")
     problem = result.planned.problem.for_one_head(search.objective)
     actions = result.document.plan.heads[0]
-    return certify(
-        problem, toolpath_cost(problem, head_toolpath(actions)), time_limit_s=time_limit_s / SHARE
-    )
+    travel = toolpath_cost(problem, head_toolpath(actions))
+    return certify(problem, travel, time_limit_s=time_limit_s)

@@ -10,14 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from decmcts.planning.compiling.rows import row_of
+from decmcts.planning.events import Stop, never
 from decmcts.search.bounds.certificate import EXACT_UP_TO, lower_bound
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 
 MOST_S = 10.0  # for the bound
 MOST_EARLY_S = 3.0  # for the bound shown while searching
 EARLY_SHARE = 0.05  # of the search time, for that one
 EARLY_FROM_S = 3.0  # a shorter search ends before one could read it, and making it takes 0.2 s
-SHARE = 0.5  # of the search time, at most, for the bound
+SHARE = 0.5  # of the search time, for the bound of a plan
 WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow computer
 MOST_BYTES = 2 * 2**30  # of relations
 ROUNDING = 1e-9  # of a travel: what lies no further from it is the same
@@ -65,7 +67,7 @@ def certify(
     *,
     time_limit_s: float,
     known: float | None = None,
-    stopped: bool = False,
+    stop: Stop = never,
 ) -> Certificate:
     """Prove how far from optimal a result is at most, or say why that is not known.
 
@@ -74,34 +76,34 @@ def certify(
     travel : float
         What the result's travels cost, mm or s as the problem has it.
     time_limit_s : float
-        The time limit of the search; the bound takes a share of as much again.
+        Seconds of proving, of which at most `MOST_S` are used.
     known : float | None
         What the search itself has proven; no lower bound is returned. If it is the
         travel, no more is done.
-    stopped : bool
-        Whoever waits for the result asked to end: nothing is proven any more.
+    stop : Stop
+        Asked many times a second; True ends the proof with what is proven by then.
     """
-    allowed_s, unit = min(MOST_S, SHARE * time_limit_s), problem.unit
+    allowed_s, unit = min(MOST_S, time_limit_s), problem.unit
     if known is not None and travel <= known * (1.0 + ROUNDING):
         return Certificate(travel, known, 0.0, unit, "exact")
-    reason = "stopped before one was proven" if stopped else _too_large(len(problem), allowed_s)
+    reason = "stopped before one was proven" if stop() else _too_large(len(problem), allowed_s)
     if reason:
         return Certificate(travel, None, None, unit, skipped=reason)
     compile_bound(problem)
-    found = lower_bound(problem, time_limit_s=allowed_s, upper_bound=travel)
+    found = lower_bound(problem, stopping=Stopping(allowed_s, asked=stop), upper_bound=travel)
     method: str = found.method
     if known is not None and known > found.bound:
         found, method = replace(found, bound=known), "search"
     return Certificate(travel, found.bound, found.gap_percent(travel), unit, method)
 
 
-def early_bound(problem: OrderProblem, *, time_limit_s: float) -> float | None:
+def early_bound(problem: OrderProblem, *, time_limit_s: float, stop: Stop = never) -> float | None:
     """Return a bound made in a twentieth of the search time, to show while searching."""
     allowed_s = min(MOST_EARLY_S, EARLY_SHARE * time_limit_s)
     if len(problem) <= EXACT_UP_TO or _too_large(len(problem), allowed_s):
         return None
     compile_bound(problem)
-    return lower_bound(problem, time_limit_s=allowed_s).bound
+    return lower_bound(problem, stopping=Stopping(allowed_s, asked=stop)).bound
 
 
 def _too_large(n: int, allowed_s: float) -> str:
@@ -117,4 +119,4 @@ def _too_large(n: int, allowed_s: float) -> str:
 def compile_bound(problem: OrderProblem) -> None:
     """Bound prints of no size, one exactly, so that compiling is off the clock."""
     for n in (3, EXACT_UP_TO + 1):
-        lower_bound(replace(row_of(n), pace=problem.pace), time_limit_s=0.0)
+        lower_bound(replace(row_of(n), pace=problem.pace), stopping=Stopping(seconds=0.0))

@@ -16,7 +16,7 @@ from decmcts.planning.compiling.begin import compile_search
 from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, unit_for
 from decmcts.planning.events import Report, Sound, Step, Stop, never, unheard
 from decmcts.planning.one_head.beside import searched_beside
-from decmcts.planning.one_head.certificate import EARLY_FROM_S, certify, early_bound
+from decmcts.planning.one_head.certificate import EARLY_FROM_S, SHARE, certify, early_bound
 from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
 from decmcts.planning.options import Freedom, Objective, Search
 from decmcts.planning.problem.first_check import refuse_unsound
@@ -126,7 +126,7 @@ def plan_judged(
         started = time.perf_counter()
         travel = toolpath_cost(bare, toolpath)
         certificate = certify(
-            bare, travel, time_limit_s=search.time_limit_s, known=result.bound, stopped=stop()
+            bare, travel, time_limit_s=SHARE * search.time_limit_s, known=result.bound, stop=stop
         )
         extra |= certificate.metrics()
         seconds["bound"] = time.perf_counter() - started
@@ -165,7 +165,7 @@ def _first_bound(bare: OrderProblem, search: Search, report: Report, stop: Stop)
     if not (search.certificate and search.time_limit_s >= EARLY_FROM_S and known) or stop():
         return None
     report(Step("a first bound on the travel"))
-    return early_bound(bare, time_limit_s=search.time_limit_s)
+    return early_bound(bare, time_limit_s=search.time_limit_s, stop=stop)
 
 
 def _said(problem: PrintProblem, search: Search, result: SearchResult) -> dict[str, object]:

@@ -18,6 +18,7 @@ from decmcts._kernels.sequence.tour import tour_cost
 from decmcts.search.bounds.exact import Patience, solve_exactly
 from decmcts.search.bounds.relaxation import Relaxation, Relaxed
 from decmcts.search.sequence.problem import OrderProblem
+from decmcts.search.sequence.stopping import Stopping
 
 EXACT_UP_TO = 12  # contours, whatever time that takes
 EXACT_SHARE = 0.5  # of the time, at most, for an exact solution of larger problems
@@ -57,10 +58,9 @@ class LowerBound:
 def lower_bound(
     problem: OrderProblem,
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     clock: Callable[[], float] = time.monotonic,
     upper_bound: float | None = None,
-    max_iterations: int | None = None,
 ) -> LowerBound:
     """Return a bound on the travel of every order and every choice of directions allowed.
 
@@ -97,19 +97,18 @@ def lower_bound(
 
     Parameters
     ----------
-    time_limit_s : float
-        Ends the search for better prices. The first bound is made in any case.
+    stopping : Stopping
+        What ends the search for better prices; the first bound is made in any case.
+        Iterations are the relaxations solved. Where these are limited, results are
+        repeatable, and more than `EXACT_UP_TO` contours are not solved exactly.
     upper_bound : float | None
         The travel of a known order; it sets the length of the first steps only.
         None: that of the source.
-    max_iterations : int | None
-        Limit on the relaxations solved; results are then repeatable, and more than
-        `EXACT_UP_TO` contours are not solved exactly.
 
     Raises
     ------
     ValueError
-        If a limit is negative, or the problem is one of bare costs.
+        If the problem is one of bare costs.
 
     References
     ----------
@@ -118,27 +117,30 @@ def lower_bound(
     for the sequential ordering problem with precedence relationships". The tolls
     are ours; they say of travels what x(A, B) ≤ 1 for A ≺ B says in a linear program.
     """
-    if not time_limit_s >= 0.0 or (max_iterations is not None and max_iterations < 0):
-        raise ValueError(f"negative limit: {time_limit_s} s, {max_iterations} iterations")
     if problem.costs is not None:
         raise ValueError("bare costs are bounded by `decmcts.search.sop.solver`")
     n, began = len(problem), clock()
     if n < 2:
         return LowerBound(0.0, 0, "exact", 0)
 
-    patience = Patience(lambda: clock() / max(time_limit_s, 1e-9), PROBE_SHARE, EXACT_SHARE)
+    def over(iterations: int = 0) -> bool:
+        return stopping.ends(clock() - began, iterations)
+
+    def spent() -> float:
+        return stopping.spent(clock() - began, 0)
+
+    patience = Patience(spent, PROBE_SHARE, EXACT_SHARE)
 
     def go_on(made: int, share: float) -> bool:
-        return n <= EXACT_UP_TO or patience.lasts(share)
+        return n <= EXACT_UP_TO or (patience.lasts(share) and not over())
 
-    if n <= EXACT_UP_TO or (max_iterations is None and time_limit_s > 0.0):
+    if n <= EXACT_UP_TO or (stopping.iterations is None and not over()):
         optimum = solve_exactly(problem, go_on)
         if optimum is not None:
             return LowerBound(optimum.bound, 0, "exact", 0)
-    end = began + time_limit_s
     ascent = Ascent(Relaxation(problem), _target(problem, upper_bound))
-    while clock() < end and ascent.may_go_on(max_iterations):
-        if not ascent.round(lambda: clock() < end):
+    while not over(ascent.iterations) and ascent.may_go_on(stopping.iterations):
+        if not ascent.round(lambda: over(ascent.iterations)):
             break
     bound = max(0.0, ascent.bound)
     return LowerBound(bound, ascent.iterations, "arborescence", len(ascent.relaxation.codes))
@@ -181,15 +183,15 @@ class Ascent:
         longest = max(5, min(50, 100_000 // self.relaxation.n))
         return min(longest, 5 + 5 * self._rounds)
 
-    def may_go_on(self, max_iterations: int | None) -> bool:
-        """Tell whether another round fits into the limit and may still gain."""
-        fits = max_iterations is None or self.iterations + self.round_length <= max_iterations
+    def may_go_on(self, most: int | None) -> bool:
+        """Tell whether another round fits into the limit of iterations and may still gain."""
+        fits = most is None or self.iterations + self.round_length <= most
         return fits and self._share > 1e-5 and bool(self._best.slope.any())
 
-    def round(self, in_time: Callable[[], bool]) -> bool:
-        """Climb for one round; returns False, with the bound as it was, if time ran out."""
+    def round(self, over: Callable[[], bool]) -> bool:
+        """Climb for one round; returns False, with the bound as it was, if the search is over."""
         for _ in range(self.round_length):
-            if not in_time():
+            if over():
                 return False
             self.iterations += 1
             self._climb(self.relaxation.evaluate(self._at))

@@ -145,7 +145,7 @@ class Incumbent:
         now = self.progress
         if self._report is not None:
             self._report(now)
-        self._ended = self._ended or self.stopping.ends(now)
+        self._ended = self._ended or self.stopping.ends(now.seconds, now.iterations)
 
     @contextmanager
     def ending_when(self, asked: Callable[[], bool]) -> Iterator[None]:
@@ -156,7 +156,7 @@ class Incumbent:
         try:
             yield
         finally:
-            self.stopping, self._ended = usual, usual.ends(self.progress)
+            self.stopping, self._ended = usual, usual.ends(self.seconds, self.iterations)
 
 
 def _allowed(entry_id: NDArray[np.int32], seams: Seams) -> bool:

@@ -52,11 +52,11 @@ class Stopping:
         if self.iterations is not None and self.iterations < 0:
             raise ValueError(f"negative limit: {self.iterations} iterations")
 
-    def ends(self, progress: Progress) -> bool:
+    def ends(self, seconds: float, iterations: int) -> bool:
         """Return whether the search ends here."""
         return (
-            (self.seconds is not None and progress.seconds >= self.seconds)
-            or (self.iterations is not None and progress.iterations >= self.iterations)
+            (self.seconds is not None and seconds >= self.seconds)
+            or (self.iterations is not None and iterations >= self.iterations)
             or (self.asked is not None and self.asked())
         )
 

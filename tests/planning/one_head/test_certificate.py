@@ -38,7 +38,7 @@ def test_metrics_say_all_of_it() -> None:
     """What plan.json keeps comes back whole."""
     for found in (
         certify(row(10), 9.9, time_limit_s=1.0),
-        certify(row(10), 9.9, time_limit_s=1.0, stopped=True),
+        certify(row(10), 9.9, time_limit_s=1.0, stop=lambda: True),
         replace(certify(row(10), 9.9, time_limit_s=1.0), unit="s"),
     ):
         assert Certificate.of({"extrusionless_travel_mm": 9.9, **found.metrics()}) == found

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import pytest
 
-from decmcts.search.sequence.stopping import Progress, Stopping
-
-
-def at(seconds: float, iterations: int) -> Progress:
-    return Progress(seconds, iterations, 1.0, 0.0)
+from decmcts.search.sequence.stopping import Stopping
 
 
 def test_it_ends_at_the_first_of_its_limits() -> None:
     """None stands for no limit; there is no number that does."""
     both = Stopping(seconds=2.0, iterations=10)
-    assert [both.ends(at(s, i)) for s, i in ((1.9, 9), (2.0, 0), (0.0, 10))] == [False, True, True]
-    assert not Stopping(seconds=2.0).ends(at(1.9, 10**15))
-    assert not Stopping(iterations=10).ends(at(1e15, 9))
+    assert [both.ends(s, i) for s, i in ((1.9, 9), (2.0, 0), (0.0, 10))] == [False, True, True]
+    assert not Stopping(seconds=2.0).ends(1.9, 10**15)
+    assert not Stopping(iterations=10).ends(1e15, 9)
 
 
 def test_whoever_asks_ends_it() -> None:
     """Ctrl-C ends any search."""
     asked = iter([False, True])
     stopping = Stopping(seconds=2.0, asked=lambda: next(asked))
-    assert [stopping.ends(at(0.0, 0)) for _ in range(2)] == [False, True]
+    assert [stopping.ends(0.0, 0) for _ in range(2)] == [False, True]
 
 
 def test_iterations_keep_the_pace_where_they_are_limited() -> None:
