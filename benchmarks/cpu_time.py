@@ -19,9 +19,10 @@ import time
 from pathlib import Path
 
 from decmcts.cli import main
+from decmcts.planning.bare import solve_qcsp
 from decmcts.search.planners import plan_order
-from decmcts.search.sop.solver import solve_sop
-from decmcts.team.qcsp.solver import solve_qcsp
+from decmcts.search.sop.solver import search_sop
+from decmcts.team.qcsp.solver import search_qcsp
 
 TARGET = "DECMCTS_TARGET"  # a makespan of cranes that is good enough
 
@@ -68,11 +69,12 @@ def _cpu_seconds(thread: int | None) -> float | None:
 
 def use_work_clock() -> None:
     """Time the next search of this process by its work."""
-    for search in (plan_order, solve_sop, solve_qcsp):
+    for search in (plan_order, search_sop, search_qcsp):
         assert search.__kwdefaults__ is not None
         search.__kwdefaults__["clock"] = WorkClock()
-        if search is solve_qcsp and TARGET in os.environ:
-            search.__kwdefaults__["target"] = float(os.environ[TARGET])
+    if TARGET in os.environ:
+        assert solve_qcsp.__kwdefaults__ is not None
+        solve_qcsp.__kwdefaults__["target"] = float(os.environ[TARGET])
 
 
 if __name__ == "__main__":

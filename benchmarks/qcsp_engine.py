@@ -26,7 +26,8 @@ from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.geometry.pieces import Pieces
 from decmcts._kernels.refine.qcsp import decode, weigh
 from decmcts.formats.qcsp import QcspProblem, read_qcsp
-from decmcts.team.qcsp.solver import _threads_of, solve_qcsp
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.qcsp.solver import _threads_of, search_qcsp
 
 NAMES = "KP_k_059,MBB_n50_003,MBE_d0.85_005,MBD_f0.2cl2_009,MBC_n80_007,MBF_q6_007"
 AT_ONCE = 1e12  # acceleration
@@ -129,9 +130,8 @@ def main() -> None:
     if options.find:
         found = {}
         for name in NAMES.split(","):
-            schedule = solve_qcsp(
-                read_qcsp(f"{folder}:{name}"), time_limit_s=600.0, max_proposals=options.find
-            ).schedule
+            problem, stopping = read_qcsp(f"{folder}:{name}"), Stopping(iterations=options.find)
+            schedule = search_qcsp(problem, stopping=stopping).schedule
             order = np.lexsort((schedule.crane, schedule.begin)).tolist()
             found[name] = {
                 "order": order, "crane": schedule.crane.tolist(), "makespan": schedule.makespan,

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.annealing import NearSteps
 from decmcts.search.sop.precedence import Precedence
-from decmcts.search.sop.solver import solve_sop
+from decmcts.search.sop.solver import search_sop
 
 SEEN = ("3 5 20 5 1", "4 5 50 10 2", "3 10 20 4 7", "9 4 25 3 12", "2 20 25 10 3", "6 20 20 6 11")
 UNSEEN = (
@@ -74,7 +75,8 @@ def print_like(
 def with_decmcts(
     costs: NDArray[np.float64], pairs: NDArray[np.int32], *, limit_s: float, seed: int
 ) -> NDArray[np.int32]:
-    return solve_sop(costs, pairs, time_limit_s=limit_s, seed=seed, clock=time.process_time).order
+    stopping = Stopping(limit_s)
+    return search_sop(costs, pairs, stopping=stopping, seed=seed, clock=time.process_time).order
 
 
 def with_plain(

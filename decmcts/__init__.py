@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from decmcts.formats.mesh import SliceOptions
     from decmcts.formats.qcsp import read_qcsp
     from decmcts.formats.sop import read_sop
+    from decmcts.planning.bare import solve_qcsp, solve_sop
     from decmcts.planning.bound import bound
     from decmcts.planning.events import Begun, Event, Heads, Note, Progress, Report, Sound, Step
     from decmcts.planning.launch import launch
@@ -44,8 +45,8 @@ if TYPE_CHECKING:
     from decmcts.samples import sample_path
     from decmcts.search.planners import Planner
     from decmcts.search.sequence.incumbent import Incumbent
-    from decmcts.search.sop.solver import SopResult, solve_sop
-    from decmcts.team.qcsp.solver import QcspResult, solve_qcsp
+    from decmcts.search.sop.solver import SopResult
+    from decmcts.team.qcsp.solver import QcspResult
     from sim.faults import Fault, FaultKind, Verdict
 
 _ROOMS = {
@@ -54,6 +55,7 @@ _ROOMS = {
     "decmcts.formats.mesh": ("SliceOptions",),
     "decmcts.formats.qcsp": ("read_qcsp",),
     "decmcts.formats.sop": ("read_sop",),
+    "decmcts.planning.bare": ("solve_qcsp", "solve_sop"),
     "decmcts.planning.bound": ("bound",),
     "decmcts.planning.events": (
         "Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "Step",
@@ -75,8 +77,8 @@ _ROOMS = {
     "decmcts.samples": ("sample_path",),
     "decmcts.search.planners": ("Planner",),
     "decmcts.search.sequence.incumbent": ("Incumbent",),
-    "decmcts.search.sop.solver": ("SopResult", "solve_sop"),
-    "decmcts.team.qcsp.solver": ("QcspResult", "solve_qcsp"),
+    "decmcts.search.sop.solver": ("SopResult",),
+    "decmcts.team.qcsp.solver": ("QcspResult",),
     "sim.faults": ("Fault", "FaultKind", "Verdict"),
 }  # fmt: skip
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}

@@ -1,30 +1,141 @@
-"""Bare problems: what they compile first, and what is checked of an answer."""
+"""Bare problems: searched, what they compile first, and what is checked of an answer."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.errors import VerificationError
 from decmcts.formats.qcsp import QcspProblem
 from decmcts.formats.sop import SopInstance
-from decmcts.planning.events import Stop
-from decmcts.search.sop.solver import SopResult, solve_sop
-from decmcts.team.qcsp.solver import solve_qcsp
+from decmcts.planning.events import Report, Stop, never, unheard
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sop.solver import SopResult, search_sop
+from decmcts.team.qcsp.solver import QcspResult, search_qcsp
+
+
+def solve_sop(
+    costs: NDArray[np.float64],
+    precedence: NDArray[np.int32],
+    *,
+    time_limit_s: float = 30.0,
+    seed: int = 0,
+    max_iterations: int | None = None,
+    report: Report = unheard,
+    stop: Stop = never,
+) -> SopResult:
+    """Find a cheap sequence of all nodes that keeps the precedence, on two threads.
+
+    Ends early when the result is proven optimal.
+
+    Parameters
+    ----------
+    costs : NDArray[np.float64]
+        (n, n) cost of going from row to column, 0 to 10¹²; the diagonal is not used.
+    precedence : NDArray[np.int32]
+        (m, 2) rows (a, b): a somewhere before b. May be redundant.
+    time_limit_s : float
+        Wall-clock limit, s, preparations included.
+    seed : int
+        Equal seeds and equal `max_iterations` give equal results, if these end the search.
+    max_iterations : int | None
+        Limit on beginnings looked at and moves proposed, of both threads together; None:
+        time alone ends the search.
+    report : Report
+        Told several times a second how the search goes.
+    stop : Stop
+        Asked several times a second; True ends the search with the best so far.
+
+    Returns
+    -------
+    SopResult
+        The cheapest sequence found, and a bound no sequence is below.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, a cost is negative or too large, a node is unknown
+        or a limit is negative.
+    InputError
+        If the precedence is a circle.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from decmcts import solve_sop
+    >>> costs = np.array([[0, 1, 9], [9, 0, 9], [2, 9, 0.0]])
+    >>> found = solve_sop(costs, np.array([[0, 1]]), time_limit_s=1.0)
+    >>> found.order.tolist(), found.cost, found.optimal
+    ([2, 0, 1], 3.0, True)
+    """
+    stopping = Stopping(time_limit_s, max_iterations, stop)
+    return search_sop(costs, precedence, stopping=stopping, seed=seed, progress=report)
+
+
+def solve_qcsp(
+    problem: QcspProblem,
+    *,
+    time_limit_s: float = 30.0,
+    seed: int = 0,
+    max_iterations: int | None = None,
+    target: float = 0.0,
+    report: Report = unheard,
+    stop: Stop = never,
+) -> QcspResult:
+    """Find a schedule of small makespan for cranes on one rail, on two threads.
+
+    Ends early when the result is proven optimal.
+
+    Parameters
+    ----------
+    problem : QcspProblem
+        What `read_qcsp` returned.
+    time_limit_s : float
+        Wall-clock limit, s.
+    seed : int
+        Equal seeds and equal `max_iterations` give equal results, if these end the search.
+    max_iterations : int | None
+        Limit on the moves proposed, of both threads together; None: time alone ends the search.
+    target : float
+        A makespan that is good enough: the search ends once it is reached.
+    report : Report
+        Told how the search goes.
+    stop : Stop
+        Asked many times a second; True ends the search with the best so far.
+
+    Returns
+    -------
+    QcspResult
+        The best schedule found, and a bound no schedule beats.
+
+    Raises
+    ------
+    ValueError
+        If a limit is negative.
+
+    Examples
+    --------
+    >>> from decmcts import solve_qcsp
+    >>> from decmcts.formats.qcsp import problem_of
+    >>> problem = problem_of({"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6],
+    ...                       "r": [0, 0], "l0": [1, 4], "Phi": [[1, 2]]})
+    >>> solve_qcsp(problem, time_limit_s=1.0, max_iterations=1000).schedule.makespan
+    8.0
+    """
+    stopping = Stopping(time_limit_s, max_iterations, stop)
+    return search_qcsp(problem, stopping=stopping, seed=seed, target=target, progress=report)
 
 
 def compile_qcsp(problem: QcspProblem, stop: Stop) -> None:
     """Search a moment, so that compiling is off the clock."""
-    solve_qcsp(problem, time_limit_s=math.inf, max_proposals=10, stop=stop)
+    search_qcsp(problem, stopping=Stopping(iterations=10, asked=stop))
 
 
 def compile_sop() -> None:
     """Solve a small problem that no search proves at once, so that compiling is off the clock."""
     points = np.random.default_rng(0).random((40, 2))
     costs = np.linalg.norm(points[:, None] - points[None, :], axis=2)
-    nothing = np.empty((0, 2), np.int32)
-    solve_sop(costs, nothing, time_limit_s=math.inf, max_iterations=40_000)
+    search_sop(costs, np.empty((0, 2), np.int32), stopping=Stopping(iterations=40_000))
 
 
 def require_sound(instance: SopInstance, found: SopResult) -> None:

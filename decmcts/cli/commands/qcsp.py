@@ -13,7 +13,7 @@ from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import VerificationError
 from decmcts.formats.qcsp import QcspProblem, read_qcsp, schedule_text
 from decmcts.jit.kernel import at_work
-from decmcts.planning.bare import compile_qcsp
+from decmcts.planning.bare import compile_qcsp, solve_qcsp
 from decmcts.planning.events import Step
 from decmcts.planning.writing.places import (
     STDOUT,
@@ -22,7 +22,7 @@ from decmcts.planning.writing.places import (
     refuse_two_on_stdout,
     refuse_unwritable,
 )
-from decmcts.team.qcsp.solver import QcspResult, solve_qcsp
+from decmcts.team.qcsp.solver import QcspResult
 from sim.qcsp import faults_of
 
 
@@ -47,7 +47,7 @@ def launch_qcsp(
         told(Step(f"searching ({size}, {time_limit_s:g} s)"))
         compile_qcsp(problem, stop)
         started = time.perf_counter()
-        found = solve_qcsp(problem, time_limit_s=time_limit_s, seed=seed, progress=told, stop=stop)
+        found = solve_qcsp(problem, time_limit_s=time_limit_s, seed=seed, report=told, stop=stop)
         seconds = time.perf_counter() - started
         if faults := faults_of(problem, found.schedule):
             raise VerificationError(f"{faults[0]}; nothing was written")

@@ -14,10 +14,10 @@ from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.sop import SopInstance, read_sop, tour_text
 from decmcts.jit.kernel import at_work
-from decmcts.planning.bare import compile_sop, require_sound
+from decmcts.planning.bare import compile_sop, require_sound, solve_sop
 from decmcts.planning.events import Step
 from decmcts.planning.writing.places import STDOUT, name_of, put, refuse_unwritable
-from decmcts.search.sop.solver import SopResult, solve_sop
+from decmcts.search.sop.solver import SopResult
 
 
 def refuse_for_sop(context: typer.Context) -> None:
@@ -51,7 +51,7 @@ def plan_sop(
                 instance.precedence,
                 time_limit_s=time_limit_s,
                 seed=seed,
-                progress=told,
+                report=told,
                 stop=stop,
             )
         except InputError as error:  # it knows the nodes, not the file they came from

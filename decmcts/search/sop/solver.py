@@ -51,21 +51,19 @@ class SopResult:
         return self.bound >= self.cost
 
 
-def solve_sop(
+def search_sop(
     costs: NDArray[np.float64],
     precedence: NDArray[np.int32],
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     seed: int = 0,
-    max_iterations: int | None = None,
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[Progress], None] | None = None,
-    stop: Callable[[], bool] | None = None,
 ) -> SopResult:
     """Find a cheap sequence of all nodes that keeps the precedence, on two threads.
 
-    Equal seeds and equal `max_iterations` give equal results, provided the time
-    limit is not what ends the search. Ends early when the result is proven optimal.
+    Equal seeds and equal limits of iterations give equal results, provided nothing else
+    ends the search. Ends early when the result is proven optimal.
 
     Parameters
     ----------
@@ -73,42 +71,24 @@ def solve_sop(
         (n, n) cost of going from row to column, 0 to `MOST_COST`; the diagonal is not used.
     precedence : NDArray[np.int32]
         (m, 2) rows (a, b): a somewhere before b. May be redundant.
-    time_limit_s : float
-        Limit by the clock, s, preparations included.
+    stopping : Stopping
+        What ends the search. Its seconds include preparations; iterations are beginnings
+        looked at and moves proposed, of both threads together.
     seed : int
         Of what is drawn at random.
-    max_iterations : int | None
-        Limit on beginnings looked at and moves proposed, of both threads together.
     clock : Callable[[], float]
         Seconds; only differences matter.
     progress : Callable[[Progress], None] | None
         Told several times a second where the search stands.
-    stop : Callable[[], bool] | None
-        Polled several times a second; True ends the search with the best so far.
-
-    Returns
-    -------
-    SopResult
-        The cheapest sequence found, and a bound no sequence is below.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a cost is negative or too large, a node is unknown
-        or a limit is negative.
+        If shapes do not fit, a cost is negative or too large, or a node is unknown.
     InputError
         If the precedence is a circle.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> costs = np.array([[0, 1, 9], [9, 0, 9], [2, 9, 0.0]])
-    >>> found = solve_sop(costs, np.array([[0, 1]]), time_limit_s=1.0)
-    >>> found.order.tolist(), found.cost, found.optimal
-    ([2, 0, 1], 3.0, True)
     """
     bare, pairs = _checked(costs, precedence)
-    stopping = Stopping(time_limit_s, max_iterations, stop)
     n = len(bare)
     started = clock()
     numbered = Precedence.of(*_with_ends(n, pairs))

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import seeded
 from decmcts._kernels.refine.qcsp import Crew, Yard, anneal_crews, copied, decode, weigh
 from decmcts.formats.qcsp import QcspProblem, QcspSchedule
-from decmcts.search.sequence.stopping import Progress
+from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of
 
@@ -121,52 +121,32 @@ class _Thread:
         return float(self.crew.end.max())
 
 
-def solve_qcsp(
+def search_qcsp(
     problem: QcspProblem,
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     seed: int = 0,
-    max_proposals: int | None = None,
     clock: Callable[[], float] = time.monotonic,
     target: float = 0.0,
     progress: Callable[[Progress], None] | None = None,
-    stop: Callable[[], bool] | None = None,
 ) -> QcspResult:
     """Find a schedule of small makespan, on two threads.
 
-    Equal seeds and equal `max_proposals` give equal results, provided the time limit
-    is not what ends the search. Ends early when the result is proven optimal.
+    Equal seeds and equal limits of iterations give equal results, provided nothing else
+    ends the search. Ends early when the result is proven optimal.
 
     Parameters
     ----------
-    max_proposals : int | None
-        Limit on the moves proposed, of both threads together.
+    stopping : Stopping
+        What ends the search; iterations are the moves proposed, of both threads together.
+    clock : Callable[[], float]
+        Seconds; only differences matter. Threads ask it at the same time.
     target : float
         A makespan that is good enough: the search ends once it is reached.
-    stop : Callable[[], bool] | None
-        Polled many times a second; True ends the search with the best so far.
-
-    Returns
-    -------
-    QcspResult
-        The best schedule found, and a bound no schedule beats.
-
-    Raises
-    ------
-    ValueError
-        If a limit is negative.
-
-    Examples
-    --------
-    >>> from decmcts.formats.qcsp import problem_of
-    >>> problem = problem_of({"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6],
-    ...                       "r": [0, 0], "l0": [1, 4], "Phi": [[1, 2]]})
-    >>> solve_qcsp(problem, time_limit_s=1.0, max_proposals=1000).schedule.makespan
-    8.0
+    progress : Callable[[Progress], None] | None
+        Told after every round where the search stands.
     """
-    if not time_limit_s >= 0.0 or (max_proposals is not None and max_proposals < 0):
-        raise ValueError(f"negative limit: {time_limit_s} s, {max_proposals} proposals")
-    search = _Search(problem, clock, time_limit_s, max_proposals, seed, target, progress, stop)
+    search = _Search(problem, stopping, clock, seed, target, progress)
     if len(problem):
         search.run()
     return search.result()
@@ -178,17 +158,14 @@ class _Search:
     def __init__(
         self,
         problem: QcspProblem,
+        stopping: Stopping,
         clock: Callable[[], float],
-        time_limit_s: float,
-        most: int | None,
         seed: int,
         target: float,
         progress: Callable[[Progress], None] | None,
-        stop: Callable[[], bool] | None,
     ) -> None:
-        self.problem, self.seed = problem, seed
-        self._clock, self._began, self._limit_s = clock, clock(), time_limit_s
-        self._most, self._progress, self._stop = most, progress, stop
+        self.problem, self.seed, self._stopping = problem, seed, stopping
+        self._clock, self._began, self._progress = clock, clock(), progress
         self._bound = least_makespan(problem)
         self._goal = max(target, self._bound)
         self._threads = list(_threads_of(problem, seed))
@@ -248,7 +225,7 @@ class _Search:
         works = [
             pool.submit(
                 thread.anneal, proposals, scale * warmest, scale * _COLD, free=free,
-                go_on=self._has_time, goal=goal,
+                go_on=self._may_go_on, goal=goal,
             )
             for thread in threads
         ]  # fmt: skip
@@ -289,18 +266,16 @@ class _Search:
 
     def _length(self, length: int, speed: float) -> int:
         """Return the proposals of the next round: `length`, or all that are left if few are."""
-        left = (self._limit_s - self._seconds()) * speed if speed > 0.0 else np.inf
-        if self._most is not None:
-            left = min(left, (self._most - self._proposals) // _THREADS)
+        limit, left = self._stopping, np.inf
+        if limit.seconds is not None and speed > 0.0:
+            left = (limit.seconds - self._seconds()) * speed
+        if limit.iterations is not None:
+            left = min(left, (limit.iterations - self._proposals) // _THREADS)
         return max(1, int(left)) if left < 1.5 * length else length
 
     def _may_go_on(self) -> bool:
-        spent = self._most is not None and self._proposals + _THREADS > self._most
-        return not spent and self._has_time()
-
-    def _has_time(self) -> bool:
-        asked = self._stop is not None and self._stop()
-        return not asked and self._seconds() < self._limit_s
+        """Say whether there is time, and a proposal left for each thread."""
+        return not self._stopping.ends(self._seconds(), self._proposals + _THREADS - 1)
 
     def _reached(self) -> bool:
         return self._makespan <= self._goal

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from decmcts.errors import InputError
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.assignment import assign, patched
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
 from decmcts.search.sop.precedence import Precedence
-from decmcts.search.sop.solver import solve_sop
+from decmcts.search.sop.solver import search_sop
 
 
 def random_sop(
@@ -69,7 +70,7 @@ def test_small_instances_are_solved_and_proven(
 ) -> None:
     """Beam search that drops nothing is exact; a wrong proof is worse than none."""
     costs, pairs = random_sop(seed, n, density, fractions=fractions)
-    found = solve_sop(costs, pairs, time_limit_s=60.0, seed=seed % 100)
+    found = search_sop(costs, pairs, stopping=Stopping(60.0), seed=seed % 100)
     place = np.argsort(found.order)
     assert sorted(found.order) == list(range(n))
     assert all(place[a] < place[b] for a, b in pairs)
@@ -130,7 +131,7 @@ def test_a_narrow_beam_is_feasible_and_a_wide_one_exact(backward: bool) -> None:
             bests.append(beam.found_cost)
     assert beam.width > 8
     assert bests[-1] == min(bests)
-    exact = solve_sop(costs, precedence.pairs, time_limit_s=60.0)
+    exact = search_sop(costs, precedence.pairs, stopping=Stopping(60.0))
     assert exact.optimal
     assert bests[-1] == exact.cost
 
@@ -166,8 +167,7 @@ def test_equal_seeds_and_iterations_give_equal_results() -> None:
     costs = rng.integers(1, 1000, (60, 60)).astype(np.float64)
     pairs = np.array([(a, a + 20) for a in range(0, 40, 3)], np.int32)
     first, second = (
-        solve_sop(costs, pairs, time_limit_s=600.0, seed=2, max_iterations=200_000)
-        for _ in range(2)
+        search_sop(costs, pairs, stopping=Stopping(iterations=200_000), seed=2) for _ in range(2)
     )
     assert (first.order == second.order).all()
     assert first.iterations == second.iterations
@@ -178,7 +178,9 @@ def test_equal_seeds_and_iterations_give_equal_results() -> None:
 def test_a_stop_wish_ends_the_search_at_once() -> None:
     """Ctrl-C keeps what there is."""
     costs, _ = random_sop(1, 40, 0.0)
-    found = solve_sop(costs, np.empty((0, 2), np.int32), time_limit_s=600.0, stop=lambda: True)
+    found = search_sop(
+        costs, np.empty((0, 2), np.int32), stopping=Stopping(600.0, asked=lambda: True)
+    )
     assert sorted(found.order) == list(range(40))
 
 
@@ -186,7 +188,7 @@ def test_a_circle_is_named() -> None:
     """The user counts from 1 as the file does, and needs the culprits only."""
     pairs = np.array([(0, 1), (1, 2), (2, 3), (3, 1), (3, 4)], np.int32)
     with pytest.raises(InputError, match="circle") as caught:
-        solve_sop(np.zeros((5, 5)), pairs, time_limit_s=1.0)
+        search_sop(np.zeros((5, 5)), pairs, stopping=Stopping(1.0))
     assert "2 → 3 → 4 → 2" in str(caught.value)
 
 
@@ -206,4 +208,4 @@ def test_a_circle_is_named() -> None:
 def test_unusable_arguments_are_refused(costs: np.ndarray, pairs: list, word: str) -> None:
     """A public function says what is wrong before it computes nonsense."""
     with pytest.raises(ValueError, match=word):
-        solve_sop(costs, np.array(pairs), time_limit_s=1.0)
+        search_sop(costs, np.array(pairs), stopping=Stopping(1.0))

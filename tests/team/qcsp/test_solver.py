@@ -10,9 +10,10 @@ import pytest
 
 from decmcts._kernels.refine.qcsp import SPREAD, decode, weigh
 from decmcts.formats.qcsp import QcspProblem, problem_of
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of
-from decmcts.team.qcsp.solver import _threads_of, solve_qcsp
+from decmcts.team.qcsp.solver import _threads_of, search_qcsp
 from sim.qcsp import faults_of
 
 
@@ -97,7 +98,7 @@ def test_small_instances_are_solved(seed: int) -> None:
     """The oracle knows states and steps only, so it also shows that the timing rule is right."""
     problem = random_qcsp(seed, 4, 2, 5, late=seed % 3 == 2)
     optimum = least_by_steps(problem)
-    found = solve_qcsp(problem, time_limit_s=60.0, seed=seed, max_proposals=60_000)
+    found = search_qcsp(problem, stopping=Stopping(iterations=60_000), seed=seed)
     assert faults_of(problem, found.schedule) == []
     assert found.schedule.makespan == optimum
     assert found.bound <= optimum
@@ -109,7 +110,7 @@ def test_three_cranes_too(seed: int) -> None:
     """The one in the middle steps aside for both."""
     problem = random_qcsp(100 + seed, 3, 3, 4)
     optimum = least_by_steps(problem)
-    found = solve_qcsp(problem, time_limit_s=60.0, max_proposals=60_000)
+    found = search_qcsp(problem, stopping=Stopping(iterations=60_000))
     assert faults_of(problem, found.schedule) == []
     assert found.schedule.makespan == optimum
     assert found.bound <= optimum
@@ -122,7 +123,7 @@ def test_every_schedule_is_one_the_judge_accepts(seed: int) -> None:
     rng = np.random.default_rng(seed)
     n, q = int(rng.integers(1, 40)), int(rng.integers(1, 7))
     problem = random_qcsp(seed, n, q, int(rng.integers(1, 20)), late=seed % 2 == 1)
-    found = solve_qcsp(problem, time_limit_s=60.0, seed=seed, max_proposals=20)
+    found = search_qcsp(problem, stopping=Stopping(iterations=20), seed=seed)
     assert faults_of(problem, found.schedule) == []
     assert found.bound <= found.schedule.makespan
 
@@ -143,7 +144,7 @@ def test_cranes_that_begin_too_near_only_move_apart(seed: int) -> None:
         "Phi": [],
     }
     problem = problem_of(values)
-    found = solve_qcsp(problem, time_limit_s=60.0, seed=seed, max_proposals=500)
+    found = search_qcsp(problem, stopping=Stopping(iterations=500), seed=seed)
     assert faults_of(problem, found.schedule) == []
 
 
@@ -162,7 +163,7 @@ def test_precedence_against_the_sweep_is_kept() -> None:
             "Phi": [[n, 1], [5, 2], [9, 4], [3, 6]],
         }
     )
-    found = solve_qcsp(problem, time_limit_s=60.0, max_proposals=20_000)
+    found = search_qcsp(problem, stopping=Stopping(iterations=20_000))
     assert faults_of(problem, found.schedule) == []
 
 
@@ -171,7 +172,7 @@ def test_equal_seeds_and_proposals_give_equal_schedules() -> None:
     """Threads must not decide what is found."""
     problem = random_qcsp(3, 30, 3, 12)
     first, second = (
-        solve_qcsp(problem, time_limit_s=600.0, seed=5, max_proposals=100_000) for _ in range(2)
+        search_qcsp(problem, stopping=Stopping(iterations=100_000), seed=5) for _ in range(2)
     )
     assert np.array_equal(first.schedule.begin, second.schedule.begin)
     assert np.array_equal(first.schedule.crane, second.schedule.crane)
@@ -183,10 +184,10 @@ def test_equal_seeds_and_proposals_give_equal_schedules() -> None:
 def test_a_target_ends_the_search_the_same_way_whichever_thread_is_faster() -> None:
     """Rounds are long: what is good enough must not wait for their end, nor depend on luck."""
     problem = random_qcsp(3, 30, 3, 12)
-    whole = solve_qcsp(problem, time_limit_s=600.0, seed=5, max_proposals=400_000)
+    whole = search_qcsp(problem, stopping=Stopping(iterations=400_000), seed=5)
     target = whole.schedule.makespan * 1.05
     first, second = (
-        solve_qcsp(problem, time_limit_s=600.0, seed=5, max_proposals=400_000, target=target)
+        search_qcsp(problem, stopping=Stopping(iterations=400_000), seed=5, target=target)
         for _ in range(2)
     )
     assert first.schedule.makespan <= target
@@ -215,14 +216,12 @@ def test_schedules_are_given_up_only_above_the_limit(seed: int) -> None:
 def test_without_tasks_or_time_there_is_a_schedule() -> None:
     """Nothing to do ends at once; a limit of nothing still gives something sound."""
     nothing = problem_of({"t": 1, "s": 1, "p": [], "l": [], "r": [0], "l0": [3], "Phi": []})
-    found = solve_qcsp(nothing, time_limit_s=1.0)
+    found = search_qcsp(nothing, stopping=Stopping(1.0))
     assert (found.schedule.makespan, found.optimal) == (0.0, True)
     assert faults_of(nothing, found.schedule) == []
     problem = random_qcsp(1, 8, 2, 6)
-    found = solve_qcsp(problem, time_limit_s=0.0)
+    found = search_qcsp(problem, stopping=Stopping(0.0))
     assert faults_of(problem, found.schedule) == []
-    with pytest.raises(ValueError, match="negative limit"):
-        solve_qcsp(problem, time_limit_s=-1.0)
 
 
 def test_one_crane_s_path_goes_by_its_stops() -> None:
