@@ -28,6 +28,7 @@ from agents.codec import encode as packed
 from agents.messages import Beat, Envelope, Message
 from agents.pack import read_pack
 from agents.team_planner import TeamPlanner
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters
 from decmcts.team.dec_mcts.rounds import plan_team
 from decmcts.team.dec_mcts.warm_up import compile_rounds
@@ -112,7 +113,7 @@ def size(message: Message) -> int:
 def search(problem: TeamProblem, seed: int, seconds: float) -> Figures:
     """Let all heads plan in turn, so many seconds a head; tell whenever the best fell."""
     heads = len(problem.machine.heads)
-    plan_team(problem, time_limit_s=0.0, seed=seed, max_rounds=1)  # loads its kernels
+    plan_team(problem, stopping=Stopping(0.0), seed=seed)  # loads its kernels
     history: list[tuple[float, float]] = []
     began = time.process_time()
 
@@ -124,7 +125,7 @@ def search(problem: TeamProblem, seed: int, seconds: float) -> Figures:
     found, spent = timed(
         lambda: plan_team(
             problem,
-            time_limit_s=seconds * heads,
+            stopping=Stopping(seconds * heads),
             seed=seed,
             clock=time.process_time,
             progress=keep,

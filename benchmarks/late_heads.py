@@ -28,6 +28,7 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_team
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
@@ -59,7 +60,8 @@ def rehearsal_of(name: str, rounds: int) -> Rehearsal:
     problem = problem_named(name)
     heads, plans = range(len(problem.machine.heads)), {}
     if rounds and not name.startswith("random"):
-        plans = dict(plan_team(problem, time_limit_s=1e9, seed=0, max_rounds=rounds).plans)
+        planned = plan_team(problem, stopping=Stopping(iterations=rounds), seed=0)
+        plans = dict(planned.plans)
     found = resolve(problem, plans, heads)
     job, machine, graph = problem.job, problem.machine, problem.graph
     plan = schedule(job, machine, graph, found.toolpaths)

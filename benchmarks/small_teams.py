@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from common import Rows, arguments, grouped, markdown, median, run_missing, setting
 
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_team
 from decmcts.team.engine.plans import encode_stated
 from decmcts.team.engine.problem import TeamProblem
@@ -47,7 +48,7 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
     rounds = [0]
     ours = plan_team(
         problem,
-        time_limit_s=key["limit_s"],
+        stopping=Stopping(key["limit_s"]),
         seed=key["seed"],
         clock=time.process_time,
         progress=lambda done, _: rounds.append(done),

@@ -28,6 +28,7 @@ from team_prints import team_problem
 from agents.launch import launch
 from decmcts.print.plan import JointPlan
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.baselines.incumbent import Budget
 from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.bounds.makespan import makespan_bound
@@ -101,9 +102,9 @@ def planner_of(method: str) -> Callable[[TeamProblem, float, int], tuple[Paths, 
 
     def plan(problem: TeamProblem, cpu_s: float, seed: int) -> tuple[Paths, Figures]:
         compile_rounds()
-        planner(problem, Budget(0.0, 1), seed=seed)  # compiles or loads its kernels
+        planner(problem, Budget(Stopping(iterations=1)), seed=seed)  # compiles or loads its kernels
         began = time.process_time()
-        found = planner(problem, Budget(cpu_s), seed=seed)
+        found = planner(problem, Budget(Stopping(cpu_s)), seed=seed)
         spent = time.process_time() - began
         history = [(round(s, 3), round(makespan, 2)) for s, makespan in found.history]
         figures = {"spent_s": round(spent, 2), "orders": found.orders, "history": history}

@@ -108,7 +108,7 @@ def plan_together(
 ) -> PlanDocument:
     """Return the team's joint plan."""
     problem = build_team_problem(job, machine, graph)
-    proposal = plan_team(problem, time_limit_s=time_limit_s, seed=seed)
+    proposal = plan_team(problem, stopping=Stopping(seconds=time_limit_s), seed=seed)
     found = resolve(problem, proposal.plans, range(len(machine.heads)))
     return _document(job, machine, graph, schedule(job, machine, graph, found.toolpaths))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.baselines import annealing
 from decmcts.team.baselines.incumbent import Budget, Incumbent
 from decmcts.team.baselines.lists import dispatched, nth_weights
@@ -23,7 +24,7 @@ FEW = 30  # joint orders
 
 def few(orders: int = FEW) -> Budget:
     """A budget that counts joint orders alone."""
-    return Budget(1e9, orders)
+    return Budget(Stopping(iterations=orders))
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +102,7 @@ def test_annealing_moves_keep_the_precedence(problem):
 def test_incumbent_keeps_the_best_and_when():
     """Time to a target is read off the history."""
     seconds = iter(range(100))
-    best = Incumbent(Budget(50.0, clock=lambda: float(next(seconds))), 2)
+    best = Incumbent(Budget(Stopping(50.0), clock=lambda: float(next(seconds))), 2)
     for makespan in (9.0, 11.0, 7.0):
         best.offer_toolpaths((), makespan)
     assert [value for _, value in best.found.history] == [9.0, 7.0]

@@ -1,6 +1,6 @@
 """The best joint order a baseline has found, and how long it may go on looking.
 
-The limit of every baseline is processor time, so they compare at equal cost whatever
+Seconds of every baseline are processor time, so they compare at equal cost whatever
 else the computer does. All are judged by the same engine.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from decmcts._kernels.engine.joint import Units
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.plans import StatedOrder
 
 Clock = Callable[[], float]
@@ -24,8 +25,7 @@ PROCESSOR: Clock = time.process_time
 class Budget:
     """What a baseline may spend."""
 
-    cpu_s: float  # processor time; at least one joint order is always tried
-    orders: int | None = None  # most joint orders tried; with it, equal seeds give equal plans
+    stopping: Stopping  # iterations are joint orders tried, of which there is always one
     clock: Clock = PROCESSOR
 
 
@@ -58,16 +58,12 @@ class Incumbent:
     @property
     def share(self) -> float:
         """Share of the budget that is spent, 0..1."""
-        limit = self._budget.cpu_s
-        spent = min(1.0, self.seconds / limit) if limit > 0.0 else 1.0
-        if self._budget.orders:
-            spent = max(spent, min(1.0, self.orders / self._budget.orders))
-        return spent
+        return min(1.0, self._budget.stopping.spent(self.seconds, self.orders))
 
     @property
     def ended(self) -> bool:
         """Whether the budget is spent."""
-        return self.orders > 0 and self.share >= 1.0
+        return self.orders > 0 and self._budget.stopping.ends(self.seconds, self.orders)
 
     def offer(self, units: Units) -> float:
         """Keep the order that units were put in if it is the best; returns its makespan."""

@@ -16,12 +16,13 @@ STEPS = 1000  # of the search, for each joint order of a budget that counts thes
 
 def hybrid_order(problem: TeamProblem, budget: Budget, share: float, seed: int) -> Toolpath:
     """Return the order of everything that `hybrid` finds in a share of the budget."""
+    seconds, orders = budget.stopping.seconds, budget.stopping.iterations
     return plan_order(
         OrderProblem.from_job(problem.job, problem.graph, "reversible"),
         planner="hybrid",
         stopping=Stopping(
-            seconds=share * budget.cpu_s,
-            iterations=None if budget.orders is None else STEPS * budget.orders,
+            seconds=None if seconds is None else share * seconds,
+            iterations=None if orders is None else STEPS * orders,
         ),
         clock=budget.clock,
         seed=seed,

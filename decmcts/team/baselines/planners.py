@@ -32,16 +32,10 @@ BASELINES: dict[str, Plan] = {
 
 
 def in_one_process(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
-    """Return what all heads' Dec-MCTS find in turn; `Budget.orders` counts rounds."""
+    """Return what all heads' Dec-MCTS find in turn; its iterations are rounds."""
     heads = range(len(problem.machine.heads))
     best = Incumbent(budget, len(heads))
-    proposal = plan_team(
-        problem,
-        time_limit_s=budget.cpu_s,
-        seed=seed,
-        max_rounds=budget.orders,
-        clock=budget.clock,
-    )
+    proposal = plan_team(problem, stopping=budget.stopping, seed=seed, clock=budget.clock)
     found = resolve(problem, proposal.plans, heads)
     best.offer_toolpaths(found.toolpaths, found.makespan_s)
     return best.found

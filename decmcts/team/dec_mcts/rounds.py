@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
 from decmcts.team.engine.problem import TeamProblem
 
@@ -15,9 +16,8 @@ from decmcts.team.engine.problem import TeamProblem
 def plan_team(
     problem: TeamProblem,
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     seed: int,
-    max_rounds: int | None = None,
     parameters: Parameters | None = None,
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[int, float], None] | None = None,
@@ -26,10 +26,9 @@ def plan_team(
 
     Parameters
     ----------
-    time_limit_s : float
-        Wall clock; at least one round is always done.
-    max_rounds : int | None
-        Limit on rounds; with it, equal seeds give equal plans.
+    stopping : Stopping
+        What ends planning; at least one round is always done. Iterations are rounds: where
+        these are limited, equal seeds give equal plans.
     progress : Callable[[int, float], None] | None
         Called after each round with its number and the best makespan.
     """
@@ -38,20 +37,19 @@ def plan_team(
     started, rounds = clock(), 0
     best: Proposal | None = None
 
-    def spent() -> float:
-        by_time = (clock() - started) / time_limit_s if time_limit_s > 0.0 else 1.0
-        return max(by_time, rounds / max_rounds if max_rounds else 0.0)
+    def over() -> bool:
+        return stopping.ends(clock() - started, rounds)
 
     while True:
         for agent in team:
-            if rounds and spent() >= 1.0:
+            if rounds and over():
                 break  # a round of many heads takes long
-            best = plan_once(agent, team, spent(), best)
+            best = plan_once(agent, team, stopping.spent(clock() - started, rounds), best)
         rounds += 1
         assert best is not None
         if progress is not None:
             progress(rounds, best.makespan_s)
-        if spent() >= 1.0:
+        if over():
             return best
 
 

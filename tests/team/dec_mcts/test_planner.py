@@ -11,6 +11,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts import planner as dec_mcts
 from decmcts.team.dec_mcts.candidates import REGRET
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
@@ -104,7 +105,7 @@ def test_alone_it_prints_everything(problem: TeamProblem) -> None:
 @pytest.mark.slow
 def test_a_team_is_faster_than_one(problem: TeamProblem) -> None:
     """The point of it all, on a print with room for two."""
-    joint = plan_team(problem, time_limit_s=60.0, seed=0, max_rounds=2, parameters=FEW)
+    joint = plan_team(problem, stopping=Stopping(iterations=2), seed=0, parameters=FEW)
     one = DecMcts(problem, 0, seed=0)
     one.iterate([0])
     assert joint.makespan_s < 0.8 * one.best([0]).makespan_s

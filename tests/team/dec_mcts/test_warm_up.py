@@ -15,6 +15,7 @@ from tests.late_kernels import late_kernels
 AHEAD = """
 import sys
 from decmcts.feasibility.build import build_graph
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_team
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.dec_mcts.warm_up import compile_rounds
@@ -26,7 +27,7 @@ problem = build_team_problem(job, machine, graph)
 if sys.argv[1] == "yes":
     compile_rounds()
 """
-SEARCH = "plan_team(problem, time_limit_s=1e9, seed=0, max_rounds=6)"
+SEARCH = "plan_team(problem, stopping=Stopping(iterations=6), seed=0)"
 
 
 def late(ahead: str) -> list[str]:
