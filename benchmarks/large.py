@@ -90,7 +90,7 @@ class Clock:
 def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     """Take one print through all steps."""
     from decmcts.formats.gcode import write_gcode
-    from decmcts.formats.gcode.duration import print_time
+    from decmcts.formats.gcode.controller.duration import print_time
     from decmcts.planning.options import NO_QUALITY, Objective, Search
     from decmcts.planning.problem.planned import Planned, document_of, source_plan
     from decmcts.planning.problem.print_problem import load

@@ -21,8 +21,8 @@ from typing import Any
 from common import RESULTS, Rows, corpus, markdown, measured, setting
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode.duration import text_time
-from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.gcode.controller.duration import text_time
+from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.machine import MotionLimits
 
 UNITS = {"d": 86400, "h": 3600, "m": 60, "s": 1}

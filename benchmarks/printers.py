@@ -63,7 +63,7 @@ def heads_of(path: Path) -> tuple[Any, Any]:
     A preset is the real head only where its shape was measured, not made of clearances.
     """
     from decmcts.formats.clearances import SETTINGS, clearance_machine, read_clearances
-    from decmcts.formats.gcode.source_text import load_text
+    from decmcts.formats.gcode.text.source_text import load_text
     from decmcts.formats.machine_file import load_machine, preset_by_clearances, preset_for_printer
     from decmcts.formats.slicer_settings import comment_settings
 

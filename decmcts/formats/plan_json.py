@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.bounds import LARGEST_SECONDS, unpacked
 from decmcts.formats.fields import Fields, shown
-from decmcts.formats.gcode.source_text import save_text
+from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plan_actions import actions_from_dicts, actions_to_dicts, check_points
 from decmcts.formats.plan_contours import contours_from_dicts, contours_to_dicts

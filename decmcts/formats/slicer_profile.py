@@ -16,7 +16,7 @@ from typing import Any
 
 from decmcts.errors import InputError
 from decmcts.formats.clearances import Setting, clearance_machine, read_clearances
-from decmcts.formats.gcode.limits import stated_limits
+from decmcts.formats.gcode.controller.limits import stated_limits
 from decmcts.formats.reading import one_line, read_bytes, read_json
 from decmcts.print.machine import Machine, MotionLimits
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.dialect import WAIT_MARK
+from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import Block
-from decmcts.formats.gcode.lines import command_of
+from decmcts.formats.gcode.text.lines import command_of
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 LONGEST_DWELL_S = 600.0  # no layer time asks for more

@@ -26,7 +26,7 @@ from decmcts.formats.gcode import (
     read_written,
     same_extrusions,
 )
-from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions

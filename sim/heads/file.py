@@ -9,10 +9,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from decmcts.formats.gcode.lines import Lines, command_of, split_lines
-from decmcts.formats.gcode.motion import Motion, interpret
-from decmcts.formats.gcode.source_text import load_text
-from decmcts.formats.gcode.state import Track, track_state
+from decmcts.formats.gcode.controller.motion import Motion, interpret
+from decmcts.formats.gcode.controller.state import Track, track_state
+from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
+from decmcts.formats.gcode.text.source_text import load_text
 from sim.heads.heat import SELECTS, heat_of
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.lines import command_of
+from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.job import PrintJob
 
 _MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])(?!.*[PL])", re.I)

@@ -17,7 +17,7 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.lines import above_comments
+from decmcts.formats.gcode.text.lines import above_comments
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from decmcts.cli.run import run
-from decmcts.formats.gcode.binary import is_binary, pack, read_blocks, unpack
-from tests.formats.gcode.test_binary import text
+from decmcts.formats.gcode.text.binary import is_binary, pack, read_blocks, unpack
+from tests.formats.gcode.text.test_binary import text
 
 QUICK = ["--time-limit", "0.1"]
 

@@ -18,7 +18,7 @@ from decmcts.formats.machine_file import preset_names
 from decmcts.planning.events import Step
 from decmcts.planning.writing.places import refuse_unwritable
 from tests.cli.test_bad_input import SQUARE, gcode
-from tests.formats.gcode.test_layers import PRUSA, towers
+from tests.formats.gcode.dialects.test_layers import PRUSA, towers
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.clearances import Setting, clearance_machine, read_clearances
-from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.own_machine import holds, machine_of_text
 
 CLEARANCES = """

@@ -13,7 +13,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import write_head_gcode
-from decmcts.formats.gcode.dialect import WAIT_MARK
+from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.experiments.mutants import Mutant, NotHereError

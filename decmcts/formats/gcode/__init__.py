@@ -4,18 +4,22 @@ Planners see the `PrintJob`; the `GcodeDocument` keeps the text and the machine
 state that the writer puts back.
 """
 
-from decmcts.formats.gcode.actions import direct_actions
-from decmcts.formats.gcode.compare import ending_faults, same_ending, same_extrusions
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, StateTable
-from decmcts.formats.gcode.head_files import refuse_for_heads, unprimed_note, write_head_gcode
-from decmcts.formats.gcode.reader import (
+from decmcts.formats.gcode.reading.compare import ending_faults, same_ending, same_extrusions
+from decmcts.formats.gcode.reading.reader import (
     Motions,
     read_gcode,
     read_motions,
     read_result,
     read_written,
 )
-from decmcts.formats.gcode.writer import write_gcode
+from decmcts.formats.gcode.writing.actions import direct_actions
+from decmcts.formats.gcode.writing.head_files import (
+    refuse_for_heads,
+    unprimed_note,
+    write_head_gcode,
+)
+from decmcts.formats.gcode.writing.writer import write_gcode
 
 __all__ = [
     "Block", "Cursor", "GcodeDocument", "Motions", "StateTable", "direct_actions", "ending_faults",

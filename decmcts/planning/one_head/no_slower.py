@@ -14,7 +14,7 @@ from pathlib import Path
 
 from decmcts.formats.atomic import write_whole
 from decmcts.formats.drafts import draft_folder
-from decmcts.formats.gcode.source_text import load_text, packed_text
+from decmcts.formats.gcode.text.source_text import load_text, packed_text
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import Objective, Search

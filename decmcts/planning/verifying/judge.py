@@ -9,7 +9,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, read_result
-from decmcts.formats.gcode.source_text import load_text
+from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machine_file import load_machine
 from decmcts.formats.plan_json import read_plan
 from decmcts.planning.events import Note, Report, unheard

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from decmcts.formats.gcode.duration import FileTime, print_time
+from decmcts.formats.gcode.controller.duration import FileTime, print_time
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.planning.problem.planned import Planned
 from decmcts.print.walls import outer_walls

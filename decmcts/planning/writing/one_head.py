@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from decmcts.formats.gcode import GcodeDocument, write_gcode
-from decmcts.formats.gcode.progress import restated
+from decmcts.formats.gcode.dialects.stated_times import restated
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.file_times import FileTimes, file_times
 from decmcts.planning.writing.lines import header_lines

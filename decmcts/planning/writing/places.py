@@ -9,8 +9,8 @@ from pathlib import Path
 
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.atomic import refuse_special, write_whole
-from decmcts.formats.gcode.binary import SUFFIX
-from decmcts.formats.gcode.source_text import load_text, packed_text, save_text
+from decmcts.formats.gcode.text.binary import SUFFIX
+from decmcts.formats.gcode.text.source_text import load_text, packed_text, save_text
 from decmcts.formats.mesh import MESH_SUFFIXES
 from sim.faults import Verdict
 

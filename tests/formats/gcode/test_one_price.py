@@ -21,7 +21,7 @@ from decmcts._kernels.sequence.metric import (
 )
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
-from decmcts.formats.gcode.duration import text_time
+from decmcts.formats.gcode.controller.duration import text_time
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import NO_QUALITY, PlannerName, Search
 from decmcts.planning.problem.print_problem import PrintProblem, load
@@ -31,7 +31,7 @@ from decmcts.print.walls import retracts, walls_for
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
 from tests.formats.gcode.conftest import CORPUS
-from tests.formats.gcode.test_combing import part
+from tests.formats.gcode.reading.test_combing import part
 from tests.limits import LIMITS
 
 Point = tuple[float, float, float]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import read_gcode, read_motions
-from decmcts.formats.gcode.progress import without_progress
+from decmcts.formats.gcode.dialects.stated_times import without_progress
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
 

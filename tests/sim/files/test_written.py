@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from decmcts.errors import VerificationError
-from decmcts.formats.gcode import direct_actions, read_gcode, reader, write_gcode
+from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
+from decmcts.formats.gcode.reading import reader
 from decmcts.formats.machine_file import load_machine
 from decmcts.planning.one_head.no_slower import write_no_slower
 from decmcts.planning.one_head.pipeline import plan_judged

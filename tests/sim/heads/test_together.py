@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import direct_actions, read_gcode, write_head_gcode
-from decmcts.formats.gcode.lines import command_of
-from decmcts.formats.gcode.own_lines import own_lines
+from decmcts.formats.gcode.text.lines import command_of
+from decmcts.formats.gcode.writing.own_lines import own_lines
 from decmcts.print.machine import Release
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
 from decmcts.print.toolpath import Toolpath

@@ -1,0 +1,175 @@
+"""How long a G-code file takes: every move of it through the time model.
+
+Firmware retraction becomes a move of filament; dwells are added; what waits for
+temperatures, homing and probing takes no time, as in the slicers' own estimates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
+from decmcts._kernels.geometry.walls import Walls, over_walls
+from decmcts.formats.gcode.controller.limits import (
+    FirmwareRetraction,
+    parameters,
+    setting,
+    state_limits,
+    stated_limits,
+)
+from decmcts.formats.gcode.controller.motion import Motion, interpret
+from decmcts.formats.gcode.controller.state import Track, track_state
+from decmcts.formats.gcode.text.lines import Lines, split_lines
+from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.print.machine import MotionLimits
+from decmcts.print.motion import Program
+from decmcts.print.walls import has_walls
+
+STILL_MM = 1e-5  # filament that moves less does not
+_STOPS_G = (40, 280, 290, 920)  # G4, G28, G29, G92: moves end before them
+_STOPS_M = (0, 10, 250, 1090, 1160, 1900, 2260, 4000, 6000, 6010)
+
+
+@dataclass(frozen=True, slots=True)
+class FileTime:
+    """The time of a file."""
+
+    motion_s: float
+    dwell_s: float  # G4
+    change_s: float  # tool changes, as the file's settings state them
+    seconds: NDArray[np.float64]  # (m,) of each move, firmware retractions counted in
+    line: NDArray[np.int64]  # (m,) source line of each move, from 1
+    retractions: int = 0
+    over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
+
+    @property
+    def total_s(self) -> float:
+        """All of it."""
+        return self.motion_s + self.dwell_s + self.change_s
+
+
+def print_time(
+    path: Path | str, limits: MotionLimits, *, own_limits: bool = True, walls: Walls | None = None
+) -> FileTime:
+    """Estimate the time of a G-code file.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+        The machine's, where the file states none.
+    own_limits : bool
+        Whether the file's own limits win; M204 always does.
+    walls : Walls | None
+        Outer walls of the print, to tell how much travel leads over them.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged.
+    """
+    return text_time(load_text(path), limits, path=path, own_limits=own_limits, walls=walls)
+
+
+def text_time(
+    text: bytes, limits: MotionLimits, *, path: Path | str = "", own_limits: bool = True,
+    walls: Walls | None = None,
+) -> FileTime:  # fmt: skip
+    """Estimate the time of G-code, as `print_time`."""
+    lines = split_lines(text, path)
+    motion = interpret(lines)
+    track = track_state(lines, motion)
+    stated = stated_limits(text) if own_limits else MotionLimits.unsaid()
+    rows = state_limits(track.table, limits.under(stated), stated, own=own_limits)
+    program, line = file_program(lines, motion, track, rows)
+    seconds = program.seconds()
+    dwell = sum(_dwell(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
+    changes = _change_seconds(lines, motion)
+    over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
+    return FileTime(
+        float(seconds.sum()), dwell, changes, seconds, line, retractions_of(program), over
+    )
+
+
+def retractions_of(program: Program) -> int:
+    """Return how often filament is pulled back, however many moves each time takes."""
+    moved = np.sign(program.filament[np.abs(program.filament) > STILL_MM])
+    return int((np.diff(moved, prepend=1.0) < 0.0).sum())
+
+
+def travel_over(program: Program, walls: Walls) -> float:
+    """Return the length of travel moves over outer walls, in mm.
+
+    Of moves between the first bead and the last that cross, seen from above, an outer
+    wall of the layer printed last or of the one printed next.
+    """
+    start, goal = program.points[:-1].copy(), program.points[1:].copy()
+    across = np.hypot(*(goal - start)[:, :2].T)
+    beads = np.flatnonzero((program.filament > STILL_MM) & (across > 0.0))
+    travels = np.flatnonzero((program.filament <= STILL_MM) & (across > 0.0))
+    if not len(beads):
+        return 0.0
+    travels = travels[(travels > beads[0]) & (travels < beads[-1])]
+    upcoming = np.searchsorted(beads, travels)
+    z = program.points[1:, 2]
+    start[travels, 2], goal[travels, 2] = z[beads[upcoming - 1]], z[beads[upcoming]]
+    return float(across[travels][over_walls(walls, start[travels], goal[travels])].sum())
+
+
+def file_program(
+    lines: Lines, motion: Motion, track: Track, limits: NDArray[np.float64]
+) -> tuple[Program, NDArray[np.int64]]:
+    """Return all moves of a file, and the source line (from 1) of each.
+
+    Parameters
+    ----------
+    limits : (n_states, N_LIMITS)
+        In force in each machine state.
+    """
+    turned = np.diff(motion.modes[:, FIRMWARE_RETRACTED], prepend=np.int16(0))
+    at = np.flatnonzero(turned)
+    place = motion.before[at]
+    length, feed = np.zeros(len(at)), np.zeros(len(at))
+    if len(at):
+        firmware = FirmwareRetraction.of(lines.text, track)
+        moved = [firmware.at(n, pull=bool(turned[n] > 0)) for n in at.tolist()]
+        length[:], feed[:] = np.array(moved).T
+    line = np.insert(motion.line, place, at)
+    walls = np.sort(
+        np.concatenate([_lines_of(lines, 71, _STOPS_G), _lines_of(lines, 77, _STOPS_M)])
+    )
+    passed = np.searchsorted(walls, line)
+    program = Program(
+        np.insert(motion.points, place + 1, motion.points[place], axis=0),
+        np.insert(motion.extrusion, place, length), np.insert(motion.feed, place, feed),
+        track.at(line), limits, np.diff(passed, prepend=0) > 0,
+    )  # fmt: skip
+    return program, line + 1
+
+
+def _lines_of(lines: Lines, letter: int, codes: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return the lines with one of these commands (numbers times ten)."""
+    return np.flatnonzero((lines.letter == letter) & np.isin(lines.code, codes)).astype(np.int64)
+
+
+def _dwell(lines: Lines, line: int) -> float:
+    """Return the seconds of a G4: P in milliseconds or S in seconds."""
+    given = parameters(lines.raw(line).decode("latin-1").split(";", 1)[0])
+    return max(0.0, given.get("S", given.get("P", 0.0) / 1000.0))
+
+
+def _change_seconds(lines: Lines, motion: Motion) -> float:
+    """Return the seconds of loading and unloading filament, as the settings say.
+
+    The first change finds nothing to unload, as PrusaSlicer counts.
+    """
+    if not setting(lines.text, b"single_extruder_multi_material"):
+        return 0.0  # a tool that keeps its filament loads nothing
+    load = setting(lines.text, b"filament_load_time")
+    unload = setting(lines.text, b"filament_unload_time")
+    used = motion.modes[motion.line, TOOL][motion.extrusion > 0]
+    changes = int(np.count_nonzero(np.diff(used)))
+    return changes * load + max(0, changes - 1) * unload

@@ -1,0 +1,195 @@
+"""The sticky machine state along a file, interned, and the lines nothing crosses.
+
+Reads the meaning of lines from `dialect`; knows nothing of contours.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.gcode.moves import RELATIVE_E, RELATIVE_XYZ
+from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.dialects.dialect import Event, Kind, classify
+from decmcts.formats.gcode.dialects.layers import with_note
+from decmcts.formats.gcode.dialects.roles import CANONICAL, trailing_role
+from decmcts.formats.gcode.document import UNSET, StateTable
+from decmcts.formats.gcode.text.lines import Lines
+from decmcts.print.contours import Role
+
+_TYPED = re.compile(rb"^;\s*(TYPE|FEATURE):", re.M)
+_NEXT_LAYER = re.compile(r"; move to next layer \((\d+)\)")
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """State changes and barriers by line."""
+
+    table: StateTable
+    lines: NDArray[np.int64]  # (k,) lines after which a state holds, ascending, first -1
+    states: NDArray[np.int32]  # (k,) the state that holds from there
+    layer_lines: NDArray[np.int64]  # lines that begin a layer
+    barriers: dict[int, str]  # line -> reason
+    splits: NDArray[np.int64]  # lines that part contours and nothing else
+    sections: NDArray[np.int64]  # (s, 2) first and last line of a slicer's tool change
+
+    def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
+        """Return the state in force when a line begins."""
+        return np.asarray(self.states[np.searchsorted(self.lines, line, side="left") - 1])
+
+
+@dataclass(slots=True)
+class _Recorder:
+    """Collects while the lines go by; mutates only itself."""
+
+    slots: dict[str, int] = field(default_factory=dict)
+    values: dict[str, int] = field(default_factory=lambda: {"": UNSET})
+    leave: dict[int, str] = field(default_factory=dict)
+    merged: dict[str, dict[str, str]] = field(default_factory=dict)
+    current: list[int] = field(default_factory=list)
+    rows: dict[tuple[int, ...], int] = field(default_factory=lambda: {(): 0})
+    at: list[int] = field(default_factory=lambda: [-1])
+    ids: list[int] = field(default_factory=lambda: [0])
+
+    def put(self, slot: str, text: str, line: int) -> None:
+        """Set a slot from `line` on."""
+        where = self.slots.setdefault(slot, len(self.slots))
+        if where == len(self.current):
+            self.current.append(UNSET)
+        value = self.values.setdefault(text, len(self.values))
+        if self.current[where] == value:
+            return
+        self.current[where] = value
+        self.at.append(line)
+        self.ids.append(self.rows.setdefault(tuple(self.current), len(self.rows)))
+
+    def get(self, slot: str) -> str:
+        """Return the text in a slot."""
+        where = self.slots.get(slot)
+        return "" if where is None else list(self.values)[self.current[where]]
+
+    def take(self, event: Event, line: int) -> None:
+        """Set what a line sets, whole or parameter by parameter."""
+        if event.params:
+            self.merge(event, line)
+        else:
+            self.put(event.slot, event.text, line)
+
+    def merge(self, event: Event, line: int) -> None:
+        """Set the parameters of a command that holds them one by one."""
+        held = self.merged.setdefault(event.slot, {})
+        if event.text == "M204" and any(key == "S" for key, _ in event.params):
+            held.clear()  # M204 S sets printing and travel acceleration at once
+        held.update(event.params)
+        if event.text == "M204" and held.keys() >= {"P", "T"}:
+            held.pop("S", None)  # both parts of it are said anew
+        joint = "" if len(next(iter(held))) < 2 else "="
+        words = " ".join(f"{key}{joint}{value}" for key, value in held.items())
+        self.put(event.slot, f"{event.text} {words}".strip(), line)
+
+    def leave_slot(self, slot: str, text: str, line: int) -> None:
+        """End the object in a slot and keep the words that end it."""
+        where = self.slots.get(slot)
+        if where is not None and where < len(self.current) and self.current[where] != UNSET:
+            self.leave[self.current[where]] = text
+            self.put(slot, "", line)
+
+    def table(self) -> StateTable:
+        """Return the states as a frozen table."""
+        rows = np.zeros((len(self.rows), len(self.slots)), np.int32)
+        for key, row in self.rows.items():
+            rows[row, : len(key)] = key
+        leave = tuple(self.leave.get(k, "") for k in range(len(self.values)))
+        return StateTable(tuple(self.slots), tuple(self.values), leave, rows)
+
+
+def track_state(lines: Lines, motion: Motion) -> Track:
+    """Return the machine state and the barriers of a file."""
+    recorder = _Recorder()
+    layers, splits = list[int](), list[int]()
+    barriers: dict[int, str] = {}
+    sections: list[tuple[int, int]] = []
+    opened, last_layer = -1, ""
+    known = cache(classify)  # most lines say what others said
+    moves = (lines.letter == 71) & (lines.code <= 30)
+    for line in _event_lines(lines, moves).tolist():
+        if moves[line]:
+            _trailing(recorder, lines, line, layers)
+            continue
+        event = known(lines.raw(line))
+        kind = event.kind
+        if kind == Kind.STATE:
+            recorder.take(event, line)
+        elif kind == Kind.LAYER:
+            layers.append(line)
+            last_layer = event.text
+            recorder.put("layer", last_layer, line)
+        elif kind == Kind.LAYER_NOTE:
+            last_layer = _note(recorder, event, line, last_layer)
+        elif kind == Kind.LEAVE:
+            recorder.leave_slot(event.slot, event.text, line)
+        elif kind == Kind.SPLIT:
+            splits.append(line)
+        elif kind == Kind.SECTION:
+            opened = line
+        elif kind == Kind.SECTION_END and opened >= 0:
+            sections.append((opened, line))
+            opened = -1
+        elif kind == Kind.BARRIER or (kind == Kind.MODE and _changes(motion, line)):
+            barriers[line] = event.text if kind == Kind.BARRIER else "coordinate mode"
+            if event.slot:
+                recorder.put(event.slot, _code(lines, line), line)
+    return Track(
+        recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
+        np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),
+        np.asarray(sections, np.int64).reshape(-1, 2),
+    )  # fmt: skip
+
+
+def _code(lines: Lines, line: int) -> str:
+    """Return the command of a line without comment, line number and checksum."""
+    text = lines.raw(line).decode("utf-8", "surrogateescape").split(";", 1)[0]
+    return " ".join(re.sub(r"^\s*[Nn]\d+|\*\d+\s*$", "", text).split())
+
+
+def _note(recorder: _Recorder, event: Event, line: int, last_layer: str) -> str:
+    """Append a line to the marker or object it belongs to; returns the marker."""
+    if event.slot == "layer":
+        if last_layer:
+            last_layer = with_note(last_layer, event.text)
+            recorder.put("layer", last_layer, line)
+        return last_layer
+    now = recorder.get("object")
+    if now and event.text not in now.split("\n"):
+        recorder.put("object", f"{now}\n{event.text}", line)
+    return last_layer
+
+
+def _event_lines(lines: Lines, moves: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the lines to classify: no moves, unless only their comments name roles."""
+    wanted = ~moves & (lines.ends > lines.starts)
+    if not _TYPED.search(lines.text):
+        wanted |= moves & (lines.comment < lines.ends)
+    return np.flatnonzero(wanted).astype(np.int64)
+
+
+def _trailing(recorder: _Recorder, lines: Lines, line: int, layers: list[int]) -> None:
+    """Take role and layer from the comment behind a move, as if written above it."""
+    comment = lines.text[lines.comment[line] : lines.ends[line]].decode("utf-8", "replace")
+    if (role := trailing_role(comment)) != Role.UNKNOWN:
+        recorder.put("type", f";TYPE:{CANONICAL[role]}", line - 1)
+    elif match := _NEXT_LAYER.match(comment):
+        layers.append(line)
+        recorder.put("layer", f";LAYER:{match.group(1)}", line)
+
+
+def _changes(motion: Motion, line: int) -> bool:
+    """Tell whether a G90, G91, M82 or M83 line changed a mode."""
+    if line == 0:
+        return False
+    before, after = motion.modes[line - 1], motion.modes[line]
+    return bool((before[[RELATIVE_XYZ, RELATIVE_E]] != after[[RELATIVE_XYZ, RELATIVE_E]]).any())

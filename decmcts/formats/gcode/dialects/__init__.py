@@ -1,0 +1,1 @@
+"""What the lines of each slicer mean: commands, roles, layers, and times it states."""

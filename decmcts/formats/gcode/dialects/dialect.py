@@ -1,0 +1,204 @@
+"""What one line means, for every slicer we know: a pure function of its text.
+
+A line is sticky state, a layer marker, an object label, a comment without
+meaning for the order, or a barrier. What is not known is a barrier: nothing is
+guessed to be harmless.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import lru_cache
+
+from decmcts.formats.gcode.dialects.roles import is_role_comment
+
+Params = tuple[tuple[str, str], ...]
+
+
+class Kind(IntEnum):
+    """What a line does to the print."""
+
+    NOTHING = 0  # a comment, progress, a mode that is set already
+    STATE = 1  # sticky: holds until it is set again
+    LAYER = 2  # a layer begins
+    LAYER_NOTE = 3  # a line that belongs to the layer marker above it
+    LEAVE = 4  # the object (or label) in `slot` ends
+    BARRIER = 5  # nothing may be moved across
+    MODE = 6  # G90, G91, M82, M83: a barrier if it changes anything
+    SECTION = 7  # a tool change of the slicer begins
+    SECTION_END = 8
+    SPLIT = 9  # our own mark: the next bead is another contour though it begins here
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """The meaning of one line."""
+
+    kind: Kind
+    slot: str = ""  # which state it sets
+    text: str = ""  # the state's text, or the barrier's reason
+    params: Params = ()  # of a command whose parameters hold one by one
+
+
+SPLIT_MARK = "; next contour"
+WAIT_MARK = "; decmcts waits for cooling"  # behind a dwell of ours, which plans make anew
+_NOTHING = Event(Kind.NOTHING)
+_LAYER = re.compile(
+    r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*:?\s*-?\d+\s*(,|$)|-+ LAYER |BEGIN_LAYER"
+    r"|\*+ LAYER |LAYER \d+",
+    re.I,
+)
+_BESIDE = re.compile(
+    r"(BEFORE|AFTER)_LAYER_CHANGE$|LAYER NUM/TOTAL_LAYER_COUNT:|-?(\d+\.?\d*|\.\d+)$", re.I
+)  # comments below a layer's marker
+_TEMPERATURE = {"M104", "M109", "M140", "M190", "M141", "M191", "M142", "M116", "M303"}
+# Commands whose setting holds: slot and the parameter that selects which one.
+_REPLACED = {
+    "M106": ("fan", "P"), "M107": ("fan", "P"), "M126": ("fan", "T"), "M127": ("fan", "T"),
+    "M220": ("speed factor", ""), "M221": ("flow factor", "TD"), "M117": ("message", ""),
+    "M900": ("linear advance", "T"), "M572": ("pressure advance", "D"), "M74": ("mass", ""),
+    "M593": ("input shaping", ""), "G17": ("plane", ""),
+    "SET_PRINT_STATS_INFO": ("print stats", ""),
+}  # fmt: skip
+_MERGED = {
+    "M204": ("acceleration", ""), "M205": ("jerk", ""), "M201": ("axis acceleration", ""),
+    "M203": ("axis feed", ""), "M566": ("jerk (RRF)", ""), "M207": ("retraction", ""),
+    "M208": ("unretraction", ""), "SET_VELOCITY_LIMIT": ("velocity limit", ""),
+    "SET_PRESSURE_ADVANCE": ("pressure advance", "EXTRUDER"),
+    "SET_RETRACTION": ("retraction", ""), "SET_FAN_SPEED": ("fan", "FAN"),
+}  # fmt: skip
+GROWING = frozenset(_MERGED) - {"M204", "SET_FAN_SPEED"}  # commands whose parameters only add up
+_REASONS = {
+    "M600": "filament change", "M0": "pause", "M1": "pause", "M25": "pause", "M226": "pause",
+    "M601": "pause", "M125": "pause", "PAUSE": "pause", "@PAUSE": "pause",
+    "M701": "filament change", "M702": "filament change", "G4": "dwell", "G28": "homing",
+    "G29": "bed probing", "G92": "coordinates set anew", "M400": "wait for moves to end",
+}  # fmt: skip
+_WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]*)")
+
+
+@lru_cache(maxsize=65536)
+def classify(raw: bytes) -> Event:
+    """Return what a line (without its line end) means; moves are not asked about."""
+    text = raw.decode("utf-8", "surrogateescape").strip()
+    if text[:1] in (";", "("):
+        return _comment(text)
+    if text.endswith(WAIT_MARK):
+        return _NOTHING
+    text = re.sub(r"^[Nn]\s*\d+\s*", "", text)
+    code = text.split(";", 1)[0].strip()
+    if not code.upper().startswith("M117"):
+        code = re.sub(r"\([^)]*\)|\*\d+\s*$", "", code).strip()
+    return _command(code) if code else _NOTHING
+
+
+def _comment(text: str) -> Event:
+    if text == SPLIT_MARK:
+        return Event(Kind.SPLIT)
+    body = text.lstrip("; (").rstrip(") ")
+    upper = body.upper()
+    key = upper.split(":", 1)[0].strip() if ":" in upper else ""
+    if key in ("WIDTH", "LINE_WIDTH"):
+        return Event(Kind.STATE, "width", text)
+    if key in ("HEIGHT", "LAYER_HEIGHT") and not text.startswith("; LAYER_HEIGHT: ;"):
+        return Event(Kind.STATE, "height", text)
+    if key in ("Z", "Z_HEIGHT") or _BESIDE.match(body):
+        return Event(Kind.LAYER_NOTE, "layer", text)
+    if key in ("MESH", "PRINTING"):
+        return Event(Kind.STATE, "mesh", text)
+    if is_role_comment(body):
+        return Event(Kind.STATE, "type", text)
+    if _LAYER.match(body):
+        return Event(Kind.LAYER, "layer", text)
+    return _label(text, body)
+
+
+def _label(text: str, body: str) -> Event:
+    lower = body.lower()
+    if lower.startswith(("printing object", "start printing object")):
+        return Event(Kind.STATE, "label", text)
+    if lower.startswith("stop printing object"):
+        return Event(Kind.LEAVE, "label", text)
+    if body.startswith(("CP TOOLCHANGE START", "WIPE_TOWER_START")):
+        return Event(Kind.SECTION, text=text)
+    if body.startswith(("CP TOOLCHANGE END", "WIPE_TOWER_END")):
+        return Event(Kind.SECTION_END, text=text)
+    return _NOTHING
+
+
+def _command(code: str) -> Event:
+    head = re.match(r"[A-Za-z]\s*\d+(\.\d+)?(?![A-Za-z_])|[^\s]+", code)
+    name = head.group(0).upper().replace(" ", "") if head else code
+    name = re.sub(r"^([GMT])0+(?=\d)", r"\1", name)
+    rest = code[head.end() :].strip() if head else ""
+    if name in ("G90", "G91", "M82", "M83"):
+        return Event(Kind.MODE, text=name)
+    if name == "M73" and re.fullmatch(r"[Ll]\s*\d+", rest):
+        return Event(Kind.LAYER_NOTE, "layer", code)  # the layer that Bambu's display shows
+    if name in ("G21", "M73") or (name == "G92" and re.fullmatch(r"[Ee]\s*[-+0-9.]*", rest)):
+        return _NOTHING
+    if name in ("G10", "G11") and not re.search(r"[PSRLX]", rest.upper()):
+        return _NOTHING
+    if event := _object(name, code, rest):
+        return event
+    if name in _REPLACED and not (name == "M220" and re.search(r"[BR]", rest.upper())):
+        return _replaced(name, code, rest)
+    if name in _MERGED:
+        return _merged(name, rest)
+    return _barrier(name, code, rest)
+
+
+def _object(name: str, code: str, rest: str) -> Event | None:
+    if name == "EXCLUDE_OBJECT_START" or name == "M624":
+        return Event(Kind.STATE, "object", code)
+    if name == "EXCLUDE_OBJECT_END" or name == "M625":
+        return Event(Kind.LEAVE, "object", code)
+    if name == "M486":
+        if rest.replace(" ", "").upper().startswith("S-1"):
+            return Event(Kind.LEAVE, "object", code)
+        if rest.upper().startswith("S"):
+            return Event(Kind.STATE, "object", code)
+        return Event(Kind.LAYER_NOTE, "object", code)
+    return None
+
+
+def _params(name: str, rest: str) -> Params:
+    if "=" in rest:
+        pairs = (word.split("=", 1) for word in rest.split() if "=" in word)
+        return tuple((key.upper(), value) for key, value in pairs)
+    return tuple((key.upper(), value) for key, value in _WORD.findall(rest))
+
+
+def _selected(slot: str, selectors: str, params: Params) -> str:
+    if selectors.isupper() and len(selectors) > 2:
+        chosen = [v for k, v in params if k == selectors]
+    else:
+        chosen = [v for k, v in params if k in selectors and k]
+    return f"{slot} {chosen[0]}" if chosen and chosen[0] not in ("", "0") else slot
+
+
+def _replaced(name: str, code: str, rest: str) -> Event:
+    slot, selectors = _REPLACED[name]
+    params = () if name == "M117" else _params(name, rest)
+    return Event(Kind.STATE, _selected(slot, selectors, params), code)
+
+
+def _merged(name: str, rest: str) -> Event:
+    slot, selectors = _MERGED[name]
+    params = _params(name, rest)
+    return Event(Kind.STATE, _selected(slot, selectors, params), name, params or (("", ""),))
+
+
+def _barrier(name: str, code: str, rest: str) -> Event:
+    if name in _TEMPERATURE or (name == "G10" and "L" not in rest.upper()):
+        tool = dict(_params(name, rest)).get("T", "")
+        where = {"M104": "hotend", "M109": "hotend", "M140": "bed", "M190": "bed"}.get(name, name)
+        return Event(Kind.BARRIER, f"temperature {where}{tool}", "temperature change")
+    if re.fullmatch(r"T-?\d+", name):
+        return Event(Kind.BARRIER, "tool", "tool change")
+    known = re.fullmatch(r"[GMT]\d+(\.\d+)?", name) is not None
+    return Event(
+        Kind.BARRIER, "", _REASONS.get(name, "unknown command" if known else "unknown macro")
+    )

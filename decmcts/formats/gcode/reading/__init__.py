@@ -1,0 +1,1 @@
+"""From moves to a print: contours, epochs, habits, and the text between them."""

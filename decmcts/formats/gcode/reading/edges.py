@@ -1,0 +1,75 @@
+"""Epochs that begin where machine state does, although no line is a barrier.
+
+The first layer when cooling is another after it, and the place where a command
+sets something for the first time: what held before cannot be set again.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.state import Track
+from decmcts.formats.gcode.dialects.dialect import GROWING
+from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT
+from decmcts.formats.gcode.reading.grouping import Runs
+
+_RESTORABLE = (*BEFORE_TRAVEL, *DESCRIBES)
+
+
+def state_edges(
+    motion: Motion, runs: Runs, track: Track, layer: NDArray[np.int32]
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the contours an epoch begins at, and those that set something first, (n,) bool.
+
+    The latter run one way only: reversed, what holds behind the command would hold
+    before it, and what is not set yet cannot be set back.
+    """
+    edge, one_way = np.zeros(len(runs), np.bool_), np.zeros(len(runs), np.bool_)
+    first = track.table.rows[track.at(motion.line[runs.first])]
+    last = track.table.rows[track.at(motion.line[runs.last])]
+    _mark_first_layer(edge, motion, runs, track, layer)
+    for k, slot in enumerate(track.table.slots):
+        if slot in _RESTORABLE or slot.startswith(SILENT):
+            continue
+        missing = _missing(track.table.values, np.unique([first[:, k], last[:, k]]))
+        one_way |= missing[first[:, k]] & ~missing[last[:, k]]
+        unset = np.flatnonzero(missing[first[:, k]])
+        if not len(unset):
+            continue
+        edge[unset[-1] + 1 :][:1] = True
+        if not missing[last[unset[-1], k]]:  # set within this contour: it ends its epoch
+            edge[unset[-1]] = True
+    edge[0] = False
+    return edge, one_way
+
+
+def _missing(values: tuple[str, ...], used: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Tell which values leave something unset that another of the used ones sets, (n_values,)."""
+    words = [text.split() for text in values]
+    most: dict[str, int] = {}
+    for k in used.tolist():
+        if words[k] and words[k][0] in GROWING:
+            most[words[k][0]] = max(most.get(words[k][0], 0), len(words[k]))
+    return np.array([not w or len(w) < most.get(w[0], 0) for w in words])
+
+
+def _mark_first_layer(
+    edge: NDArray[np.bool_],
+    motion: Motion,
+    runs: Runs,
+    track: Track,
+    layer: NDArray[np.int32],
+) -> None:
+    """Mark in place where the second layer begins, if cooling is another there."""
+    later = np.flatnonzero(layer > 0)
+    fans = [k for k, slot in enumerate(track.table.slots) if slot.startswith("fan")]
+    if not len(later) or (layer[later[0] :] == 0).any() or not fans:
+        return
+    moves = np.flatnonzero(runs.contour >= 0)
+    cooling = track.table.rows[track.at(motion.line[moves])][:, fans]
+    below = runs.contour[moves] < later[0]
+    first = {tuple(row) for row in np.unique(cooling[below], axis=0).tolist()}
+    rest = {tuple(row) for row in np.unique(cooling[~below], axis=0).tolist()}
+    edge[later[0]] = first != rest

@@ -1,0 +1,125 @@
+"""What lies between contours: retraction habits, and blocks that stay as they are.
+
+A gap is made again from its habits unless it holds a barrier; then the lines
+from its first barrier to its last stay together, verbatim.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
+from decmcts._kernels.gcode.scan import X, Z
+from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.state import Track
+from decmcts.formats.gcode.document import Block, Cursor
+from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.text.lines import Lines
+from decmcts.print.job import Barrier
+
+DEPOSIT_MM = 0.2  # filament left in a gap beyond the habit: a blob, not a retraction
+
+
+@dataclass(frozen=True, slots=True)
+class Blocks:
+    """Verbatim blocks, the epochs they bound, and the barriers in them."""
+
+    blocks: tuple[Block, ...]
+    barriers: tuple[Barrier, ...]
+    epoch: NDArray[np.int32]  # (n,)
+    tied: NDArray[np.bool_]  # (n,) part of a verbatim sequence, may not be reversed
+
+
+def cursor_at(motion: Motion, track: Track, line: int) -> Cursor:
+    """Return where the controller stands before a line."""
+    move = int(motion.before[line])
+    x, y, z = motion.points[move].tolist()
+    above = max(line - 1, 0)
+    modes = motion.modes[above]
+    return Cursor(
+        (x, y, z), float(motion.extruder[above, 0]),
+        float(motion.feed[move - 1]) if move else 0.0, float(motion.extruder[above, 1]),
+        bool(modes[FIRMWARE_RETRACTED]), bool(modes[RELATIVE_E]), int(track.at(line)),
+        int(modes[TOOL]),
+    )  # fmt: skip
+
+
+def find_blocks(
+    lines: Lines, motion: Motion, track: Track, runs: Runs, *, edges: NDArray[np.bool_],
+    towers: NDArray[np.bool_],
+) -> Blocks:  # fmt: skip
+    """Return the blocks of a print.
+
+    Parameters
+    ----------
+    edges : (n,) bool
+        Contours an epoch begins at although no line says so (first layer).
+    towers : (n,) bool
+        Contours of a tool change: they stay in their sequence, word for word.
+    """
+    n = len(runs)
+    begin = motion.line[runs.last[:-1]] + 1  # lines of gap k + 1: begin[k]..end[k] - 1
+    end = motion.line[runs.first[1:]]
+    whole = np.zeros(n, np.bool_)
+    whole[1:] = towers[1:] & towers[:-1]
+    whole[1:] |= _deposits(motion, runs)
+    walls = np.fromiter(track.barriers, np.int64, len(track.barriers))
+    low, high = np.searchsorted(walls, begin), np.searchsorted(walls, end)
+    broken = np.zeros(n, np.bool_)
+    broken[1:] = high > low
+    breaks = broken | whole | edges
+    breaks[1:] |= towers[1:] | towers[:-1]
+    breaks[0] = False
+    epoch = np.cumsum(breaks).astype(np.int32)
+    blocks = []
+    for c in np.flatnonzero(broken | whole).tolist():
+        span = (int(begin[c - 1]), int(end[c - 1]))
+        if not whole[c]:
+            span = (int(walls[low[c - 1]]), int(walls[high[c - 1] - 1]) + 1)
+        blocks.append(_block(lines, motion, track, span, int(epoch[c])))
+    tied = towers | whole
+    tied[:-1] |= whole[1:]
+    named = [b for b in track.barriers.items() if begin[0] <= b[0] < end[-1]] if n > 1 else []
+    return Blocks(tuple(blocks), _named(lines, named, blocks), epoch, tied)
+
+
+def _block(lines: Lines, motion: Motion, track: Track, span: tuple[int, int], epoch: int) -> Block:
+    first, last = span
+    inside = [track.barriers[k] for k in range(first, last) if k in track.barriers]
+    moved = motion.points[motion.before[first] : motion.before[last] + 1]
+    moves = (lines.letter[first:last] == 71) & (lines.code[first:last] <= 30)
+    placed = moves[:, None] & ~np.isnan(lines.values[first:last, X : Z + 1])
+    return Block(
+        epoch, lines.span(first, last), cursor_at(motion, track, first),
+        cursor_at(motion, track, last),
+        bool(placed.any() or np.ptp(moved, axis=0).max() > 1e-9), first + 1,
+        inside[0] if inside else "extrusion outside a contour",
+    )  # fmt: skip
+
+
+def _deposits(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
+    """Tell which gaps leave filament that no contour has, (n - 1,)."""
+    total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])
+    net = total[runs.first[1:]] - total[runs.last[:-1] + 1]
+    if not len(net):
+        return np.zeros(0, np.bool_)
+    return np.asarray(np.abs(net - np.median(net)) > DEPOSIT_MM)
+
+
+def _named(
+    lines: Lines, barriers: list[tuple[int, str]], blocks: list[Block]
+) -> tuple[Barrier, ...]:
+    """Return each kind of barrier once, with its first line."""
+    seen: dict[tuple[str, str], Barrier] = {}
+    for line, reason in barriers:
+        text = lines.raw(line).decode("utf-8", "replace").split(";", 1)[0].strip()
+        word = text.split(None, 1)[0] if text else ""
+        seen.setdefault((word, reason), Barrier(text, line + 1, reason))
+    for block in blocks:
+        if block.reason == "extrusion outside a contour":
+            text = block.text.decode("utf-8", "replace").strip().split("\n", 1)[0].strip()
+            seen.setdefault(("", block.reason), Barrier(text, block.line, block.reason))
+    return tuple(seen.values())

@@ -1,0 +1,261 @@
+"""How the source retracts, hops, wipes and travels, read from its gaps."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED
+from decmcts._kernels.motion.blocks import TRAVELLING
+from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
+from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.state import Track
+from decmcts.formats.gcode.dialects.stated_times import silent_share
+from decmcts.formats.gcode.document import Habits
+from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.text.lines import Lines
+from decmcts.print.job import ProcessSettings
+
+PULLED = 0.01  # mm of filament that counts as a retraction
+LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
+OWED_MM = 1e-3  # of filament that counts as still retracted
+EXTRA_LIMIT_MM = 1.0  # a surplus beyond this is loading
+_RULE = re.compile(
+    rb"^;\s*(?:slowdown_below_layer_time|slow_down_layer_time|minSpeedLayerTime|min_layer_time_s)"
+    rb" *[=,] *([\d., ]+)",
+    re.M,
+)  # PrusaSlicer and Slic3r; OrcaSlicer and Bambu Studio; Simplify3D; KISSlicer
+_RULE_ON = re.compile(
+    rb"^;\s*(?:cooling|slow_down_for_layer_cooling|adjustSpeedForCooling) *[=,] *([01, ]+)", re.M
+)
+_CURA_RULE = re.compile(rb"cool_min_layer_time\s*=\s*([\d.]+)")
+_CURA_BREAK = re.compile(rb"\r?\n;SETTING_3 ")
+CONFIG_BYTES = 2**20  # of a file's beginning and end: slicers write their settings there
+LONGEST_RULE_S = 600.0  # what is beyond this is no layer time
+_DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*([\d.]+)", re.I)
+
+
+def filament_diameter(text: bytes) -> float:
+    """Return the filament diameter a file names, 1.75 mm when it names none."""
+    match = _DIAMETER.search(text)
+    value = float(match.group(1).strip(b".") or 0) if match else 0.0
+    return value if 0.5 < value < 10.0 else 1.75
+
+
+def min_layer_time(text: bytes) -> float:
+    """Return the layer time in seconds below which the slicer slows down, 0 when it never does.
+
+    With several filaments the longest of those that are slowed for.
+    """
+    if len(text) > 2 * CONFIG_BYTES:
+        text = text[:CONFIG_BYTES] + text[-CONFIG_BYTES:]
+    rule, on = _last_of(_RULE, text), _last_of(_RULE_ON, text)
+    if rule is None:  # Cura writes what differs from its profiles, broken into lines
+        rule = _last_of(_CURA_RULE, _CURA_BREAK.sub(b"", text))
+    if rule is None:
+        return 0.0
+    on = [1.0] if on is None else on
+    slowed = [s for k, s in enumerate(rule) if on[min(k, len(on) - 1)] > 0.0]
+    longest = max(slowed, default=0.0)
+    return longest if longest <= LONGEST_RULE_S else 0.0
+
+
+def _last_of(pattern: re.Pattern[bytes], text: bytes) -> list[float] | None:
+    """Return the numbers of the last match of a setting, None when there is none."""
+    found = pattern.findall(text)
+    numbers = re.findall(rb"\d+\.?\d*|\.\d+", found[-1]) if found else []
+    return [float(number) for number in numbers] or None
+
+
+def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> float:
+    """Return the value with the most weight, 0 for none."""
+    if not len(values):
+        return 0.0
+    kinds, index = np.unique(np.round(values, 6), return_inverse=True)
+    return float(kinds[np.argmax(np.bincount(index, weights))])
+
+
+def infer_settings(
+    lines: Lines, motion: Motion, runs: Runs, track: Track, filament_mm: float
+) -> tuple[ProcessSettings, Habits]:
+    """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
+    gap = np.zeros(len(motion.extrusion), np.bool_)
+    gap[runs.first[0] : runs.last[-1] + 1] = True
+    gap &= runs.contour < 0
+    delta = np.diff(motion.points, axis=0)
+    across = np.hypot(delta[:, 0], delta[:, 1])
+    still = across < 1e-9
+    pull, push = motion.extrusion < -1e-5, motion.extrusion > 1e-5
+    travel = gap & ~still & ~pull & ~push
+    upright = gap & still & ~pull & ~push & (np.abs(delta[:, 2]) > 1e-9)
+    owed, extra = _retractions(motion, runs)
+    firmware = _firmware(motion, runs)
+    pulled = pulled_gaps(motion, runs)
+    length = np.linalg.norm(
+        motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
+    )
+    by_firmware = bool(firmware.sum() * 2 > max(1, pulled.sum()))
+    amount = _usual_pull(owed)
+    feeds = tuple(_usual(motion.feed[gap & still & way]) or 40.0 for way in (pull, push))
+    if by_firmware:
+        amount, feeds = _told_to_firmware(lines, track, int(motion.line[runs.last[-1]]))
+    settings = ProcessSettings(
+        travel_feed=_usual(motion.feed[travel], across[travel]),
+        retract_mm=amount,
+        retract_feed=feeds[0],
+        unretract_feed=feeds[1],
+        retract_min_travel_mm=_threshold(length, pulled),
+        hop_mm=_hop(motion, runs, pulled),
+        firmware_retraction=by_firmware,
+        filament_diameter_mm=filament_mm,
+        **_wipe(motion, runs, gap & ~still & pull, across, pulled),
+        z_feed=_usual(motion.feed[upright]),
+        travel_acceleration=_usual_acceleration(
+            lines, motion, track, travel, np.linalg.norm(delta, axis=1)
+        ),
+        min_layer_time_s=min_layer_time(lines.text),
+    )
+    return settings, Habits(
+        restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled], amount),
+        resets_e=_occurs(lines, motion, runs, 71, 920),
+        progress=_progress(lines, motion, runs),
+        silent_share=silent_share(lines.text),
+    )
+
+
+def pulled_gaps(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
+    """Tell between which contours the source retracts, (n - 1,)."""
+    return np.asarray(_firmware(motion, runs) | (_retractions(motion, runs)[0] > PULLED))
+
+
+def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
+    """Return length, and feeds back and forth, of firmware retraction: moves don't show them."""
+    firmware = FirmwareRetraction.of(lines.text, track)
+    pull, push = (firmware.at(line, pull=way) for way in (True, False))
+    return -pull[0], (pull[1], push[1])
+
+
+def _usual_acceleration(
+    lines: Lines,
+    motion: Motion,
+    track: Track,
+    travel: NDArray[np.bool_],
+    length: NDArray[np.float64],
+) -> float:
+    """Return the acceleration most travel is made with as commands set it, 0 for none."""
+    stated = stated_limits(lines.text)
+    said = commanded(track.table, TRAVELLING, stated)[track.at(motion.line[travel])]
+    known = ~np.isnan(said)
+    return _usual(said[known], length[travel][known])
+
+
+def _usual_pull(pulled: NDArray[np.float64]) -> float:
+    """Return the median of what is retracted in a gap, where anything is, mm."""
+    some = pulled[pulled > PULLED]
+    return float(np.median(some)) if len(some) else 0.0
+
+
+def _restart_extra(surplus: NDArray[np.float64], retract_mm: float) -> float:
+    """Return what is usually pushed back beyond a retraction; tool changes are no habit.
+
+    Below 0 where less is pushed back, which can be no less than nothing.
+    """
+    small = surplus[(surplus >= -max(retract_mm, EXTRA_LIMIT_MM)) & (surplus <= EXTRA_LIMIT_MM)]
+    return float(np.median(small)) if len(small) else 0.0
+
+
+def _progress(lines: Lines, motion: Motion, runs: Runs) -> str:
+    """Return which parameters of M73 occur between the first bead and the last."""
+    first, last = int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]])
+    told = np.flatnonzero((lines.letter[first:last] == 77) & (lines.code[first:last] == 730))
+    words = b"".join({lines.raw(first + k).split(b";")[0].upper() for k in told.tolist()})
+    return "".join(letter for letter in "PRQS" if letter.encode() in words)
+
+
+def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:
+    span = slice(int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]]))
+    return bool(((lines.letter[span] == letter) & (lines.code[span] == code)).any())
+
+
+def _retractions(motion: Motion, runs: Runs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return per gap the filament pulled and the surplus pushed back, each (n - 1,)."""
+    pulled = np.concatenate([[0.0], np.cumsum(np.minimum(motion.extrusion, 0.0))])
+    total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])
+    begin, end = runs.last[:-1] + 1, runs.first[1:]
+    surplus = total[end] - total[begin]
+    return pulled[begin] - pulled[end], np.where(np.abs(surplus) < 1e-3, 0.0, surplus)
+
+
+def owed_at_begins(
+    motion: Motion, runs: Runs, habits: Habits, tied: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Return the filament still retracted when each contour begins, (n,) mm.
+
+    A source may push back less than it retracted. Contours it begins bare have
+    what its habit leaves, should they be reached by a retracted travel now. In tool
+    changes (`tied`) any length may be unloaded; elsewhere that is no habit.
+    """
+    above = np.maximum(motion.line[runs.first] - 1, 0)
+    owed: NDArray[np.float64] = motion.extruder[above, 1].copy()
+    pulled, _ = _retractions(motion, runs)
+    owed[(owed < OWED_MM) | (~tied & (owed > _usual_pull(pulled)))] = 0.0
+    bare = np.concatenate([[True], (pulled <= PULLED) & ~_firmware(motion, runs)])
+    owed[bare & ~tied] = np.maximum(owed, -habits.restart_extra)[bare & ~tied]
+    owed.setflags(write=False)
+    return owed
+
+
+def _firmware(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
+    """Tell which gaps contain a firmware retraction, (n - 1,)."""
+    on = np.concatenate([[0], np.cumsum(motion.modes[:, FIRMWARE_RETRACTED])])
+    begin, end = motion.line[runs.last[:-1]] + 1, motion.line[runs.first[1:]]
+    return np.asarray(on[end] > on[begin])
+
+
+def _threshold(length: NDArray[np.float64], pulled: NDArray[np.bool_]) -> float:
+    """Return the travel length that best parts retracted from plain travels.
+
+    At most `LONGEST_BARE_MM`: a source that retracts only where it crosses a
+    wall leaves long travels bare inside its own parts; ours lead elsewhere.
+    """
+    if not pulled.any():
+        return 2.0
+    order = np.argsort(length, kind="stable")
+    kept = np.concatenate([[0], np.cumsum(pulled[order])])  # retracted but shorter
+    wrong = kept + np.concatenate([np.cumsum(~pulled[order][::-1])[::-1], [0]])
+    cut = int(np.argmin(wrong))
+    best = float(round(length[order[cut]], 3)) if cut < len(length) else np.inf
+    return min(best, LONGEST_BARE_MM)
+
+
+def _hop(motion: Motion, runs: Runs, pulled: NDArray[np.bool_]) -> float:
+    """Return how far retracted travels rise above both their ends."""
+    begin, end = runs.last[:-1] + 1, runs.first[1:]  # points: where a gap starts and stops
+    pairs = np.stack([begin, end + 1], axis=1).ravel()
+    if not len(pairs) or not pulled.any():
+        return 0.0
+    z = np.append(motion.points[:, 2], -np.inf)
+    highest = np.maximum.reduceat(z, pairs)[::2]
+    rise = highest - np.maximum(z[begin], z[end])
+    return max(0.0, float(round(np.median(rise[pulled]), 4)))
+
+
+def _wipe(
+    motion: Motion, runs: Runs, wiping: NDArray[np.bool_], across: NDArray[np.float64],
+    pulled: NDArray[np.bool_],
+) -> dict[str, float]:  # fmt: skip
+    """Return the settings of the usual wipe; none when most gaps have none."""
+    run = np.concatenate([[0.0], np.cumsum(np.where(wiping, across, 0.0))])
+    taken = np.concatenate([[0.0], np.cumsum(np.where(wiping, -motion.extrusion, 0.0))])
+    begin, end = runs.last[:-1] + 1, runs.first[1:]
+    length, filament = run[end] - run[begin], taken[end] - taken[begin]
+    has = length > 1e-3
+    if not has.any() or has.sum() * 2 < pulled.sum():
+        return {}
+    return {
+        "wipe_mm": float(np.median(length[has])),
+        "wipe_filament_mm": float(np.median(filament[has])),
+        "wipe_feed": _usual(motion.feed[wiping], across[wiping]),
+    }

@@ -1,0 +1,353 @@
+"""From a G-code file to a print job and the document that keeps its text.
+
+Composes the modules beside it; the meaning of lines is in `dialect`.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED
+from decmcts._kernels.motion.blocks import PRINTING
+from decmcts.errors import InputError
+from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
+from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, interpret
+from decmcts.formats.gcode.controller.state import Track, track_state
+from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.reading.beads import Beads, measure_beads
+from decmcts.formats.gcode.reading.combing import with_bare_travels
+from decmcts.formats.gcode.reading.edges import state_edges
+from decmcts.formats.gcode.reading.gaps import Blocks, cursor_at, find_blocks
+from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsafe
+from decmcts.formats.gcode.reading.habits import (
+    filament_diameter,
+    infer_settings,
+    owed_at_begins,
+    pulled_gaps,
+)
+from decmcts.formats.gcode.text.lines import Lines, above_comments, command_of, split_lines
+from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.print.contours import Contours, Role
+from decmcts.print.job import PrintJob, ProcessSettings
+from decmcts.print.machine import MotionLimits
+from decmcts.print.motion import limits_of
+
+PRIMED_MM = 0.01  # filament pushed beyond what is owed
+REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after
+_SLICERS = re.compile(
+    rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
+    rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Motions:
+    """Every move of a file in order, for whoever judges it.
+
+    A move k goes from points[k] to points[k + 1]; homing and G92 appear as
+    moves without feed.
+    """
+
+    points: NDArray[np.float64]  # (m + 1, 3) mm
+    extrusion: NDArray[np.float64]  # (m,) filament pushed, mm
+    feed: NDArray[np.float64]  # (m,) mm/s
+    line: NDArray[np.int64]  # (m,) source line, from 1
+    contour: NDArray[np.int64]  # (m,) contour in the order of this file, -1: none
+    width: NDArray[np.float64]  # (m,) bead width, mm; 0 where contour is -1
+    height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
+    owed: NDArray[np.float64] | None = None  # (m,) mm retracted before the line; inf: by firmware
+    placed: NDArray[np.bool_] | None = None  # (m,) homing or G92, no move of known path
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """What a file hands over to its end G-code."""
+
+    cursor: Cursor
+    states: StateTable
+    laid: tuple[float, float, float]  # where the last bead ends, mm
+    top: float  # z of the highest bead, mm
+
+
+@dataclass(frozen=True, slots=True)
+class _Parsed:
+    lines: Lines
+    motion: Motion
+    track: Track
+    runs: Runs
+    beads: Beads
+    filament_mm: float
+
+
+def _parse(path: Path | str) -> _Parsed:
+    text = load_text(path)
+    lines = split_lines(text, path)
+    motion = interpret(lines)
+    track = track_state(lines, motion)
+    runs = find_runs(lines, motion, track)
+    refuse_unsafe(lines, motion, runs)
+    diameter = filament_diameter(text)
+    beads = measure_beads(motion, runs, track, filament_mm=diameter)
+    return _Parsed(lines, motion, track, runs, beads, diameter)
+
+
+def read_gcode(path: Path | str) -> tuple[PrintJob, GcodeDocument]:
+    """Read a G-code file (plain or gzipped).
+
+    Arcs become chords at most 0.005 mm from the arc. Extrusions above the first
+    layer marker (purge lines) belong to the preamble.
+
+    Raises
+    ------
+    InputError
+        When the file is damaged, or holds something that cannot be put in
+        another order safely; the message names the line.
+    """
+    return _print_of(_parse(path), path)
+
+
+def read_result(path: Path | str) -> tuple[PrintJob, GcodeDocument, Motions]:
+    """Read a file as `read_gcode` and as `read_motions`, parsed once."""
+    parsed = _parse(path)
+    return *_print_of(parsed, path), _motions_of(parsed)
+
+
+def read_written(
+    path: Path | str, document: GcodeDocument
+) -> tuple[PrintJob, GcodeDocument, Motions, Ending]:
+    """Read a file made from `document` as `read_result` and as `ending_of`, parsed once."""
+    parsed = _parse(path)
+    ending = _ending(parsed, document, path)
+    return *_print_of(parsed, path), _motions_of(parsed), ending
+
+
+def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
+    """Return what a file made from `document` leaves to the end G-code.
+
+    Raises
+    ------
+    InputError
+        When the file does not end with the end G-code of `document`.
+    """
+    return _ending(_parse(path), document, path)
+
+
+def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Ending:
+    due = [code for row in document.postamble.split(b"\n") if (code := command_of(row))]
+    rows = parsed.lines.text.rstrip().split(b"\n")
+    line = len(rows)
+    for wanted in reversed(due):  # command by command: comments may have come or gone
+        line = next((k for k in range(line - 1, -1, -1) if command_of(rows[k])), -1)
+        if line < 0 or command_of(rows[line]) != wanted:
+            raise InputError("the end G-code is not the source's", path=path)
+    line = above_comments(rows.__getitem__, line, document.postamble)
+    motion, runs = parsed.motion, parsed.runs
+    x, y, z = motion.points[runs.last[-1] + 1].tolist()
+    top = float(motion.points[1:, 2][runs.contour >= 0].max())
+    return Ending(cursor_at(motion, parsed.track, line), parsed.track.table, (x, y, z), top)
+
+
+def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocument]:
+    """Return the job and the document of a parsed file."""
+    lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
+    towers = _towers(parsed)
+    edges, one_way = state_edges(motion, runs, parsed.track, parsed.beads.layer)
+    blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
+    contours, point_state = _contours(parsed, blocks, one_way)
+    settings, habits = infer_settings(lines, motion, runs, parsed.track, parsed.filament_mm)
+    settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs))
+    top = _preamble_end(parsed)
+    bottom = int(motion.line[runs.last[-1]]) + 1
+    start = cursor_at(motion, parsed.track, top)
+    first = int(motion.line[runs.first[0]])
+    document = GcodeDocument(
+        str(path), lines.span(0, top), lines.span(bottom, len(lines)),
+        b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
+        start, cursor_at(motion, parsed.track, bottom), blocks.blocks, parsed.track.table,
+        point_state, owed_at_begins(motion, runs, habits, blocks.tied),
+        bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
+    )  # fmt: skip
+    name = Path(path).name.removesuffix(".gz").rsplit(".", 1)[0]
+    stated = stated_limits(lines.text)
+    said = commanded(parsed.track.table, PRINTING, stated)[point_state]
+    unsaid = bool(np.isnan(said).all())
+    limits = _limits(parsed, first, stated)
+    if not unsaid:
+        limits = replace(limits, acceleration=float(np.nanmedian(said)))
+    if settings.travel_acceleration > 0.0:
+        limits = replace(limits, travel_acceleration=settings.travel_acceleration)
+    job = PrintJob(
+        name, contours, settings, blocks.barriers, _slicer(lines.text),
+        _notes(parsed, blocks, settings), limits, None if unsaid else said,
+        _refills(parsed, blocks),
+    )  # fmt: skip
+    return job, document
+
+
+def _refills(parsed: _Parsed, blocks: Blocks) -> tuple[int, ...]:
+    """Return the epochs that begin where the nozzle is fed anew or stood still for long."""
+    barriers = parsed.track.barriers.items()
+    lines = np.array([line for line, reason in barriers if reason in REFILLS], np.int64)
+    next_one = np.searchsorted(parsed.motion.line[parsed.runs.first], lines)
+    within = (next_one > 0) & (next_one < len(blocks.epoch))
+    return tuple(np.unique(blocks.epoch[next_one[within]]).tolist())
+
+
+def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
+    """Return the limits the file states: its settings, and its commands above `line`."""
+    row = state_limits(parsed.track.table, stated, stated)[int(parsed.track.at(line))]
+    return limits_of(row)
+
+
+def read_motions(path: Path | str) -> Motions:
+    """Read every move of a G-code file, the start and the end included.
+
+    Raises
+    ------
+    InputError
+        As `read_gcode`.
+    """
+    return _motions_of(_parse(path))
+
+
+def _motions_of(parsed: _Parsed) -> Motions:
+    """Return the moves of a parsed file."""
+    motion, contour = parsed.motion, parsed.runs.contour
+    width, height = np.zeros(len(contour)), np.zeros(len(contour))
+    width[contour >= 0] = parsed.beads.move_width
+    height[contour >= 0] = parsed.beads.move_height
+    above = np.maximum(motion.line - 1, 0)
+    firmware = motion.modes[above, FIRMWARE_RETRACTED] > 0
+    owed = np.where(firmware, np.inf, motion.extruder[above, 1])
+    return Motions(
+        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height, owed,
+        motion.placed[motion.line],
+    )  # fmt: skip
+
+
+def _preamble_end(parsed: _Parsed) -> int:
+    """Return the first line of the print: below its marker and below any barrier there.
+
+    Where the nozzle is primed after that, the first bead begins the print: what
+    is pushed before it belongs to the start, not to a retraction.
+    """
+    motion, runs = parsed.motion, parsed.runs
+    first = int(motion.line[runs.first[0]])
+    early = [line for line in parsed.track.barriers if runs.body <= line < first]
+    top = max([runs.body, *(line + 1 for line in early)])
+    pushed = float(motion.extrusion[motion.before[top] : runs.first[0]].sum())
+    owed = float(motion.extruder[top - 1, 1]) if top else 0.0
+    return first if abs(pushed - owed) > PRIMED_MM else top
+
+
+def _towers(parsed: _Parsed) -> NDArray[np.bool_]:
+    """Tell which contours belong to a tool change and keep their place in it."""
+    line = parsed.motion.line[parsed.runs.first]
+    sections = parsed.track.sections
+    index = np.searchsorted(sections[:, 0], line) - 1
+    inside = np.zeros(len(line), np.bool_)
+    if len(sections):
+        inside = (index >= 0) & (line < sections[np.maximum(index, 0), 1])
+    return np.asarray(inside | (parsed.beads.role == Role.WIPE_TOWER))
+
+
+def _contours(
+    parsed: _Parsed, blocks: Blocks, one_way: NDArray[np.bool_]
+) -> tuple[Contours, NDArray[np.int32]]:
+    """Return the contours and the state of each of their points."""
+    motion, runs, beads = parsed.motion, parsed.runs, parsed.beads
+    moves = np.flatnonzero(runs.contour >= 0)
+    ids, n = runs.contour[moves], len(runs)
+    sizes = np.bincount(ids, minlength=n) + 1
+    offsets = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    slot = np.arange(len(moves)) + ids + 1  # one point more per contour
+    points = np.empty((offsets[-1], 3))
+    extrusion, feed = np.zeros(offsets[-1]), np.zeros(offsets[-1])
+    state = np.zeros(offsets[-1], np.int32)
+    points[offsets[:-1]] = motion.points[runs.first]
+    points[slot] = motion.points[moves + 1]
+    extrusion[slot], feed[slot] = motion.extrusion[moves], motion.feed[moves]
+    state[slot] = parsed.track.at(motion.line[moves])
+    state[offsets[:-1]] = state[offsets[:-1] + 1]
+    rounding_mm = 0.5 * 10.0 ** -motion.decimals[0]
+    reversible = _reversible(points, extrusion, offsets, beads.role, rounding_mm)
+    contours = Contours(
+        points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
+        height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
+        layer=beads.layer, tool=motion.modes[motion.line[runs.first], 2].astype(np.int16),
+        reversible=reversible & ~blocks.tied & ~one_way,
+        epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
+    )  # fmt: skip
+    state.setflags(write=False)
+    return contours, state
+
+
+def _closed(
+    points: NDArray[np.float64], offsets: NDArray[np.int64], width: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Tell which contours end within a bead width of their start after a longer way."""
+    gap = np.linalg.norm(points[offsets[1:] - 1] - points[offsets[:-1]], axis=1)
+    step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
+    step[offsets[:-1]] = 0.0
+    length = np.add.reduceat(step, offsets[:-1])
+    return np.asarray((gap <= width) & (np.diff(offsets) >= 4) & (length > 4.0 * width))
+
+
+def _reversible(
+    points: NDArray[np.float64],
+    extrusion: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    role: NDArray[np.int8],
+    rounding_mm: float,
+) -> NDArray[np.bool_]:
+    """Tell which contours give the same bead reversed.
+
+    Not ironing (it pushes material ahead of itself), not slopes (vase, scarf
+    seams: one end lies on the other), not ramps of flow at both ends of a seam,
+    not what ends with a segment of no length once rounded, which as the first would
+    be lost.
+    Beads of varying width keep the filament of each segment, so they may be reversed;
+    so may contours followed by a wipe, which is made again along the end they
+    then have.
+    """
+    begin = offsets[:-1]
+    z = points[:, 2]
+    flat = np.maximum.reduceat(z, begin) - np.minimum.reduceat(z, begin) < 1e-6
+    step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
+    step[begin] = 0.0
+    flow = np.divide(extrusion, step, out=np.zeros_like(step), where=step > 1e-6)
+    mean = np.add.reduceat(extrusion, begin) / np.maximum(np.add.reduceat(step, begin), 1e-9)
+    ramp = (flow[begin + 1] < 0.6 * mean) & (flow[offsets[1:] - 1] < 0.6 * mean)
+    ramp &= np.diff(offsets) > 3
+    pointless = step[offsets[1:] - 1] < rounding_mm
+    return np.asarray(flat & ~ramp & ~pointless & (role != Role.IRONING))
+
+
+def _slicer(text: bytes) -> str:
+    match = _SLICERS.search(text[:20000]) or _SLICERS.search(text[-40000:])
+    if match is None:
+        return ""
+    words = [part.decode("ascii", "replace") for part in match.groups()]
+    return " ".join(words).replace("Cura_SteamEngine", "Cura").replace("(R)", "").strip()
+
+
+def _notes(parsed: _Parsed, blocks: Blocks, settings: ProcessSettings) -> tuple[str, ...]:
+    notes = []
+    codes = parsed.lines.code[parsed.motion.line]
+    if curved := int(np.isin(codes, (20, 30)).sum()):
+        notes.append(f"{curved} arc chords, at most {CHORD_ERROR_MM} mm from the arc")
+    if len(blocks.blocks):
+        n = len(blocks.blocks)
+        notes.append(f"{n} place{'s' * (n != 1)} nothing is moved across")
+    if settings.bare_inside_mm > 0.0:
+        changes = " and layer changes" if settings.bare_climb_mm > 0.0 else ""
+        notes.append(
+            f"level travels{changes} of up to {settings.bare_inside_mm:.1f} mm that cross no outer "
+            "wall stay unretracted, as the source leaves them"
+        )
+    return tuple(notes)

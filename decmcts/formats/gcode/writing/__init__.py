@@ -1,0 +1,1 @@
+"""G-code of a planned order, for one head or several."""

@@ -1,0 +1,322 @@
+"""A controller kept in step while lines are written: position, E, feed, retraction, state.
+
+Only the lines that change something are written. Orders are decided in
+`writer` and `head_files`; nothing here knows of actions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.geometry.walls import Walls
+from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
+from decmcts.formats.gcode.dialects.layers import LayerWords, layer_words
+from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
+from decmcts.print.job import ProcessSettings
+from decmcts.print.walls import no_walls, retracts
+
+NEAR_MM = 1e-3  # two positions this near are one
+APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
+BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
+
+
+class Emitter:
+    """Writes lines and keeps what the controller will then hold."""
+
+    def __init__(
+        self, document: GcodeDocument, settings: ProcessSettings, walls: Walls | None = None
+    ) -> None:
+        self.document = document
+        self._told: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
+        self._arrival: tuple[str, ...] = ()  # to be said when the head is there
+        self.settings = settings
+        self.walls = no_walls() if walls is None else walls
+        self.lines: list[bytes] = []
+        xy, e, _ = document.decimals
+        self._xy, self._e = f".{xy}f", f".{e}f"
+        self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
+        self._scale = document.e_area or 1.0
+        self.travel_feed = settings.travel_feed or 100.0
+        self.tail: NDArray[np.float64] = np.zeros((0, 3))  # the bead just printed, newest first
+        self.parted = False  # a verbatim block stands between the last bead and the next
+        self.top = -math.inf  # highest bead so far; none yet
+        self.cold = False  # the hot end is not heated yet: no filament may move
+        self.take(document.start)
+
+    def take(self, cursor: Cursor) -> None:
+        """Take over from verbatim lines that leave the controller at `cursor`."""
+        self.at = cursor.position
+        self.e = cursor.e
+        self.feed = cursor.feed
+        self.owed = cursor.owed
+        self.firmware_retracted = cursor.firmware_retracted
+        self.relative_e = cursor.relative_e  # M82 and M83 in the print are blocks
+        self.row = self.document.states.rows[cursor.state].tolist()
+        self._untold(layer_words(self.document.states.text(cursor.state, "layer")))
+
+    def say(self, text: str) -> None:
+        """Write a line."""
+        self.lines.append(text.encode("utf-8", "surrogateescape") + self.document.newline)
+
+    def verbatim(self, text: bytes) -> None:
+        """Write lines of the source as they are."""
+        if text:
+            whole = text.endswith(b"\n")
+            self.lines.append(text if whole else text + self.document.newline)
+
+    # -- motion -----------------------------------------------------------------
+
+    def push(self, filament: float, feed: float) -> None:
+        """Move the filament alone."""
+        if abs(filament) < 1e-9:
+            return
+        self.say(f"G1 E{self._count(filament)} F{self._feed_word(feed)}")
+        self.feed = feed
+
+    def _count(self, filament: float) -> str:
+        """Return the E word of a push and count it."""
+        amount = filament * self._scale
+        self.e += amount
+        return format(amount if self.relative_e else self.e, self._e)
+
+    def _feed_word(self, feed: float) -> str:
+        text = f"{feed * 60.0:.{max(3, self.document.decimals[2])}f}"
+        return text.rstrip("0").rstrip(".") if "." in text else text
+
+    def move(self, to: tuple[float, float, float], feed: float, filament: float = 0.0) -> None:
+        """Move in a straight line, with or without filament."""
+        x, y, z = self.at
+        if filament and feed == self.feed and to[2] == z and (to[0] != x or to[1] != y):
+            amount = filament * self._scale  # nearly every line of a file is one of these
+            self.e += amount
+            e = amount if self.relative_e else self.e
+            self.lines.append(self._bead_line % (to[0], to[1], e))
+            self.at = to
+            return
+        words = ["G1"]
+        if to[0] != x or to[1] != y:
+            words += [f"X{to[0]:{self._xy}}", f"Y{to[1]:{self._xy}}"]
+        if to[2] != z:
+            words.append(f"Z{to[2]:{self._xy}}")
+        if filament:
+            words.append(f"E{self._count(filament)}")
+        if abs(feed - self.feed) > 1e-9:
+            words.append(f"F{self._feed_word(feed)}")
+        if len(words) > 1:
+            self.say(" ".join(words))
+        self.at, self.feed = to, feed
+
+    def set_feed(self, feed: float) -> None:
+        """Set the modal feed without moving."""
+        if feed > 0.0 and abs(feed - self.feed) > 1e-9:
+            self.say(f"G1 F{self._feed_word(feed)}")
+            self.feed = feed
+
+    def set_e(self, e: float) -> None:
+        """Make the controller count E from another value, where it counts at all."""
+        if not self.relative_e and abs(self.e - e) > 1e-7:
+            self.say(f"G92 E{e:{self._e}}")
+        self.e = e
+
+    # -- retraction -------------------------------------------------------------
+
+    def owe(self, owed: float, *, firmware: bool = False, extra: float = 0.0) -> None:
+        """Retract or push back until `owed` mm are retracted, then push `extra` mm more."""
+        if self.firmware_retracted != firmware:
+            self.say("G10" if firmware else "G11")
+            self.firmware_retracted = firmware
+        change = self.owed - owed
+        if abs(change) > 1e-6:
+            settings = self.settings
+            feed = settings.unretract_feed if change > 0 else settings.retract_feed
+            self.push(change + (extra if change > 0 else 0.0), feed)
+            self.owed = owed
+
+    def restart(self, due: float) -> None:
+        """Push back what is retracted as the source does: until `due` mm are, or with a surplus.
+
+        What is not retracted any more is not retracted for it.
+        """
+        extra = max(0.0, self.document.habits.restart_extra) if due == 0.0 else 0.0
+        self.owe(min(due, self.owed), extra=extra)
+
+    def retract(self) -> None:
+        """Retract as the source does, wiping along the last bead if it wipes."""
+        settings, habits = self.settings, self.document.habits
+        if self.cold:
+            return
+        if settings.firmware_retraction:
+            self.owe(self.owed, firmware=True)
+            return
+        if self.owed >= settings.retract_mm - 1e-6:
+            return
+        wiped = min(settings.wipe_filament_mm, settings.retract_mm - self.owed)
+        if settings.wipe_mm > 0.0 and len(self.tail) > 1 and wiped > 0.0:
+            self.owe(settings.retract_mm - wiped)
+            self._wipe(wiped)
+        self.owe(settings.retract_mm)
+        if habits.resets_e:
+            self.set_e(0.0)
+
+    def _wipe(self, filament: float) -> None:
+        """Wipe half the length back along the bead and return: a path that was just printed.
+
+        The head ends where the bead ends, so the planned travel starts there.
+        """
+        half = self.settings.wipe_mm / 2.0
+        way = _cut(self.tail, half)
+        length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+        if length < NEAR_MM:
+            return
+        there = [tuple(p) for p in way.tolist()]
+        for to in there[1:] + there[-2::-1]:
+            share = math.dist(self.at, to) / (2.0 * length) * filament
+            self.move(to, self.settings.wipe_feed or self.travel_feed, -share)
+            self.owed += share
+
+    # -- travel -----------------------------------------------------------------
+
+    def travel(self, path: NDArray[np.float64], passed: Mapping[int, str] | None = None) -> None:
+        """Follow a planned path from where the head stands.
+
+        `passed` has what is to be said where the head has come to points of the path.
+        """
+        points = [tuple(p) for p in path.tolist()]
+        length = math.dist(self.at, points[0]) + sum(map(math.dist, points, points[1:]))
+        if length < 1e-9:
+            for text in (passed or {}).values():
+                self.say(text)
+            return
+        if retracts(self.walls, self.settings, [self.at, *points]):
+            self.retract()
+        for k, to in enumerate(points):
+            if to != self.at:
+                self.move(to, self._travel_feed(to))
+            if passed and k in passed:
+                self.say(passed[k])
+
+    def dwell(self, seconds: float) -> None:
+        """Stand still."""
+        self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {WAIT_MARK}")
+
+    def _travel_feed(self, to: tuple[float, float, float]) -> float:
+        upright = to[0] == self.at[0] and to[1] == self.at[1]
+        return (self.settings.z_feed or self.travel_feed) if upright else self.travel_feed
+
+    def approach(self, to: tuple[float, float, float]) -> None:
+        """Go to the first bead: up, across, down.
+
+        Every axis is named, for where homing or a macro left the head is not known. That
+        it is lifted over what lies there, outside the part, is why length alone decides
+        whether it is retracted.
+        """
+        if math.dist(self.at, to) >= self.settings.retract_min_travel_mm:
+            self.retract()
+        over = max(self.at[2], to[2] + APPROACH_MM)
+        feed = self.settings.z_feed or self.travel_feed
+        self.say(f"G1 Z{over:{self._xy}} F{self._feed_word(feed)}")
+        across = f"X{to[0]:{self._xy}} Y{to[1]:{self._xy}}"
+        self.say(f"G1 {across} F{self._feed_word(self.travel_feed)}")
+        self.at, self.feed = (to[0], to[1], over), self.travel_feed
+        self.move(to, feed)
+
+    def hover(self, to: tuple[float, float, float]) -> None:
+        """Go above a place, over everything printed, and do not come down on it."""
+        if math.dist(self.at, to) < NEAR_MM:
+            return
+        over = max(self.top, to[2]) + BRIDGE_LIFT_MM
+        x, y, z = self.at
+        highest = max(over, z)
+        self.travel(np.array([(x, y, highest), (to[0], to[1], highest), (to[0], to[1], over)]))
+
+    def bridge(self, to: tuple[float, float, float]) -> None:
+        """Go over everything printed so far: up, across, down."""
+        if math.dist(self.at, to) < NEAR_MM:
+            return
+        lift = max(BRIDGE_LIFT_MM, self.settings.hop_mm)
+        over = max(self.top, self.at[2], to[2]) + lift
+        x, y, _ = self.at
+        self.travel(np.array([(x, y, over), (to[0], to[1], over), to]))
+
+    # -- state ------------------------------------------------------------------
+
+    def set_state(self, state: int, *, before_travel: bool = False) -> None:
+        """Write what turns the current machine state into `state`.
+
+        With `before_travel` only the labels a travel belongs to.
+        """
+        table = self.document.states
+        target = table.rows[state].tolist()
+        if not before_travel:
+            self._arrive()
+        if target == self.row:
+            return
+        changed = [
+            k for k, slot in enumerate(table.slots)
+            if self.row[k] != target[k] and not slot.startswith(SILENT)
+            and (slot in BEFORE_TRAVEL or not before_travel)
+        ]  # fmt: skip
+        for k in changed:
+            if text := table.leave[self.row[k]]:
+                self._block_of(text)
+        changed.sort(key=lambda k: _rank(table.slots[k]))
+        for k in changed:
+            if table.slots[k] == "layer":
+                self._enter(table.values[self.row[k]], table.values[target[k]])
+            elif target[k] != UNSET:
+                self._block_of(table.values[target[k]])
+            self.row[k] = target[k]
+        if not before_travel:
+            self._arrive()
+
+    def _enter(self, held: str, text: str) -> None:
+        """Write what begins a layer, and what belongs to its first move where that is made."""
+        words, had = layer_words(text), layer_words(held).always
+        grown = bool(had) and words.always[: len(had)] == had  # the same one, said in part
+        self._block_of("\n".join(words.always[len(had) if grown else 0 :]))
+        before, self._arrival = self._untold(words)
+        self._block_of("\n".join(before))
+
+    def _untold(self, words: LayerWords) -> tuple[tuple[str, ...], ...]:
+        """Return what is due around the first move of a layer, and take it as told."""
+        layer, parts = words.always[:2], (words.before, words.after)
+        due = tuple(() if (layer, lines) in self._told else lines for lines in parts)
+        self._told.update((layer, lines) for lines in parts)
+        return due
+
+    def _arrive(self) -> None:
+        """Write what follows the first move of a layer."""
+        self._block_of("\n".join(self._arrival))
+        self._arrival = ()
+
+    def _block_of(self, text: str) -> None:
+        for line in text.split("\n") if text else []:
+            self.say(line)
+
+    def text(self) -> bytes:
+        """Return all that was written."""
+        return b"".join(self.lines)
+
+
+def _rank(slot: str) -> int:
+    for rank, group in enumerate((BEFORE_TRAVEL, BEAD)):
+        if slot in group:
+            return 10 * rank + group.index(slot)
+    return 100
+
+
+def _cut(way: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Return the first `length` mm of a polyline."""
+    step = np.linalg.norm(np.diff(way, axis=0), axis=1)
+    reach = np.cumsum(step)
+    k = int(np.searchsorted(reach, length))
+    if k >= len(step):
+        return way
+    before = reach[k - 1] if k else 0.0
+    t = (length - before) / step[k] if step[k] > 0 else 0.0
+    last = way[k] + t * (way[k + 1] - way[k])
+    return np.concatenate([way[: k + 1], np.round(last, 3)[None]])

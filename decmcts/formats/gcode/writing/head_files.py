@@ -1,0 +1,431 @@
+"""G-code per head: one file for each controller of a machine with several heads.
+
+Every file is complete: the source's set-up commands, this head's contours with
+the planned paths as they are, and the end. Heads share the bed, so moves that
+no plan checked are left out: purge lines, wipes at the end, custom travel. Of a
+source with several tools a head is told what is said to its own: temperatures and moves
+of filament alone, by the tool they name or the one selected there. All heads are told what
+heats the one hot end of a source (`decmcts.formats.gcode.writing.hot_ends`), and what switches hot
+ends off in the end code. A head retracts (and wipes along the bead it printed) before it says
+that a print has ended: what it does afterwards is its next action's path and nothing else.
+The end code, which turns off bed and motors, runs when all heads are done.
+
+Where the plan orders actions of different heads the files hold
+
+    M400
+    SYNC_SIGNAL N=7      ; number 7 is reached, give it to the other controllers
+    M400
+    SYNC_WAIT N=7        ; do not go on before number 7 was given
+
+Numbers are the same in all files of a plan. M400 lets the moves before it end
+first. Where an action waits for a point within another head's, that head says in
+motion, between two moves and without M400,
+
+    SYNC_PASSED N=8      ; number 8 is reached when the move before this line has ended
+
+and the waiting head dwells behind its waits for as long as its lags ask. It does so
+whenever the signal came: files keep no time among each other. It dwells too, retracted,
+where the plan rests for cooling. SYNC_PASSED must
+neither stop the head nor run before the move above it has ended, so files have it
+only where the machine's controllers can `release` points (docs/gcode.md).
+
+The commands are macros the machine's host provides; other words for them are an
+argument. A controller that ignores them must not run these files.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, TextIO
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
+from decmcts.formats.gcode.text.source_text import save_text
+from decmcts.formats.gcode.writing.emitter import Emitter
+from decmcts.formats.gcode.writing.hot_ends import Hears, heats, refuse_cold, source_heats, told_to
+from decmcts.formats.gcode.writing.own_lines import owed_after, own_lines, pushed_by_moves, pushes
+from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
+from decmcts.formats.gcode.writing.writer import print_contour, with_header
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine, Release
+from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from decmcts.print.walls import retracts, walls_for
+
+SIGNAL = "SYNC_SIGNAL N={number}"
+PASSED = "SYNC_PASSED N={number}"
+WAIT = "SYNC_WAIT N={number}"
+PRIMES_MM = 0.1  # of filament; less primes nothing
+LONGEST_DWELL_S = 600.0  # of one G4
+_MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
+_NAMED_STATE = re.compile(r"M(221|900)(?= ).* T\d", re.I)
+_ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
+
+
+def write_head_gcode(
+    document: GcodeDocument,
+    job: PrintJob,
+    plan: JointPlan,
+    head_index: int,
+    out: Path | str | BinaryIO | TextIO,
+    *,
+    header_lines: Sequence[str] = (),
+    signal: str = SIGNAL,
+    passed: str = PASSED,
+    wait: str = WAIT,
+    park: tuple[float, float, float] | None = None,
+    release: Release = "action",
+) -> None:
+    """Write the file of one head of a plan.
+
+    Parameters
+    ----------
+    park : tuple of float | None
+        Where the head stands while it has no action; needed where it has none
+        at all, since homing leaves it where no plan looked.
+    signal, passed, wait : str
+        The commands of a synchronisation point, ``{number}`` where its number goes.
+    release : "point" or "action"
+        What the machine's controllers can signal.
+
+    Raises
+    ------
+    InputError
+        When the head would have to change tools, when it would have to signal what its
+        controller cannot, when the source moves the head
+        by commands of its own during the print, or when `out` cannot be written.
+    """
+    text = head_gcode_bytes(
+        document, job, plan, head_index, header_lines=header_lines, signal=signal,
+        passed=passed, wait=wait, park=park, release=release,
+    )  # fmt: skip
+    save_text(text, out)
+
+
+def head_gcode_bytes(
+    document: GcodeDocument,
+    job: PrintJob,
+    plan: JointPlan,
+    head_index: int,
+    *,
+    header_lines: Sequence[str] = (),
+    signal: str = SIGNAL,
+    passed: str = PASSED,
+    wait: str = WAIT,
+    park: tuple[float, float, float] | None = None,
+    release: Release = "action",
+) -> bytes:
+    """Return what `write_head_gcode` writes."""
+    head = plan.heads[head_index]
+    _refuse_own_moves(document, job)
+    tool = _only_tool(document, job, head)
+    home = tuple(head.action_path(0)[0].tolist()) if len(head) else park
+    if home is None:
+        raise InputError(f"head {head.head} has nothing to do and no park position is given")
+    points = number_sync_points(plan)
+    if release == "action":
+        _refuse_points(points, plan)
+    words = _Words(signal, passed, wait)
+    file = _HeadFile(document, job, head_index, tool, points, words)
+    header = [
+        *header_lines,
+        f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together",
+    ]
+    file.begin(header, len(plan.heads), home)
+    for k in range(len(head)):
+        file.act(head, k)
+    file.end()
+    return file.emitter.text()
+
+
+def _refuse_points(points: SyncPoints, plan: JointPlan) -> None:
+    for h, action in points.passed:
+        raise InputError(
+            f"head {plan.heads[h].head} would have to signal within action {action}, "
+            "in motion, and the machine's controllers only do so at rest",
+            advice='plan for its release "action", or set release = "point" in the machine file',
+        )
+
+
+def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -> None:
+    """Raise InputError where no files of several heads can be written, whatever the plan.
+
+    So before any plan: moves of the source's own, heads that may print with more than one
+    tool of the source, and tools that would print cold.
+    """
+    _refuse_own_moves(document, job)
+    _refuse_named_states(document)
+    tools = np.unique(job.contours.tool).tolist()
+    for head in machine.heads:
+        _refuse_tools(document, head.name, [t for t in tools if not head.tools or t in head.tools])
+    refuse_cold(document, job)
+
+
+def unprimed_note(document: GcodeDocument) -> str | None:
+    """Return the line to say where start code primes the nozzle by moves, which are left out."""
+    pushed = pushed_by_moves(document.preamble, document.path)
+    if pushed < PRIMES_MM:
+        return None
+    return (
+        f"the source's start code extrudes {pushed:.1f} mm of filament on the bed; heads share the "
+        "bed, so it is left out: prime each head before its file is run, or in the start code by "
+        "E alone"
+    )
+
+
+def _only_tool(document: GcodeDocument, job: PrintJob, head: HeadActions) -> int | None:
+    """Return the tool a head prints with; None when it prints nothing."""
+    printed = head.contour[head.kind == ActionKind.PRINT]
+    tools = np.unique(job.contours.tool[printed]).tolist()
+    _refuse_tools(document, head.head, tools)
+    return int(tools[0]) if tools else None
+
+
+def _refuse_tools(document: GcodeDocument, head: str, tools: list[int]) -> None:
+    if len(tools) > 1:
+        raise InputError(
+            f"head {head} would print with tools {', '.join(map(str, tools))}; a head of "
+            "several has one tool",
+            path=document.path,
+            advice=f"leave {head} one of them (`tools` of the machine file), others to other heads",
+        )
+
+
+def _refuse_named_states(document: GcodeDocument) -> None:
+    """Raise InputError for what sets a state of a tool by its name: a head has but one."""
+    for text in document.states.values:
+        if _NAMED_STATE.match(text):
+            rows = document.preamble.decode("utf-8", "surrogateescape").split("\n")
+            at = next((k for k, row in enumerate(rows, 1) if row.startswith(text)), None)
+            raise InputError(
+                f"'{text}' names the tool whose setting it is, and a head of several has one",
+                path=document.path,
+                line=at,
+                advice="leave its T out",
+            )
+
+
+def _refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:
+    for barrier in job.barriers:
+        if barrier.reason in _MOVES_ALONE:
+            raise InputError(
+                f"'{barrier.text}' ({barrier.reason}) may move the head while another prints",
+                path=document.path,
+                line=barrier.line,
+                advice="remove it from the slicer's custom G-code for a machine with several heads",
+            )
+    if place := _ORIGIN.search(document.preamble):
+        text = place.group(0).decode("utf-8", "replace").strip()
+        raise InputError(
+            f"'{text}' sets a position that moves left out of a head's file have led to",
+            path=document.path,
+            advice="remove it from the start G-code for a machine with several heads",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Words:
+    """The commands of synchronisation points, with ``{number}``."""
+
+    signal: str
+    passed: str
+    wait: str
+
+
+class _HeadFile:
+    """The file of one head while it is written."""
+
+    def __init__(
+        self,
+        document: GcodeDocument,
+        job: PrintJob,
+        index: int,
+        tool: int | None,
+        points: SyncPoints,
+        words: _Words,
+    ) -> None:
+        self.emitter = Emitter(document, job.settings, walls_for(job))
+        self.document, self.job, self.index, self.tool = document, job, index, tool
+        self.points, self.words = points, words
+        self.blocks = list(document.blocks)
+        self.shared = tool is not None and len(np.unique(job.contours.tool)) > 1
+        self.told = told_to(document, job)
+        self.left = 0.0  # filament retracted, mm, when the source left this head's tool
+
+    def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
+        """Set up and go to the park position, one head after the other."""
+        emitter, document = self.emitter, self.document
+        preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
+        emitter.owed = self._owed_after(preamble, 0.0, 0.0, relative_e=False)  # moves are left out
+        emitter.cold = self.shared and source_heats(document) and not heats(preamble)
+        if self._is_other(document.start.tool):
+            emitter.firmware_retracted = False
+        self.left = emitter.owed
+        first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
+        emitter.verbatim(first)
+        if self.index > 0:
+            self._say(self.words.wait, self.index)
+        emitter.verbatim(rest)
+        self._resume(document.start)
+        x, y, z = park
+        emitter.say(f"G1 Z{z:.3f} F{(emitter.settings.z_feed or 10.0) * 60:.0f}")
+        emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
+        emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
+        if n_heads > 1:
+            self._say(self.words.signal, self.index + 1)
+            if self.index + 1 < n_heads:
+                self._say(self.words.wait, n_heads)
+
+    def _resume(self, cursor: Cursor) -> None:
+        """Set modes and E as the source has them, after lines of it were left out."""
+        emitter = self.emitter
+        emitter.say("G90")
+        emitter.say("M83" if cursor.relative_e else "M82")  # G90 resets E too in some firmwares
+        self._count_from(cursor)
+
+    def _count_from(self, cursor: Cursor) -> None:
+        """Set E as the source has it: what it stands at in this file is not known."""
+        if not cursor.relative_e:
+            self.emitter.e = np.inf
+            self.emitter.set_e(cursor.e)
+
+    def act(self, head: HeadActions, k: int) -> None:
+        """Write one action with what it waits for and what it signals."""
+        emitter = self.emitter
+        for number in self.points.waits.get((self.index, k), ()):
+            self._say(self.words.wait, number)
+        self._dwell(self.points.lags.get((self.index, k), 0.0))
+        passed = {
+            point: self.words.passed.format(number=number)
+            for point, number in self.points.passed.get((self.index, k), {}).items()
+        }
+        kind = head.kind[k]
+        if kind in (ActionKind.TRAVEL, ActionKind.PARK):
+            emitter.travel(head.action_path(k), passed)
+        elif kind == ActionKind.PRINT:
+            contour = int(head.contour[k])
+            self._cross(int(self.job.contours.epoch[contour]))
+            print_contour(
+                emitter, self.job, contour, [], is_reversed=bool(head.reversed[k]),
+                entry=int(head.entry[k]), passed=passed,
+            )  # fmt: skip
+            self._retract_for(head, k + 1)
+        elif kind == ActionKind.WAIT:
+            self._dwell(float(head.end_s[k] - head.begin_s[k]))
+        if (number := self.points.signals.get((self.index, k), 0)) > 0:
+            self._say(self.words.signal, number)
+
+    def _dwell(self, seconds: float) -> None:
+        """Stand still for a lag, in as many parts as controllers take."""
+        while seconds > 0.0:
+            part = min(seconds, LONGEST_DWELL_S)
+            self.emitter.dwell(part)
+            seconds -= part
+
+    def _retract_for(self, head: HeadActions, k: int) -> None:
+        """Retract for action k before others may count on this head's way being clear.
+
+        One that is going to rest retracts here too, for it must not wipe back later.
+        """
+        ahead = head.kind[k : k + 2].tolist()
+        if ahead[:1] == [ActionKind.WAIT] or ahead == [ActionKind.TRAVEL, ActionKind.WAIT]:
+            self.emitter.retract()
+        if k < len(head) and head.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
+            way = [tuple(point) for point in head.action_path(k).tolist()]
+            if retracts(self.emitter.walls, self.emitter.settings, way):
+                self.emitter.retract()
+
+    def end(self) -> None:
+        """Write what the source does at its end, without its moves, when all heads are done."""
+        emitter, end, points = self.emitter, self.document.end, self.points
+        if len(points.done) > 1:
+            self._say(self.words.signal, points.done[self.index])
+            for number in points.done[: self.index] + points.done[self.index + 1 :]:
+                self._say(self.words.wait, number)
+            if self.index > 0:
+                self._say(self.words.wait, points.ended[self.index - 1])
+        self._cross(2**31)
+        if not self._is_other(end.tool):
+            emitter.owe(end.owed, firmware=end.firmware_retracted)
+        emitter.set_state(end.state)
+        emitter.set_e(end.e)
+        told: Hears = "all" if self.told == "all" else "off"
+        text = self.document.postamble
+        own = self._own(
+            text, keep_homing=False, relative_e=end.relative_e, tool=end.tool, told=told
+        )
+        emitter.verbatim(own)
+        if self.index + 1 < len(points.ended):
+            self._say(self.words.signal, points.ended[self.index])
+
+    def _cross(self, epoch: int) -> None:
+        """Write the blocks of all epochs up to `epoch`, without their moves."""
+        while self.blocks and self.blocks[0].epoch <= epoch:
+            block = self.blocks.pop(0)
+            emitter, begin = self.emitter, block.begin
+            stood, feed = emitter.at, emitter.feed
+            text = self._own(
+                block.text, keep_homing=False, relative_e=begin.relative_e, tool=begin.tool
+            )
+            if not self._is_other(begin.tool):
+                emitter.owe(begin.owed, firmware=begin.firmware_retracted)
+            elif pushes(text):
+                emitter.owe(self.left, firmware=emitter.firmware_retracted)
+            emitter.set_state(begin.state)
+            emitter.set_e(begin.e)
+            emitter.verbatim(text)
+            emitter.cold = emitter.cold and not heats(text)
+            self._take(block, text)
+            if block.moves:
+                self._resume(block.end)
+            elif begin.relative_e:  # E stood where this head had come
+                self._count_from(block.end)
+            emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
+
+    def _take(self, block: Block, text: bytes) -> None:
+        """Take over from a block; what moves left out have retracted is not this head's."""
+        emitter, owed = self.emitter, self.emitter.owed
+        pulled = emitter.firmware_retracted
+        emitter.take(block.end)
+        emitter.owed = self._owed_after(
+            text, owed, block.begin.e, relative_e=block.begin.relative_e
+        )
+        if self._is_other(block.end.tool):
+            emitter.firmware_retracted = pulled
+        if not self._is_other(block.begin.tool):
+            self.left = emitter.owed
+
+    def _owed_after(self, text: bytes, owed: float, e: float, *, relative_e: bool) -> float:
+        return owed_after(text, owed, e=e, relative_e=relative_e, e_area=self.document.e_area)
+
+    def _is_other(self, tool: int) -> bool:
+        """Tell whether a tool is another head's."""
+        return self.shared and tool != self.tool
+
+    def _say(self, template: str, number: int) -> None:
+        self.emitter.say("M400")
+        self.emitter.say(template.format(number=number))
+
+    def _own(
+        self, text: bytes, *, keep_homing: bool, relative_e: bool, tool: int = 0,
+        told: Hears | None = None,
+    ) -> bytes:  # fmt: skip
+        """Return lines as this controller needs them; `tool` is in use above them."""
+        return own_lines(
+            text, self.tool, selected=tool if self.shared else None, keep_homing=keep_homing,
+            relative_e=relative_e, newline=self.document.newline, told=told or self.told,
+        )  # fmt: skip
+
+
+def _split_first(text: bytes, n_header: int) -> tuple[bytes, bytes]:
+    """Return the opening comments (with our header) and the rest."""
+    at = 0
+    for _ in range(n_header + 1):
+        if text[at : at + 1] != b";":
+            break
+        at = text.find(b"\n", at) + 1
+    return text[:at], text[at:]

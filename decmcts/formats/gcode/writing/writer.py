@@ -1,0 +1,244 @@
+"""G-code of one head in a planned order: same extrusions, travels made anew.
+
+The preamble, the postamble and every block are the source's bytes; between
+them lines are written by an `Emitter` that keeps the machine state in step.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import BinaryIO, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode.dialects.dialect import SPLIT_MARK
+from decmcts.formats.gcode.dialects.stated_times import without_progress
+from decmcts.formats.gcode.document import Block, GcodeDocument
+from decmcts.formats.gcode.text.source_text import save_text
+from decmcts.formats.gcode.writing.emitter import NEAR_MM, Emitter
+from decmcts.formats.gcode.writing.progress import Progress
+from decmcts.print.job import PrintJob
+from decmcts.print.loops import traversal
+from decmcts.print.plan import ActionKind, HeadActions
+from decmcts.print.walls import walls_for
+
+
+def write_gcode(
+    document: GcodeDocument,
+    job: PrintJob,
+    actions: HeadActions,
+    out: Path | str | BinaryIO | TextIO,
+    *,
+    header_lines: Sequence[str] = (),
+) -> None:
+    """Write the plan of one head as G-code in the source's dialect.
+
+    The path of the first travel is not followed (it starts at the head's park
+    position, where the preamble does not leave it): the head goes a little above
+    the bed; after the last contour the head goes over the print to above where the
+    source's postamble begins.
+
+    Parameters
+    ----------
+    out : path or stream
+        A path is written atomically, gzipped if it ends in ``.gz``.
+    header_lines : sequence of str
+        Put at the top as comments.
+
+    Raises
+    ------
+    InputError
+        When a contour is missing or doubled, or `out` cannot be written.
+    """
+    _check_once(job, actions, document)
+    save_text(gcode_bytes(document, job, actions, header_lines=header_lines), out)
+
+
+def gcode_bytes(
+    document: GcodeDocument,
+    job: PrintJob,
+    actions: HeadActions,
+    *,
+    header_lines: Sequence[str] = (),
+) -> bytes:
+    """Return what `write_gcode` writes."""
+    emitter = Emitter(document, job.settings, walls_for(job))
+    progress = Progress(document, actions)
+    preamble = progress.above(document.preamble)
+    emitter.verbatim(with_header(preamble, header_lines, document.newline))
+    blocks = iter(document.blocks)
+    block = next(blocks, None)
+    path: list[NDArray[np.float64]] = []
+    for k, kind in enumerate(map(ActionKind, actions.kind.tolist())):
+        if kind is ActionKind.TRAVEL:
+            path.append(actions.action_path(k))
+        if kind is ActionKind.WAIT:
+            pause(emitter, path, float(actions.end_s[k] - actions.begin_s[k]))
+            path = []
+        if kind is not ActionKind.PRINT:
+            continue
+        contour = int(actions.contour[k])
+        while block is not None and block.epoch <= job.contours.epoch[contour]:
+            emit_block(emitter, block)
+            path = [] if block.moves else path
+            block = next(blocks, None)
+        progress.tell(emitter, k)
+        print_contour(
+            emitter, job, contour, path, is_reversed=bool(actions.reversed[k]),
+            entry=int(actions.entry[k]),
+        )  # fmt: skip
+        path = []
+    for rest in ([block] if block is not None else []) + list(blocks):
+        emit_block(emitter, rest)
+    _finish(emitter)
+    return emitter.text()
+
+
+def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) -> None:
+    printed = actions.contour[actions.kind == ActionKind.PRINT]
+    count = np.bincount(printed, minlength=len(job.contours))
+    if (wrong := np.flatnonzero(count != 1)).size:
+        c = int(wrong[0])
+        raise InputError(
+            f"the plan prints contour {c} {count[c]} times instead of once", path=document.path
+        )
+
+
+OWN_HEADER = re.compile(  # as `decmcts.planning.writing.lines` words it
+    rb"^; reordered by decmcts [^\n]*\n(?:;[^\n]*\n){0,12}?; verified: every extrusion[^\n]*\n",
+    re.MULTILINE,
+)
+
+
+def with_header(preamble: bytes, header: Sequence[str], newline: bytes) -> bytes:
+    """Return the preamble with comment lines below the line that names the slicer.
+
+    They take the place of those an earlier run wrote: its figures are not this file's.
+    """
+    if not header:
+        return preamble
+    preamble = OWN_HEADER.sub(b"", preamble)
+    text = b"".join(
+        b"; " + part.encode("utf-8", "surrogateescape") + newline
+        for line in header
+        for part in line.splitlines()
+    )
+    first = preamble.split(b"\n", 1)[0]
+    named = first.lstrip().startswith(b";") and (b"enerated" in first or b"FLAVOR" in first)
+    cut = preamble.find(b"\n") + 1 if named else 0
+    return preamble[:cut] + text + preamble[cut:]
+
+
+def emit_block(emitter: Emitter, block: Block) -> None:
+    """Write a verbatim block with the controller brought to where the source had it."""
+    begin = block.begin
+    if block.moves:
+        emitter.bridge(begin.position)
+    elif begin.position[2] > emitter.at[2] + NEAR_MM:
+        x, y, _ = emitter.at
+        emitter.travel(np.array([(x, y, begin.position[2])]))
+    emitter.owe(begin.owed, firmware=begin.firmware_retracted)
+    emitter.set_state(begin.state)
+    emitter.set_e(begin.e)
+    emitter.set_feed(begin.feed)
+    stood = emitter.at
+    emitter.verbatim(b"".join(without_progress(block.text)))
+    emitter.take(block.end)
+    emitter.parted = True  # as it parted the contours in the source
+    emitter.tail = emitter.tail[:0]
+    if not block.moves:
+        emitter.at = stood
+
+
+def pause(emitter: Emitter, path: list[NDArray[np.float64]], seconds: float) -> None:
+    """Retract, go where the plan waits and stand still there."""
+    emitter.retract()
+    if path:
+        way = np.concatenate(path)
+        if np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
+            emitter.travel(way[1:])
+    emitter.dwell(seconds)
+
+
+def print_contour(
+    emitter: Emitter,
+    job: PrintJob,
+    contour: int,
+    path: list[NDArray[np.float64]],
+    *,
+    is_reversed: bool,
+    entry: int,
+    passed: Mapping[int, str] | None = None,
+) -> None:
+    """Travel to a contour and print it in the chosen traversal.
+
+    Filament, feed and machine state go with each segment. `passed` has what is to be said,
+    without a stop, where the head has come to points of the traversal; it does not wipe
+    back over the last of them, for other heads may be there by then.
+    """
+    said = passed or {}
+    way = traversal(job.contours, contour, entry)
+    step = -1 if is_reversed else 1
+    points = way.points[::step]
+    state = emitter.document.point_state[way.rows[1:]][::step].tolist()
+    begin: tuple[float, float, float] = tuple(points[0].tolist())
+    emitter.set_state(state[0], before_travel=True)
+    written = len(emitter.lines)
+    _go(emitter, path, begin)
+    emitter.restart(float(emitter.document.owed[contour]))
+    if len(emitter.lines) == written and not emitter.parted:
+        emitter.say(SPLIT_MARK)
+    emitter.parted = False
+    filament, feed = way.extrusion[1:][::step].tolist(), way.feed[1:][::step].tolist()
+    held = -1
+    segments = zip(points[1:].tolist(), filament, feed, state, strict=True)
+    for k, (to, e, f, s) in enumerate(segments, 1):
+        if s != held:
+            emitter.set_state(s)
+            held = s
+        emitter.move(tuple(to), f, e)
+        if k in said:
+            emitter.say(said[k])
+    if emitter.owed > 0.0:
+        emitter.owed = max(0.0, emitter.owed - float(sum(filament)))
+    emitter.tail = points[max(said, default=0) :][::-1]
+    emitter.top = max(emitter.top, float(points[:, 2].max()))
+
+
+def _go(
+    emitter: Emitter, path: list[NDArray[np.float64]], begin: tuple[float, float, float]
+) -> None:
+    """Follow the planned path if it starts here, else go over the print.
+
+    The first path starts at the park position, where the start G-code does not
+    leave the head; nothing is in the way yet but what was purged.
+    """
+    if emitter.top == -np.inf and np.linalg.norm(np.array(begin) - emitter.at) >= NEAR_MM:
+        emitter.approach(begin)
+    elif path:
+        way = np.concatenate(path)
+        if np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
+            emitter.travel(way[1:])
+    if np.linalg.norm(np.array(begin) - np.array(emitter.at)) >= NEAR_MM:
+        emitter.bridge(begin)
+    if begin != emitter.at:
+        emitter.move(begin, emitter.travel_feed)
+
+
+def _finish(emitter: Emitter) -> None:
+    """Bring the controller to where the source ended, then write the postamble.
+
+    The head stays above the print, for what was printed there is cold by now; only
+    where the last bead ends as the source's does it stands on it, as there.
+    """
+    end = emitter.document.end
+    emitter.hover(end.position)
+    emitter.owe(end.owed, firmware=end.firmware_retracted)
+    emitter.set_state(end.state)
+    emitter.set_e(end.e)
+    emitter.set_feed(end.feed)
+    emitter.verbatim(b"".join(without_progress(emitter.document.postamble)))
