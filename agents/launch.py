@@ -20,7 +20,7 @@ from agents.supervisor import LaunchError, OnProgress, ShouldStop
 from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.drafts import draft_folder
+from decmcts.formats.files.drafts import draft_folder
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath

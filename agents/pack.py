@@ -18,7 +18,7 @@ import numpy as np
 from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.machine_dict import machine_from_dict, machine_to_dict
+from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.print.contours import Contours
 from decmcts.print.job import Barrier, PrintJob, ProcessSettings
 from decmcts.print.machine import Machine

@@ -14,8 +14,9 @@ from agents.pack import Pack
 from decmcts.errors import InputError
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import check_fits, load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+from decmcts.print.machine_fit import check_fits
 
 
 def load_source(

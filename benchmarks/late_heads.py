@@ -26,7 +26,7 @@ from common import Rows, arguments, corpus, grouped, markdown, print_path, run_m
 from decmcts.errors import InputError
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.rounds import plan_team

@@ -28,7 +28,7 @@ from common import RESULTS, Rows, grouped, markdown, names, seeds, setting
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
 from sim.experiments.made_print import made_gcode
 from sim.experiments.mutants import Mutant, NotHereError

@@ -62,10 +62,14 @@ def heads_of(path: Path) -> tuple[Any, Any]:
 
     A preset is the real head only where its shape was measured, not made of clearances.
     """
-    from decmcts.formats.clearances import SETTINGS, clearance_machine, read_clearances
     from decmcts.formats.gcode.text.source_text import load_text
-    from decmcts.formats.machine_file import load_machine, preset_by_clearances, preset_for_printer
-    from decmcts.formats.slicer_settings import comment_settings
+    from decmcts.formats.heads.clearances import SETTINGS, clearance_machine, read_clearances
+    from decmcts.formats.machines.machine_file import (
+        load_machine,
+        preset_by_clearances,
+        preset_for_printer,
+    )
+    from decmcts.formats.machines.slicer_settings import comment_settings
 
     found = read_clearances(comment_settings(load_text(path), SETTINGS, path), path)
     if found is None:

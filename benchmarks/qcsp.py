@@ -29,7 +29,7 @@ import numpy as np
 from common import CPU_TIME, RESULTS, Rows, corpus, markdown, measured, setting
 from cpu_time import TARGET
 
-from decmcts.formats.qcsp import QcspProblem, QcspSchedule, read_qcsp
+from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule, read_qcsp
 from decmcts.team.qcsp.paths import paths_of
 from sim.qcsp import faults_of
 

@@ -25,7 +25,7 @@ from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
 from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.geometry.pieces import Pieces
 from decmcts._kernels.refine.qcsp import decode, weigh
-from decmcts.formats.qcsp import QcspProblem, read_qcsp
+from decmcts.formats.bare.qcsp import QcspProblem, read_qcsp
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.qcsp.solver import _threads_of, search_qcsp
 

@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from common import Rows, arguments, grouped, markdown, run_missing, setting
 
 from decmcts.errors import InputError
-from decmcts.formats.machine_file import load_machine, preset_names
+from decmcts.formats.machines.machine_file import load_machine, preset_names
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.problem import TeamProblem
 from sim.experiments.random_teams import KINDS, outcome, problem_of, problem_on, random_plans

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from common import CPU_TIME, RESULTS, Rows, corpus, markdown, measured, setting
 
-from decmcts.formats.sop import SopInstance, read_sop
+from decmcts.formats.bare.sop import SopInstance, read_sop
 from decmcts.search.sop.precedence import Precedence
 
 KEY = ("instance", "solver", "time_limit_s", "seed")

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
-from decmcts.formats.rail_family import rail_machine
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.machines.rail_family import rail_machine
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob

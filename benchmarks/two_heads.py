@@ -39,8 +39,8 @@ from team_prints import PLATES, plate_path, taken
 
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions

@@ -14,10 +14,10 @@ from decmcts.version import __version__
 
 if TYPE_CHECKING:
     from decmcts.errors import InputError, VerificationError
-    from decmcts.formats.machine_file import load_machine, preset_names
+    from decmcts.formats.bare.qcsp import read_qcsp
+    from decmcts.formats.bare.sop import read_sop
+    from decmcts.formats.machines.machine_file import load_machine, preset_names
     from decmcts.formats.mesh import SliceOptions
-    from decmcts.formats.qcsp import read_qcsp
-    from decmcts.formats.sop import read_sop
     from decmcts.planning.bare import solve_qcsp, solve_sop
     from decmcts.planning.bound import bound
     from decmcts.planning.events import Begun, Event, Heads, Note, Progress, Report, Sound, Step
@@ -51,10 +51,10 @@ if TYPE_CHECKING:
 
 _ROOMS = {
     "decmcts.errors": ("InputError", "VerificationError"),
-    "decmcts.formats.machine_file": ("load_machine", "preset_names"),
+    "decmcts.formats.machines.machine_file": ("load_machine", "preset_names"),
     "decmcts.formats.mesh": ("SliceOptions",),
-    "decmcts.formats.qcsp": ("read_qcsp",),
-    "decmcts.formats.sop": ("read_sop",),
+    "decmcts.formats.bare.qcsp": ("read_qcsp",),
+    "decmcts.formats.bare.sop": ("read_sop",),
     "decmcts.planning.bare": ("solve_qcsp", "solve_sop"),
     "decmcts.planning.bound": ("bound",),
     "decmcts.planning.events": (

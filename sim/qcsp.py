@@ -14,7 +14,7 @@ import math
 from collections.abc import Iterator
 from itertools import combinations, pairwise
 
-from decmcts.formats.qcsp import QcspProblem, QcspSchedule
+from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
 
 TOLERANCE = 1e-6  # bays, and times relative to the makespan where that is above 1
 

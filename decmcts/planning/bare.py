@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import VerificationError
-from decmcts.formats.qcsp import QcspProblem
-from decmcts.formats.sop import SopInstance
+from decmcts.formats.bare.qcsp import QcspProblem
+from decmcts.formats.bare.sop import SopInstance
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.solver import SopResult, search_sop
@@ -116,7 +116,7 @@ def solve_qcsp(
     Examples
     --------
     >>> from decmcts import solve_qcsp
-    >>> from decmcts.formats.qcsp import problem_of
+    >>> from decmcts.formats.bare.qcsp import problem_of
     >>> problem = problem_of({"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6],
     ...                       "r": [0, 0], "l0": [1, 4], "Phi": [[1, 2]]})
     >>> solve_qcsp(problem, time_limit_s=1.0, max_iterations=1000).schedule.makespan

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from decmcts.formats.plan_json import write_plan
+from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.certificate import Certificate
 from decmcts.planning.one_head.no_slower import write_no_slower

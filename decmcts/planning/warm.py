@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from decmcts.feasibility.digest import problem_digest
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.compiling.begin import compile_search
 from decmcts.planning.compiling.parts import (
     BARE,

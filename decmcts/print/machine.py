@@ -1,6 +1,6 @@
 """Machines: head shapes as slice stacks, bodies, rails and motion limits.
 
-Files are read in `decmcts.formats.machine_file`; this is the frozen result.
+Files are read in `decmcts.formats.machines.machine_file`; this is the frozen result.
 Units mm, mm/s, mm/s².
 """
 

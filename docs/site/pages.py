@@ -55,6 +55,7 @@ MODULES: Mapping[str, tuple[str, ...]] = {
         "decmcts.print.contours",
         "decmcts.print.job",
         "decmcts.print.machine",
+        "decmcts.print.machine_fit",
         "decmcts.print.toolpath",
         "decmcts.print.plan",
         "decmcts.samples",
@@ -63,10 +64,10 @@ MODULES: Mapping[str, tuple[str, ...]] = {
     "Reading and writing": (
         "decmcts.formats.gcode",
         "decmcts.formats.mesh",
-        "decmcts.formats.machine_file",
-        "decmcts.formats.plan_json",
-        "decmcts.formats.sop",
-        "decmcts.formats.qcsp",
+        "decmcts.formats.machines.machine_file",
+        "decmcts.formats.plans.plan_json",
+        "decmcts.formats.bare.sop",
+        "decmcts.formats.bare.qcsp",
     ),
     "Planning": (
         "decmcts.feasibility.rules",

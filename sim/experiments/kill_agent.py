@@ -20,7 +20,7 @@ from agents.supervisor import AgentStatus, LaunchError
 from decmcts.errors import InputError
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
 from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.two_heads import EXAMPLE

@@ -22,7 +22,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import JointPlan, PlanDocument

@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from decmcts.formats.atomic import write_whole
+from decmcts.formats.files.atomic import write_whole
 
 TRAVEL = "#d62728"
 HEAD_COLOURS = (

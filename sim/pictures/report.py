@@ -20,7 +20,7 @@ import plotly.io
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
-from decmcts.formats.atomic import write_whole
+from decmcts.formats.files.atomic import write_whole
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.pictures.activity import activity

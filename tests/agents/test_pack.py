@@ -11,7 +11,7 @@ import pytest
 from agents.pack import Pack, read_pack, write_pack
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Contours
 from decmcts.print.job import Barrier, PrintJob, ProcessSettings
 

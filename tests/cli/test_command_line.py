@@ -14,7 +14,7 @@ from decmcts.cli import run as runner
 from decmcts.cli.console import out, steps
 from decmcts.cli.run import run
 from decmcts.errors import InputError
-from decmcts.formats.machine_file import preset_names
+from decmcts.formats.machines.machine_file import preset_names
 from decmcts.planning.events import Step
 from decmcts.planning.writing.places import refuse_unwritable
 from tests.cli.test_bad_input import SQUARE, gcode

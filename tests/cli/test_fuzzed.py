@@ -16,8 +16,9 @@ from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
-from decmcts.formats.machine_file import check_fits, load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.problem.print_problem import parked_above
+from decmcts.print.machine_fit import check_fits
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule

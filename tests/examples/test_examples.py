@@ -11,9 +11,10 @@ import trimesh
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import check_fits, load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions, slice_mesh
 from decmcts.print.contours import Contours
+from decmcts.print.machine_fit import check_fits
 from decmcts.samples import sample_path
 from examples import make_parts
 

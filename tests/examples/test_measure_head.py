@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from examples import measure_head
 
 PAGE = measure_head.FOLDER / "measure-your-head.md"

@@ -16,7 +16,7 @@ from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.feasibility.packed_head import pack_contours
 from decmcts.feasibility.touching import touching_kinds
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Slice
 

@@ -13,7 +13,7 @@ from decmcts._kernels.geometry.clearance import (
     segment_reaches,
 )
 from decmcts.feasibility.packed_head import pack_heads
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 
 
 def beads_of(rng: np.random.Generator, lengths: list[int]) -> Beads:

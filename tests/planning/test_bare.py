@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts.formats.qcsp import problem_of
+from decmcts.formats.bare.qcsp import problem_of
 from decmcts.planning.bare import solve_qcsp, solve_sop
 from decmcts.planning.events import Event, Progress
 

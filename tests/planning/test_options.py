@@ -7,7 +7,7 @@ from dataclasses import FrozenInstanceError
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.options import (
     Freedom,
     PlannerName,

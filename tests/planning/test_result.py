@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.bound import bound
 from decmcts.planning.options import PlannerName, Search
 from decmcts.planning.plan import plan

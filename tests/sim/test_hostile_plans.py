@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from decmcts.cli.run import run
-from decmcts.formats.plan_json import write_plan
+from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.verifying.judge import digest_of
 from sim.verify import verify_plan
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.formats.qcsp import QcspProblem, QcspSchedule, problem_of
+from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule, problem_of
 from sim.qcsp import faults_of
 
 PROBLEM: QcspProblem = problem_of(

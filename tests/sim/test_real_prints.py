@@ -12,7 +12,7 @@ import pytest
 
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import read_gcode, read_motions
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import OrderRules, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.schedule.joint_plan import schedule

@@ -12,7 +12,7 @@ import pytest
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.alone import lone_machine

@@ -18,9 +18,9 @@ from decmcts.cli.lines import figures
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.bare.qcsp import is_qcsp
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions
-from decmcts.formats.qcsp import is_qcsp
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Event, Heads, Step

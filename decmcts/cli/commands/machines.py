@@ -11,7 +11,7 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import out, print_json
 from decmcts.errors import InputError
-from decmcts.formats.machine_file import load_machine, preset_names
+from decmcts.formats.machines.machine_file import load_machine, preset_names
 from decmcts.print.machine import Machine
 
 

@@ -16,9 +16,9 @@ from decmcts.cli.lines import bound_line, figures, kept_line, whole_file_line
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
+from decmcts.formats.bare.sop import is_sop
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
-from decmcts.formats.sop import is_sop
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Step

@@ -11,7 +11,7 @@ from decmcts.cli.commands.bare import proven, refuse_others
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import VerificationError
-from decmcts.formats.qcsp import QcspProblem, read_qcsp, schedule_text
+from decmcts.formats.bare.qcsp import QcspProblem, read_qcsp, schedule_text
 from decmcts.jit.kernel import at_work
 from decmcts.planning.bare import compile_qcsp, solve_qcsp
 from decmcts.planning.events import Step

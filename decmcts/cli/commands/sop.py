@@ -12,7 +12,7 @@ from decmcts.cli.commands.bare import proven, refuse_others
 from decmcts.cli.console import err, out, print_json, steps, written
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
-from decmcts.formats.sop import SopInstance, read_sop, tour_text
+from decmcts.formats.bare.sop import SopInstance, read_sop, tour_text
 from decmcts.jit.kernel import at_work
 from decmcts.planning.bare import compile_sop, require_sound, solve_sop
 from decmcts.planning.events import Step

@@ -13,8 +13,8 @@ import numpy as np
 import trimesh
 
 from decmcts.errors import InputError
+from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.mesh.whole import is_text_stl, read_text_stl, whole
-from decmcts.formats.reading import read_bytes
 
 _LARGEST_MM = 1e5
 _NOTHING = "holds no triangles"

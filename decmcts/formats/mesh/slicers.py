@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from decmcts.errors import InputError
+from decmcts.formats.files.reading import read_json
 from decmcts.formats.mesh.options import SliceOptions
-from decmcts.formats.reading import read_json
 
 CURA_DEFINITION = "resources/definitions/fdmprinter.def.json"
 _LIFT_MM = 10.0  # above the print, before the head parks

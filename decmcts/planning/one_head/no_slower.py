@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from decmcts.formats.atomic import write_whole
-from decmcts.formats.drafts import draft_folder
+from decmcts.formats.files.atomic import write_whole
+from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode.text.source_text import load_text, packed_text
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_judged

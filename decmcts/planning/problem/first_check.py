@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.formats.drafts import draft_folder
+from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import read_motions, write_gcode
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.plan import PlanDocument

@@ -13,7 +13,6 @@ from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.machine_file import check_fits
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.options import RULES, Freedom, Limits, Objective, Rules
@@ -22,6 +21,7 @@ from decmcts.planning.problem.source import Source, read_source
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.machine_fit import check_fits
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem
 

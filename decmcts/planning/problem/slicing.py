@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO, NoReturn
 
 from decmcts.errors import InputError
-from decmcts.formats.drafts import draft_folder
+from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.mesh import SliceOptions, slice_to_gcode
 from decmcts.formats.mesh.options import Bed
 from decmcts.formats.mesh.slicers import (

@@ -10,9 +10,9 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.machines.own_machine import PAGE, machine_of_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, read_sliced, slice_mesh
-from decmcts.formats.own_machine import PAGE, machine_of_text
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.slicing import SlicedFolder, Slicing

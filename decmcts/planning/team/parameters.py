@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from decmcts.formats.reading import read_toml
+from decmcts.formats.files.reading import read_toml
 from decmcts.team.dec_mcts.parameters import Parameters, changed
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.verifying.held import Held

@@ -10,8 +10,8 @@ from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, read_result
 from decmcts.formats.gcode.text.source_text import load_text
-from decmcts.formats.machine_file import load_machine
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Note, Report, unheard
 from decmcts.planning.problem.source import machine_for
 from decmcts.planning.verifying.heads import judge_heads, judge_heads_alone, refuse_mesh, source_of

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from decmcts.errors import InputError
-from decmcts.formats.drafts import draft_folder
+from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.lines import header_lines

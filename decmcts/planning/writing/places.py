@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from decmcts.errors import InputError, VerificationError
-from decmcts.formats.atomic import refuse_special, write_whole
+from decmcts.formats.files.atomic import refuse_special, write_whole
 from decmcts.formats.gcode.text.binary import SUFFIX
 from decmcts.formats.gcode.text.source_text import load_text, packed_text, save_text
 from decmcts.formats.mesh import MESH_SUFFIXES

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.sop import MOST_COST
+from decmcts.formats.bare.sop import MOST_COST
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping

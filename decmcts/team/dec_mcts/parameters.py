@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from decmcts.formats.fields import Fields, shown
+from decmcts.formats.files.fields import Fields, shown
 from decmcts.team.dec_mcts.polish import FEW
 from decmcts.team.engine.plans import POLICIES
 

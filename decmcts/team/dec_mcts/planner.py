@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.formats.machine_fit import require_printable
+from decmcts.print.machine_fit import require_printable
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping

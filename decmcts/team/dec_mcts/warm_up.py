@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from decmcts.feasibility.build import build_graph
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.team.dec_mcts.parameters import Parameters

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.machine_fit import require_printable
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.space import Space, build_space
 

@@ -20,10 +20,10 @@ from decmcts._kernels.engine.waits import find_waits, first_later
 from decmcts._kernels.geometry.pieces import cut_pieces
 from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.machine_fit import require_printable
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.space import Space, printing_times
 

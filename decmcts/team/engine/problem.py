@@ -20,9 +20,9 @@ from decmcts._kernels.exact.chains import chain_behind
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import DIGEST_BYTES, ROUND_TO, problem_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.machine_fit import require_printable
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.machine_fit import require_printable
 from decmcts.team.engine.bottleneck import bottleneck
 from decmcts.team.engine.macros import columns_of, cut_macros, part_of, part_progress
 from decmcts.team.engine.order import visits_of

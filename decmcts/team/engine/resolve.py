@@ -21,7 +21,7 @@ from decmcts._kernels.engine.dispatch import dispatch
 from decmcts._kernels.engine.joint import Units
 from decmcts._kernels.engine.rooms import Fleet
 from decmcts.errors import InputError
-from decmcts.formats.machine_fit import require_printable
+from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import nearest_first, split
 from decmcts.team.engine.order import refuse, sequences_of, units_of

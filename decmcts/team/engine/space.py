@@ -19,10 +19,10 @@ from decmcts._kernels.engine.joint import Visits
 from decmcts._kernels.engine.lags import no_lags
 from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.geometry.pieces import cut_pieces
-from decmcts.formats.machine_fit import require_printable
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
+from decmcts.print.machine_fit import require_printable
 from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import coo_matrix
 
-from decmcts.formats.qcsp import QcspProblem
+from decmcts.formats.bare.qcsp import QcspProblem
 
 SAFETY = 1e-6  # relative; the solver's tolerance, taken off the bound
 _MOST_ARCS = 200_000  # larger programmes take too long for what they say

@@ -22,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.formats.qcsp import QcspProblem
+from decmcts.formats.bare.qcsp import QcspProblem
 
 _LEVEL = 1e-9  # bays; what is straight to this is one move
 

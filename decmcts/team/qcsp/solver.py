@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.refine.qcsp import Crew, Yard, anneal_crews, copied, decode, weigh
-from decmcts.formats.qcsp import QcspProblem, QcspSchedule
+from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of

@@ -8,7 +8,7 @@ import pytest
 
 from decmcts.cli.commands.replay import read_record
 from decmcts.cli.run import run
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.samples import sample_path
 from sim.verify import verify_plan
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from decmcts.cli.run import run
-from tests.formats.test_qcsp import TINY
+from tests.formats.bare.test_qcsp import TINY
 
 
 def written(folder: Path, **change: Any) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from tests.formats.test_sop import HEAD, ROWS
+from tests.formats.bare.test_sop import HEAD, ROWS
 
 
 @pytest.mark.slow

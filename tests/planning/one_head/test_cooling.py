@@ -16,8 +16,8 @@ import trimesh
 from decmcts.cli.run import run
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import read_gcode, write_gcode
-from decmcts.formats.machine_file import load_machine
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import unheard
 from decmcts.planning.one_head.cooling import CLOSE, search_cooled
 from decmcts.planning.problem.print_problem import parked_above

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.plans.plan_json import read_plan
 from sim.verify import verify_plan
 from tests.cli.test_bad_input import TAIL, gcode
 

@@ -15,7 +15,7 @@ import trimesh
 from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, read_motions
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh.slicers import Slicer
 from decmcts.planning.problem.slicing import (
     BUILTIN,

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from decmcts.cli.run import run
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.plans.plan_json import read_plan
 from tests.cli.test_bad_input import SQUARE, gcode
 
 CLEARANCES = """

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.supervisor import LaunchError
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.events import Begun, Event, Heads, Note, Sound
 from decmcts.planning.options import Freedom, Limits, Objective, Rules, Seam, TeamSearch
 from decmcts.planning.problem.print_problem import load

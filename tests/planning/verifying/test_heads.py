@@ -11,7 +11,7 @@ import pytest
 from decmcts.cli.run import run
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode import write_head_gcode
-from decmcts.formats.plan_json import write_plan
+from decmcts.formats.plans.plan_json import write_plan
 from decmcts.planning.options import NO_QUALITY, ProcessOrder, Rules
 from decmcts.planning.problem.planned import Planned, document_of, source_plan
 from decmcts.planning.problem.print_problem import load

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from decmcts.cli.run import run
-from decmcts.formats.plan_json import read_plan, write_plan
+from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.options import NO_QUALITY
 from decmcts.planning.problem.planned import document_of, source_plan
 from decmcts.planning.problem.print_problem import load

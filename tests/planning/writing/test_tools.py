@@ -11,7 +11,7 @@ import pytest
 import decmcts
 from decmcts.cli.run import run
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.plan_json import read_plan
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.print_problem import load
 from decmcts.planning.result import Result

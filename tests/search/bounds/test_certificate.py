@@ -14,7 +14,7 @@ from decmcts._kernels.exact.pricing import price_travels
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.search.bounds import certificate, relaxation
 from decmcts.search.bounds.certificate import Ascent, lower_bound
 from decmcts.search.bounds.relaxation import Relaxation

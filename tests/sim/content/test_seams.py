@@ -10,7 +10,7 @@ import pytest
 
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import direct_actions, read_gcode, read_motions, write_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from decmcts.print.contours import Role
 from decmcts.print.loops import close_gaps, enter_at, traversal

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind, Verdict

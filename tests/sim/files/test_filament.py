@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.files.written import verify_written

@@ -11,7 +11,7 @@ import pytest
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
 from decmcts.formats.gcode.reading import reader
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.one_head.no_slower import write_no_slower
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import NO_QUALITY, PlannerName, Search

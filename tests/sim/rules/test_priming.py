@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import direct_actions, read_gcode, read_motions, write_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Role
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath

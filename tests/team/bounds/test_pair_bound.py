@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.team.bounds import pair_bound as pairs
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.bounds.pair_bound import pair_bound

@@ -10,7 +10,7 @@ import shapely
 import shapely.affinity
 
 from decmcts.errors import InputError
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.machine import Head, Machine, Slice
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.bounds.window_bound import CELL_MM, window_bound, window_of

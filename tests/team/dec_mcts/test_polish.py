@@ -11,7 +11,7 @@ import pytest
 from decmcts._kernels.random import seeded
 from decmcts._kernels.refine.windows import batch_of, draw_windows
 from decmcts.feasibility.build import build_graph
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.team.dec_mcts.polish import Polish
 from decmcts.team.dec_mcts.warm_up import smallest_job, smallest_problem
 from decmcts.team.engine.plans import StatedOrder, encode, encode_stated

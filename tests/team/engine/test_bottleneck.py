@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.team.engine.bottleneck import bottleneck
 
 

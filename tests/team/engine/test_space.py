@@ -17,10 +17,10 @@ from decmcts._kernels.engine.rooms import meet
 from decmcts._kernels.geometry.pieces import cut_pieces
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
-from decmcts.formats.machine_file import load_machine
-from decmcts.formats.machine_fit import require_printable
-from decmcts.formats.rail_family import rail_machine
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.machines.rail_family import rail_machine
 from decmcts.print.machine import Body, Head, Machine, Rail
+from decmcts.print.machine_fit import require_printable
 from decmcts.print.plan import PlanDocument
 from decmcts.team.dec_mcts.warm_up import smallest_job
 from decmcts.team.engine.problem import build_team_problem

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.refine.qcsp import SPREAD, decode, weigh
-from decmcts.formats.qcsp import QcspProblem, problem_of
+from decmcts.formats.bare.qcsp import QcspProblem, problem_of
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of

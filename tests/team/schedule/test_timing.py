@@ -10,7 +10,7 @@ import pytest
 from decmcts.feasibility.build import build_graph
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.controller.duration import print_time
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath

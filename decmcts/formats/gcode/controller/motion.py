@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.gcode import moves as kernels
 from decmcts._kernels.gcode import scan
-from decmcts.formats.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
+from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
 from decmcts.formats.gcode.text.lines import Lines
 
 CHORD_ERROR_MM = 0.005

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.gcode import scan
 from decmcts.errors import InputError
-from decmcts.formats.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
+from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
 
 LARGEST_E_MM = 1e9  # of absolute E, which may count for years
 LARGEST_RADIUS_MM = 1e6  # nearly straight arcs have their centre far away

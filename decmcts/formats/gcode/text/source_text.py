@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import BinaryIO, TextIO
 
 from decmcts.errors import InputError
-from decmcts.formats.atomic import write_whole
-from decmcts.formats.bounds import unpacked
+from decmcts.formats.files.atomic import write_whole
+from decmcts.formats.files.bounds import unpacked
+from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode.text.binary import SUFFIX, is_binary, pack, unpack
-from decmcts.formats.reading import read_bytes
 
 
 def load_text(path: Path | str) -> bytes:

@@ -12,7 +12,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, write_head_gcode
-from decmcts.formats.machine_file import load_machine
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.options import NO_QUALITY
 from decmcts.planning.problem.print_problem import load
 from decmcts.print.plan import ActionKind, JointPlan, end_edges

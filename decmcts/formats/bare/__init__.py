@@ -1,0 +1,1 @@
+"""Bare problems: sequential orderings, and cranes on one rail."""

@@ -1,0 +1,1 @@
+"""What all files share: how large they may be, how they are read, and put in place whole."""

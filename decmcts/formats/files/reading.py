@@ -1,0 +1,97 @@
+"""Files in: what every reader refuses in the same words, whatever the file is for."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from decmcts.errors import InputError
+from decmcts.formats.files.fields import shown
+
+_AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return what a file holds; raises InputError where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror})", path=path) from error
+
+
+def read_json(path: Path, kind: str) -> Mapping[str, Any]:
+    """Return the object in a JSON file that should be a `kind`.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read or holds no object.
+    """
+    content = read_bytes(path)
+    with one_line(path, kind):
+        values = json.loads(content)
+    if not isinstance(values, dict):
+        raise InputError(f"is no {kind}: expected an object", path=path)
+    return values
+
+
+def read_toml(path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
+    """Return what a TOML file says that should be a `kind`, which `page` describes.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read or is no TOML, with the line.
+    """
+    return parse_toml(read_bytes(path), path, kind, page=page)
+
+
+def parse_toml(content: bytes, path: Path, kind: str, *, page: str) -> Mapping[str, Any]:
+    """Return what a TOML file that holds `content` says; raises InputError as `read_toml`."""
+    with one_line(path, kind):
+        try:
+            return tomllib.loads(content.decode("utf-8"))
+        except tomllib.TOMLDecodeError as error:
+            found = _AT_LINE.search(str(error))
+            raise InputError(
+                _AT_LINE.sub("", str(error)),
+                path=path,
+                line=int(found[1]) if found else None,
+                advice=f"see {page}",
+            ) from error
+
+
+def once(path: Path) -> Callable[[list[tuple[str, Any]]], dict[str, Any]]:
+    """Return a hook for `json.loads` that refuses a key that stands twice in one table."""
+
+    def table_of(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        table = dict(pairs)
+        if len(table) < len(pairs):
+            keys = [key for key, _ in pairs]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise InputError(f"the key {shown(twice)} stands twice in one table", path=path)
+        return table
+
+    return table_of
+
+
+@contextmanager
+def one_line(path: Path, kind: str) -> Iterator[None]:
+    """Turn what Python's readers raise of text that should be a `kind` into an InputError."""
+    try:
+        yield
+    except UnicodeDecodeError as error:
+        raise InputError(f"is no UTF-8 text, so no {kind}", path=path) from error
+    except RecursionError as error:
+        raise InputError(f"is nested too deeply to be a {kind}", path=path) from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"is no JSON: {error.msg}", path=path, line=error.lineno) from error
+    except ValueError as error:  # Python reads no integer of more digits than that
+        digits = sys.get_int_max_str_digits()
+        raise InputError(f"a number of more than {digits} digits", path=path) from error

@@ -1,0 +1,1 @@
+"""A head as keys and values: its shape, name and limits, or the clearances slicers state."""

@@ -1,0 +1,180 @@
+"""A head as nested mappings: its shape, bodies, park, reach, tools and limits.
+
+A new kind of head shape gets its keys here, for machine files and plan.json at once.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.files.bounds import LARGEST_MM
+from decmcts.formats.files.fields import Fields, points, shown
+from decmcts.formats.heads.clearances import LARGEST_MM as LARGEST_CLEARANCE_MM
+from decmcts.formats.heads.clearances import TALLEST_NOZZLE_MM, clearance_head
+from decmcts.formats.heads.head_name import head_name
+from decmcts.formats.heads.head_polygon import check_polygon, covers_nozzle
+from decmcts.formats.heads.lengths import size, triple
+from decmcts.formats.heads.limits_dict import limits_from, limits_to_dict
+from decmcts.print.machine import Body, Head, MotionLimits, Slice
+
+_UNREACHED = 1e6  # the types' "no limit"
+_HEAD_KEYS = (
+    "name",
+    "slices",
+    "clearance",
+    "bodies",
+    "park",
+    "reach",
+    "reach_min",
+    "reach_max",
+    "tools",
+    "limits",
+)
+
+
+def head_to_dict(head: Head) -> dict[str, Any]:
+    """Return plain lists, numbers and texts that `head_from` reads back equal."""
+    own = {} if head.limits is None else {"limits": limits_to_dict(head.limits)}
+    return {
+        "name": head.name,
+        "slices": [
+            {"height": s.height_mm, "polygons": [p.tolist() for p in s.polygons]}
+            for s in head.slices
+        ],
+        "bodies": [
+            {"name": b.name, "min": list(b.minimum), "max": list(b.maximum)} for b in head.bodies
+        ],
+        "park": list(head.park),
+        "reach": {"min": list(head.reach_min), "max": list(head.reach_max)},
+        "tools": list(head.tools),
+        **own,
+    }
+
+
+def head_from(table: Fields, across_mm: float, usual: MotionLimits) -> Head:
+    """Return the head a table describes.
+
+    Parameters
+    ----------
+    table : Fields
+        The mapping, keys as in docs/machine-format.md.
+    across_mm : float
+        How far a nozzle gets along either axis of the bed.
+    usual : MotionLimits
+        The machine's own, for limits the head does not state.
+
+    Raises
+    ------
+    InputError
+        For anything missing, unknown, of the wrong type or impossible.
+    """
+    table.only(*_HEAD_KEYS)
+    slices = _slices(table, across_mm)
+    _check_slices(slices, table)
+    bodies = tuple(_body(b) for b in table.tables("bodies")) if "bodies" in table.values else ()
+    low, high = _reach(table)
+    tools = table.items("tools") if "tools" in table.values else []
+    if any(type(tool) is not int or tool < 0 for tool in tools):
+        table.fail("tools", f"expected tool numbers from 0, found {shown(tools)}")
+    return Head(
+        name=head_name(table),
+        slices=tuple(slices),
+        bodies=bodies,
+        park=_park(table) if "park" in table.values else (0.0, 0.0, 0.0),
+        reach_min=low,
+        reach_max=high,
+        tools=tuple(tools),
+        limits=limits_from(table, usual) if "limits" in table.values else None,
+    )
+
+
+def _slices(table: Fields, across_mm: float) -> list[Slice]:
+    if "clearance" in table.values:
+        if "slices" in table.values:
+            table.fail("clearance", "stands beside slices", "give one of the two")
+        return _clearance(table.table("clearance"), across_mm)
+    return sorted((_slice(s) for s in table.tables("slices")), key=lambda s: s.height_mm)
+
+
+def _clearance(table: Fields, across_mm: float) -> list[Slice]:
+    """Return the slices of a head given by three lengths, as slicers know it."""
+    table.only("radius", "nozzle_height", "rod_height")
+    radius = table.number("radius", least=0.0)
+    nozzle = table.number("nozzle_height", 0.0, least=0.0)
+    rod = table.number("rod_height", least=0.0)
+    for key, value in (("radius", radius), ("rod_height", rod)):
+        if not 0.0 < value <= LARGEST_CLEARANCE_MM:
+            table.fail(key, f"{value:g} is not above 0 and up to {LARGEST_CLEARANCE_MM:g} mm")
+    if nozzle > TALLEST_NOZZLE_MM:
+        table.fail("nozzle_height", f"{nozzle:g} is above {TALLEST_NOZZLE_MM:g} mm")
+    return list(clearance_head(radius, nozzle, rod, across_mm))
+
+
+def _slice(table: Fields) -> Slice:
+    table.only("height", "height_mm", "polygons")
+    height = size(table, "height_mm" if "height_mm" in table.values else "height")
+    polygons: list[NDArray[np.float64]] = []
+    for number, rows in enumerate(table.items("polygons"), 1):
+        place = f"{table.where} (height {height:g}), polygon {number}"
+        polygon = points(rows, (2,), place, table.path, most=LARGEST_MM)
+        check_polygon(polygon, place, table.path)
+        polygon.setflags(write=False)
+        polygons.append(polygon)
+    if not polygons:
+        table.fail("polygons", "no polygon")
+    return Slice(height, tuple(polygons))
+
+
+def _check_slices(slices: list[Slice], table: Fields) -> None:
+    if not slices or slices[0].height_mm != 0.0:
+        table.fail(
+            "slices", "no slice at height 0", "add the nozzle's tip as a polygon at height 0"
+        )
+    if not any(covers_nozzle(p) for p in slices[0].polygons):
+        table.fail(
+            "slices",
+            "no polygon of the slice at height 0 contains the nozzle (0, 0)",
+            "coordinates are relative to the nozzle",
+        )
+    heights = [s.height_mm for s in slices]
+    for low, high in pairwise(heights):
+        if low == high:
+            table.fail("slices", f"two slices at height {low:g}", "put their polygons in one slice")
+
+
+def _body(table: Fields) -> Body:
+    table.only("name", "min", "max")
+    low, high = triple(table, "min"), triple(table, "max")
+    if not all(a < b for a, b in zip(low, high, strict=True)):
+        table.fail("min", f"{list(low)} is not below max {list(high)} on every axis")
+    return Body(table.text("name", "body"), low, high)
+
+
+def _park(table: Fields) -> tuple[float, float, float]:
+    park = triple(table, "park")
+    if park[2] < 0.0:
+        table.fail("park", f"z is {park[2]:g}, below the bed", "park at 0 or above")
+    return park
+
+
+def _reach(
+    table: Fields,
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    low = (-_UNREACHED,) * 3
+    high = (_UNREACHED,) * 3
+    if "reach" in table.values:
+        reach = table.table("reach")
+        reach.only("min", "max")
+        low = triple(reach, "min", most=_UNREACHED)
+        high = triple(reach, "max", most=_UNREACHED)
+    if "reach_min" in table.values:
+        low = triple(table, "reach_min", most=_UNREACHED)
+    if "reach_max" in table.values:
+        high = triple(table, "reach_max", most=_UNREACHED)
+    if not all(a <= b for a, b in zip(low, high, strict=True)):
+        table.fail("reach", f"min {list(low)} is above max {list(high)}")
+    return low, high

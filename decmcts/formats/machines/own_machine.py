@@ -1,0 +1,99 @@
+"""The machine of a print that names none: its printer's preset, or a head of its clearances.
+
+The printer's name and the clearances are what a slicer wrote into the G-code.
+Presets with Prusa's own shapes of a head stand for their printer whatever the
+clearances; those made of a profile's clearances give way to a file that asks for
+more room, which its user may have had to.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from decmcts.errors import InputError
+from decmcts.formats.heads.clearances import (
+    SETTINGS,
+    Clearances,
+    clearance_machine,
+    read_clearances,
+)
+from decmcts.formats.heads.head_polygon import inner_radius
+from decmcts.formats.machines.machine_file import (
+    load_machine,
+    preset_by_clearances,
+    preset_for_printer,
+)
+from decmcts.formats.machines.slicer_settings import comment_settings
+from decmcts.print.machine import Machine
+
+PAGE = "docs/measure-your-head.md"
+HAIR_MM = 1e-6  # rounding of a polygon around a disc
+
+
+def machine_of_text(
+    text: bytes, path: Path | str | None = None, *, printer: str = ""
+) -> tuple[Machine, str]:
+    """Return the machine a G-code text is for, and one line on where it comes from.
+
+    Parameters
+    ----------
+    text : bytes
+        The G-code.
+    path : Path | str | None
+        Its file, for messages.
+    printer : str
+        The slicer's printer model, where known from elsewhere; else the text's counts.
+
+    Raises
+    ------
+    InputError
+        When it names no printer we know and states no clearances, or some that can't be.
+    """
+    settings = comment_settings(text, SETTINGS, path)
+    printer = printer or (settings["printer_model"].text if "printer_model" in settings else "")
+    shape = preset_for_printer(printer)
+    if shape is not None:
+        return load_machine(shape), f"machine {shape}, the preset of printer {printer}"
+    found = read_clearances(settings, path)
+    preset = preset_by_clearances(printer)
+    if preset is not None:
+        machine = load_machine(preset)
+        if found is None or holds(machine, found):
+            return machine, f"machine {preset}, the preset of printer {printer}"
+    if found is None:
+        raise InputError(
+            "the file names no printer we know and states no clearances of its head",
+            path=path,
+            advice="add --machine NAME (`decmcts machines` lists them; `paper` is the box of the "
+            f"literature), a profile of your slicer, or measure your head: {PAGE}",
+        )
+    return clearance_machine(found, source="clearances in the G-code"), said_of(found)
+
+
+def said_of(found: Clearances) -> str:
+    """Return one line on a head made of clearances."""
+    doubt = (
+        "; radius and height are the slicer's defaults, so compare them with your printer"
+        if found.unchanged
+        else ""
+    )
+    return f"machine by the file's clearances: {found}{doubt} ({PAGE} shows how to gain more)"
+
+
+def holds(machine: Machine, found: Clearances) -> bool:
+    """Tell whether a machine made of clearances takes all the room that others state.
+
+    Where they state no nozzle height, where the machine's disc begins is its own business.
+    """
+    across = float(np.subtract(machine.bed_max, machine.bed_min).max())
+    parts = [
+        (part.height_mm, inner_radius(polygon))
+        for part in machine.heads[0].slices
+        for polygon in part.polygons
+    ]
+    begin = np.inf if found.nozzle is None else found.nozzle
+    disc = max(radius for height, radius in parts if radius < across and height <= begin)
+    rod = min((height for height, radius in parts if radius >= across), default=np.inf)
+    return bool(disc >= found.radius - HAIR_MM and rod <= found.rod)

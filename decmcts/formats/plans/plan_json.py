@@ -1,0 +1,209 @@
+"""plan.json: a joint plan with all that is needed to check or draw it.
+
+The schema is docs/plan-format.md; version 2 is written, version 1 is read too.
+Numbers are written so that reading them back gives the same bits. Reading is
+strict: whatever is malformed is refused with its place in the file. Whether a
+plan is *safe* is judged in `sim`.
+"""
+
+from __future__ import annotations
+
+import gc
+import io
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, BinaryIO, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.formats.files.bounds import LARGEST_SECONDS, unpacked
+from decmcts.formats.files.fields import Fields, shown
+from decmcts.formats.files.reading import once, one_line, read_bytes
+from decmcts.formats.gcode.text.source_text import save_text
+from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
+from decmcts.formats.plans.plan_actions import actions_from_dicts, actions_to_dicts, check_points
+from decmcts.formats.plans.plan_contours import contours_from_dicts, contours_to_dicts
+from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
+
+FORMAT = "decmcts-plan"
+VERSION = 2
+_READ = (1, 2)
+_KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
+_COOLING = "min_layer_time_s"  # may be left out
+_RULES = "rules"  # likewise
+_CHOICES = {"process_order": ("keep", "free"), "freedom": ("fixed", "reversible", "seam")}
+_MOST_LAYERS = 2**31
+
+
+def write_plan(document: PlanDocument, path: Path | str) -> None:
+    """Write a plan, gzipped when the name ends in ``.gz``; all of it or nothing.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written, or a number of the plan is not finite.
+    """
+    text = io.BytesIO()
+    try:
+        _write(document, text)
+    except ValueError as error:
+        raise InputError(f"the plan cannot be written: {error}", path=path) from error
+    save_text(text.getvalue(), path)
+
+
+def _write(document: PlanDocument, file: BinaryIO) -> None:
+    """Write one contour and one action a line: easy to search, and no copy as objects."""
+    head = {
+        "format": FORMAT,
+        "version": VERSION,
+        "problem": document.problem,
+        "machine": machine_to_dict(document.machine),
+    }
+    if document.min_layer_time_s:
+        head[_COOLING] = document.min_layer_time_s
+    if document.rules is not None:
+        head[_RULES] = asdict(document.rules)
+    file.write(_dump(head)[:-1] + b',\n"contours":[')
+    _write_lines(file, contours_to_dicts(document.contours, document.machine))
+    file.write(b'],\n"precedence":' + _dump(document.precedence.tolist()) + b',\n"heads":[')
+    names = [head.head for head in document.plan.heads]
+    for number, actions in enumerate(document.plan.heads):
+        file.write(b"," if number else b"")
+        file.write(b'\n{"name":' + _dump(actions.head) + b',"actions":[')
+        _write_lines(file, actions_to_dicts(actions, names))
+        file.write(b"]}")
+    file.write(b'],\n"metrics":' + _dump(document.metrics) + b"}\n")
+
+
+def _write_lines(file: BinaryIO, rows: Iterator[dict[str, Any]]) -> None:
+    separator = b"\n"
+    for row in rows:
+        file.write(separator + _dump(row))
+        separator = b",\n"
+
+
+def _dump(value: Any) -> bytes:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False, default=_plain).encode()
+
+
+def _plain(value: Any) -> Any:
+    """Return numpy scalars and arrays of the metrics as plain values."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise ValueError(f"metrics hold a {type(value).__name__}, which JSON cannot")
+
+
+def read_plan(path: Path | str) -> PlanDocument:
+    """Read a plan, gzipped or not.
+
+    Raises
+    ------
+    InputError
+        Naming the place, e.g. ``heads[1].actions[17].after[0]: ...``, for
+        anything that is not of the format.
+    """
+    source = Path(path)
+    given = Fields.of(_parse(source), "", source)
+    if given.values.get("format") != FORMAT:
+        given.fail("format", f"is no {FORMAT!r}", "give a plan.json written by this program")
+    version = given.values.get("version")
+    if type(version) is not int or version not in _READ:
+        known = " or ".join(map(str, _READ))
+        given.fail("version", f"{shown(version)} is not {known}")
+    given.only(*_KEYS, _COOLING, _RULES)
+    machine = machine_from_dict(given.need("machine"), where="machine", path=source)
+    contours = contours_from_dicts(given.tables("contours"), machine)
+    return PlanDocument(
+        given.text("problem"),
+        machine,
+        contours,
+        _precedence(given, len(contours)),
+        _plan(given, contours_sizes=np.diff(contours.offsets).tolist(), version=version),
+        dict(given.table("metrics").values),
+        given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
+        _rules(given.table(_RULES)) if _RULES in given.values else None,
+    )
+
+
+def _rules(table: Fields) -> OrderRules:
+    """Return the rules a plan says it was made by; each has to be said."""
+    table.only(*(field.name for field in fields(OrderRules)))
+    for key, choices in _CHOICES.items():
+        if table.text(key) not in choices:
+            table.fail(key, f"{shown(table.need(key))} is none of {', '.join(choices)}")
+    ahead = table.need("max_layers_ahead")
+    if ahead is not None:
+        ahead = table.integer("max_layers_ahead", least=0, below=_MOST_LAYERS)
+    return OrderRules(
+        table.text("process_order"), table.flag("quality"), ahead, table.text("freedom")
+    )
+
+
+def _parse(path: Path) -> Any:
+    def refuse(text: str) -> NoReturn:
+        raise InputError(f"the number {text} is not finite", path=path)
+
+    content = unpacked(read_bytes(path), path)
+    with one_line(path, "plan"), _uncollected():
+        return json.loads(content, parse_constant=refuse, object_pairs_hook=once(path))
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Keep the cycle collector from walking millions of new lists again and again."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
+    rows = given.items("precedence")
+    flat = [v for row in rows if type(row) is list and len(row) == 2 for v in row]
+    if len(flat) != 2 * len(rows) or not set(map(type, flat)) <= {int}:
+        bad = next(i for i, row in enumerate(rows) if not _is_pair(row))
+        given.fail(f"precedence[{bad}]", f"expected two contour ids, found {shown(rows[bad])}")
+    wrong = next((i for i, v in enumerate(flat) if not 0 <= v < n), None)
+    if wrong is not None:
+        given.fail(f"precedence[{wrong // 2}]", f"no contour {shown(flat[wrong])}, there are {n}")
+    pairs = np.array(flat, np.int32).reshape(-1, 2)
+    toolpath = np.flatnonzero(pairs[:, 0] >= pairs[:, 1])
+    if len(toolpath):
+        a, b = pairs[toolpath[0]].tolist()
+        given.fail(
+            f"precedence[{toolpath[0]}]",
+            f"contour {a} before itself" if a == b else f"contour {a} before contour {b}",
+            "contours are numbered in the order of the source, which keeps every pair",
+        )
+    return pairs
+
+
+def _is_pair(row: Any) -> bool:
+    return type(row) is list and len(row) == 2 and all(type(v) is int for v in row)
+
+
+def _plan(given: Fields, *, contours_sizes: list[int], version: int) -> JointPlan:
+    tables = given.tables("heads")
+    names = [table.text("name") for table in tables]
+    known = [table.text("name") for table in given.table("machine").tables("heads")]
+    for table, name in zip(tables, names, strict=True):
+        table.only("name", "actions")
+        if name not in known:
+            table.fail("name", f"{shown(name)} is no head of the machine ({', '.join(known)})")
+        if names.count(name) > 1:
+            table.fail("name", f"{shown(name)} stands for more than one head of the plan")
+    counts = [len(table.items("actions")) for table in tables]
+    all_actions = tuple(
+        actions_from_dicts(table, names, counts, contours_sizes, version=version)
+        for table in tables
+    )
+    check_points(tables, all_actions)
+    return JointPlan(all_actions)
