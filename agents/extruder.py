@@ -18,13 +18,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from agents.agent import TICK_S, Agent
-from agents.events import Leave, PlanningEnded, Release
-from agents.messages import MAX_SILENCE_TICKS, SILENCE_TICKS
-from agents.pipes import PipeFront, TerminalFront, line_of
-from agents.planner import Planner
-from agents.processes import PREFIX
-from agents.transport import NoNetwork, Traffic, Transport
+from agents.agreeing.events import Leave, PlanningEnded, Release
+from agents.launching.processes import PREFIX
+from agents.loop.agent import TICK_S, Agent
+from agents.loop.pipes import PipeFront, TerminalFront, line_of
+from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS
+from agents.networks.transport import NoNetwork, Traffic, Transport
+from agents.planners.planner import Planner
 from decmcts.errors import InputError
 
 LINGER_S = 10.0
@@ -95,7 +95,7 @@ def _transport(options: Options, traffic: Traffic) -> Transport:
     if not options.ports:
         return NoNetwork()
     # Imported here: the single-extruder mode needs no zenoh.
-    from agents.zenoh_transport import Endpoints, ZenohTransport
+    from agents.networks.zenoh_transport import Endpoints, ZenohTransport
 
     endpoints = Endpoints.mesh(options.ports, options.head)
 
@@ -169,9 +169,9 @@ def options_of(given: argparse.Namespace) -> Options:
 def _team_planner(given: argparse.Namespace) -> Planner:
     # Imported here: the computing rooms take a second to load, which tests of
     # the processes with a planner of their own need not wait for.
-    from agents.pack import read_pack
-    from agents.source import load_source
-    from agents.team_planner import TeamPlanner
+    from agents.planners.pack import read_pack
+    from agents.planners.source import load_source
+    from agents.planners.team_planner import TeamPlanner
 
     if given.pack is not None:
         pack = read_pack(given.pack)

@@ -13,10 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from agents.pack import TEAM, Pack, write_pack
-from agents.serial import joint_order
-from agents.spawn import Agreement, OnStart, run_agents
-from agents.supervisor import LaunchError, OnProgress, ShouldStop
+from agents.launching.spawn import Agreement, OnStart, run_agents
+from agents.launching.supervisor import LaunchError, OnProgress, ShouldStop
+from agents.planners.pack import TEAM, Pack, write_pack
+from agents.planners.serial import joint_order
 from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph

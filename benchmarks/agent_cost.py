@@ -2,9 +2,9 @@
 
     python benchmarks/agent_cost.py '{"folder": "…", "part": "cost", "seed": 0, "seconds": 0}'
 
-The print is a pack, as a launcher hands it to its agents (`agents/pack.py`), so memory is what
-an agent needs and not what reading G-code takes. Called by `team_growth.py`. All seconds are
-processor time; kernels are compiled, or loaded, before.
+The print is a pack, as a launcher hands it to its agents (`agents/planners/pack.py`), so
+memory is what an agent needs and not what reading G-code takes. Called by `team_growth.py`. All
+seconds are processor time; kernels are compiled, or loaded, before.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from team_run import judgement
 
-import agents.zenoh_transport  # noqa: F401 - an agent has it loaded
-from agents.codec import encode as packed
-from agents.messages import Beat, Envelope, Message
-from agents.pack import read_pack
-from agents.team_planner import TeamPlanner
+import agents.networks.zenoh_transport  # noqa: F401 - an agent has it loaded
+from agents.messages.codec import encode as packed
+from agents.messages.kinds import Beat, Envelope, Message
+from agents.planners.pack import read_pack
+from agents.planners.team_planner import TeamPlanner
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters
 from decmcts.team.dec_mcts.rounds import plan_team

@@ -26,11 +26,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from common import Rows, arguments, grouped, markdown, median, names, run_missing, setting, spread
 
-from agents.events import Release
-from agents.memory import Weather
-from agents.serial import joint_order
-from agents.source import load_source
-from agents.team_planner import TeamPlanner
+from agents.agreeing.events import Release
+from agents.networks.memory import Weather
+from agents.planners.serial import joint_order
+from agents.planners.source import load_source
+from agents.planners.team_planner import TeamPlanner
 from decmcts.print.plan import PlanDocument
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.schedule.joint_plan import schedule

@@ -32,9 +32,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from common import RESULTS, ROOT, Rows, grouped, markdown, run_missing, setting, spread
 
 from agents.launch import launch
-from agents.source import load_source
-from agents.spawn import run_agents
-from agents.supervisor import AgentStatus, LaunchError
+from agents.launching.spawn import run_agents
+from agents.launching.supervisor import AgentStatus, LaunchError
+from agents.planners.source import load_source
 from decmcts.print.plan import PlanDocument
 from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.made_print import made_gcode

@@ -37,7 +37,7 @@ from common import (
 )
 from team_prints import job_named, machine_named
 
-from agents.pack import Pack, write_pack
+from agents.planners.pack import Pack, write_pack
 from decmcts.feasibility.rules import order_rules
 from decmcts.planning.problem.print_problem import parked_above
 

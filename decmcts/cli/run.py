@@ -13,7 +13,7 @@ from unicodedata import category
 
 from typer.exceptions import TyperException
 
-from agents.supervisor import LaunchError
+from agents.launching.supervisor import LaunchError
 from decmcts.cli import (
     commands,  # noqa: F401 - it registers them
     signals,

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.agent import Agent, Progress
-from agents.events import Event, Fenced, Left, Note, Refused, Release, Unfenced
-from agents.memory import MemoryNetwork, MemoryTransport, Weather
-from agents.planner import Planner
-from agents.transport import Traffic
+from agents.agreeing.events import Event, Fenced, Left, Note, Refused, Release, Unfenced
+from agents.loop.agent import Agent, Progress
+from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
+from agents.networks.transport import Traffic
+from agents.planners.planner import Planner
 from tests.agents.toy import ToyPlanner
 
 STEP_S = 0.02

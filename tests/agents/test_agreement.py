@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.agent import Agent
-from agents.codec import encode, kind_of
-from agents.events import Note, Refused, Unfenced
-from agents.memory import Weather
-from agents.messages import Distribution, Envelope, Goodbye, Proposal
-from agents.transport import NoNetwork, Packet
+from agents.agreeing.events import Note, Refused, Unfenced
+from agents.loop.agent import Agent
+from agents.messages.codec import encode, kind_of
+from agents.messages.kinds import Distribution, Envelope, Goodbye, Proposal
+from agents.networks.memory import Weather
+from agents.networks.transport import NoNetwork, Packet
 from tests.agents.simulation import Recorder, Team
 from tests.agents.toy import ToyPlanner, load_balance
 

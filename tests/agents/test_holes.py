@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.agent import TICK_S
-from agents.agreement import STALLED_TICKS
-from agents.codec import encode, kind_of
-from agents.events import Fenced, Note, Phase, Refused, Release, Unfenced
-from agents.memory import Weather
-from agents.messages import VERSION, Envelope, Hello, Joint, Message, PlanReply, Proposal
-from agents.transport import Packet, Presence
+from agents.agreeing.agreement import STALLED_TICKS
+from agents.agreeing.events import Fenced, Note, Phase, Refused, Release, Unfenced
+from agents.loop.agent import TICK_S
+from agents.messages.codec import encode, kind_of
+from agents.messages.kinds import VERSION, Envelope, Hello, Joint, Message, PlanReply, Proposal
+from agents.networks.memory import Weather
+from agents.networks.transport import Packet, Presence
 from tests.agents.simulation import Team
 
 STORM = Weather(loss=0.3, delay_s=(0.0, 0.4), duplicate=0.3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.memory import Weather
+from agents.networks.memory import Weather
 from tests.agents.simulation import Team
 
 

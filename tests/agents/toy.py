@@ -13,8 +13,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from agents.messages import Distribution, Joint, MessageError, Plans
-from agents.planner import JointProposal
+from agents.messages.kinds import Distribution, Joint, MessageError, Plans
+from agents.planners.planner import JointProposal
 from decmcts.errors import InputError
 
 

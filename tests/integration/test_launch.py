@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 import zenoh
 
-from agents.codec import MAX_MESSAGE_BYTES
-from agents.keys import Keys
-from agents.spawn import Agreement, free_ports, run_agents
-from agents.supervisor import AgentStatus, LaunchError
-from agents.zenoh_transport import Endpoints, configuration
+from agents.launching.spawn import Agreement, free_ports, run_agents
+from agents.launching.supervisor import AgentStatus, LaunchError
+from agents.messages.codec import MAX_MESSAGE_BYTES
+from agents.messages.keys import Keys
+from agents.networks.zenoh_transport import Endpoints, configuration
 from tests.agents.toy import load_balance
 
 TOY = (sys.executable, str(Path(__file__).with_name("toy_agent.py")))
@@ -188,8 +188,8 @@ def has_dropped_much(status: Status) -> bool:
 def test_malformed_and_oversized_messages_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever shares the bus must not stop a print."""
     ports, ended = free_ports(2), threading.Event()
-    monkeypatch.setattr("agents.spawn.free_ports", lambda n: ports)
-    monkeypatch.setattr("agents.spawn.secrets.token_hex", lambda n: "known")
+    monkeypatch.setattr("agents.launching.spawn.free_ports", lambda n: ports)
+    monkeypatch.setattr("agents.launching.spawn.secrets.token_hex", lambda n: "known")
     neighbour = threading.Thread(target=shout, args=(ports, "known", ended))
     neighbour.start()
     try:

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from agents.launch import LaunchResult, launch
-from agents.pack import Pack
-from agents.source import load_source
-from agents.supervisor import AgentStatus
+from agents.launching.supervisor import AgentStatus
+from agents.planners.pack import Pack
+from agents.planners.source import load_source
 from decmcts.samples import sample_path
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve

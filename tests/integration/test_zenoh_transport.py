@@ -16,11 +16,11 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from agents.codec import KINDS, MAX_MESSAGE_BYTES
-from agents.keys import Keys
-from agents.spawn import free_ports
-from agents.transport import Arrival, Packet, Presence
-from agents.zenoh_transport import (
+from agents.launching.spawn import free_ports
+from agents.messages.codec import KINDS, MAX_MESSAGE_BYTES
+from agents.messages.keys import Keys
+from agents.networks.transport import Arrival, Packet, Presence
+from agents.networks.zenoh_transport import (
     LEASE_MS,
     QUEUE_BYTES,
     Endpoints,
@@ -34,7 +34,7 @@ pytestmark = pytest.mark.slow
 
 CHILD = """
 import sys, time
-from agents.zenoh_transport import Endpoints, ZenohTransport
+from agents.networks.zenoh_transport import Endpoints, ZenohTransport
 ports = [int(p) for p in sys.argv[1].split(",")]
 with ZenohTransport("t", 1, 7, Endpoints.mesh(ports, 1)) as transport:
     while True:

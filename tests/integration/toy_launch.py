@@ -9,8 +9,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from agents.spawn import run_agents
-from agents.supervisor import AgentStatus
+from agents.launching.spawn import run_agents
+from agents.launching.supervisor import AgentStatus
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # CI may start us ignoring it

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from agents.launch import LaunchResult
-from agents.spawn import Agreement
+from agents.launching.spawn import Agreement
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine

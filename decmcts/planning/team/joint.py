@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
-from agents.supervisor import AgentStatus
+from agents.launching.supervisor import AgentStatus
 from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
 from decmcts.planning.events import Note, Report

@@ -14,7 +14,7 @@ import numpy as np
 
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
-from agents.supervisor import AgentStatus, LaunchError, OnProgress
+from agents.launching.supervisor import AgentStatus, LaunchError, OnProgress
 from decmcts._kernels.engine.lags import Lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from agents.supervisor import AgentStatus
+from agents.launching.supervisor import AgentStatus
 from decmcts.cli.app import app
 from decmcts.cli.commands.replay import agents_table, read_record, recording
 from decmcts.errors import InputError

@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 import numpy as np
 import pytest
 
-from agents.supervisor import LaunchError
+from agents.launching.supervisor import LaunchError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.events import Begun, Event, Heads, Note, Sound
 from decmcts.planning.options import Freedom, Limits, Objective, Rules, Seam, TeamSearch

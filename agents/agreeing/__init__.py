@@ -1,0 +1,1 @@
+"""How agents come to one plan, as a state machine: no socket, thread or clock."""

@@ -1,0 +1,131 @@
+"""Starts one agent process per head, has them supervised and returns their agreement.
+
+Knows nothing of prints: which program an agent is and what it plans are
+arguments. `agents.launch` uses it for real prints.
+"""
+
+from __future__ import annotations
+
+import queue
+import secrets
+import socket
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.launching.processes import AgentProcess, Said
+from agents.launching.supervisor import AgentStatus, OnProgress, ShouldStop, Supervisor
+
+OnStart = Callable[[Mapping[int, int]], None]
+"""Told the process id of every head."""
+
+PORTS = range(10_000, 32_768)  # outgoing connections get 32768 and more on Linux, 49152 elsewhere
+EXTRUDER = (sys.executable, "-m", "agents.extruder")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Agreement:
+    """The plan the agents released, and how they came to it."""
+
+    plans: Mapping[int, NDArray[np.int32]]  # head -> its plan
+    makespan_s: float
+    digest: str
+    live: tuple[int, ...]  # heads the plan uses
+    agents: tuple[AgentStatus, ...]  # of every head, lost ones included
+
+
+def free_ports(n: int) -> tuple[int, ...]:
+    """Return `n` different loopback ports that are free now and likely stay so.
+
+    Systems give higher ones to outgoing connections: those of agents that try to reach a
+    peer could take its port before it listens there.
+
+    Raises
+    ------
+    OSError
+        If there are not so many.
+    """
+    found: list[int] = []
+    with ExitStack() as stack:
+        for port in secrets.SystemRandom().sample(PORTS, len(PORTS)):
+            if len(found) == n:
+                break
+            each = stack.enter_context(socket.socket())
+            with suppress(OSError):
+                each.bind(("127.0.0.1", port))
+                found.append(port)
+    if len(found) < n:
+        raise OSError(f"no {n} free ports from {PORTS.start} to {PORTS.stop - 1}")
+    return tuple(found)
+
+
+def run_agents(
+    names: Sequence[str],
+    arguments: Sequence[str],
+    *,
+    time_limit_s: float,
+    seed: int,
+    command: Sequence[str] = EXTRUDER,
+    on_progress: OnProgress | None = None,
+    on_start: OnStart | None = None,
+    should_stop: ShouldStop | None = None,
+) -> Agreement:
+    """Run one agent process per head and return what they agreed on.
+
+    Every agent runs `command` with `arguments`, e.g. `--pack DIR`, and its own
+    place in the team. `time_limit_s` counts from when all agents are ready;
+    `on_progress` is told the status of all whenever something was heard,
+    `on_start` the process ids, and `should_stop` is asked ten times a second
+    whether to agree on the best so far. Raises LaunchError if there is no plan.
+    """
+    heard: queue.Queue[Said] = queue.Queue()
+    epoch = time.time_ns() // 1_000_000
+    shared = [*command, *arguments, *_shared_arguments(len(names), time_limit_s, seed)]
+    shared += ["--epoch", str(epoch)]
+    agents: dict[int, AgentProcess] = {}
+    try:
+        for head in range(len(names)):
+            agents[head] = AgentProcess(head, [*shared, "--head", str(head)], heard)
+        if on_start is not None:
+            on_start({head: agent.pid for head, agent in agents.items()})
+        supervisor = Supervisor(
+            agents,
+            tuple(names),
+            heard,
+            time_limit_s=time_limit_s,
+            epoch=epoch,
+            on_progress=on_progress,
+            should_stop=should_stop,
+        )
+        released = supervisor.run()
+    finally:
+        _end(agents)
+    return _agreement(released, tuple(supervisor.status))
+
+
+def _shared_arguments(n: int, time_limit_s: float, seed: int) -> list[str]:
+    given = ["--controlled", "--time-limit", repr(time_limit_s), "--seed", str(seed)]
+    if n > 1:  # one head is the single-extruder mode: no network
+        ports = ",".join(str(port) for port in free_ports(n))
+        given += ["--ports", ports, "--session", secrets.token_hex(8)]
+    return given
+
+
+def _end(agents: Mapping[int, AgentProcess]) -> None:
+    for agent in agents.values():
+        agent.tell({"command": "exit"})
+    for agent in agents.values():
+        agent.reap()
+
+
+def _agreement(released: dict[str, Any], status: tuple[AgentStatus, ...]) -> Agreement:
+    plans = {int(h): np.array(plan, np.int32) for h, plan in released["plans"].items()}
+    return Agreement(
+        plans, released["makespan_s"], released["digest"], tuple(released["live"]), status
+    )

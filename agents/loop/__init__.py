@@ -1,0 +1,1 @@
+"""The loop of one agent, with planner, protocol and network as arguments."""

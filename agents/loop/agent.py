@@ -1,0 +1,365 @@
+"""The loop of one agent: planner, protocol and transport put together.
+
+One thread does everything in a fixed order, so equal seeds and equal arrivals
+give equal plans. It owns no process, signal or pipe (`agents.extruder` does);
+clock, transport, planner and front end are arguments.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol as Interface
+
+from agents.agreeing.events import (
+    DistributionReady,
+    Effect,
+    Event,
+    Forget,
+    JointReady,
+    Leave,
+    Left,
+    LiveChanged,
+    Note,
+    Offer,
+    PeerAppeared,
+    PeerGone,
+    Phase,
+    PlanningEnded,
+    PlanResolved,
+    Propose,
+    Proposed,
+    Received,
+    Refused,
+    Release,
+    Resolve,
+    RosterComplete,
+    Send,
+    Take,
+    Tick,
+    Unfenced,
+)
+from agents.agreeing.protocol import Protocol
+from agents.loop.offers import Offers
+from agents.messages.codec import decode, encode, kind_of
+from agents.messages.kinds import (
+    MAX_SILENCE_TICKS,
+    SILENCE_TICKS,
+    Distribution,
+    Envelope,
+    Message,
+    MessageError,
+    Plans,
+)
+from agents.networks.transport import Packet, Presence, Traffic, Transport
+from agents.planners.planner import Planner
+from decmcts.errors import InputError
+
+TICK_S = 0.1
+"""How often what may have been lost is said again."""
+
+SHARE_S = 0.05
+"""At most so often a distribution goes out: 20 a second."""
+
+LONGER = 4.0
+"""Times our longest round yet: so long we may be silent before we count as stuck."""
+
+PROGRESS_S = 0.5
+WAIT_S = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Where an agent stands."""
+
+    phase: str
+    live: tuple[int, ...]
+    rounds: int
+    best_makespan_s: float
+    elapsed_s: float
+    agreeing_s: float | None  # since planning ended
+    stuck: bool  # the live heads cannot print everything
+    entropy: float  # of what it last told: 0 decided, 1 all its plans alike
+
+
+class FrontEnd(Interface):
+    """Who watches and commands one agent: a launcher, a terminal or a test."""
+
+    def commands(self) -> list[Event]:
+        """Return what was asked since the last call."""
+
+    def progress(self, progress: Progress, traffic: Traffic) -> None:
+        """Show where the agent stands."""
+
+    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+        """Show one event worth a line."""
+
+
+class Agent:
+    """One head's agent; `step` until `done`.
+
+    Parameters
+    ----------
+    head, epoch : int
+        Who we are and which incarnation.
+    planner, transport, front : Planner, Transport, FrontEnd
+        What it works with; the transport is open.
+    time_limit_s : float
+        Planning time, counted from when every head is there.
+    wait_s : float
+        After so long the clock starts although heads are missing.
+    fenced : tuple of int
+        Heads that take no part.
+    silence_s : float
+        Peers take us for stuck when we are silent for longer, and for longer than
+        some rounds of ours take.
+    clock : callable
+        Seconds, monotonic.
+    """
+
+    def __init__(
+        self,
+        head: int,
+        epoch: int,
+        *,
+        planner: Planner,
+        transport: Transport,
+        front: FrontEnd,
+        time_limit_s: float,
+        clock: Callable[[], float],
+        wait_s: float = 60.0,
+        fenced: tuple[int, ...] = (),
+        silence_s: float = SILENCE_TICKS * TICK_S,
+        traffic: Traffic | None = None,
+    ) -> None:
+        self.protocol = Protocol(head, epoch, planner.names, planner.problem, fenced=fenced)
+        self.traffic = Traffic() if traffic is None else traffic
+        self.released: Release | None = None
+        self.rounds = 0
+        self._head, self._epoch, self._seq = head, epoch, 0
+        self._planner, self._transport, self._front = planner, transport, front
+        self._clock, self._limit_s = clock, time_limit_s
+        self._began = clock()
+        self._start = self._began + wait_s  # of planning; earlier when all heads are there
+        self._shared = self._ticked = self._shown = self._began - 1.0
+        self._live: tuple[int, ...] = (head,)
+        self._stuck = False
+        self._entropy = 1.0
+        self._round_s = self._longest_s = 0.0  # the latest round, the longest step
+        self._silence_s = silence_s
+        self._offers = Offers()
+        self._agreeing_since: float | None = None
+        self._perform(self.protocol.start())
+
+    @property
+    def done(self) -> bool:
+        """Whether we left the team."""
+        return self.protocol.phase is Phase.LEFT
+
+    def step(self) -> None:
+        """Take in what arrived, plan one round or wait a little, speak if it is time."""
+        for arrival in self._transport.receive(0.0 if self._is_planning() else WAIT_S):
+            self._arrive(arrival)
+        began = self._clock()
+        for command in self._front.commands():
+            self._feed(command)
+        if self._is_planning():
+            self._plan()
+        self._keep_time()
+        self._longest_s = max(self._longest_s, self._clock() - began)
+
+    def _is_planning(self) -> bool:
+        """Whether there is something to compute: not before the heads are there."""
+        started = self._clock() >= self._start and not self._stuck
+        return started and self.protocol.phase is Phase.PLANNING
+
+    def leave(self, reason: str) -> None:
+        """Say goodbye; `done` from now on."""
+        self._feed(Leave(reason))
+
+    def _plan(self) -> None:
+        before = self._clock()
+        try:
+            self._judge_offer(before)
+            self._planner.iterate(self._live, self._spent(before))
+        except InputError as error:
+            self._get_stuck(error)
+            return
+        self.rounds += 1
+        now = self._clock()
+        self._round_s = now - before
+        if len(self._live) > 1:
+            self._share(now)
+
+    def _spent(self, now: float) -> float:
+        """Return the share of the time for planning that is over, 0..1."""
+        return min(1.0, (now - self._start) / self._limit_s) if self._limit_s > 0.0 else 1.0
+
+    def _judge_offer(self, now: float) -> None:
+        """Let the planner judge what a peer told, if it claims to be better than ours."""
+        if len(self._live) == 1:
+            return
+        best_s = self._planner.best_joint(self._live).makespan_s
+        if (offer := self._offers.next(best_s, self._live, now)) is None:
+            return
+        head, joint = offer
+        try:
+            self._planner.offer(joint.plans, self._live)
+        except MessageError as error:
+            self.drop(f"joint plan of head {head} does not fit", str(error))
+        self._offers.judged(now, self._clock())
+
+    def _share(self, now: float) -> None:
+        if now - self._shared >= SHARE_S:
+            self._shared = now
+            told = self._planner.distribution()
+            self._entropy = told.entropy
+            self._feed(DistributionReady(told))
+        joint = self._planner.best_joint(self._live)
+        if self._offers.is_worth_telling(joint, now):
+            self._feed(JointReady(joint))
+
+    def _get_stuck(self, error: InputError) -> None:
+        # The live heads cannot print everything. Nothing to do but wait for the
+        # others to come back, or for the launcher to give up.
+        self._stuck = True
+        self._front.tell(Note(str(error)))
+
+    def _keep_time(self) -> None:
+        now = self._clock()
+        # A round cannot be cut short: end at the end that is nearer to the limit.
+        end = self._start + self._limit_s - self._round_s / 2
+        if now >= end and self.protocol.phase is Phase.PLANNING:
+            self._feed(PlanningEnded())
+        if now - self._ticked >= TICK_S:
+            self._ticked = now
+            self._feed(Tick(self._within()))
+        if now - self._shown >= PROGRESS_S:
+            self._shown = now
+            self.show()
+
+    def _within(self) -> int:
+        """Return within how many ticks peers hear of us again, unless we are stuck."""
+        seconds = max(self._silence_s, LONGER * self._longest_s)
+        return min(math.ceil(seconds / TICK_S), MAX_SILENCE_TICKS)
+
+    def show(self) -> None:
+        """Report progress to the front end."""
+        now = self._clock()
+        progress = Progress(
+            self.protocol.phase.value,
+            self._live,
+            self.rounds,
+            self._best_makespan_s(),
+            now - self._began,
+            None if self._agreeing_since is None else now - self._agreeing_since,
+            self._stuck,
+            self._entropy,
+        )
+        self._front.progress(progress, self.traffic)
+
+    def _best_makespan_s(self) -> float:
+        if self.released is not None:
+            return self.released.makespan_s
+        if self._stuck or not self.rounds:
+            return float("inf")
+        try:
+            return self._planner.best_joint(self._live).makespan_s
+        except InputError:
+            return float("inf")  # the next round of planning says why
+
+    def _arrive(self, arrival: Packet | Presence) -> None:
+        if isinstance(arrival, Presence):
+            kind = PeerAppeared if arrival.alive else PeerGone
+            self._feed(kind(arrival.head, arrival.epoch))
+            return
+        try:
+            envelope = decode(arrival.payload)
+            if (envelope.stamp.head, kind_of(envelope.message)) != (arrival.head, arrival.kind):
+                raise MessageError("message of another head or kind than its key")
+        except MessageError as error:
+            # A peer's bad message is dropped, counted and logged, never fatal.
+            self.drop(f"malformed message of head {arrival.head}", str(error))
+            return
+        self.traffic.count_received(arrival.kind, len(arrival.payload))
+        self._feed(Received(envelope))
+
+    def drop(self, reason: str, detail: str = "") -> None:
+        """Count a message that is dropped; log the first of each reason."""
+        self.traffic.dropped[reason] += 1
+        if self.traffic.dropped[reason] == 1:
+            self._front.tell(Note(f"dropped: {reason} {detail}".rstrip()))
+
+    def _feed(self, event: Event) -> None:
+        self._perform(self.protocol.handle(event))
+
+    def _perform(self, effects: list[Effect]) -> None:
+        # Effects may answer with events whose effects come after those at hand.
+        waiting = deque(effects)
+        while waiting:
+            answer = self._do(waiting.popleft())
+            if answer is not None:
+                waiting.extend(self.protocol.handle(answer))
+
+    def _do(self, effect: Effect) -> Event | None:
+        match effect:
+            case Send(message, reliable):
+                self._send(message, reliable=reliable)
+            case Take(head, distribution):
+                self._take(head, distribution)
+            case Offer(head, joint):
+                self._offers.add(head, joint)
+            case Forget(head):
+                self._planner.forget(head)
+            case LiveChanged(live):
+                self._live, self._stuck = live, False
+            case RosterComplete():
+                self._start = min(self._start, self._clock())
+            case Propose(live, serial):
+                return self._propose(live, serial=serial)
+            case Resolve(live, plans, claimed):
+                return self._resolve(live, plans, claimed)
+            case Release():
+                self.released = effect
+                self.show()
+                self._front.tell(effect)
+            case Note() | Refused() | Unfenced() | Left():
+                self._front.tell(effect)
+        return None
+
+    def _propose(self, live: tuple[int, ...], *, serial: bool) -> Event | None:
+        if self._agreeing_since is None:
+            self._agreeing_since = self._clock()
+        try:
+            best = self._planner.serial(live) if serial else self._planner.best(live)
+        except InputError as error:
+            self._get_stuck(error)
+            return None
+        return Proposed(live, best.plans, best.makespan_s, best.digest, serial)
+
+    def _take(self, head: int, distribution: Distribution) -> None:
+        try:
+            self._planner.take(head, distribution)
+        except MessageError as error:
+            self.drop(f"distribution of head {head} does not fit", str(error))
+
+    def _resolve(self, live: tuple[int, ...], plans: Plans, claimed: str) -> Event:
+        try:
+            found = self._planner.resolve(plans, live)
+        except (MessageError, InputError) as error:
+            self.drop("plan does not fit", str(error))
+            return PlanResolved(live, claimed, "", 0.0)
+        return PlanResolved(live, claimed, found.digest, found.makespan_s)
+
+    def _send(self, message: Message, *, reliable: bool) -> None:
+        self._seq += 1
+        try:
+            payload = encode(Envelope.of(self._head, self._epoch, self._seq, message))
+        except MessageError as error:
+            self.drop("own message too large", str(error))
+            return
+        kind = kind_of(message)
+        self.traffic.count_sent(kind, len(payload))
+        self._transport.send(kind, payload, reliable=reliable)

@@ -1,0 +1,157 @@
+"""The agent's side of the pipes to its launcher: JSON lines both ways.
+
+Out (stdout): `ready`, `progress`, `note`, `refused`, `unfenced`, `released`,
+`left`. In (stdin): `{"command": "fence", "head": n, "epoch": e}`, `{"command": "stop"}`
+(agree on the best so far), `{"command": "exit"}`. The end of stdin means the
+launcher is gone: the agent leaves, so no orphan plans on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import sys
+from dataclasses import asdict
+from typing import Any
+
+from agents.agreeing.events import (
+    Event,
+    Fenced,
+    Leave,
+    Left,
+    Note,
+    PlanningEnded,
+    Refused,
+    Release,
+    Unfenced,
+)
+from agents.loop.agent import Progress
+from agents.networks.transport import Traffic
+
+_MAX_LINE = 65536
+
+
+class PipeFront:
+    """A front end over file descriptors."""
+
+    def __init__(self, read_fd: int = 0, write_fd: int = 1) -> None:
+        self._read_fd, self._write_fd = read_fd, write_fd
+        self._rest = b""
+        self._open = True
+        self._asked: list[Event] = []
+
+    def ask(self, event: Event) -> None:
+        """Queue a command of this process itself (a signal)."""
+        self._asked.append(event)
+
+    def commands(self) -> list[Event]:
+        """Return what the launcher or a signal asked since the last call."""
+        # select + os.read instead of a reader thread: a thread blocked in a
+        # buffered read aborts the interpreter's shutdown.
+        while self._open and select.select([self._read_fd], [], [], 0)[0]:
+            chunk = os.read(self._read_fd, _MAX_LINE)
+            if not chunk:
+                self._open = False
+                self.ask(Leave("the launcher is gone"))
+            *lines, self._rest = (self._rest + chunk).split(b"\n")
+            self._asked += [event for line in lines if (event := parse_command(line))]
+        asked, self._asked = self._asked, []
+        return asked
+
+    def ready(self, problem: str) -> None:
+        """Say that the problem is loaded and the network open."""
+        self.write({"event": "ready", "problem": problem})
+
+    def progress(self, progress: Progress, traffic: Traffic) -> None:
+        """Say where the agent stands."""
+        self.write({"event": "progress", **asdict(progress), "traffic": traffic.counts()})
+
+    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+        """Say one event."""
+        self.write(line_of(effect))
+
+    def write(self, line: dict[str, Any]) -> None:
+        """Write one JSON line."""
+        view = memoryview(json.dumps(line).encode() + b"\n")
+        try:
+            while view:
+                view = view[os.write(self._write_fd, view) :]
+        except BrokenPipeError:
+            self._open = False
+            self.ask(Leave("the launcher is gone"))
+
+
+class TerminalFront:
+    """A front end for a person who runs one agent by hand."""
+
+    def __init__(self) -> None:
+        self._asked: list[Event] = []
+
+    def ask(self, event: Event) -> None:
+        """Queue a command (a signal)."""
+        self._asked.append(event)
+
+    def commands(self) -> list[Event]:
+        """Return what signals asked since the last call."""
+        asked, self._asked = self._asked, []
+        return asked
+
+    def ready(self, problem: str) -> None:
+        """Say that the agent is up."""
+        print(f"problem {problem[:12]} loaded", file=sys.stderr)
+
+    def progress(self, progress: Progress, traffic: Traffic) -> None:
+        """Say nothing: the notes and the result are enough for a log."""
+
+    def tell(self, effect: Note | Refused | Unfenced | Release | Left) -> None:
+        """Print one line."""
+        match effect:
+            case Note(text):
+                line = text
+            case Refused(_, reason):
+                line = f"refused: {reason}"
+            case Unfenced(heads):
+                line = f"agreed, but heads {list(heads)} are neither here nor fenced: not released"
+            case Release():
+                line = f"released plan {effect.digest}, makespan {effect.makespan_s:.1f} s"
+            case Left(reason):
+                line = f"left: {reason}"
+        print(line, file=sys.stderr)
+
+
+def parse_command(line: bytes) -> Event | None:
+    """Return the event a command line stands for, None for anything else."""
+    try:
+        asked = json.loads(line)
+        match asked:
+            case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
+                return Fenced(head, epoch)
+            case {"command": "stop"}:
+                return PlanningEnded()
+            case {"command": "exit"}:
+                return Leave("done")
+    except ValueError:
+        pass
+    return None
+
+
+def line_of(effect: Note | Refused | Unfenced | Release | Left) -> dict[str, Any]:
+    """Return an event as a JSON object."""
+    match effect:
+        case Note(text):
+            return {"event": "note", "text": text}
+        case Refused(head, reason):
+            return {"event": "refused", "head": head, "reason": reason}
+        case Unfenced(heads):
+            return {"event": "unfenced", "heads": list(heads)}
+        case Release():
+            return {
+                "event": "released",
+                "live": list(effect.live),
+                "digest": effect.digest,
+                "makespan_s": effect.makespan_s,
+                "plans": {str(h): effect.plans[h].tolist() for h in sorted(effect.plans)},
+            }
+        case Left(reason):
+            return {"event": "left", "reason": reason}

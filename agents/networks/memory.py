@@ -1,0 +1,156 @@
+"""A network in memory with its own clock, for tests and experiments.
+
+Seeded loss, delay, reordering (delays differ) and duplication hit every
+message, reliable ones too: the protocol must live with worse than zenoh does
+to it. Presence is told like zenoh's liveliness: never lost, in order, a hung
+head only after its lease.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from itertools import count
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from agents.networks.transport import Arrival, Packet, Presence
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """How bad the network is."""
+
+    loss: float = 0.0  # probability that a message to one peer vanishes
+    delay_s: tuple[float, float] = (0.0, 0.0)  # uniform between
+    duplicate: float = 0.0  # probability that it arrives twice
+    lease_s: float = 1.0
+
+
+class MemoryNetwork:
+    """Connects `MemoryTransport`s; `advance` moves its clock."""
+
+    def __init__(self, rng: np.random.Generator, weather: Weather = Weather()) -> None:
+        self.now = 0.0
+        self.weather = weather
+        self.transports: dict[int, MemoryTransport] = {}
+        self._rng = rng
+        self._flying: list[tuple[float, int, int, Arrival]] = []
+        self._numbers = count()
+        self._cut: set[frozenset[int]] = set()
+
+    def advance(self, seconds: float) -> None:
+        """Let time pass and deliver what is due."""
+        self.now += seconds
+        while self._flying and self._flying[0][0] <= self.now:
+            _, _, to, arrival = heapq.heappop(self._flying)
+            transport = self.transports.get(to)
+            if transport is None or transport.hung or self._is_stale(to, arrival):
+                continue
+            transport.inbox.append(arrival)
+
+    def _is_stale(self, to: int, arrival: Arrival) -> bool:
+        """Whether this arrival announces a token that is not there any more."""
+        if not isinstance(arrival, Presence) or not arrival.alive:
+            return False
+        of = self.transports.get(arrival.head)
+        if of is None or of.hung or of.epoch != arrival.epoch:
+            return True
+        return frozenset((to, arrival.head)) in self._cut
+
+    def join(self, transport: MemoryTransport) -> None:
+        """Connect a transport; both sides learn of each other."""
+        self.transports[transport.head] = transport
+        self._announce(transport, alive=True, delay_s=0.0)
+        for other in self.transports.values():
+            if other.head != transport.head and not other.hung:
+                self._fly(transport.head, Presence(other.head, other.epoch, True), 0.0)
+
+    def kill(self, head: int) -> None:
+        """Let a head die like kill -9: its peers see it at once."""
+        transport = self.transports.pop(head)
+        self._announce(transport, alive=False, delay_s=0.005)
+
+    def hang(self, head: int) -> None:
+        """Stop a head: its peers see it after the lease."""
+        self.transports[head].hung = True
+        self._announce(self.transports[head], alive=False, delay_s=self.weather.lease_s)
+
+    def resume(self, head: int) -> None:
+        """Let a hung head go on; its sessions open again."""
+        transport = self.transports[head]
+        transport.hung = False
+        self._announce(transport, alive=True, delay_s=self.weather.lease_s)
+        for other in self.transports.values():
+            if other is not transport:
+                gone, back = (Presence(other.head, other.epoch, alive) for alive in (False, True))
+                self._fly(head, gone, 0.0)
+                self._fly(head, back, self.weather.lease_s)
+
+    def cut(self, a: int, b: int) -> None:
+        """Lose every message between two heads from now on; both see the lease run out."""
+        self._cut.add(frozenset((a, b)))
+        for to, of in ((a, b), (b, a)):
+            epoch = self.transports[of].epoch
+            self._fly(to, Presence(of, epoch, False), self.weather.lease_s)
+
+    def heal(self, a: int, b: int) -> None:
+        """Undo `cut`."""
+        self._cut.discard(frozenset((a, b)))
+        for to, of in ((a, b), (b, a)):
+            self._fly(to, Presence(of, self.transports[of].epoch, True), self.weather.lease_s)
+
+    def publish(self, packet: Packet) -> None:
+        """Send a packet to all other heads through the weather."""
+        for to in sorted(self.transports):
+            if to == packet.head or frozenset((to, packet.head)) in self._cut:
+                continue
+            copies = 1 + int(self._rng.random() < self.weather.duplicate)
+            for _ in range(copies):
+                if self._rng.random() >= self.weather.loss:
+                    self._fly(to, packet, float(self._rng.uniform(*self.weather.delay_s)))
+
+    def _announce(self, transport: MemoryTransport, *, alive: bool, delay_s: float) -> None:
+        for to in sorted(self.transports):
+            if to != transport.head:
+                self._fly(to, Presence(transport.head, transport.epoch, alive), delay_s)
+
+    def _fly(self, to: int, arrival: Arrival, delay_s: float) -> None:
+        heapq.heappush(self._flying, (self.now + delay_s, next(self._numbers), to, arrival))
+
+
+class MemoryTransport:
+    """One head's side of a `MemoryNetwork`."""
+
+    def __init__(self, network: MemoryNetwork, head: int, epoch: int = 1) -> None:
+        self.network = network
+        self.head = head
+        self.epoch = epoch
+        self.hung = False
+        self.inbox: list[Arrival] = []
+
+    def __enter__(self) -> Self:
+        """Join the network."""
+        self.network.join(self)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the network."""
+        if self.network.transports.get(self.head) is self:
+            self.network.kill(self.head)
+
+    def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
+        """Publish; reliability is not given here, on purpose."""
+        self.network.publish(Packet(self.head, kind, payload))
+
+    def receive(self, timeout_s: float) -> list[Arrival]:
+        """Return what arrived; time passes only in `MemoryNetwork.advance`."""
+        arrived, self.inbox = self.inbox, []
+        return arrived

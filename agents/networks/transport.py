@@ -1,0 +1,102 @@
+"""What an agent needs of a network, and the network of an agent that is alone.
+
+A transport moves bytes and says who is there. It knows keys, not messages:
+encoding is `agents.messages.codec`'s, reactions are `agents.agreeing.protocol`'s.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Protocol, Self
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """Bytes that arrived under a head's key."""
+
+    head: int
+    kind: str
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """A head's incarnation appeared or vanished."""
+
+    head: int
+    epoch: int
+    alive: bool
+
+
+Arrival = Packet | Presence
+
+
+@dataclass(slots=True)
+class Traffic:
+    """Counts of what went out and came in; changed in place by its owner."""
+
+    sent: Counter[str] = field(default_factory=Counter)  # messages by kind
+    sent_bytes: Counter[str] = field(default_factory=Counter)
+    received: Counter[str] = field(default_factory=Counter)
+    received_bytes: Counter[str] = field(default_factory=Counter)
+    dropped: Counter[str] = field(default_factory=Counter)  # by reason
+
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Return all counts as plain dictionaries."""
+        return {name: dict(getattr(self, name)) for name in self.__slots__}
+
+    def count_sent(self, kind: str, size: int) -> None:
+        """Add one message that went out."""
+        self.sent[kind] += 1
+        self.sent_bytes[kind] += size
+
+    def count_received(self, kind: str, size: int) -> None:
+        """Add one message that came in and was well formed."""
+        self.received[kind] += 1
+        self.received_bytes[kind] += size
+
+
+class Transport(Protocol):
+    """One agent's side of a network. A context manager: open inside `with`."""
+
+    def __enter__(self) -> Self:
+        """Open the network and announce this head."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the network."""
+
+    def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
+        """Hand over bytes for all peers; never blocks, may drop unreliable ones."""
+
+    def receive(self, timeout_s: float) -> list[Arrival]:
+        """Return what arrived, waiting at most `timeout_s` for the first."""
+
+
+class NoNetwork:
+    """The transport of the single-extruder mode: nobody is there."""
+
+    def __enter__(self) -> Self:
+        """Open nothing."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close nothing."""
+
+    def send(self, kind: str, payload: bytes, *, reliable: bool) -> None:
+        """Speak to nobody."""
+
+    def receive(self, timeout_s: float) -> list[Arrival]:
+        """Hear nothing, at once."""
+        return []

@@ -1,0 +1,47 @@
+"""Reads a print and a machine for an agent that was started by hand.
+
+A launcher hands its agents a pack instead (`agents.planners.pack`): one reading, one
+dependency graph. Either way the agents compare digests before they talk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from agents.planners.pack import Pack
+from decmcts.errors import InputError
+from decmcts.feasibility.rules import order_rules
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+from decmcts.print.machine_fit import check_fits
+
+
+def load_source(
+    path: Path, machine: str, process_order: Literal["keep", "free"], *, quality: bool = True
+) -> Pack:
+    """Read G-code or slice a mesh, and build its dependency graph.
+
+    With `quality` shells and what is anchored in them keep their order, but for
+    the paper's machine, which knows of no beads.
+
+    Raises
+    ------
+    InputError
+        If the input or the machine cannot be used.
+    """
+    if not path.exists():
+        raise InputError("no such file", path=path)
+    if path.suffix.lower() in MESH_SUFFIXES:
+        job, _ = slice_mesh(path, SliceOptions())
+    else:
+        job, _ = read_gcode(path)
+    chosen = load_machine(machine)
+    chosen = replace(chosen, limits=chosen.limits.under(job.limits))
+    check_fits(job.contours, chosen)
+    graph = order_rules(
+        job, chosen, process_order=process_order, quality=quality and chosen.bead_width
+    )
+    return Pack(job, chosen, graph)

@@ -1,0 +1,322 @@
+"""The launcher's judgement: whom to fence, and when a plan counts."""
+
+from __future__ import annotations
+
+import queue
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents.launching.processes import Said
+from agents.launching.supervisor import (
+    AGREE_LIMIT_S,
+    START_LIMIT_S,
+    AgentStatus,
+    LaunchError,
+    Supervisor,
+)
+
+PROGRESS = {
+    "event": "progress",
+    "phase": "planning",
+    "live": [0, 1],
+    "rounds": 3,
+    "best_makespan_s": 9.0,
+    "elapsed_s": 1.0,
+    "agreeing_s": None,
+    "stuck": False,
+    "entropy": 1.0,
+    "traffic": {},
+}
+
+
+class FakeChild:
+    """Keeps what was done to an agent's process."""
+
+    def __init__(self) -> None:
+        self.told: list[dict[str, Any]] = []
+        self.killed = False
+        self.words = ""
+
+    def tell(self, command: dict[str, Any]) -> None:
+        self.told.append(command)
+
+    def kill(self) -> None:
+        self.killed = True
+
+    def last_words(self) -> str:
+        return self.words
+
+
+class Scene:
+    """A supervisor over fake agents whose lines are known beforehand."""
+
+    def __init__(self, heads: int = 2, step_s: float = 10.0) -> None:
+        self.children = {head: FakeChild() for head in range(heads)}
+        self.names = tuple(f"head {head}" for head in range(heads))
+        self.heard: queue.Queue[Said] = queue.Queue()
+        self.now, self.step_s = 0.0, step_s
+        self.due: list[tuple[float, Said]] = []  # when, what
+        self.seen: list[tuple[AgentStatus, ...]] = []
+
+    def says(self, head: int, line: dict[str, Any] | None, *, at: float = 0.0) -> None:
+        if at > self.now:
+            self.due.append((at, Said(head, line)))
+        else:
+            self.heard.put(Said(head, line))
+
+    def keeps_saying(self, head: int, line: dict[str, Any], *, since: float, until: float) -> None:
+        for at in np.arange(since, until, 0.5).tolist():
+            self.says(head, line, at=at)
+
+    def released(self, head: int, digest: str, *, at: float = 0.0) -> None:
+        self.says(head, {"event": "released", "digest": digest}, at=at)
+
+    def run(self, should_stop: Any = None) -> dict[str, Any]:
+        def clock() -> float:
+            if self.heard.empty():
+                self.now += self.step_s
+                for _, said in (due for due in self.due if due[0] <= self.now):
+                    self.heard.put(said)
+                self.due = [due for due in self.due if due[0] > self.now]
+            return self.now
+
+        supervisor = Supervisor(
+            self.children,
+            self.names,
+            self.heard,
+            time_limit_s=5.0,
+            epoch=7,
+            on_progress=self.seen.append,
+            should_stop=should_stop,
+            clock=clock,
+        )
+        self.supervisor = supervisor
+        return supervisor.run()
+
+
+@pytest.fixture
+def scene() -> Scene:
+    made = Scene()
+    for head in (0, 1):
+        made.says(head, {"event": "ready"})
+        made.says(head, PROGRESS)
+    return made
+
+
+def test_a_plan_counts_when_all_released_it(scene: Scene) -> None:
+    """One agent's word is not an agreement."""
+    scene.released(0, "aa")
+    scene.released(1, "aa")
+    assert scene.run()["digest"] == "aa"
+    assert not any(child.killed for child in scene.children.values())
+    assert scene.seen[3][1].history == ((1.0, 9.0),)
+
+
+def agreeing(*live: int) -> dict[str, Any]:
+    return {**PROGRESS, "phase": "agreeing", "live": list(live)}
+
+
+def team(heads: int) -> Scene:
+    """All plan together, then some end planning; time passes by tenths of seconds."""
+    made = Scene(heads, step_s=0.1)
+    for head in range(heads):
+        made.says(head, {"event": "ready"})
+        made.says(head, {**PROGRESS, "live": list(range(heads))})
+    return made
+
+
+def test_an_unreachable_agent_is_killed_before_the_others_hear_that_it_is_off() -> None:
+    """Told the other way round, they would release while it still moves."""
+    scene = team(2)
+    scene.says(0, {"event": "unfenced", "heads": [1]})
+    scene.keeps_saying(0, agreeing(0), since=0.5, until=6.0)
+    order: list[str] = []
+    scene.children[1].kill = lambda: order.append("killed")  # type: ignore[method-assign]
+    scene.children[0].tell = lambda command: order.append(str(command))  # type: ignore[method-assign]
+    scene.released(0, "bb", at=6.0)
+    assert scene.run()["digest"] == "bb"
+    assert order == ["killed", "{'command': 'fence', 'head': 1, 'epoch': 7}"]
+
+
+@pytest.mark.parametrize("told", [(0, 1, 2), (0, 2)])
+def test_one_that_hears_nobody_does_not_end_the_others(told: tuple[int, ...]) -> None:
+    """It agrees with itself at once and says so first; the others were killed for it."""
+    scene = team(3)
+    scene.says(1, {"event": "unfenced", "heads": [0, 2]})
+    for head, live in ((0, told), (1, (1,)), (2, told)):
+        scene.keeps_saying(head, agreeing(*live), since=0.5, until=6.0)
+    for head in (0, 2):
+        scene.released(head, "bb", at=6.0)
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(3)] == [False, True, False]
+
+
+def test_one_that_has_the_others_back_ends_nobody() -> None:
+    """It stood still, lost all links at once, and was greeted again a moment later."""
+    scene = team(3)
+    scene.says(1, {"event": "unfenced", "heads": [0, 2]})
+    for head in range(3):
+        scene.keeps_saying(head, agreeing(0, 1, 2), since=1.0, until=6.0)
+        scene.released(head, "bb", at=6.0)
+    assert scene.run()["digest"] == "bb"
+    assert not any(child.killed for child in scene.children.values())
+
+
+def test_one_that_is_left_over_ends_all_that_are_hung() -> None:
+    """They were the larger group; but they say nothing any more."""
+    scene = team(3)
+    scene.says(2, {"event": "unfenced", "heads": [0, 1]}, at=3.0)
+    scene.keeps_saying(2, agreeing(2), since=0.5, until=9.0)
+    scene.released(2, "bb", at=9.0)
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(3)] == [True, True, False]
+
+
+def test_a_hung_head_does_not_win_by_its_number() -> None:
+    """Slow to load, it may be silent for long; but it has said nothing since it was missed."""
+    scene = Scene(2, step_s=0.1)
+    for head in (0, 1):
+        scene.says(head, {"event": "ready"}, at=5.0 * (1 - head))
+        scene.keeps_saying(head, PROGRESS, since=9.0, until=10.0 + head)
+    scene.says(1, {"event": "unfenced", "heads": [0]}, at=11.0)
+    scene.keeps_saying(1, agreeing(1), since=11.5, until=29.0)
+    scene.released(1, "bb", at=29.0)
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(2)] == [True, False]
+
+
+def test_an_agent_that_hangs_after_it_missed_another_ends_nobody() -> None:
+    """Its word stands, but it is the one that is lost."""
+    scene = team(2)
+    scene.says(0, {"event": "unfenced", "heads": [1]})
+    scene.keeps_saying(1, agreeing(1), since=0.5, until=9.0)
+    scene.says(1, {"event": "unfenced", "heads": [0]}, at=3.0)
+    scene.released(1, "bb", at=9.0)
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(2)] == [True, False]
+
+
+def test_of_two_that_cannot_hear_each_other_beside_a_third_one_is_ended() -> None:
+    """Both would wait for ever for a plan of all three."""
+    scene = team(3)
+    for head, live in ((0, (0, 2)), (1, (1, 2)), (2, (0, 1, 2))):
+        if missing := sorted({0, 1, 2} - set(live)):
+            scene.says(head, {"event": "unfenced", "heads": missing})
+        scene.keeps_saying(head, agreeing(*live), since=0.5, until=6.0)
+    for head in (0, 2):
+        scene.released(head, "bb", at=6.0)
+    assert scene.run()["digest"] == "bb"
+    assert [scene.children[head].killed for head in range(3)] == [False, True, False]
+
+
+def test_a_fence_is_said_again_to_who_misses_the_head(scene: Scene) -> None:
+    """An agent that lost the first word would wait until the launch is given up."""
+    scene.says(1, None)
+    scene.says(0, {"event": "unfenced", "heads": [1]})
+    scene.released(0, "bb")
+    scene.run()
+    fence = {"command": "fence", "head": 1, "epoch": 7}
+    assert scene.children[0].told == [fence, fence]
+
+
+def test_what_a_fenced_agent_released_is_void(scene: Scene) -> None:
+    """The others may have agreed on another plan since."""
+    scene.released(1, "aa")
+    scene.says(1, None)
+    scene.released(0, "bb")
+    assert scene.run()["digest"] == "bb"
+
+
+def test_a_refusal_ends_the_launch_with_its_reason(scene: Scene) -> None:
+    """Two problems in one launch is a fault no waiting heals."""
+    scene.says(0, {"event": "refused", "head": 1, "reason": "right holds problem cd"})
+    with pytest.raises(LaunchError, match="right holds problem cd"):
+        scene.run()
+
+
+def test_no_agent_left_says_why(scene: Scene) -> None:
+    """The last words of the dead are what the user needs."""
+    scene.children[0].words = "no such port"
+    scene.says(0, None)
+    scene.says(1, None)
+    with pytest.raises(LaunchError, match="every agent ended: no such port; its process"):
+        scene.run()
+
+
+def test_heads_that_cannot_print_it_all_end_the_launch(scene: Scene) -> None:
+    """Waiting for a dead head would be for ever."""
+    scene.says(1, None)
+    scene.says(0, {"event": "note", "text": "no head can print contour 7"})
+    scene.says(0, {**PROGRESS, "stuck": True})
+    with pytest.raises(LaunchError, match="cannot print this: no head can print contour 7"):
+        scene.run()
+
+
+def test_the_second_interrupt_goes_to_whoever_launched(scene: Scene) -> None:
+    """The first asks for the best so far; the second wants out, not one head's plan instead."""
+    asked: list[bool] = []
+
+    def interrupted() -> bool:
+        if not scene.heard.empty():
+            return False
+        asked.append(True)
+        if len(asked) == 2:
+            raise KeyboardInterrupt  # as a handler does, wherever the supervisor is
+        return True
+
+    with pytest.raises(KeyboardInterrupt):
+        scene.run(should_stop=interrupted)
+    assert scene.children[0].told == [{"command": "stop"}]
+
+
+@pytest.mark.parametrize(
+    "said", [[], [{"event": "ready"}], [{"event": "ready"}, {**PROGRESS, "live": [0], "rounds": 0}]]
+)
+def test_a_stop_before_the_agents_met_is_said_to_be_one(said: list[dict[str, Any]]) -> None:
+    """Told to agree, each would take the other for lost: a false alarm about a head."""
+    scene = Scene()
+    for line in said:
+        scene.says(0, line)
+    scene.says(1, {"event": "ready"})
+    scene.says(1, PROGRESS)
+    with pytest.raises(LaunchError, match="stopped before the agents had found one another"):
+        scene.run(should_stop=scene.heard.empty)
+    assert not any(child.killed or child.told for child in scene.children.values())
+
+
+@pytest.mark.slow
+def test_an_agent_that_never_gets_ready_is_fenced() -> None:
+    """A process that hangs while loading must not hang the launch."""
+    scene = Scene()
+    scene.says(0, {"event": "ready"})
+    with pytest.raises(LaunchError):
+        scene.run()  # nor does the other agree with anyone
+    assert scene.children[1].killed
+    assert scene.now > START_LIMIT_S + 5.0 + AGREE_LIMIT_S
+    assert f"not ready after {START_LIMIT_S:g} s" in scene.supervisor.status[1].note
+
+
+def test_agents_that_do_not_agree_in_time_are_fenced(scene: Scene) -> None:
+    """The last resort, so that a launch always ends."""
+    with pytest.raises(LaunchError, match="every agent ended: no agreement 120 s"):
+        scene.run()
+    assert scene.children[0].killed and scene.children[1].killed
+    assert scene.now > 5.0 + AGREE_LIMIT_S
+
+
+def test_an_agent_that_is_stopped_just_before_its_release_is_not_waited_for(scene: Scene) -> None:
+    """The others released what it agreed to; the launch waited two minutes for its word."""
+    scene.released(0, "aa")
+    assert scene.run()["digest"] == "aa"
+    assert scene.children[1].killed
+    assert scene.now < AGREE_LIMIT_S
+
+
+@pytest.mark.slow
+def test_a_stop_is_asked_for_once(scene: Scene) -> None:
+    """Asked again and again, agents would be flooded."""
+    scene.released(0, "aa")
+    scene.run(should_stop=lambda: scene.heard.qsize() <= 1)
+    assert scene.children[0].told.count({"command": "stop"}) == 1

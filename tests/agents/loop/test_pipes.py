@@ -1,0 +1,73 @@
+"""The JSON lines between an agent and its launcher."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from agents.agreeing.events import Event, Fenced, Leave, PlanningEnded, Release
+from agents.loop.pipes import PipeFront, parse_command
+
+
+@pytest.fixture
+def pipes() -> Iterator[tuple[PipeFront, int, int]]:
+    """A front end, the descriptor that commands it and the one that hears it."""
+    commands_out, commands_in = os.pipe()
+    lines_out, lines_in = os.pipe()
+    yield PipeFront(commands_out, lines_in), commands_in, lines_out
+    for descriptor in (commands_out, lines_out, lines_in):
+        os.close(descriptor)
+
+
+@pytest.mark.parametrize(
+    ("line", "event"),
+    [
+        (b'{"command": "fence", "head": 2, "epoch": 7}', Fenced(2, 7)),
+        (b'{"command": "stop"}', PlanningEnded()),
+        (b'{"command": "exit"}', Leave("done")),
+        (b'{"command": "fence", "head": "2"}', None),
+        (b'{"command": "dance"}', None),
+        (b"[1]", None),
+        (b"\\xff{", None),
+        (b"", None),
+    ],
+)
+def test_commands(line: bytes, event: Event | None) -> None:
+    """A command that is not understood is not obeyed."""
+    assert parse_command(line) == event
+
+
+def test_a_command_in_two_pieces_is_one(pipes: tuple[PipeFront, int, int]) -> None:
+    """Pipes keep bytes, not lines."""
+    front, commands, _ = pipes
+    os.write(commands, b'{"comm')
+    assert front.commands() == []
+    os.write(commands, b'and": "stop"}\n{"command": "exit"}\n')
+    assert front.commands() == [PlanningEnded(), Leave("done")]
+    os.close(commands)
+
+
+def test_the_end_of_the_pipe_means_leave_once(pipes: tuple[PipeFront, int, int]) -> None:
+    """An agent must not outlive its launcher."""
+    front, commands, _ = pipes
+    os.close(commands)
+    assert front.commands() == [Leave("the launcher is gone")]
+    assert front.commands() == []
+
+
+def test_a_release_carries_the_plan(pipes: tuple[PipeFront, int, int]) -> None:
+    """The launcher prints what the agents agreed on, so it must get all of it."""
+    front, commands, lines = pipes
+    front.tell(Release((0, 1), {1: np.int32([3, 4]), 0: np.int32([])}, 9.5, "ab" * 16))
+    assert json.loads(os.read(lines, 4096)) == {
+        "event": "released",
+        "live": [0, 1],
+        "digest": "ab" * 16,
+        "makespan_s": 9.5,
+        "plans": {"0": [], "1": [3, 4]},
+    }
+    os.close(commands)

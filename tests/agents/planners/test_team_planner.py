@@ -1,0 +1,163 @@
+"""The team's planner behind the agents' face: told plans, the serial way out, the digest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.messages.kinds import Distribution, MessageError
+from agents.planners.pack import TEAM, Pack
+from agents.planners.serial import joint_order, serial_plans
+from agents.planners.team_planner import TeamPlanner
+from decmcts.errors import InputError
+from decmcts.feasibility.build import build_graph
+from decmcts.print.job import ProcessSettings
+from decmcts.print.toolpath import Toolpath
+from decmcts.team.dec_mcts.parameters import Parameters
+from decmcts.team.engine.plans import MOST_SHIFT, POLICIES, encode, encode_serial
+from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.schedule.joint_plan import schedule
+from tests.team.conftest import make_job, make_machine
+
+LIVE = (0, 1)
+
+
+@pytest.fixture(scope="module")
+def problem() -> TeamProblem:
+    machine, job = make_machine(), make_job(2, towers=8, reach=5.0)
+    graph = build_graph(job.contours, machine.heads, clearance_mm=machine.clearance_mm)
+    return build_team_problem(job, machine, graph)
+
+
+@pytest.fixture
+def planner(problem: TeamProblem) -> TeamPlanner:
+    return TeamPlanner(problem, 0, seed=1)
+
+
+def test_the_serial_order_is_the_source_s_and_can_be_executed(
+    problem: TeamProblem, planner: TeamPlanner
+) -> None:
+    """The way out must be a plan that prints, whatever else fails."""
+    found = planner.serial(LIVE)
+    order = joint_order(problem, found.plans, LIVE)
+    assert order.digest == found.digest
+    rows = np.concatenate([np.stack([t.turn, t.order], axis=1) for t in order.toolpaths])
+    rows = rows[np.argsort(rows[:, 0])]
+    assert rows[:, 1].tolist() == list(range(len(problem.macro)))
+    plan = schedule(problem.job, problem.machine, problem.graph, list(order.toolpaths))
+    assert plan.makespan_s > 0.0
+
+
+def test_the_digest_of_a_serial_order_is_of_whole_numbers_only(
+    problem: TeamProblem, planner: TeamPlanner
+) -> None:
+    """Hosts whose arithmetic differs must agree on it: times may not count."""
+    visits = problem.visits._replace(seconds=problem.visits.seconds * 1.0000001)
+    other = TeamPlanner(replace(problem, visits=visits), 1, seed=7)
+    mine, theirs = planner.serial(LIVE), other.serial(LIVE)
+    assert mine.digest == theirs.digest
+    assert mine.makespan_s != theirs.makespan_s
+    assert other.resolve(mine.plans, LIVE).digest == mine.digest
+
+
+def test_another_order_has_another_digest(problem: TeamProblem, planner: TeamPlanner) -> None:
+    """A digest that says nothing of the order would let two heads print different ones."""
+    n = len(problem.macro)
+    order = Toolpath.of(np.arange(n, dtype=np.int32), np.arange(n) % 2 == 1)
+    plans = {0: encode_serial(order, problem.n_macros)}
+    assert planner.resolve(plans, LIVE).digest != planner.serial(LIVE).digest
+
+
+def test_an_order_that_breaks_the_precedence_is_not_accepted(problem: TeamProblem) -> None:
+    """Each host checks the order by its own precedence."""
+    n = len(problem.macro)
+    order = Toolpath.of(np.arange(n, dtype=np.int32)[::-1].copy(), np.zeros(n, np.bool_))
+    with pytest.raises(InputError, match="contradicts the precedence"):
+        joint_order(problem, {0: encode_serial(order, problem.n_macros)}, LIVE)
+
+
+def test_a_better_plan_of_a_peer_is_kept_a_worse_one_is_not(problem: TeamProblem) -> None:
+    """What one head finds, all build on."""
+    finder, other = TeamPlanner(problem, 0, seed=1), TeamPlanner(problem, 1, seed=2)
+    first = other.best_joint(LIVE).makespan_s
+    for _ in range(3):
+        finder.iterate(LIVE)
+    found = finder.best_joint(LIVE)
+    assert found.makespan_s < first
+    other.offer(found.plans, LIVE)
+    assert other.best_joint(LIVE).makespan_s == found.makespan_s
+    other.offer(serial_plans(problem, LIVE), LIVE)
+    assert other.best_joint(LIVE).makespan_s == found.makespan_s
+
+
+def test_all_that_is_told_is_understood(problem: TeamProblem) -> None:
+    """Plans with shifts either way among it."""
+    teller, listener = (TeamPlanner(problem, head, seed=5) for head in LIVE)
+    shifted = False
+    for _ in range(12):
+        teller.iterate(LIVE)
+        told, joint = teller.distribution(), teller.best_joint(LIVE)
+        shifted = shifted or any((plan < 0).any() for plan in told.sequences)
+        listener.take(0, told)
+        listener.offer(joint.plans, LIVE)
+        listener.resolve(joint.plans, LIVE)
+    assert shifted
+
+
+def _refused(n_macros: int) -> list[tuple[int, ...]]:
+    shifted, policy = (0,) * n_macros, n_macros
+    return [
+        (-7,),
+        (n_macros - 1,),
+        (n_macros + len(POLICIES),),
+        (policy, *shifted, 0),
+        (policy, *shifted[1:], MOST_SHIFT + 1),
+        (policy, *shifted[1:], -(2**31)),
+    ]
+
+
+def test_a_told_serial_order_that_cannot_be_stops_nobody(
+    planner: TeamPlanner, problem: TeamProblem
+) -> None:
+    """It would be kept as the best, and refused when it is proposed."""
+    n = len(problem.macro)
+    order = Toolpath.of(np.arange(n, dtype=np.int32)[::-1].copy(), np.zeros(n, np.bool_))
+    plan = encode_serial(order, problem.n_macros)
+    with pytest.raises(MessageError, match="contradicts the precedence"):
+        planner.offer({1: plan, 0: encode(0, problem.n_macros)}, LIVE)
+    with pytest.raises(MessageError, match="contradicts the precedence"):
+        planner.take(1, Distribution((plan,), np.ones(1)))
+    planner.best(LIVE)
+
+
+@pytest.mark.parametrize("row", range(len(_refused(3))))
+def test_a_told_plan_that_means_nothing_is_refused(
+    planner: TeamPlanner, problem: TeamProblem, row: int
+) -> None:
+    """It comes from outside."""
+    plan = np.int32(_refused(problem.n_macros)[row])
+    with pytest.raises(MessageError, match="means nothing"):
+        planner.offer({1: plan}, LIVE)
+    with pytest.raises(MessageError, match="means nothing"):
+        planner.take(1, Distribution((plan,), np.ones(1)))
+
+
+def test_another_process_is_another_problem(problem: TeamProblem) -> None:
+    """What plans resolve to depends on it, so such hosts must not plan together."""
+    settings = ProcessSettings(travel_feed=101.0, retract_mm=1.0)
+    other = replace(problem, job=replace(problem.job, settings=settings))
+    digests = {TeamPlanner(p, 0, seed=1).problem for p in (problem, other)}
+    assert len(digests) == 2
+
+
+@pytest.mark.slow
+def test_a_pack_s_parameters_are_the_search_s(problem: TeamProblem) -> None:
+    """What a launch sets must reach each head; the rest stays as the print asks for."""
+    pack = Pack(problem.job, problem.machine, problem.graph, {TEAM: {"share": 0.5, "alpha": 0.5}})
+    usual = Parameters.for_contours(len(problem.macro))
+    found = TeamPlanner.of_pack(pack, 0, seed=1)._search.parameters
+    assert found == replace(usual, share=0.5, alpha=0.5)
+    with pytest.raises(InputError, match="alpha"):
+        TeamPlanner.of_pack(replace(pack, options={TEAM: {"alpha": 2}}), 0, seed=1)
