@@ -23,7 +23,7 @@ from common import Rows, arguments, grouped, markdown, median, run_missing, sett
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
+from decmcts._kernels.sequence.bare import Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.annealing import NearSteps
@@ -86,15 +86,11 @@ def with_plain(
     numbered = Precedence.of(n, pairs)
     mine = np.ascontiguousarray(costs[np.ix_(numbered.original, numbered.original)])
     graph = DependencyGraph.from_pairs(n, numbered.pairs)
-    near = NearSteps.of(mine, mine, numbered.possible).near
-    steps = np.take_along_axis(mine, np.maximum(near, 0), axis=1)
-    hot, state = float(steps[near >= 0].mean()), seeded(seed)
-    bare = Bare(
-        mine, near, graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
-        np.arange(n, dtype=np.int32), np.arange(n, dtype=np.int32), np.empty(n, np.int32),
-    )  # fmt: skip
+    bare = NearSteps.of(mine, mine, numbered.possible).bare(mine, graph)
+    steps = np.take_along_axis(mine, np.maximum(bare.near, 0), axis=1)
+    hot, state = float(steps[bare.near >= 0].mean()), seeded(seed)
     while (share := (time.process_time() - began) / limit_s) < 1.0:
-        anneal_bare(bare, Shares(0.0, 0.0), state, hot * COLD**share, PROPOSALS)
+        anneal_bare(bare, Shares(0.0, 0.0, 0.0), state, hot * COLD**share, PROPOSALS)
     return numbered.original[bare.order]
 
 

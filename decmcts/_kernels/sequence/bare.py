@@ -2,9 +2,11 @@
 
 Nodes have no direction and no entries, so a proposal costs six looks at the
 matrix, and precedence is asked only of those that the Metropolis rule would take.
-Three kinds of proposal, by `Shares`: a near node is made to follow a random one,
-by exchange of two adjacent segments; the segment between the two is reversed; and
-two adjacent segments of log-uniform lengths change places, wherever they lie.
+Four kinds of proposal, by `Shares`: a near node is made to follow a random one,
+by exchange of two adjacent segments; the segment between the two is reversed; two
+adjacent segments between steps that are hops change places; and so do two of
+log-uniform lengths, wherever they lie.
+A hop is a step longer than those to near nodes: on a print, to another part.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from decmcts._kernels.random import below, uniform
 from decmcts._kernels.sequence.moves import edge_inside, edge_leads, exchange, reverse
 
 LONGEST_REVERSAL = 50  # nodes; in longer segments some edge lies nearly always
+HOPS_STAY = 4  # proposals a node after which hops are looked for again
 REACH = 1.0  # temperatures by which a new step may cost more than the one it replaces
 
 
@@ -28,6 +31,7 @@ class Shares(NamedTuple):
 
     follow: float
     reverse: float
+    hop: float
 
 
 class Bare(NamedTuple):
@@ -35,6 +39,7 @@ class Bare(NamedTuple):
 
     costs: NDArray[np.float64]  # (n, n) from row to column
     near: NDArray[np.int32]  # (n, k) nodes that may directly follow, -1 padded
+    hop_cost: NDArray[np.float64]  # (n,) a step from a node that costs more is a hop
     pred_offsets: NDArray[np.int64]  # (n + 1,)
     preds: NDArray[np.int32]  # (m,)
     succ_offsets: NDArray[np.int64]  # (n + 1,)
@@ -42,6 +47,7 @@ class Bare(NamedTuple):
     order: NDArray[np.int32]  # (n,)
     position: NDArray[np.int32]  # (n,) inverse of order
     scratch: NDArray[np.int32]  # (n,)
+    hops: NDArray[np.int32]  # (n,) scratch: the positions after hops
 
 
 @kernel
@@ -58,7 +64,10 @@ def anneal_bare(
     n, total, longest = len(order), 0.0, math.log(len(order) + 1.0)
     if n < 4:
         return 0.0
-    for _ in range(proposals):
+    hops, count = bare.hops, 0
+    for proposal in range(proposals):
+        if proposal % (HOPS_STAY * n) == 0 and shares.hop > 0.0:
+            count = _find_hops(costs, bare.hop_cost, order, hops)
         kind = uniform(state)
         if kind < shares.reverse:
             p = below(state, n - 1)
@@ -74,8 +83,11 @@ def anneal_bare(
             reverse(order, position, i, k)
             total += change
             continue
-        if kind < shares.reverse + shares.follow:
+        kind -= shares.reverse
+        if kind < shares.follow:
             i, j, k = _follow(costs, near, order, position, REACH * temperature, state)
+        elif kind < shares.follow + shares.hop:
+            i, j, k = _between_hops(hops, count, n, state)
         else:
             j = 1 + below(state, n - 1)
             i = j - int(math.exp(uniform(state) * longest))
@@ -128,6 +140,45 @@ def _follow(
     if at > p:
         return p + 1, at, position[other]
     return at, position[other], p + 1
+
+
+@kernel
+def _find_hops(
+    costs: NDArray[np.float64],
+    hop_cost: NDArray[np.float64],
+    order: NDArray[np.int32],
+    hops: NDArray[np.int32],
+) -> int:
+    """Fill in the positions that are reached by a hop, in rising order; return how many. O(n)."""
+    count = 0
+    for p in range(1, len(order) - 1):
+        if costs[order[p - 1], order[p]] > hop_cost[order[p - 1]]:
+            hops[count] = p
+            count += 1
+    return count
+
+
+@kernel
+def _between_hops(
+    hops: NDArray[np.int32], count: int, n: int, state: NDArray[np.uint64]
+) -> tuple[int, int, int]:
+    """Mutate `state`; return an exchange with cuts at two hops, (0, 0, 0) for none.
+
+    The third cut lies before the two, beyond them, at a third hop or between them.
+    """
+    if count < 2:
+        return 0, 0, 0
+    a = below(state, count - 1)
+    b = a + _length(count - 1 - a, state)
+    first, second = hops[a], hops[b]
+    draw = uniform(state)
+    if draw < 0.3:
+        return first - _length(first - 1, state), first, second
+    if draw < 0.6:
+        return first, second, second + _length(n - second, state)
+    if draw < 0.8 and b + 1 < count:
+        return first, second, hops[b + 1 + below(state, count - b - 1)]
+    return first, first + 1 + below(state, max(second - first - 1, 1)), second
 
 
 @kernel

@@ -30,7 +30,7 @@ from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.sop.assignment import Assignment, assign, patched
 from decmcts.search.sop.found import FOUND_BY
 from decmcts.search.sop.precedence import Precedence
-from decmcts.search.sop.threads import TwoThreads
+from decmcts.search.sop.threads import ALL_PARTS, Parts, TwoThreads
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +57,7 @@ def search_sop(
     *,
     stopping: Stopping,
     seed: int = 0,
+    parts: Parts = ALL_PARTS,
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[Progress], None] | None = None,
 ) -> SopResult:
@@ -76,6 +77,8 @@ def search_sop(
         looked at and moves proposed, of both threads together.
     seed : int
         Of what is drawn at random.
+    parts : Parts
+        What takes part in the search; all but in benchmarks.
     clock : Callable[[], float]
         Seconds; only differences matter.
     progress : Callable[[Progress], None] | None
@@ -103,7 +106,7 @@ def search_sop(
         stopping=stopping,
         report=progress,
     )
-    bound = _search(incumbent, numbered, assignment, seed)
+    bound = _search(incumbent, numbered, assignment, seed, parts)
     order = numbered.original[incumbent.order]
     return SopResult(
         order[order < n],
@@ -165,7 +168,7 @@ def _problem(costs: NDArray[np.float64], precedence: Precedence) -> OrderProblem
 
 
 def _search(
-    incumbent: Incumbent, precedence: Precedence, assignment: Assignment, seed: int
+    incumbent: Incumbent, precedence: Precedence, assignment: Assignment, seed: int, parts: Parts
 ) -> float:
     """Spend the budget on the incumbent; return a proven lower bound."""
     costs = incumbent.problem.costs
@@ -177,4 +180,4 @@ def _search(
         return incumbent.cost if len(costs) <= 3 else assignment.bound
     whole = bool((costs == np.rint(costs)).all())
     least_gain = 0.5 if whole else 1e-9 * (1.0 + float(costs.max()))
-    return TwoThreads(incumbent, precedence, assignment, seed, least_gain).run()
+    return TwoThreads(incumbent, precedence, assignment, seed, least_gain, parts).run()

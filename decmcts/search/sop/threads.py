@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.sequence.bare import Bare
+from decmcts._kernels.sequence.bare import Shares
 from decmcts._kernels.sequence.metric import Matrix
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.annealing import AnnealThread, NearSteps
+from decmcts.search.sop.annealing import SHARES, AnnealThread, NearSteps
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
+from decmcts.search.sop.elites import EliteThread
 from decmcts.search.sop.found import offer
 from decmcts.search.sop.precedence import Precedence
 
@@ -35,8 +36,23 @@ _CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may 
     (0.4, 0.005, 0.0),
 )
 _NEAR_ENOUGH = 0.05  # share by which the first annealing may lie above beams
-_WARM_LEAD = 8  # times the lead, where annealings change what beams found
+_ELITE_LEAD = 8  # times the lead, where elites are made of what beams found too
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What takes part in the search. All of it pays somewhere (docs/results/sop_ablation.md)."""
+
+    beams: bool = True
+    tree: bool = True
+    elites: bool = True  # else annealing by Luby's lengths alone
+    luby: bool = True  # else annealing by elites alone, where costs are no distances
+    hand_over: bool = True  # else beams keep their thread
+    shares: Shares = SHARES  # kinds of proposals
+
+
+ALL_PARTS = Parts()
 
 
 @dataclass(slots=True)
@@ -126,7 +142,34 @@ class TreeThread:
         self.below = min(self.below, incumbent.cost)
 
 
-SopThread = BeamThread | AnnealThread | TreeThread
+@dataclass(slots=True)
+class TurnsThread:
+    """Annealing by Luby's lengths and annealing by elites, slice about.
+
+    Elites find more on most problems without distances, but may all lie beside the best
+    sequence; on small ones annealings that know nothing of each other then find it.
+    """
+
+    annealers: tuple[AnnealThread, EliteThread]
+    _turn: int = 0
+
+    @property
+    def best(self) -> float:
+        """Least cost seen where the temperature changes."""
+        return min(annealer.best for annealer in self.annealers)
+
+    def work(self, quota: int, spent: float) -> int:
+        """Let one of the two work."""
+        self._turn ^= 1
+        return self.annealers[self._turn].work(quota, spent)
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Let both offer what they found, and hear of a better sequence."""
+        for annealer in self.annealers:
+            annealer.meet(incumbent)
+
+
+SopThread = BeamThread | AnnealThread | EliteThread | TurnsThread | TreeThread
 
 
 @dataclass(slots=True)
@@ -138,14 +181,18 @@ class TwoThreads:
     assignment: Assignment
     seed: int
     least_gain: float  # costs differ by more than this
+    parts: Parts = ALL_PARTS
     _steps: NearSteps | None = None  # found for the first annealing
 
     def run(self) -> float:
         """Mutate the incumbent until the budget is spent or it is optimal; return a bound."""
         incumbent, pace = self.incumbent, _Pace.of(self.incumbent)
         changes, bound = list(_CHANGES), self.assignment.bound
-        large = len(incumbent.problem) > _LARGEST_TREE
-        threads: list[SopThread] = [self._beams(), self._annealer(0) if large else self._tree()]
+        branches = self.parts.tree and len(incumbent.problem) <= _LARGEST_TREE
+        threads: list[SopThread] = [
+            self._beams() if self.parts.beams else self._annealer(1),
+            self._tree() if branches else self._annealer(0),
+        ]
         with ThreadPoolExecutor(len(threads)) as pool:
             while True:
                 incumbent.tick(pace.slice(pool, threads, incumbent))
@@ -169,7 +216,7 @@ class TwoThreads:
 
     def _bound(self, thread: SopThread) -> float:
         """Return what a thread has proven: no sequence costs less."""
-        if isinstance(thread, AnnealThread):
+        if isinstance(thread, AnnealThread | EliteThread | TurnsThread):
             return -np.inf
         if thread.exhausted:
             return self.incumbent.cost
@@ -187,12 +234,11 @@ class TwoThreads:
         come near the beams. The tree stays while the cost is not above `cost_above`.
         """
         beams, other, cost = *threads, self.incumbent.cost
-        if isinstance(beams, BeamThread):
-            if isinstance(other, AnnealThread) and np.isfinite(lead):
-                if other.is_last:
-                    cost, lead = other.promise, -_NEAR_ENOUGH
-                elif other.warm:
-                    lead *= _WARM_LEAD
+        if isinstance(beams, BeamThread) and self.parts.hand_over:
+            if isinstance(other, AnnealThread) and other.is_last and np.isfinite(lead):
+                cost, lead = other.promise, -_NEAR_ENOUGH
+            elif isinstance(other, TurnsThread):
+                lead *= _ELITE_LEAD
             if (1.0 + lead) * cost < beams.best:
                 beams = self._annealer(1)
         if isinstance(other, TreeThread) and self.incumbent.cost > cost_above:
@@ -223,20 +269,23 @@ class TwoThreads:
         thread.meet(self.incumbent)
         return thread
 
-    def _annealer(self, number: int) -> AnnealThread:
-        """Return a thread that anneals from the best sequence: 0 for short ones, 1 for long."""
+    def _annealer(self, number: int) -> AnnealThread | EliteThread | TurnsThread:
+        """Return a thread that anneals from the best sequence; its number: 0, or 1 for long ones.
+
+        Where costs are no distances it goes by elites, and thread 0 by both.
+        """
         if self._steps is None:
             reduced, possible = self.assignment.reduced, self.precedence.possible
             self._steps = NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
-        graph, n = self.incumbent.problem.graph, len(self.costs)
-        nodes = np.arange(n, dtype=np.int32)
-        bare = Bare(
-            self.costs, self._steps.near,
-            graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
-            nodes, nodes.copy(), np.empty(n, np.int32),
-        )  # fmt: skip
-        state = seeded(2 * self.seed + number)
-        thread = AnnealThread(bare, self._steps, state, long=number > 0)
+        steps, long, graph = self._steps, number > 0, self.incumbent.problem.graph
+        bare, state = steps.bare(self.costs, graph), seeded(2 * self.seed + number)
+        by_elites, shares = self.parts.elites and not steps.are_distances, self.parts.shares
+        anneal = AnnealThread(bare, shares, steps.scale, state, long, ends_long=not by_elites)
+        thread: AnnealThread | EliteThread | TurnsThread = anneal
+        if by_elites:
+            bare = steps.bare(self.costs, graph)
+            elite = EliteThread(bare, shares, steps, state, self.least_gain, long)
+            thread = elite if long or not self.parts.luby else TurnsThread((anneal, elite))
         thread.meet(self.incumbent)
         return thread
 

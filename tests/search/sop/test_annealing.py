@@ -8,7 +8,8 @@ import pytest
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.sop.annealing import NearSteps, luby
+from decmcts.search.sequence.annealing import TemperatureSchedule
+from decmcts.search.sop.annealing import NearSteps, luby, quenched
 from decmcts.search.sop.precedence import Precedence
 
 
@@ -25,19 +26,19 @@ def layered(layers: int, contours: int, seed: int) -> tuple[Precedence, np.ndarr
 
 def sequence(precedence: Precedence, costs: np.ndarray) -> Bare:
     graph = DependencyGraph.from_pairs(len(costs), precedence.pairs)
-    near = NearSteps.of(costs, costs, precedence.possible).near
-    nodes = np.arange(len(costs), dtype=np.int32)
-    return Bare(
-        costs, near, graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
-        nodes, nodes.copy(), np.empty(len(costs), np.int32),
-    )  # fmt: skip
+    return NearSteps.of(costs, costs, precedence.possible).bare(costs, graph)
 
 
 def cost(bare: Bare) -> float:
     return float(bare.costs[bare.order[:-1], bare.order[1:]].sum())
 
 
-@pytest.mark.parametrize("shares", [Shares(0.0, 0.0), Shares(1.0, 0.0), Shares(0.0, 1.0)])
+KINDS = (
+    Shares(0.0, 0.0, 0.0), Shares(1.0, 0.0, 0.0), Shares(0.0, 1.0, 0.0), Shares(0.0, 0.0, 1.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("shares", KINDS)
 @pytest.mark.parametrize("contours", [1, 2, 9])
 def test_the_change_is_that_of_the_cost_and_precedence_holds(shares: Shares, contours: int) -> None:
     precedence, costs = layered(6, contours, seed=contours)
@@ -55,7 +56,7 @@ def test_the_change_is_that_of_the_cost_and_precedence_holds(shares: Shares, con
 
 
 def test_each_kind_of_proposal_finds_shorter_sequences() -> None:
-    for shares in (Shares(0.0, 0.0), Shares(1.0, 0.0), Shares(0.0, 1.0)):
+    for shares in KINDS:
         bare = sequence(*layered(5, 12, seed=1))
         before = cost(bare)
         anneal_bare(bare, shares, seeded(0), 1.0, 20_000)
@@ -67,19 +68,35 @@ def test_few_nodes_have_nothing_to_exchange(n: int) -> None:
     pairs = np.array([[0, k] for k in range(1, n)] + [[k, n - 1] for k in range(n - 1)], np.int32)
     precedence = Precedence.of(n, pairs)
     bare = sequence(precedence, np.ones((n, n)))
-    assert anneal_bare(bare, Shares(0.5, 0.2), seeded(0), 1.0, 500) == 0.0
+    assert anneal_bare(bare, Shares(0.5, 0.2, 0.2), seeded(0), 1.0, 500) == 0.0
 
 
 def test_near_nodes_are_the_cheapest_that_may_follow() -> None:
     precedence, costs = layered(4, 10, seed=2)
     steps = NearSteps.of(costs, costs, precedence.possible)
-    assert steps.scale == steps.reduced_scale > 0.0
+    assert steps.scale > 0.0
     assert steps.are_distances
     for a, row in enumerate(steps.near):
         possible = np.flatnonzero(precedence.possible[a])
         cheapest = set(possible[np.argsort(costs[a, possible], kind="stable")][:4])
         assert set(row[row >= 0]) <= set(possible)
         assert costs[a, row[row >= 0]].max(initial=0.0) >= costs[a, list(cheapest)].max(initial=0.0)
+
+
+def test_a_hop_is_longer_than_the_steps_to_the_eight_nearest() -> None:
+    precedence, costs = layered(2, 20, seed=4)
+    steps = NearSteps.of(costs, costs, precedence.possible)
+    for a in range(1, len(costs) - 1):
+        there = np.sort(costs[a, precedence.possible[a]])
+        assert steps.hop_cost[a] == (there[7] if len(there) > 7 else np.inf)
+
+
+def test_annealing_ends_cold_and_with_a_quench() -> None:
+    schedule = TemperatureSchedule(100.0, 1.0)
+    assert quenched(schedule, 0.0) == 100.0
+    assert quenched(schedule, 0.46) == pytest.approx(10.0)
+    assert quenched(schedule, 0.92) == pytest.approx(1.0)
+    assert quenched(schedule, 1.0) == pytest.approx(0.1)
 
 
 def test_luby() -> None:

@@ -1,0 +1,159 @@
+"""What each part of the search for bare sequences is worth: without it, at equal time.
+
+    python benchmarks/sop_ablation.py [--time-limit 10] [--seeds 0,1,2]
+
+Problems: print-like ones, the hard ones of TSPLIB, and random costs with few precedences,
+from 44 to 2402 nodes. A twin is the whole search with another seed: what it differs by is
+noise. Seconds are processor time of both threads together, halved.
+Writes docs/results/sop_ablation.csv (a row a run, resumable) and sop_ablation.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from typing import Any
+
+import numpy as np
+from common import Rows, arguments, corpus, grouped, markdown, run_missing, setting
+from numpy.typing import NDArray
+from sop_prints import print_like
+
+from decmcts._kernels.sequence.bare import Shares
+from decmcts.formats.bare.sop import read_sop
+from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sop.solver import search_sop
+from decmcts.search.sop.threads import Parts
+
+PRINTS = ("3 5 20 5 1", "4 5 50 10 2", "8 2 60 8 24", "10 6 30 5 27", "3 40 20 6 28")
+TSPLIB = ("ft53.2", "ry48p.2", "p43.1", "kro124p.2", "rbg050c")
+FEW = ("100 0.5 4", "100 1 5", "100 3 6", "300 1 7")  # nodes, per cent of pairs, seed
+KINDS = {"print-like": PRINTS, "TSPLIB": TSPLIB, "few precedences": FEW}
+TWIN = 1000  # added to its seed
+
+VARIANTS = {
+    "all": ("all parts", Parts()),
+    "twin": ("its twin", Parts()),
+    "no-beams": ("without beam search", Parts(beams=False)),
+    "no-hand-over": ("beams keep their thread", Parts(hand_over=False)),
+    "no-tree": ("without branch and bound", Parts(tree=False)),
+    "no-elites": ("without elites", Parts(elites=False)),
+    "no-luby": ("elites alone", Parts(luby=False)),
+    "no-hops": ("no moves between hops", Parts(shares=Shares(0.7, 0.12, 0.0))),
+    "no-near": ("no moves to near nodes", Parts(shares=Shares(0.0, 0.12, 0.3))),
+    "no-reversals": ("no reversals", Parts(shares=Shares(0.49, 0.0, 0.3))),
+}
+KEY = ("kind", "problem", "variant", "time_limit_s", "seed")
+
+
+def few_precedences(
+    n: int, percent: float, seed: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return random costs 0..1000 (n, n) and random pairs (m, 2); node 0 first, n - 1 last."""
+    rng = np.random.default_rng(seed)
+    costs = rng.integers(0, 1001, (n, n)).astype(np.float64)
+    inner = np.argwhere(np.triu(rng.random((n, n)) < percent / 100.0, 1))
+    ends = [(0, k) for k in range(1, n)] + [(k, n - 1) for k in range(n - 1)]
+    return costs, np.concatenate([inner, ends]).astype(np.int32)
+
+
+def problem(kind: str, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Return costs and precedence."""
+    if kind == "print-like":
+        return print_like(*(int(word) for word in name.split()))
+    if kind == "few precedences":
+        n, percent, seed = name.split()
+        return few_precedences(int(n), float(percent), int(seed))
+    instance = read_sop(corpus() / "sop" / f"{name}.sop.gz")
+    return instance.costs.astype(np.float64), instance.precedence
+
+
+def run(key: dict[str, Any]) -> dict[str, Any]:
+    costs, pairs = problem(key["kind"], key["problem"])
+    result = search_sop(
+        costs,
+        pairs,
+        stopping=Stopping(2.0 * float(key["time_limit_s"])),
+        seed=int(key["seed"]) + (TWIN if key["variant"] == "twin" else 0),
+        parts=VARIANTS[key["variant"]][1],
+        clock=time.process_time,
+    )
+    return key | {
+        "nodes": len(costs), "cost": result.cost, "bound": result.bound,
+        "found_by": result.found_by, "error": "",
+    }  # fmt: skip
+
+
+def effects(rows: list[dict[str, str]]) -> dict[str, dict[str, list[float]]]:
+    """Return variant -> kind -> per cent above the mean of the whole search and its twin."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for (kind, _, _), mine in grouped(rows, "kind", "problem", "seed").items():
+        cost = {row["variant"]: float(row["cost"]) for row in mine}
+        if {"all", "twin"} <= set(cost):
+            base = (cost["all"] + cost["twin"]) / 2
+            for variant, each in cost.items():
+                found.setdefault(variant, {}).setdefault(kind, []).append(100 * (each / base - 1))
+    return found
+
+
+def noise(each: list[float], twins: list[float]) -> float:
+    """Return within what the mean of a variant that changes nothing would mostly stay.
+
+    Two standard errors: a run varies by 1/√2 of what twins are apart by (twice their
+    distance from their mean), that mean by half of that variance.
+    """
+    apart = sum((2 * twin) ** 2 for twin in twins)
+    return 2.0 * float(np.sqrt(0.75 * apart)) / max(len(each), 1)
+
+
+def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> None:
+    mine = [r for r in rows if float(r["time_limit_s"]) == options.time_limit and not r["error"]]
+    found, seeds = effects(mine), ",".join(sorted({row["seed"] for row in mine}, key=int))
+    lines: list[list[str]] = []
+    for name, (says, _) in VARIANTS.items():
+        line = [says]
+        for kind in KINDS:
+            each, twins = found.get(name, {}).get(kind, []), found.get("twin", {}).get(kind, [])
+            doubt = noise(each, twins)
+            text = f"{statistics.fmean(each):+.2f} ± {doubt:.2f} ({len(each)})" if each else ""
+            bold = each and abs(statistics.fmean(each)) > doubt
+            line.append(f"**{text}**" if bold else text)
+        if name not in ("all", "twin"):
+            lines.append(line)
+    said = setting(
+        note=options.note, time_limit=f"{options.time_limit:g} s", seeds=seeds,
+        seconds="processor time of both threads, halved",
+    )  # fmt: skip
+    text = f"# What each part of the search for bare sequences is worth\n\n{said}\n\n"
+    text += f"Repeat: `python benchmarks/sop_ablation.py --time-limit {options.time_limit:g} "
+    text += f"--seeds {seeds}`.\n\nFigures are per cent of cost that a variant makes more than the "
+    text += "whole search (the mean of two runs that differ by seed): above 0, what is left out "
+    text += "pays. After ± stands within what a variant that changes nothing would mostly stay, in "
+    text += "brackets how many runs. Bold is what lies beyond.\n\n"
+    names = "; ".join(
+        f"{kind}: {', '.join(f'`{n}`' for n in them)}" for kind, them in KINDS.items()
+    )
+    text += f"{markdown(lines, ['variant', *KINDS])}\nProblems: {names}.\n"
+    (options.results / "sop_ablation.md").write_text(text)
+
+
+def main() -> None:
+    parser = arguments(__doc__, time_limit=10.0, models="")
+    options = parser.parse_args()
+    rows = Rows(options.results / "sop_ablation.csv", KEY)
+    keys = [
+        dict(zip(KEY, (kind, name, variant, options.time_limit, seed), strict=True))
+        for seed in options.seeds
+        for kind, them in KINDS.items()
+        for name in them
+        for variant in VARIANTS
+    ]
+    if not options.table_only:
+        run_missing(rows, keys, run)
+    rows.read()
+    write_results(rows.rows, options)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""Annealing of a bare sequence where costs are no distances: by what good sequences share.
+
+Each annealing is short and begins hot. What it draws near nodes from are the steps of
+the best sequences so far, the elites; so what they agree on comes back soon, and where
+they differ the annealing decides. Problems with few precedences and random costs, on
+which one long annealing ends a fifth above, are the reason.
+
+References
+----------
+Gambardella & Dorigo 2000 (sequences built from the steps of good ones, then improved);
+Applegate, Bixby, Chvátal & Cook 2006, ch. 15.6 (tour merging: best in the union of tours).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.random import below
+from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
+from decmcts.search.sequence.annealing import TemperatureSchedule
+from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sop.annealing import NAME, STEPS, NearSteps, begin_with, quenched
+from decmcts.search.sop.found import offer
+
+_ELITES = 8
+
+_CHEAPEST = 2  # near steps by cost and by reduced cost beside those of the elites
+_HOT, _COLD = 2.0, 0.05  # temperatures, in scales
+_LENGTH = (4_000, 30_000)  # proposals a node: short annealings on one thread, long on the other
+_LEAST = 2_000  # where time allows no more
+_ANNEALINGS = 60  # so many should fit into the budget
+_STALE = 3 * _ELITES  # annealings in a row that find no elite
+
+
+@dataclass(slots=True)
+class Elites:
+    """The best sequences, all of different cost."""
+
+    most: int
+    costs: list[float] = field(default_factory=list)
+    orders: list[NDArray[np.int32]] = field(default_factory=list)
+
+    @property
+    def full(self) -> bool:
+        """Whether a new one takes another's place."""
+        return len(self.costs) == self.most
+
+    def add(self, cost: float, order: NDArray[np.int32], *, least_gain: float) -> bool:
+        """Keep a copy of a sequence if it is among the best and new; tell whether it is."""
+        if any(abs(cost - other) < least_gain for other in self.costs):
+            return False
+        if self.full:
+            worst = int(np.argmax(self.costs))
+            if cost >= self.costs[worst]:
+                return False
+            self.costs[worst], self.orders[worst] = cost, order.copy()
+        else:
+            self.costs.append(cost)
+            self.orders.append(order.copy())
+        return True
+
+    def following(self) -> NDArray[np.int32]:
+        """Return the node after each in every elite, (n, elites); -1 after the last."""
+        table = np.full((len(self.orders[0]), len(self.orders)), -1, np.int32)
+        for column, order in enumerate(self.orders):
+            table[order[:-1], column] = order[1:]
+        return table
+
+
+@dataclass(slots=True)
+class EliteThread:
+    """Annealing after annealing, each from one of the elites, drawn at random.
+
+    Once no annealing finds an elite any more all are given up, but the best sequence is
+    kept by who asks for it; annealings are then twice as long.
+    """
+
+    bare: Bare
+    shares: Shares
+    steps: NearSteps
+    state: NDArray[np.uint64]  # (1,)
+    least_gain: float  # costs differ by more than this
+    long: bool  # whether its annealings are long ones
+    best: float = np.inf  # least cost seen where the temperature changes
+    _elites: Elites = field(default_factory=lambda: Elites(_ELITES))
+    _cost: float = np.inf
+    _found: NDArray[np.int32] | None = None  # since the last meeting
+    _length: int = 0  # proposals of the present annealing
+    _done: int = 0  # proposals made in it
+    _failures: int = 0  # annealings in a row that found no elite
+    _doubled: int = 0  # how often elites were given up
+    _quota: int = 0  # of the slice before
+    _spent: float = np.inf  # budget spent when it began
+    _pace: float = np.inf  # proposals for the whole budget, once known
+
+    def work(self, quota: int, spent: float) -> int:
+        """Make `quota` proposals, in as many annealings as that takes."""
+        if spent > self._spent and quota <= 2 * self._quota:  # else slices still grow
+            self._pace = self._quota / (spent - self._spent)
+        left, self._quota, self._spent = quota, quota, spent
+        schedule = TemperatureSchedule(_HOT * self.steps.scale, _COLD * self.steps.scale)
+        while left > 0:
+            step = min(left, max(self._length // STEPS, 1), self._length - self._done)
+            temperature = quenched(schedule, self._done / self._length)
+            self._cost += anneal_bare(self.bare, self.shares, self.state, temperature, step)
+            self._done += step
+            left -= step
+            if self._cost < self.best:
+                self.best, self._found = self._cost, self.bare.order.copy()
+            if self._done == self._length:
+                self._end()
+        return quota
+
+    def meet(self, incumbent: Incumbent) -> None:
+        """Offer the best sequence seen since the last meeting; hear of a better one."""
+        if self._cost == np.inf:
+            begin_with(self.bare, incumbent.order)
+            self._cost, self._length = incumbent.cost, _LEAST * len(self.bare.order)
+        if self._found is not None:
+            offer(incumbent, self._found, NAME)
+            self._found = None
+        if self._elites.full and incumbent.cost < self.best - self.least_gain:
+            self._elites.add(incumbent.cost, incumbent.order, least_gain=self.least_gain)
+            self.best = incumbent.cost
+
+    def _end(self) -> None:
+        """Keep what the annealing found if it is good, and begin the next."""
+        elites, n = self._elites, len(self.bare.order)
+        found = elites.add(self._cost, self.bare.order, least_gain=self.least_gain)
+        self._failures = 0 if found else self._failures + 1
+        if self._failures == _STALE:
+            self._elites, self._failures, self._doubled = Elites(_ELITES), 0, self._doubled + 1
+            self.bare = self.bare._replace(near=self.steps.near)
+        elif elites.full:
+            drawn = int(below(self.state, _ELITES))
+            begin_with(self.bare, elites.orders[drawn])
+            self._cost = elites.costs[drawn]
+            if found:
+                self.bare = self.bare._replace(near=self._near())
+        share = self._pace / _ANNEALINGS if np.isfinite(self._pace) else 0.0
+        self._length = int(min(max(share, _LEAST * n), _LENGTH[self.long] * n << self._doubled))
+        self._done = 0
+
+    def _near(self) -> NDArray[np.int32]:
+        """Return (n, k) nodes that may follow: those that do in elites, and the cheapest."""
+        near, half = self.steps.near, self.steps.near.shape[1] // 2
+        cheapest = (near[:, :_CHEAPEST], near[:, half : half + _CHEAPEST])
+        return np.concatenate([self._elites.following(), *cheapest], axis=1)
