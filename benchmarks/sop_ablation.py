@@ -2,7 +2,7 @@
 
     python benchmarks/sop_ablation.py [--time-limit 10] [--seeds 0,1,2]
 
-Problems: print-like ones, the hard ones of TSPLIB, and random costs with few precedences,
+Problems: print-like ones, the hard ones of TSPLIB, and sparse ones (random costs, few precedences),
 from 44 to 2402 nodes. A twin is the whole search with another seed: what it differs by is
 noise. Seconds are processor time of both threads together, halved.
 Writes docs/results/sop_ablation.csv (a row a run, resumable) and sop_ablation.md.
@@ -16,7 +16,7 @@ import time
 from typing import Any
 
 import numpy as np
-from common import Rows, arguments, corpus, grouped, markdown, run_missing, setting
+from common import Rows, arguments, corpus, grouped, markdown, names, run_missing, setting
 from numpy.typing import NDArray
 from sop_prints import print_like
 
@@ -29,7 +29,7 @@ from decmcts.search.sop.threads import Parts
 PRINTS = ("3 5 20 5 1", "4 5 50 10 2", "8 2 60 8 24", "10 6 30 5 27", "3 40 20 6 28")
 TSPLIB = ("ft53.2", "ry48p.2", "p43.1", "kro124p.2", "rbg050c")
 FEW = ("100 0.5 4", "100 1 5", "100 3 6", "300 1 7")  # nodes, per cent of pairs, seed
-KINDS = {"print-like": PRINTS, "TSPLIB": TSPLIB, "few precedences": FEW}
+KINDS = {"print-like": PRINTS, "TSPLIB": TSPLIB, "sparse": FEW}
 TWIN = 1000  # added to its seed
 
 VARIANTS = {
@@ -62,7 +62,7 @@ def problem(kind: str, name: str) -> tuple[NDArray[np.float64], NDArray[np.int32
     """Return costs and precedence."""
     if kind == "print-like":
         return print_like(*(int(word) for word in name.split()))
-    if kind == "few precedences":
+    if kind == "sparse":
         n, percent, seed = name.split()
         return few_precedences(int(n), float(percent), int(seed))
     instance = read_sop(corpus() / "sop" / f"{name}.sop.gz")
@@ -140,14 +140,16 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
 
 def main() -> None:
     parser = arguments(__doc__, time_limit=10.0, models="")
+    parser.add_argument("--kinds", type=names, default=list(KINDS))
+    parser.add_argument("--variants", type=names, default=list(VARIANTS))
     options = parser.parse_args()
     rows = Rows(options.results / "sop_ablation.csv", KEY)
     keys = [
         dict(zip(KEY, (kind, name, variant, options.time_limit, seed), strict=True))
         for seed in options.seeds
-        for kind, them in KINDS.items()
-        for name in them
-        for variant in VARIANTS
+        for kind in options.kinds
+        for name in KINDS[kind]
+        for variant in options.variants
     ]
     if not options.table_only:
         run_missing(rows, keys, run)

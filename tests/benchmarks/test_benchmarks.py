@@ -70,6 +70,20 @@ def test_runs_once_and_resumes(script, tmp_path):
 
 
 @pytest.mark.slow
+def test_parts_of_the_search_for_bare_sequences_are_left_out(tmp_path):
+    """A twin tells the noise; done once, not run again."""
+    options = ["--kinds", "sparse", "--variants", "all,twin,no-elites", "--seeds", "0"]
+    run("sop_ablation", [*options, "--time-limit", "0.1"], tmp_path)
+    written = (tmp_path / "sop_ablation.csv").read_text()
+    rows = list(csv.DictReader(written.splitlines()))
+    assert len(rows) == 3 * len({row["problem"] for row in rows}) > 3
+    assert all(row["error"] == "" and float(row["cost"]) >= float(row["bound"]) for row in rows)
+    assert "| without elites |" in (tmp_path / "sop_ablation.md").read_text()
+    run("sop_ablation", [*options, "--time-limit", "0.1"], tmp_path)
+    assert (tmp_path / "sop_ablation.csv").read_text() == written
+
+
+@pytest.mark.slow
 def test_teams_are_compared_once(tmp_path):
     """Ours and a baseline on the example; done once, not run again."""
     options = ["--models", "plate", "--heads", "2", "--time-limit", "0.5"]
