@@ -1,7 +1,7 @@
 """What each part of `hybrid` is worth: without it, and alone, at equal time.
 
     python benchmarks/ablation.py [--seeds 0,1,2] [--time-limit 10]
-    python benchmarks/ablation.py --time-limit 60 --variants hybrid,twin,no-trees
+    python benchmarks/ablation.py --time-limit 60 --variants hybrid,twin,trees
 
 One part is left out at a time. A twin is `hybrid` with another seed: what it differs by
 is noise. `bare` is annealing of whole sequences on two threads, nothing else; on top of
@@ -50,12 +50,11 @@ TWIN = 1000  # added to its seed
 
 HYBRID = Hybrid()
 SEVERAL, NEVER = HYBRID.multistart, Multistart(always=0, at_most=0)
-NO_EXACT, NO_LAYERS, NO_TREES = Exact(share=0.0), LayeredStart(promising=0.0), Trees(share=0.0)
+NO_EXACT, NO_LAYERS = Exact(share=0.0), LayeredStart(promising=0.0)
 ALONE = Partition(for_neighbourhoods=math.inf, for_windows=math.inf)
 BARE = Hybrid(
     exact=NO_EXACT,
     layered=NO_LAYERS,
-    trees=NO_TREES,
     multistart=Multistart(always=10**9, until=END, merging=0.0),
     crosses=False,
 )
@@ -100,7 +99,8 @@ VARIANTS = {
     "hybrid": Variant("`hybrid`", HYBRID),
     "twin": Variant("its twin", HYBRID),
     "no-exact": Variant("without exact solutions", replace(HYBRID, exact=NO_EXACT)),
-    "no-trees": Variant("without trees", replace(HYBRID, trees=NO_TREES)),
+    "no-trees": Variant("without trees, as `hybrid` has had since", HYBRID, nowhere),
+    "trees": Variant("with trees: `hybrid-mcts`", "hybrid-mcts"),
     "one-gamma": Variant("one Γ, as `hybrid` has had since", HYBRID, nowhere),
     "no-multistart": Variant(
         "without several starts: a partition", replace(HYBRID, multistart=NEVER), started
@@ -137,7 +137,7 @@ VARIANTS = {
     "local": Variant("`local`", "local"),
     "bare": Variant("bare", BARE),
     "bare-exact": Variant("bare, exact solutions", replace(BARE, exact=HYBRID.exact)),
-    "bare-trees": Variant("bare, trees", replace(BARE, trees=HYBRID.trees)),
+    "bare-trees": Variant("bare, trees", replace(BARE, trees=Trees())),
     "bare-partition": Variant("bare, partition", replace(BARE, multistart=NEVER, partition=ALONE)),
     "bare-neighbourhoods": Variant(
         "bare, neighbourhoods", replace(BARE_SEARCHED, neighbourhoods=Neighbourhoods(windows=0.0))

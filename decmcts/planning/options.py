@@ -45,6 +45,7 @@ class PlannerName(StrEnum):
     LOCAL = "local"
     MCTS = "mcts"
     HYBRID = "hybrid"
+    HYBRID_MCTS = "hybrid-mcts"
 
 
 class Objective(StrEnum):

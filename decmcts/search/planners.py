@@ -20,6 +20,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.search.baselines.local import Local
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
@@ -44,10 +45,12 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
         "local": Local(),
         "mcts": Mcts(),
         "hybrid": Hybrid(),
+        "hybrid-mcts": Hybrid(trees=Trees()),
     }
 )
 
-KEEP_LAGS = ("layerwise", "local", "hybrid")  # find orders that keep a problem's time lags
+KEEP_LAGS = ("layerwise", "local", "hybrid", "hybrid-mcts")
+"""Planners that find orders which keep a problem's time lags."""
 
 
 @dataclass(frozen=True, slots=True)

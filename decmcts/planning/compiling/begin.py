@@ -19,7 +19,7 @@ from decmcts.search.sequence.timed_lags import no_timed_lags
 def compile_search(problem: OrderProblem, planner: str | Planner, stop: Stop = never) -> None:
     """Search problems of no size just long enough to need every kernel, off the clock.
 
-    One solved exactly, one by trees, starts and what joins them, one that must cool; none
+    One solved exactly, one by starts and what joins them, one that must cool; none
     once `stop` says so.
     """
     ahead = ((3, None, 100), (2 * WINDOW, None, 500), (3, no_timed_lags(3), 100))

@@ -2,12 +2,12 @@
 
 What annealing ends in depends on what it begins with, and no start is best for all
 prints. In each round one thread begins with the best sequence so far, or with that of
-the trees. The others begin with the plain start, by turns at a high temperature (`hot`)
-and at a lower one that keeps some of the start's structure (`mild`). Where there is a
-layered start they begin with what annealing within layers has made of it so far, at the
-high one. Once that wins a round, every thread stays within layers, and the first begins
-at the lower temperature. Were the best shared with all threads, their results would be
-alike.
+the trees if there are any. The others begin with the plain start, by turns at a high
+temperature (`hot`) and at a lower one that keeps some of the start's structure (`mild`).
+Where there is a layered start they begin with what annealing within layers has made of it
+so far, at the high one. Once that wins a round, every thread stays within layers, and the
+first begins at the lower temperature. Were the best shared with all threads, their results
+would be alike.
 
 After each round what all so far ended in is joined window by window: where layers
 follow each other strictly, that has the best that was found of each. Then what the

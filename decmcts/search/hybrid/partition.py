@@ -1,8 +1,8 @@
 """One sequence parted among all threads, for prints too large for several starts.
 
-On the largest a layered start is annealed within layers first. Then come the trees
-and a first, fast annealing, then a long one: in long blocks while hot, where long
-moves decide the large structure, in many short ones while cold. Half-way the trees,
+On the largest a layered start is annealed within layers first. Then come trees, if
+there are any, and a first, fast annealing, then a long one: in long blocks while hot, where long
+moves decide the large structure, in many short ones while cold. Half-way trees,
 guided by what annealing made of the sequence, get another turn. It leaves time for
 neighbourhoods, or for windows where there is less; for neither where there is least.
 """
@@ -50,7 +50,7 @@ class Partition:
         return _steps_each(search) >= self.for_windows
 
     def run(self, search: Search) -> Iterator[None]:
-        """Anneal the best sequence on all threads together, with the trees' help."""
+        """Anneal the best sequence on all threads together, with trees' help if there are any."""
         large = len(search.incumbent.problem) >= self.layers_from
         if large and search.layered is not None:
             yield from self._within_layers(search, search.layered)

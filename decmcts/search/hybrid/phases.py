@@ -1,12 +1,12 @@
 """The planner `hybrid`: phases, one after the other, until the search is over.
 
 Prints whose layers have few contours are solved exactly (`exact`), if there is time.
-Else a tree over clusters proposes a start (`trees`), and what follows
-depends on size and time: several starts annealed as whole sequences (`multistart`) and
-then a large neighbourhood search (`neighbourhoods`), or one sequence parted among the
-threads (`partition`), and then neighbourhoods, or windows put in their best order
-(`windows`). Last comes a descent. Where contours must be some time apart, annealing
-takes the place of all that (`lagged`).
+Else what follows depends on size and time: several starts annealed as whole sequences
+(`multistart`) and then a large neighbourhood search (`neighbourhoods`), or one sequence
+parted among the threads (`partition`), and then neighbourhoods, or windows put in their
+best order (`windows`). Last comes a descent. Where contours must be some time apart,
+annealing takes the place of all that (`lagged`). The planner `hybrid-mcts` has trees too,
+which propose starts (`trees`).
 
 References
 ----------
@@ -52,7 +52,7 @@ class Hybrid:
     starts: Starts = field(default_factory=Starts)
     exact: Exact = field(default_factory=Exact)
     layered: LayeredStart = field(default_factory=LayeredStart)
-    trees: Trees = field(default_factory=Trees)
+    trees: Trees | None = None  # they propose starts to multistart and partition
     multistart: Multistart = field(default_factory=Multistart)
     partition: Partition = field(default_factory=Partition)
     neighbourhoods: Neighbourhoods = field(default_factory=Neighbourhoods)

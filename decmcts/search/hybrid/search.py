@@ -25,7 +25,7 @@ class Search:
 
     incumbent: Incumbent
     threads: Threads
-    trees: Trees
+    trees: Trees | None
     by_layers: tuple[NDArray[np.int32], NDArray[np.uint8]] | None = None  # order, directions
     layered: Sequence | None = None  # goes by layers and is worth annealing within them
     _near: NDArray[np.int32] | None = field(default=None, repr=False)
@@ -47,8 +47,9 @@ class Search:
         return Sequence.best_of(self.incumbent, self.near)
 
     def propose(self, guest: Sequence) -> Iterator[None]:
-        """Mutate the guest to the best that trees find, if they have time."""
-        yield from self.trees.turn(self.incumbent, self.threads, guest)
+        """Mutate the guest to the best that trees find, if there are any and they have time."""
+        if self.trees is not None:
+            yield from self.trees.turn(self.incumbent, self.threads, guest)
 
 
 class Phase(Protocol):

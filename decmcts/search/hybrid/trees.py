@@ -2,8 +2,9 @@
 
 The paper's clustering gives blocks, whole towers or a few layers, hence places where
 the nozzle may switch. The tree starts from the block order of the best sequence so far.
-What is found is a start for annealing, whose result guides the next call. The paper
-leaves Γ open; the best of four at once brought no less travel than one.
+What is found is a start for annealing, whose result guides the next call. Only the
+planner `hybrid-mcts` has it: travel is no shorter for it (docs/results/ablation.md). The
+paper leaves Γ open; the best of four at once brought no less travel than one.
 
 References
 ----------
@@ -40,7 +41,7 @@ _MOST_ROLLOUTS = 1000  # a slice
 class Trees:
     """What trees are grown, and for how long."""
 
-    share: float = 0.02  # of the search for each turn; 0: none, which ends as well on average
+    share: float = 0.02  # of the search for each turn
     gamma: float = 0.5  # Γ, from which on two clusters become one
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
 
@@ -59,7 +60,7 @@ class Trees:
     def _have_time(self, incumbent: Incumbent) -> bool:
         """Tell whether clustering takes no more than its share of time."""
         seconds = _CLUSTERING_S * len(incumbent.problem.graph.preds)
-        return self.share > 0.0 and incumbent.stopping.share_of(seconds) <= self.share
+        return incumbent.stopping.share_of(seconds) <= self.share
 
 
 @dataclass(slots=True)

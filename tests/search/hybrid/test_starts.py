@@ -12,7 +12,6 @@ from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
 from decmcts.search.hybrid.threads import open_threads
-from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.starts.layerwise import layer_runs
 from tests.search.problems import random_problem, started, with_loops
@@ -21,7 +20,7 @@ from tests.search.problems import random_problem, started, with_loops
 def begun(problem: OrderProblem) -> Search:
     """A search after its starts."""
     with open_threads(1, 0) as threads:
-        search = Search(started(problem), threads, Trees())
+        search = Search(started(problem), threads, None)
     list(Starts().run(search))
     return search
 
