@@ -156,7 +156,7 @@ out pays. `hybrid` is the mean of two runs, itself and its twin. After ± stands
 variant that changes nothing would mostly stay: two standard errors, from how far twins are
 apart. Bold is what lies beyond. A variant is run only where it is another search than
 `hybrid`. Where both solve a print exactly there is nothing to compare; such runs are left out
-of the means.
+of the means. The runs are from when `hybrid` still had trees, and at first the best of four Γ.
 """
 KEY = ("model", "machine", "process", "freedom", "variant", "limit_s", "seed")
 ROW = ("machine", "freedom", "process", "model")
@@ -339,11 +339,10 @@ def plot(found: dict[str, list[tuple[dict[str, str], Effect]]], path: Path) -> N
 
 
 def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> None:
-    mine = [
-        r for r in rows
-        if float(r["limit_s"]) == options.time_limit and r["process"] == options.process
-        and r["variant"] in VARIANTS and not r["error"]
-    ]  # fmt: skip
+    known = [r for r in rows if r["process"] == options.process and r["variant"] in VARIANTS]
+    known = [row for row in known if not row["error"]]
+    mine = [row for row in known if float(row["limit_s"]) == options.time_limit]
+    others = grouped((row for row in known if row not in mine), "limit_s")
     seeds = ",".join(sorted({r["seed"] for r in mine}, key=int))
     said = setting(
         note=options.note, quality="none", process_order=options.process,
@@ -356,7 +355,10 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     text += EXPLAINED.replace("\n", " ").strip() + "\n\n"
     found = effects(mine)
     text += f"## Mean effects\n\n{summary(found)}\n![ablation](ablation.png)\n\n"
-    text += f"## Print by print\n\n{table(found)}\n## What is missing\n\n{missing(mine)}"
+    text += f"## Print by print\n\n{table(found)}\n"
+    for (limit,), longer in others.items():
+        text += f"## At {float(limit):g} s\n\n{table(effects(longer))}\n"
+    text += f"## What is missing\n\n{missing(mine)}"
     (options.results / "ablation.md").write_text(text)
     if found:
         plot(found, options.results / "ablation.png")
