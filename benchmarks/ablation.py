@@ -50,12 +50,12 @@ TWIN = 1000  # added to its seed
 
 HYBRID = Hybrid()
 SEVERAL, NEVER = HYBRID.multistart, Multistart(always=0, at_most=0)
-NO_EXACT, NO_LAYERS = Exact(share=0.0), LayeredStart(promising=0.0)
+NO_EXACT, NO_LAYERS = Exact(share=0.0), LayeredStart(most_cost=0.0)
 ALONE = Partition(for_neighbourhoods=math.inf, for_windows=math.inf)
 BARE = Hybrid(
     exact=NO_EXACT,
     layered=NO_LAYERS,
-    multistart=Multistart(always=10**9, until=END, merging=0.0),
+    multistart=Multistart(always=10**9, until=END, merge_share=0.0),
     crosses=False,
 )
 BARE_SEARCHED = replace(BARE, multistart=replace(BARE.multistart, until=SEVERAL.until))
@@ -127,7 +127,7 @@ VARIANTS = {
     ),
     "no-crossover": Variant("without crossover", replace(HYBRID, crosses=False)),
     "no-merging": Variant(
-        "without merging", replace(HYBRID, multistart=Multistart(merging=0.0)), started
+        "without merging", replace(HYBRID, multistart=Multistart(merge_share=0.0)), started
     ),
     "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_LAYERS), layered),
     "no-settling": Variant(
@@ -146,7 +146,7 @@ VARIANTS = {
     "bare-crossover": Variant("bare, crossover", replace(BARE, crosses=True)),
     "bare-merging": Variant(
         "bare, merging",
-        replace(BARE, multistart=replace(BARE.multistart, merging=SEVERAL.merging)),
+        replace(BARE, multistart=replace(BARE.multistart, merge_share=SEVERAL.merge_share)),
     ),
     "bare-layers": Variant("bare, layered starts", replace(BARE, layered=HYBRID.layered)),
 }

@@ -15,13 +15,13 @@ import decmcts
 
 
 class Watch:
-    """Remember what the heads told, and say when they are through."""
+    """Remember the best makespan that the heads have reported."""
 
     def __init__(self) -> None:
         self.best_s = float("inf")
 
     def __call__(self, event: decmcts.Event) -> None:
-        """Hear of one event."""
+        """Take in one event."""
         if isinstance(event, decmcts.Heads):
             self.best_s = min([self.best_s, *(a.best_makespan_s for a in event.agents)])
 

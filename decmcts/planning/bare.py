@@ -57,7 +57,7 @@ def solve_sop(
         If shapes do not fit, a cost is negative or too large, a node is unknown
         or a limit is negative.
     InputError
-        If the precedence is a circle.
+        If the precedence has a cycle.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What planning tells while it works, and how it is asked to stop.
+"""The events planning reports while it works, and how it is asked to stop.
 
 The same for one head and for several. A report may be called from a second thread.
 """
@@ -35,7 +35,7 @@ class Sound:
 
 @dataclass(frozen=True, slots=True)
 class Begun:
-    """A search has begun: from here on whoever asks to stop gets the best so far."""
+    """A search has begun: from here on `stop` ends it with the best so far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,15 +47,17 @@ class Heads:
 
 
 Event = Step | Note | Sound | Begun | Heads | Progress
+"""What a `Report` is called with."""
+
 Report = Callable[[Event], None]
-"""Told of every event."""
+"""A function that is called with each event."""
 
 Stop = Callable[[], bool]
 """Asked many times a second; True ends the search with the best so far."""
 
 
 def unheard(event: Event) -> None:
-    """Hear of nothing."""
+    """Ignore the event."""
 
 
 def never() -> bool:

@@ -2,8 +2,8 @@
 
 On a computer where nothing is compiled yet the search begins with a planner that needs
 few kernels. When the kernels of the other planner are there, that one goes on from the
-best sequence with the time that is left. Those of its phases whose time is over by then
-are left out.
+best sequence with the time that is left. Phases of it whose share of the
+time has passed by then are left out.
 """
 
 from __future__ import annotations

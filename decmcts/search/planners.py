@@ -1,7 +1,7 @@
 """The planners by name, and the function that runs them.
 
-This is the composition root of the search: it joins a planner, a problem and
-the stopping criteria, and prices toolpaths. Each planner lives in a module of its own.
+This is the composition root of the search: it runs a planner on a problem until the
+search is to end, and prices toolpaths. Each planner lives in a module of its own.
 """
 
 from __future__ import annotations
@@ -80,6 +80,8 @@ def plan_order(
 ) -> SearchResult:
     """Search for a sequence whose travels cost little, in mm, seconds or bare costs.
 
+    However the search ends, the result is the best sequence so far.
+
     Equal seeds and equal limits of iterations give equal results, provided nothing else
     ends the search.
 
@@ -88,13 +90,13 @@ def plan_order(
     planner : str | Planner
         One of `PLANNERS` by name, or a planner of your own making.
     stopping : Stopping
-        What ends the search, with the best so far. Seconds are kept to within a
-        fraction of one plus the time of one greedy pass.
+        What ends the search. A limit of seconds may be exceeded by a fraction of one
+        second and the time of one greedy pass.
     clock : Callable[[], float]
         Seconds; only differences matter. Threads ask it at the same time.
     bound : float | None
-        What no sequence can cost less than, if known; handed on to `progress`. The
-        result has the planner's own instead where that is higher.
+        A cost that no sequence is below, if known; part of what `progress` is called with.
+        Where the planner proves a higher one, the result has that.
 
     Raises
     ------
@@ -138,7 +140,7 @@ def toolpath_cost(problem: OrderProblem, toolpath: Toolpath) -> float:
         wanted = np.arange(n) * most + entry
         place = np.searchsorted(possible, wanted)
         if not (np.append(possible, -1)[place] == wanted).all():
-            raise ValueError("a contour is entered where it has no option")
+            raise ValueError("a contour is entered where it has no entry")
         entry_id = np.where(np.diff(seams.offsets) > 1, place, -1).astype(np.int32)
     return float(visits_cost(problem.metric(), order, is_reversed, entry_id))
 

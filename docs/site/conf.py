@@ -39,3 +39,4 @@ html_theme = "furo"
 html_title = "decmcts"
 html_extra_path = ["index.html"]  # leads to the README
 html_copy_source = False
+html_show_copyright = False  # LICENSE says it

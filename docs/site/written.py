@@ -1,8 +1,8 @@
 """Types and fields on the API page as the source writes them.
 
 Autodoc evaluates annotations, so `NDArray[np.int32]` would become
-`ndarray[tuple[Any, ...], dtype[int32]]`, and it overlooks the comments in which
-dataclasses state shapes and units.
+`ndarray[tuple[Any, ...], dtype[int32]]`. It overlooks the comments in which dataclasses
+state shapes and units, and documents a value by the docstring of its type.
 """
 
 from __future__ import annotations
@@ -15,7 +15,10 @@ import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.inspect import stringify_signature
+
+import decmcts
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -59,8 +62,19 @@ def fields(member: type) -> Iterator[str]:
                 )
 
 
+def document_value(
+    _app: Sphinx, what: str, name: str, _member: object, _options: object, lines: list[str]
+) -> None:
+    """Replace the docstring of a public value's type by the one below the value, in place."""
+    if what == "data":
+        short = name.rpartition(".")[2]
+        home = ModuleAnalyzer.for_module(decmcts._HOME.get(short, "decmcts.version"))
+        lines[:] = home.find_attr_docs().get(("", short), [])
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register with Sphinx."""
     app.connect("autodoc-process-signature", signature)
     app.connect("autodoc-process-docstring", add_fields)
+    app.connect("autodoc-process-docstring", document_value)
     return {"parallel_read_safe": True}

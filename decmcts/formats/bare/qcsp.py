@@ -242,7 +242,7 @@ def _refuse_crowd(
 
 
 def _pairs(fields: Fields, n: int) -> NDArray[np.int32]:
-    """Return the precedence, counted from 0; raises InputError for a circle."""
+    """Return the precedence, counted from 0; raises InputError for a cycle."""
     given = points(fields.items("Phi"), (2,), fields.at("Phi"), fields.path)
     wrong = (given != given.round()) | (given < 1) | (given > n)
     if wrong.any():
@@ -256,7 +256,7 @@ def _pairs(fields: Fields, n: int) -> NDArray[np.int32]:
         waiting[open_pairs[:, 1]] = True
         if not (free := left & ~waiting).any():
             at = np.flatnonzero(left & waiting)[0] + 1
-            fail(fields.at("Phi"), f"a circle of precedence before task {at}", fields.path)
+            fail(fields.at("Phi"), f"a cycle of precedence before task {at}", fields.path)
         left &= ~free
         open_pairs = open_pairs[left[open_pairs[:, 0]]]
     return pairs

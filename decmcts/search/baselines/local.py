@@ -1,7 +1,7 @@
 """The planner `local`: greedy starts, annealing on linear extensions, descent.
 
-Annealing runs in rounds from the best sequence so far. The first is short, so
-that an early stop gets most of the gain; the last takes most of the budget.
+Annealing runs in rounds, each from the best sequence so far. The first round is short,
+so that a search stopped early has most of the gain; the last takes most of the time.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
-_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_POLL_S = 0.1  # how often a search looks whether it is to end
 _MOST_NODES = 4_000_000  # about 150 MB; a full tree goes on without growing
 _CHUNK = 200  # iterations between looks at the clock when iterations are limited
 
@@ -44,7 +44,7 @@ class Mcts:
         clustered = clustered_problem(incumbent.problem, self.labels(incumbent.problem.graph))
         rollout, state = fresh_rollout(clustered), seeded(seed)
         tried = np.zeros(len(clustered.outer_preds), np.bool_)
-        longest = incumbent.problem.longest_hop() * len(rollout.order)
+        longest = incumbent.problem.longest_travel() * len(rollout.order)
         tree, chunk = new_tree(1024), 1
         order, is_reversed, best = rollout.order.copy(), rollout.reversed.copy(), math.inf
         while not incumbent.over and not self._has_lost_patience(incumbent):

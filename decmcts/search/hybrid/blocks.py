@@ -1,11 +1,10 @@
 """A window of a sequence as a small search problem of its own.
 
-The contours next to it stay as guards at its ends, so that what is gained inside
-is gained in the whole sequence, to the bit; but where blocks that touch are changed
-at once, the travel between them becomes what neither saw. Since the window is
-contiguous in a linear extension, the stored edges inside it have the closure of all
-edges inside it: any chain between two of its contours stays within. Nothing is
-searched here.
+The contours before and after the window belong to the problem too, as *guards* that never
+move. So a block that becomes cheaper makes the whole sequence cheaper by exactly as much.
+(Where two blocks that touch change at once the travel between them may differ.) The stored
+edges inside the window have the same closure as all edges inside it, since any chain between
+two of its contours stays within a contiguous window. Nothing is searched here.
 """
 
 from __future__ import annotations
@@ -57,9 +56,9 @@ class Sequence:
         self.reversed[:], self.entry_id[:] = other.reversed, other.entry_id
 
     def choose_entries(self) -> None:
-        """Mutate the sequence: loops with a choice are entered where it suits the order best.
+        """Mutate the sequence: choose the best entries and directions for its order, exactly.
 
-        Moves enter one loop anew, or a few; this all of them at once, exactly.
+        Moves choose the entry of one loop, or a few; this chooses all at once.
         """
         if self.problem.seams is not None:
             self.reversed[:], self.entry_id[:] = self.problem.visits_for(self.metric, self.order)
@@ -196,11 +195,11 @@ def _block_seams(
     kept, dense = np.unique(seams.rows[entries[chosen]], return_inverse=True)
     row = np.full(len(entries), -1, np.int32)
     row[chosen] = 2 * k + dense
-    doors = 2 * n + np.stack([2 * entries, 2 * entries + 1], axis=1).ravel()
-    points = points_of(sequence.metric)[np.concatenate([rows, doors])]
+    entry_ports = 2 * n + np.stack([2 * entries, 2 * entries + 1], axis=1).ravel()
+    points = points_of(sequence.metric)[np.concatenate([rows, entry_ports])]
     for guard in np.flatnonzero((counts == 0) & (old >= 0)):
-        door = 2 * n + 2 * old[guard]
-        points[2 * guard : 2 * guard + 2] = points_of(sequence.metric)[door : door + 2]
+        entry_port = 2 * n + 2 * old[guard]
+        points[2 * guard : 2 * guard + 2] = points_of(sequence.metric)[entry_port : entry_port + 2]
     free = (old >= 0) & (counts > 0)
     entry_id = np.where(free, old - seams.offsets[ids] + offsets[:-1], -1).astype(np.int32)
     use_entries(points, entry_id)

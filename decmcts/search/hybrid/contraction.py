@@ -122,8 +122,10 @@ def _ends(sequence: Sequence, contours: NDArray[np.int32], leaving: int) -> NDAr
         return np.zeros((len(contours), 3))
     entry_id, is_reversed = sequence.entry_id[contours], sequence.reversed[contours]
     port = 2 * contours + (is_reversed ^ leaving)
-    door = 2 * len(sequence.order) + 2 * entry_id + leaving
-    return np.ascontiguousarray(points_of(sequence.metric)[np.where(entry_id >= 0, door, port)])
+    entry_port = 2 * len(sequence.order) + 2 * entry_id + leaving
+    return np.ascontiguousarray(
+        points_of(sequence.metric)[np.where(entry_id >= 0, entry_port, port)]
+    )
 
 
 def _seams(

@@ -1,4 +1,6 @@
-"""The best of several sequences, window by window: what threads found apart is joined.
+"""Partition crossover: of several sequences the best one in each window.
+
+So what threads found in different places is kept together.
 
 References
 ----------
@@ -17,8 +19,8 @@ from decmcts.search.hybrid.blocks import Sequence
 def crossover(sequences: list[Sequence]) -> Sequence:
     """Return the cheapest sequence of windows of those given; no dearer than any.
 
-    They are of one problem and stay as they are. Windows end where two have printed
-    the same contours, see `crossed`.
+    All are of one problem, and none is changed. A window ends where two of them have
+    printed the same set of contours, see `crossed`.
     """
     best = sequences[0].copy()
     if len(sequences) == 1:

@@ -1,4 +1,4 @@
-"""An exact solution, where layers have few contours; given up soon where there is no hope of it."""
+"""An exact solution, where layers have few contours; given up soon where it would take too long."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from decmcts.search.hybrid.search import Search
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """How long to try, in shares of what the search may use."""
+    """How long to try, in shares of the search."""
 
-    probe: float = 0.15  # for finding out what an exact solution takes,
-    share: float = 0.75  # and what that may be; 0: no exact solutions
+    probe: float = 0.15  # for finding out how long an exact solution would take
+    share: float = 0.75  # the longest it may take; 0: no exact solutions
 
     def run(self, search: Search) -> Iterator[None]:
-        """Solve the problem, if it is of that kind; then the search is over."""
+        """Solve the problem if it can be solved in time; then the search is over."""
         incumbent = search.incumbent
         if self.share > 0.0:
             patience, widest = Patience(lambda: incumbent.spent, self.probe, self.share), WIDEST

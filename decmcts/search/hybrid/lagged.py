@@ -1,8 +1,8 @@
 """Annealing where contours that lie on each other must be some time apart.
 
-Trees, neighbourhoods and exact solutions know no time. What is left is strong enough:
-moves that keep the time, on one whole sequence a thread, from the source's own order
-on, which keeps it.
+The other phases do not look at when a contour is printed, so they would break lags.
+Here each thread anneals a whole sequence with moves that keep the lags. It begins with
+the source's own order, which keeps them.
 """
 
 from __future__ import annotations

@@ -1,17 +1,20 @@
 """Several starts (multistart): whole sequences, one a thread, from unlike beginnings.
 
-What annealing ends in depends on what it begins with, and no start is best for all
-prints. In each round one thread begins with the best sequence so far, or with that of
-the trees if there are any. The others begin with the plain start, by turns at a high
-temperature (`hot`) and at a lower one that keeps some of the start's structure (`mild`).
-Where there is a layered start they begin with what annealing within layers has made of it
-so far, at the high one. Once that wins a round, every thread stays within layers, and the
-first begins at the lower temperature. Were the best shared with all threads, their results
-would be alike.
+How good the result of annealing is depends on the start, and no start is best for all
+prints. In each round the first thread begins with the best sequence so far, or with the
+one that a tree search proposes, if there is one. The other threads do not, since their
+results would be like that of the first. They begin:
 
-After each round what all so far ended in is joined window by window: where layers
-follow each other strictly, that has the best that was found of each. Then what the
-best and the next best still differ in is annealed, the rest contracted to runs.
+- where there is no layered start, with the best of the first starts, by turns at a high
+  temperature (`hot`) and at a lower one that keeps some of its structure (`mild`);
+- where there is a layered start, with what annealing within layers has made of it so
+  far, at the high temperature. Once this wins a round every thread stays within layers,
+  and the first begins at the lower temperature.
+
+After each round the results of all rounds so far are crossed (partition crossover,
+`decmcts.search.hybrid.crossover`). Where layers follow each other strictly this takes the
+best result of each layer. Then the places where the best result and the next best still
+differ are annealed, and the rest is contracted to runs.
 """
 
 from __future__ import annotations
@@ -32,40 +35,46 @@ from decmcts.search.starts.layerwise import layer_runs
 
 @dataclass(frozen=True, slots=True)
 class Multistart:
-    """How many rounds there are, and how hot: in mean travels before the first of them."""
+    """How many rounds there are, and their temperatures, in mean travels before the first."""
 
-    always: int = 1000  # contours up to which several starts beat parting one sequence,
+    always: int = 1000  # contours up to which several starts beat a partition of one sequence,
     at_most: int = 6000  # or up to this many,
     least: float = 15_000.0  # if a thread has time for so many steps for each
     until: float = 0.65  # share at which they end
     steps: float = 3000.0  # of a thread in a round, for each contour and entry
     most: int = 8  # rounds
-    merging: float = 0.2  # share of a round for what the best and the next best differ in; 0: none
-    merged: float = 1.0  # temperature that begins with, in mean travels of what is left
+    merge_share: float = 0.2  # of a round, for where the best two results differ; 0: none
+    merge_hot: float = 1.0  # first temperature of that, in mean travels of what is left
     hot: float = 1.5
-    mild: float = 0.7  # from here on some of the structure stays
+    mild: float = 0.7  # below this some of the start's structure stays
     cold: float = 0.03
 
     def __post_init__(self) -> None:
         if min(self.steps, self.most) < 1:
             raise ValueError("steps and most: expected 1 or more")
-        if min(self.hot, self.mild, self.cold, self.merged) <= 0.0:
-            raise ValueError("hot, mild, cold and merged: expected more than 0")
+        if min(self.hot, self.mild, self.cold, self.merge_hot) <= 0.0:
+            raise ValueError("hot, mild, cold and merge_hot: expected more than 0")
 
     def suits(self, search: Search) -> bool:
-        """Tell whether whole sequences, one a thread, end better than one parted among them."""
+        """Tell whether one whole sequence a thread is better than a partition of one among them."""
         n, steps = len(search.incumbent.problem), search.threads.steps(search.incumbent.stopping)
         return n <= self.always or n <= min(self.at_most, steps / self.least)
 
     def run(self, search: Search) -> Iterator[None]:
-        """Anneal all starts; what is best is the incumbent's."""
+        """Anneal all starts, round by round; offer what is found."""
         incumbent, threads = search.incumbent, search.threads
-        plain, layered, ahead = search.best(), search.layered, False  # ahead: the layered one
+        plain, layered, ahead = (
+            search.best(),
+            search.layered,
+            False,
+        )  # ahead: the layered sequence won a round
         layers = layer_runs(incumbent.problem.layer)
         began, rounds = incumbent.spent, self._count(search)
         length = (self.until - began) / rounds
-        mean = incumbent.cost / len(incumbent.problem)  # of all rounds, lest they begin cooler
-        ends: list[Sequence] = []  # of all threads in all rounds,
+        mean = incumbent.cost / len(
+            incumbent.problem
+        )  # the same in all rounds, so that all begin equally hot
+        ends: list[Sequence] = []  # results of all threads in all rounds,
         in_layers: list[Sequence] = []  # and of those that stayed within layers
         for number in range(rounds):
             other, best = plain if layered is None else layered, search.best()
@@ -79,7 +88,7 @@ class Multistart:
             heats = self._heats(number, layered is not None, ahead, len(sequences))
             groups = _groups(layers, layered is not None, ahead, len(sequences))
             schedules = [TemperatureSchedule(heat * mean, self.cold * mean) for heat in heats]
-            annealed = until - self.merging * length
+            annealed = until - self.merge_share * length
             yield from anneal_sequences(
                 incumbent, sequences, threads, schedules, annealed, groups=groups
             )
@@ -113,14 +122,14 @@ class Multistart:
         """Anneal what the best sequence and the next best differ in."""
         best, threads = search.best(), search.threads
         others = [sequence for sequence in sequences if sequence.cost > best.cost]
-        if not others or self.merging == 0.0:
+        if not others or self.merge_share == 0.0:
             return
         merged = merge(best, min(others, key=lambda sequence: sequence.cost))
         if len(merged.problem) < 2:
             return
         starts = [merged.start() for _ in threads.states]
         mean = starts[0].cost / len(merged.problem)
-        schedules = [TemperatureSchedule(self.merged * mean, self.cold * mean) for _ in starts]
+        schedules = [TemperatureSchedule(self.merge_hot * mean, self.cold * mean) for _ in starts]
         if mean > 0.0:
             yield from anneal_sequences(
                 search.incumbent, starts, threads, schedules, until, contraction=merged

@@ -2,10 +2,10 @@
 
 A neighbourhood is some dozens of contours that lie near each other, in space or along
 the sequence. All else is contracted to runs (`decmcts.search.hybrid.contraction`), so
-that annealing of it, from a temperature drawn for it, takes a fraction of a second and
-may carry what lies between elsewhere. A result that is no worse goes on. Annealing of
-a whole sequence ends as good as an average outcome everywhere; this takes the best of
-many for each neighbourhood. In turn with that, windows of the sequence are put in their
+that annealing it, from a temperature drawn at random, takes a fraction of a second and may
+move whole runs elsewhere. A result that is no worse is kept. One annealing of a whole
+sequence leaves each place about as good as annealing does on average; this keeps the best
+of many tries for each place. In turn with that, windows of the sequence are put in their
 best order, exactly (`decmcts.search.hybrid.windows`).
 
 References
@@ -40,7 +40,7 @@ _HOT = (0.3, 5.0)  # between these its first temperature is drawn, in mean trave
 _COLD = 0.03  # and its last
 _STEPS = (400.0, 1500.0, 50_000.0)  # a contour left: least, most at first, most ever
 _MOST_AT_FIRST = 200_000.0  # steps, before it is known how long they take
-_LONGEST_S = 0.5  # for one: the clock is looked at between them, the stop wish at meetings
+_LONGEST_S = 0.5  # for one; a thread reads the clock only after each
 _PASSES = 20  # neighbourhoods each contour is to be in; the more time, the longer each takes
 _SLICES = 12  # of equal temperature
 _SCALES = (1.0, 3.0, 10.0)  # of heights: towers to layers
@@ -98,7 +98,7 @@ class Places:
 
 @dataclass(frozen=True, slots=True)
 class Neighbourhoods:
-    """Until when the best sequence is improved, and how the time for it is used."""
+    """Until when the best sequence is improved, and how its time is shared out."""
 
     until: float = END  # share
     windows: float = 0.3  # of the time between two meetings: windows solved exactly
@@ -110,9 +110,9 @@ class Neighbourhoods:
     def improve(self, incumbent: Incumbent, sequence: Sequence, threads: Threads) -> Iterator[None]:
         """Improve a sequence; yield at meetings. The incumbent gets what is better.
 
-        Of a large print all but a part is contracted first, in which neighbourhoods are
-        tried for a while: a contraction takes time with all contours there are. Mutates
-        the generators.
+        Of a large print all but a part is contracted first, and neighbourhoods are tried
+        within that part for a while, since each contraction takes time in proportion to
+        all contours left. Mutates the generators.
         """
         n, began = len(sequence.order), incumbent.spent
         solvers = [WindowSolver() for _ in threads.states]
@@ -130,7 +130,7 @@ class Neighbourhoods:
             ends = min(self.until, incumbent.spent + turn)
             found = yield from self._improved(incumbent, part.start(), threads, solvers, ends, part)
             sequence = part.expanded(found)
-            incumbent.tick()  # a part without travels asks nobody
+            incumbent.tick()  # a part without travels does not
             yield
 
     def _improved(
@@ -144,8 +144,8 @@ class Neighbourhoods:
     ) -> Generator[None, None, Sequence]:
         """Return what neighbourhoods make of a sequence until the share `until`.
 
-        Each thread tries some by itself for a while; then the best of what all have,
-        window by window, goes on, to the incumbent too: of a contraction the whole
+        Each thread tries some by itself for a while. Then their results are crossed, and all
+        go on from that. It is offered to the incumbent: of a contraction the whole
         sequence it stands for.
         """
         places, began, made = Places.of(sequence), incumbent.spent, 0

@@ -1,10 +1,11 @@
-"""One sequence parted among all threads, for prints too large for several starts.
+"""A partition of one sequence among all threads, for prints too large for several starts.
 
-On the largest a layered start is annealed within layers first. Then come trees, if
-there are any, and a first, fast annealing, then a long one: in long blocks while hot, where long
-moves decide the large structure, in many short ones while cold. Half-way trees,
-guided by what annealing made of the sequence, get another turn. It leaves time for
-neighbourhoods, or for windows where there is less; for neither where there is least.
+On the largest prints a layered start is annealed within layers first. Then come a tree
+search (if there is one), a fast annealing and a long one. The long one has long blocks
+while hot, when long moves decide the large structure, and many short ones while cold.
+Half-way through it the tree search has a second turn, guided by the sequence so far.
+Where there is time enough it ends early, to leave some for neighbourhoods; with less time,
+for windows.
 """
 
 from __future__ import annotations
@@ -29,12 +30,12 @@ class Partition:
     half_way: float = 0.5  # share at which the trees get their second turn
     neighbourhoods_from: float = 0.75  # share at which neighbourhoods begin,
     for_neighbourhoods: float = 15_000.0  # if there are so many steps for each contour in all
-    windows_from: float = 0.85  # or at which windows are solved exactly,
-    for_windows: float = 2000.0  # if there are only so many
-    until: float = END  # if there are fewer still
+    windows_from: float = 0.85  # else share at which windows begin,
+    for_windows: float = 2000.0  # if there are so many
+    until: float = END  # else share at which the long annealing ends
     blocks: tuple[int, int] = (1, 4)  # of each thread, hot and cold; 0: whole sequences alone
     hot: float = 1.5
-    warm: float = 0.2  # from here on the structure stays
+    warm: float = 0.2  # below this the large structure stays
     cold: float = 0.03
 
     def __post_init__(self) -> None:
@@ -64,7 +65,7 @@ class Partition:
         cold = search.schedule(self.warm, self.cold)  # of the same mean travel
         yield from self._anneal(search, sequence, hot, self.half_way, long)
         yield from search.propose(search.best())
-        if search.incumbent.cost < sequence.cost:  # the trees', or that of the first annealing
+        if search.incumbent.cost < sequence.cost:  # found by the trees or by the first annealing
             sequence = search.best()
         yield from self._anneal(search, sequence, cold, self._ends(search), short)
 
@@ -82,13 +83,13 @@ class Partition:
         until: float,
         blocks: int,
     ) -> Iterator[None]:
-        """Anneal the sequence, parted among the threads."""
+        """Anneal the sequence in blocks, shared out among the threads."""
         yield from anneal_blocks(
             search.incumbent, sequence, search.threads, schedule, until, blocks=blocks
         )
 
     def _within_layers(self, search: Search, layered: Sequence) -> Iterator[None]:
-        """Anneal within layers on each thread, and join the best."""
+        """Anneal within layers on each thread, and cross the results."""
         incumbent, threads = search.incumbent, search.threads
         sequences, until = [layered.copy() for _ in threads.states], incumbent.spent + self.layers
         schedules = [search.schedule(self.hot, self.cold)] * len(sequences)

@@ -2,11 +2,11 @@
 
 Prints whose layers have few contours are solved exactly (`exact`), if there is time.
 Else what follows depends on size and time: several starts annealed as whole sequences
-(`multistart`) and then a large neighbourhood search (`neighbourhoods`), or one sequence
-parted among the threads (`partition`), and then neighbourhoods, or windows put in their
-best order (`windows`). Last comes a descent. Where contours must be some time apart,
-annealing takes the place of all that (`lagged`). The planner `hybrid-mcts` has trees too,
-which propose starts (`trees`).
+(`multistart`) and then a large neighbourhood search (`neighbourhoods`); or blocks of one
+sequence shared out among the threads (`partition`), and then neighbourhoods, or windows
+put in their best order (`windows`). Last comes a descent. Where a problem has time lags,
+annealing takes the place of all that (`lagged`). The planner `hybrid-mcts` has trees over
+clusters too, which propose starts (`trees`).
 
 References
 ----------
@@ -47,7 +47,7 @@ class Descent:
 
 @dataclass(frozen=True, slots=True)
 class Hybrid:
-    """The phases, and what they share."""
+    """The phases, each with its parameters, and the number of threads."""
 
     starts: Starts = field(default_factory=Starts)
     exact: Exact = field(default_factory=Exact)
@@ -58,8 +58,8 @@ class Hybrid:
     neighbourhoods: Neighbourhoods = field(default_factory=Neighbourhoods)
     windows: Windows = field(default_factory=Windows)
     descent: Descent = field(default_factory=Descent)
-    lagged: Lagged = field(default_factory=Lagged)  # where contours must be some time apart
-    crosses: bool = True  # results of threads are joined window by window
+    lagged: Lagged = field(default_factory=Lagged)  # where there are time lags
+    crosses: bool = True  # whether results of threads are crossed; else the best is taken
     threads: int = 2  # fixed, so that results do not depend on the machine
 
     def __post_init__(self) -> None:

@@ -16,18 +16,18 @@ from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 
-END = 0.97  # share at which what improves the sequence at random makes way for a descent
+END = 0.97  # share at which random search ends, for the descent
 
 
 @dataclass(slots=True)
 class Search:
-    """The best sequence so far, the means to better it, and where phases stand; mutable."""
+    """The best sequence so far, and what phases need and find out; mutable."""
 
     incumbent: Incumbent
     threads: Threads
     trees: Trees | None
     by_layers: tuple[NDArray[np.int32], NDArray[np.uint8]] | None = None  # order, directions
-    layered: Sequence | None = None  # goes by layers and is worth annealing within them
+    layered: Sequence | None = None  # layer by layer, and worth annealing within layers
     _near: NDArray[np.int32] | None = field(default=None, repr=False)
 
     @property
@@ -38,7 +38,7 @@ class Search:
         return self._near
 
     def schedule(self, hot: float, cold: float) -> TemperatureSchedule:
-        """Return the way between two temperatures given in mean travels of the best sequence."""
+        """Return a schedule; temperatures are given in mean travels of the best sequence."""
         mean = self.incumbent.cost / len(self.incumbent.problem)
         return TemperatureSchedule(hot * mean, cold * mean)
 
@@ -46,15 +46,15 @@ class Search:
         """Return a copy of the best sequence so far."""
         return Sequence.best_of(self.incumbent, self.near)
 
-    def propose(self, guest: Sequence) -> Iterator[None]:
-        """Mutate the guest to the best that trees find, if there are any and they have time."""
+    def propose(self, sequence: Sequence) -> Iterator[None]:
+        """Mutate the sequence to the best of a tree search, if there is one and it has time."""
         if self.trees is not None:
-            yield from self.trees.turn(self.incumbent, self.threads, guest)
+            yield from self.trees.turn(self.incumbent, self.threads, sequence)
 
 
 class Phase(Protocol):
     """A part of a search."""
 
     def run(self, search: Search) -> Iterator[None]:
-        """Better the incumbent; yield wherever the search may end."""
+        """Improve the incumbent; yield wherever the search may end."""
         ...

@@ -1,4 +1,4 @@
-"""What the search begins with: orders made at once, and whether going by layers promises much."""
+"""What the search begins with: orders made by simple rules, and maybe one that goes by layers."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ class Starts:
 class LayeredStart:
     """Whether annealing within layers is worth it, and from what."""
 
-    promising: float = 1.15  # cost of going by layers, in those of the best start; 0: never
+    most_cost: float = 1.15  # of an order by layers, in costs of the best start; 0: never
 
     def run(self, search: Search) -> Iterator[None]:
         """Set the layered start: the best sequence if it goes by layers, else the nearest.
 
-        That one gets the entries that suit it and may then cost `promising` times the
-        best. There is none if there is but one layer.
+        The nearest gets the entries that suit it, and is left out if it then costs more
+        than `most_cost` times the best. There is none if there is but one layer.
         """
         group = layer_runs(search.incumbent.problem.layer)
-        if self.promising == 0.0 or group[-1] == 0:
+        if self.most_cost == 0.0 or group[-1] == 0:
             return
         best = search.best()
         if (np.diff(group[best.order]) >= 0).all():
@@ -48,6 +48,6 @@ class LayeredStart:
             order, is_reversed = search.by_layers
             layered = replace(best.copy(), order=order.copy(), reversed=is_reversed.copy())
             layered.choose_entries()
-            if layered.cost <= self.promising * best.cost:
+            if layered.cost <= self.most_cost * best.cost:
                 search.layered = layered
         yield

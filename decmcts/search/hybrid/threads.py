@@ -1,12 +1,13 @@
 """Annealing on several threads at once: each a whole sequence, or blocks of one.
 
-Of whole sequences the better one is taken. Blocks share one
-sequence out: as many steps are made together as threads allow, but nothing moves
-across a cut. Cuts are placed anew all the time, and in every other turn whole
-sequences take the place of blocks, so that no move is ruled out for long; what those find is
-joined window by window (`decmcts.search.hybrid.crossover`). Each thread has a
-generator of its own and results are joined in a fixed order: equal seeds and
-equal iterations give equal sequences, whatever the threads' pace.
+Whole sequences are each offered to the incumbent. Blocks are parts of one sequence, so
+every step of every thread improves the same one, but nothing moves across a cut between
+blocks. No move is ruled out for long: cuts are placed anew all the time, and in every other
+turn each thread has the whole sequence in place of blocks, and their results are crossed
+(`decmcts.search.hybrid.crossover`).
+
+Each thread has a generator of its own, and results are put together in a fixed order. So
+equal seeds and equal iterations give equal sequences, whichever thread is faster.
 
 References
 ----------
@@ -35,7 +36,7 @@ from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
 
-ROUND_S = 0.4  # how long threads work before they meet: one held up keeps others waiting then
+ROUND_S = 0.4  # how long threads work before they meet, where the slowest keeps all waiting
 _CHUNK_S = 0.02  # how often a thread looks at the clock
 _LARGEST_CHUNK = 4_000_000
 _ROUNDS = 400  # of a search that is limited by iterations
@@ -53,14 +54,14 @@ class Threads:
     pool: ThreadPoolExecutor
     states: list[NDArray[np.uint64]]  # (1,) each, mutated
     cutting: NDArray[np.uint64]  # (1,) mutated
-    crosses: bool = True  # results are joined window by window; False: the best is taken
+    crosses: bool = True  # whether results are crossed; else the best is taken
 
     def fresh(self) -> NDArray[np.uint64]:
         """Mutate `cutting`; return a new generator, (1,)."""
         return seeded(int(uniform(self.cutting) * 2**53))
 
     def join(self, found: list[Sequence]) -> Sequence:
-        """Return the best of what was found, a sequence of its own."""
+        """Return one sequence made of those found, no worse than any; they stay as they are."""
         if self.crosses:
             return crossover(found)
         return min(found, key=lambda sequence: sequence.cost).copy()
@@ -93,9 +94,9 @@ def anneal_sequences(
 ) -> Iterator[None]:
     """Anneal one whole sequence a thread until the share `until` is spent; yield at meetings.
 
-    Each has a cooling of its own, and moves stay within equal `groups`, (n,) by contour
-    and non-decreasing along the sequence. Mutates the sequences and the generators; the
-    incumbent gets what is best, of a contraction the whole sequence it stands for.
+    Each has a temperature schedule of its own, and moves stay within equal `groups`, (n,) by
+    contour and non-decreasing along the sequence. Mutates the sequences and the generators.
+    Each is offered to the incumbent, of a contraction the whole sequence it stands for.
     """
     tours: list[Block] = []
 
@@ -131,9 +132,9 @@ def anneal_blocks(
     """Anneal one sequence on all threads until the share `until` is spent; yield at meetings.
 
     There are so many `blocks` for each thread, fewer where they would be too small; in
-    every other turn, and always if that is 0, each thread has the whole sequence, and the
-    best of both goes on.
-    Mutates the sequence and the generators; offers what it passes to the incumbent.
+    every other turn, and always if that is 0, each thread has the whole sequence, and
+    their results are crossed. Mutates the sequence and the generators; the sequence is
+    offered to the incumbent at each meeting.
     """
     n, count = len(sequence.order), len(threads.states)
     shares: list[list[Block]] = []

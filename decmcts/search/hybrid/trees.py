@@ -1,10 +1,11 @@
 """Large structure by tree search: which cluster next.
 
-The paper's clustering gives blocks, whole towers or a few layers, hence places where
-the nozzle may switch. The tree starts from the block order of the best sequence so far.
-What is found is a start for annealing, whose result guides the next call. Only the
-planner `hybrid-mcts` has it: travel is no shorter for it (docs/results/ablation.md). The
-paper leaves Γ open; the best of four at once brought no less travel than one.
+A cluster of the paper is a whole tower or a few layers of one, so the nozzle goes from
+tower to tower where one cluster ends. The tree search begins with the order of clusters
+in the best sequence so far. Its result is a start for annealing, and what annealing makes
+of that guides the next turn. Only the planner `hybrid-mcts` has it, since travel is no
+shorter for it (docs/results/ablation.md). The paper leaves Γ open; taking the best of
+four values saved no more travel than one value.
 
 References
 ----------
@@ -31,7 +32,7 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
 _CLUSTERING_S = 0.6e-6  # an edge, about
-_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_POLL_S = 0.1  # how often a search looks whether it is to end
 _CAPACITY = 20_000  # nodes of a tree; a full one goes on without growing
 _ROUNDS = 5  # slices of a call that is limited by iterations
 _MOST_ROLLOUTS = 1000  # a slice
@@ -45,16 +46,16 @@ class Trees:
     gamma: float = 0.5  # Γ, from which on two clusters become one
     exploration: float = 0.05  # of UCB1; rewards of good sequences differ little
 
-    def turn(self, incumbent: Incumbent, threads: Threads, guest: Sequence) -> Iterator[None]:
-        """Mutate the guest to the best of a tree grown for its share, if it has time."""
+    def turn(self, incumbent: Incumbent, threads: Threads, sequence: Sequence) -> Iterator[None]:
+        """Mutate the sequence to the best of a tree grown for `share`, if there is time for it."""
         if not self._have_time(incumbent):
             return
         until = incumbent.spent + self.share
         search = guided_search(incumbent, self.gamma, threads.fresh())
         yield from grow_until(incumbent, search, exploration=self.exploration, until=until)
-        guest.order[:], guest.reversed[:] = search.order, search.reversed
-        guest.choose_entries()
-        incumbent.offer(guest.order, guest.reversed, guest.entry_id)
+        sequence.order[:], sequence.reversed[:] = search.order, search.reversed
+        sequence.choose_entries()
+        incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
         yield
 
     def _have_time(self, incumbent: Incumbent) -> bool:

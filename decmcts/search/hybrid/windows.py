@@ -1,7 +1,7 @@
 """Windows of a sequence put in their best order, one after the other, exactly.
 
-Annealing leaves some dozens of contours that follow each other in a good order; which
-is the best is found in milliseconds (`decmcts._kernels.exact.window`).
+Annealing leaves any few dozen contours that follow each other in a good order. Their best
+order is found in milliseconds (`decmcts._kernels.exact.window`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _LEAST_CHUNK, _LARGEST_CHUNK = 1_000, 4_000_000  # travels priced
 
 @dataclass(slots=True)
 class WindowSolver:
-    """What one thread has learnt of windows, and its room for solving them."""
+    """How long windows one thread can solve in time, and its memory for that."""
 
     length: float = 8.0  # positions
     chunk: int = _LEAST_CHUNK  # travels

@@ -1,4 +1,7 @@
-"""Annealing of a whole sequence and descent to its local optimum, paced by when it ends."""
+"""Annealing of a whole sequence, and descent to its local optimum.
+
+Both take small steps, and look after each whether the search is to end.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from decmcts._kernels.sequence.moves import Tour, refresh
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.timed_lags import no_lag_state
 
-_POLL_S = 0.1  # how often a search looks at the clock and the stop wish
+_POLL_S = 0.1  # how often a search looks whether it is to end
 _LARGEST_CHUNK = 1_000_000
 _CHUNKS = 400  # parts of a run that is limited by iterations
 _POSITIONS = 500  # positions between looks at the clock in a descent
@@ -24,7 +27,7 @@ _LONGEST_SWAP = 50  # segments tried exhaustively; longer ones are left to annea
 
 @dataclass(frozen=True, slots=True)
 class TemperatureSchedule:
-    """Geometric cooling between two temperatures, in the unit of costs."""
+    """A temperature that falls geometrically, in the unit of costs."""
 
     first: float
     last: float
@@ -79,8 +82,8 @@ def anneal_until(
 ) -> None:
     """Anneal the tour until the share `until` is spent or the search is over.
 
-    Mutates the tour and the generator state. The best sequence at the end of a
-    piece of work is offered to the incumbent.
+    Mutates the tour and the generator state. The sequence is offered to the incumbent
+    after each chunk of proposals.
     """
     began, chunk = incumbent.spent, 1000
     limit = incumbent.stopping.iterations

@@ -1,8 +1,8 @@
 """The best sequence so far, how it came about, and whether the search is over.
 
 Planners offer sequences and count their work here. So every planner can be stopped at
-any time, and its result is never worse than the source. Once the search is over the
-incumbent says so (`Incumbent.over`); nobody hands that on.
+any time, and its result is never worse than the source. `Incumbent.over` says whether
+the search has ended, and is the only thing that does.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ class Incumbent:
     clock : Callable[[], float]
         Seconds; only differences matter.
     stopping : Stopping
-        What planners pace themselves by; asked after every piece of work.
+        When the search ends; looked at after every piece of work.
     report : Callable[[Progress], None] | None
-        Told of progress after every piece of work.
+        Called with the progress after every piece of work.
     bound : float | None
-        What no sequence can cost less than, if known; told with progress.
+        A cost that no sequence is below, if known; part of the progress.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Incumbent:
         self._clock, self._report = clock, report
         self._ended = False  # as `stopping` says
         self._finished = False  # as the planner says
-        self.bound = bound  # what no sequence can cost less than, if known
+        self.bound = bound  # a cost that no sequence is below, if known
         self._started, self._improved_at_s = clock(), 0.0
         self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
 
@@ -98,8 +98,8 @@ class Incumbent:
         """Take the sequence if it is better; `is_reversed` is by contour. Returns whether it was.
 
         `entry_id` is the entry each contour is entered by, see `Seams`; None: as sliced. A
-        sequence that does not keep the problem's time lags is not taken: not all planners
-        know of time.
+        sequence that does not keep the problem's time lags is not taken, and that is no
+        fault: not all planners look at lags.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class Incumbent:
         return self.offer(order, *self.problem.visits_for(self.metric, order))
 
     def prove(self, bound: float) -> None:
-        """Take a bound that the planner has proven, if it is higher than what was known."""
+        """Take a bound that the planner has proven, if it is higher than the one known."""
         self.bound = bound if self.bound is None else max(self.bound, bound)
 
     def finish(self) -> None:
@@ -149,10 +149,10 @@ class Incumbent:
 
     @contextmanager
     def ending_when(self, asked: Callable[[], bool]) -> Iterator[None]:
-        """Let the search be over also when `asked` says so, within a `with`."""
+        """Within a `with`, end the search also when `asked` returns True."""
         usual = self.stopping
-        wish = usual.asked or (lambda: False)
-        self.stopping = replace(usual, asked=lambda: asked() or wish())
+        before = usual.asked or (lambda: False)
+        self.stopping = replace(usual, asked=lambda: asked() or before())
         try:
             yield
         finally:

@@ -29,8 +29,8 @@ def pace_of(job: PrintJob, limits: MotionLimits) -> Pace:
 
     A travel is retracted (wiped, if the source wipes), lifted by the source's own hop,
     lowered and primed again. Travels shorter than the source's least, and those that
-    stay bare inside the part, go without all that. How far a travel must lift over what
-    is printed higher is not known before there is an order.
+    stay bare inside the part, go without all that. How far a travel must lift over
+    what is printed by then is not known before there is an order, and not counted.
     """
     settings = job.settings
     hop_s = retraction_time(settings, limits)

@@ -218,7 +218,7 @@ class OrderProblem:
         is_reversed, entry_id = choose_visits(metric, order, self.reversible, offsets)
         return is_reversed, entry_id
 
-    def longest_hop(self) -> float:
+    def longest_travel(self) -> float:
         """Return the cost of the longest travel there can be."""
         if self.costs is not None:
             return float(self.costs.max(initial=0.0))

@@ -1,4 +1,4 @@
-"""When a search ends, and how far on it is: one value, made once and handed down."""
+"""When a search ends, and how much of it is over: one value, made once for the whole search."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ class Progress:
 class Stopping:
     """When a search ends: at the first of the limits that are given, or when asked to.
 
-    Planners pace themselves by it: by iterations where these are limited, and then
-    equal seeds give equal results; else by seconds. So one of the two is needed. It is
-    asked, and counts nothing itself.
+    Planners divide their work by the share that is spent: of the iterations where these are
+    limited, else of the seconds. So one of the two limits is needed. Where iterations are
+    limited and nothing else ends the search, equal seeds give equal results.
 
     Parameters
     ----------
     seconds : float | None
         By the clock of the search; None: no limit.
     iterations : int | None
-        Of the planner's own: sequences, rollouts or moves tried; None: no limit.
+        As the planner counts them: sequences, rollouts or moves tried; None: no limit.
     asked : Callable[[], bool] | None
         Polled several times a second; True ends the search, for example on Ctrl-C.
 
@@ -68,5 +68,5 @@ class Stopping:
         return seconds / self.seconds if self.seconds > 0.0 else 1.0
 
     def share_of(self, seconds: float) -> float:
-        """Return the share that so many seconds are; 0 where iterations keep the pace."""
+        """Return which share of the limit these seconds are; 0 where iterations are limited."""
         return self.spent(seconds, 0)

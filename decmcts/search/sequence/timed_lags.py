@@ -1,8 +1,8 @@
 """How much time a sequence must leave between contours that lie on each other.
 
-A search takes time to be print time, which is the same for each contour wherever it is
-printed, and a fixed share of that for travel. This is cheap to keep in every move, and near
-enough to find orders that wait little or not at all.
+A search reckons with a fixed time for each contour: its print time and a fixed share of
+that for travel. Such times are cheap to keep up to date in every move, and exact enough to
+find orders that wait little or not at all.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class TimedLags:
 
     @staticmethod
     def kept_by_source(lags: Lags, seconds: NDArray[np.float64]) -> TimedLags:
-        """Return the lags, or what the source gives by this reckoning if less."""
+        """Return each lag, or the time the source leaves by these times where that is less."""
         ended = np.cumsum(seconds)
         above = _above(lags)
         given = ended[above] - seconds[above] - ended[lags.below]

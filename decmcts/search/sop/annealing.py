@@ -22,8 +22,8 @@ NAME = "annealing"
 STEPS = 100  # temperatures of an annealing
 SHARES = Shares(follow=0.49, reverse=0.08, hop=0.3)
 
-_QUENCH = 0.08  # last share of an annealing, in which the temperature falls fast,
-_FROZEN = 0.1  # to this share of the last temperature
+_QUENCH = 0.08  # last share of an annealing, in which the temperature falls fast
+_FROZEN = 0.1  # to this share of what it was when that began
 _HOT = 1.0  # first temperature, in scales; of the last annealing twice that
 _COLD = 0.05  # temperature at the end of the slow cooling, in scales
 _COLDER = 0.01  # of every second annealing of the thread with long ones
@@ -81,7 +81,8 @@ class AnnealThread:
 
     They are once, twice, four and eight times as long as the shortest, and each length
     gets as much time (Luby's sequence). Small problems need many short ones, large ones
-    a long one: what is left, once it is little for the size, goes to a last one if wanted.
+    a long one. So once little of the budget is left for the problem's size, a last
+    annealing takes all of it (`ends_long`).
     """
 
     bare: Bare
@@ -91,7 +92,7 @@ class AnnealThread:
     long: bool  # whether its annealings are long ones
     ends_long: bool = True  # whether a last annealing takes what is left of the budget
     best: float = np.inf  # least cost seen where the temperature changes
-    promise: float = np.inf  # cost at the end of the first annealing
+    first_cost: float = np.inf  # at the end of the first annealing
     _cost: float = np.inf
     _found: NDArray[np.int32] | None = None  # since the last meeting
     _count: int = 0  # annealings ended
@@ -148,7 +149,7 @@ class AnnealThread:
     def _end(self, spent: float) -> None:
         """Begin the next annealing."""
         if self._count == 0:
-            self.promise = self._cost
+            self.first_cost = self._cost
         self._count, self._done = self._count + 1, 0
         self._length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * len(self.bare.order)
         if self.ends_long and self._pace * (1.0 - spent) < max(

@@ -1,9 +1,9 @@
-"""What the assignment problem says of a sequence: a bound, fair prices, a start.
+"""What the assignment problem gives for a sequence: a bound, reduced costs, a start.
 
 Each node but the first is entered once and each but the last left once. The
-cheapest way to do that, which may fall apart into circles, is a lower bound. Its
-dual variables are prices that make steps from and to different nodes
-comparable: a step's reduced cost, never negative, is what it costs beyond that.
+cheapest way to do that may be several cycles in place of one sequence, so its cost is a
+lower bound. Its dual variables are prices of nodes. A step's reduced cost is what it costs
+beyond the prices of its two nodes. It is never negative, and comparable between nodes.
 
 References
 ----------
@@ -47,7 +47,7 @@ def assign(costs: NDArray[np.float64], possible: NDArray[np.bool_]) -> Assignmen
 
 
 def _prices(table: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the dual variables of the columns: shortest ways in the residual graph."""
+    """Return the dual variables of the columns: shortest paths in the residual graph."""
     taken = table[np.arange(len(table)), column]
     prices = np.zeros(len(table))
     for _ in range(len(table)):
@@ -61,15 +61,15 @@ def _prices(table: NDArray[np.float64], column: NDArray[np.int64]) -> NDArray[np
 def patched(
     costs: NDArray[np.float64], possible: NDArray[np.bool_], following: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Return a sequence made of an assignment's circles.
+    """Return a sequence made of an assignment's cycles.
 
     It starts with node 0 and ends with n − 1 but may break precedence.
     """
-    return join_circles(np.where(possible, costs, np.inf), following)
+    return patch_cycles(np.where(possible, costs, np.inf), following)
 
 
-def join_circles(table: NDArray[np.float64], following: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return a sequence: the circles of an assignment joined, the two largest at a time.
+def patch_cycles(table: NDArray[np.float64], following: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a sequence: an assignment's cycles patched to one, the two largest at a time.
 
     `table` (n, n) holds costs, infinite for impossible steps.
     """
@@ -81,8 +81,8 @@ def join_circles(table: NDArray[np.float64], following: NDArray[np.int64]) -> ND
     after = following.copy()
     while True:
         links = csr_array((np.ones(n), (np.arange(n), after)), shape=(n, n))
-        circles, label = connected_components(links, directed=True, connection="strong")
-        if circles == 1:
+        cycles, label = connected_components(links, directed=True, connection="strong")
+        if cycles == 1:
             break
         first, second = np.argsort(-np.bincount(label), kind="stable")[:2]
         a, b = np.flatnonzero(label == first), np.flatnonzero(label == second)

@@ -1,7 +1,7 @@
 """Branch and bound over assignments: exact where the assignment is nearly a sequence.
 
-An assignment of successors may fall apart into circles, or break precedence along
-a run. Not all steps of such a circle or run can be kept: each branch
+An assignment of successors may be several cycles, or break precedence along a run
+of steps. Not all steps of such a cycle or run can be kept: each branch
 forbids one of them and keeps those before it. Best bound first. Strong where
 precedence is sparse and costs are unlike distances; hopeless elsewhere.
 
@@ -22,7 +22,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from decmcts.search.sop.assignment import join_circles
+from decmcts.search.sop.assignment import patch_cycles
 from decmcts.search.sop.precedence import Precedence
 
 Step = tuple[int, int]
@@ -60,15 +60,15 @@ class AssignmentTree:
         return self.open[0].bound if self.open else np.inf
 
     def step(self, below: float) -> NDArray[np.int64] | None:
-        """Branch once, on what may cost less than `below`; return a wish for a sequence, if any.
+        """Branch once, on what may cost less than `below`; return a relaxed sequence, if any.
 
-        The wish starts with node 0 and ends with n − 1 but may break precedence.
+        It starts with node 0 and ends with n − 1 but may break precedence.
         """
         if not self.open or self.open[0].bound >= below or len(self.open) > _MOST_OPEN:
             self.exhausted = not self.open or self.open[0].bound >= below
             return None
         branch = heapq.heappop(self.open)
-        order = join_circles(self.table, branch.following)
+        order = patch_cycles(self.table, branch.following)
         steps = self._clash(branch)
         free = [step for step in steps if step not in branch.kept]
         for k, step in enumerate(free):
@@ -87,7 +87,7 @@ class AssignmentTree:
             table[a, b - 1] = np.inf
         try:
             rows, columns = linear_sum_assignment(table)
-        except ValueError:  # scipy's word for no assignment
+        except ValueError:  # scipy: there is no assignment
             return
         bound = float(table[rows, columns].sum())
         if bound < below:
@@ -100,11 +100,11 @@ class AssignmentTree:
         """Return steps of the assignment that no sequence has together, as few free as possible."""
         after, n = branch.following, len(branch.following)
         links = csr_array((np.ones(n), (np.arange(n), after)), shape=(n, n))
-        circles, label = connected_components(links, directed=True, connection="strong")
+        cycles, label = connected_components(links, directed=True, connection="strong")
         fixed = {a for a, _ in branch.kept}
         clashes = []
-        for circle in range(circles):
-            nodes = np.flatnonzero(label == circle).tolist()
+        for cycle in range(cycles):
+            nodes = np.flatnonzero(label == cycle).tolist()
             if n - 1 not in nodes:
                 clashes.append(nodes)
         clashes.append(self._broken(after))

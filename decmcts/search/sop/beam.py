@@ -1,9 +1,9 @@
 """Beam searches of doubling width, in steps small enough to share the clock.
 
 Run after run the width doubles, until a run drops nothing for want of width:
-then what it found, or what was known before, is proven optimal. When memory
-allows no more, runs go on with a little noise. No clock here, and nothing shared:
-one thread steps a beam, another may step a second one.
+then the better of what it found and what was known before is proven optimal. When
+memory allows no wider run, runs of the same width go on with a little noise. A beam reads
+no clock and shares nothing, so another thread may step a second one at the same time.
 
 References
 ----------

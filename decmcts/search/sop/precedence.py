@@ -43,9 +43,9 @@ class Precedence:
             np.ascontiguousarray(self.direct.T[::-1, ::-1]),
         )
 
-    def repaired(self, wish: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Return the linear extension that takes what is first in `wish` of what may come."""
-        return wish[_linear_extension(self.direct[np.ix_(wish, wish)])].astype(np.int32)
+    def repaired(self, order: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Return a linear extension near `order`: always the first in it of those that may come."""
+        return order[_linear_extension(self.direct[np.ix_(order, order)])].astype(np.int32)
 
     @staticmethod
     def of(n: int, pairs: NDArray[np.int32]) -> Precedence:
@@ -82,17 +82,17 @@ def _linear_extension(edges: NDArray[np.bool_]) -> NDArray[np.int32]:
             heapq.heappush(ready, int(freed))
     if len(order) < len(edges):
         raise InputError(
-            f"the precedence is a circle: {' → '.join(_circle(edges, missing > 0))}",
+            f"the precedence has a cycle: {' → '.join(_cycle(edges, missing > 0))}",
             advice="drop one of its constraints",
         )
     return np.array(order, np.int32)
 
 
-def _circle(edges: NDArray[np.bool_], left: NDArray[np.bool_]) -> list[str]:
-    """Return the nodes of one circle, numbered from 1; every node left has one before it."""
+def _cycle(edges: NDArray[np.bool_], left: NDArray[np.bool_]) -> list[str]:
+    """Return the nodes of one cycle, numbered from 1; every node left has one before it."""
     walk, node = [], int(np.flatnonzero(left)[0])
     while node not in walk:
         walk.append(node)
         node = int(np.flatnonzero(edges[:, node] & left)[0])
-    circle = [node, *reversed(walk[walk.index(node) :])]
-    return [str(a + 1) for a in circle]
+    cycle = [node, *reversed(walk[walk.index(node) :])]
+    return [str(a + 1) for a in cycle]

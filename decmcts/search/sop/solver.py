@@ -1,11 +1,14 @@
 """The bare sequential ordering problem: a cost matrix and precedence, nothing else.
 
-Three searches share the best sequence, each strong where the others are not.
-Beam search, from both ends: dense precedence, and prints. Branch and bound over
-assignments: next to no precedence. Annealing with the planners' own moves: all
-between. The first two often prove that nothing is cheaper. All see costs reduced
-by the assignment's prices: a fair measure between beginnings of sequences, and
-between near successors. They run on two threads, in slices that meet.
+Three searches share the best sequence, and each is strong where the others are not:
+
+- beam search from both ends, where precedence is dense, and on prints;
+- branch and bound over assignments, where there is next to no precedence;
+- annealing by exchanges of segments, between the two.
+
+The first two often prove that no sequence is cheaper. Reduced costs (`.assignment`) make
+partial sequences comparable in the first, and successors in the last. The searches run on
+two threads, which exchange results after each slice of work.
 
 References
 ----------
@@ -40,7 +43,7 @@ class SopResult:
     order: NDArray[np.int32]  # (n,) nodes as the caller numbers them, from 0
     cost: float
     bound: float  # no sequence costs less; equals `cost` where that is proven optimal
-    iterations: int  # beginnings looked at and moves proposed
+    iterations: int  # partial sequences looked at and moves proposed
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
     found_by: str  # "start", "beam", "annealing" or "assignments"
     seed: int
@@ -73,23 +76,23 @@ def search_sop(
     precedence : NDArray[np.int32]
         (m, 2) rows (a, b): a somewhere before b. May be redundant.
     stopping : Stopping
-        What ends the search. Its seconds include preparations; iterations are beginnings
-        looked at and moves proposed, of both threads together.
+        What ends the search. Its seconds include preparations; iterations are partial
+        sequences looked at and moves proposed, by both threads together.
     seed : int
         Of what is drawn at random.
     parts : Parts
-        What takes part in the search; all but in benchmarks.
+        The searches that take part; only benchmarks leave some out.
     clock : Callable[[], float]
         Seconds; only differences matter.
     progress : Callable[[Progress], None] | None
-        Told several times a second where the search stands.
+        Called several times a second with where the search stands.
 
     Raises
     ------
     ValueError
         If shapes do not fit, a cost is negative or too large, or a node is unknown.
     InputError
-        If the precedence is a circle.
+        If the precedence has a cycle.
     """
     bare, pairs = _checked(costs, precedence)
     n = len(bare)
@@ -173,8 +176,8 @@ def _search(
     """Spend the budget on the incumbent; return a proven lower bound."""
     costs = incumbent.problem.costs
     assert costs is not None
-    wish = patched(costs, precedence.possible, assignment.following)
-    incumbent.offer(precedence.repaired(wish), incumbent.reversed)
+    relaxed = patched(costs, precedence.possible, assignment.following)
+    incumbent.offer(precedence.repaired(relaxed), incumbent.reversed)
     incumbent.tick()
     if len(costs) <= 3 or incumbent.over:
         return incumbent.cost if len(costs) <= 3 else assignment.bound

@@ -1,9 +1,9 @@
-"""Beam search, annealing and branch and bound: who does what on which of two threads.
+"""Beam search, annealing and branch and bound on two threads, and when one replaces another.
 
-Work comes in slices. Within one the threads share nothing; between them, on the
-calling thread, what was found goes to the incumbent and roles may change. So
-results depend on the seed and the sizes of the slices only, not on the pace of
-the threads.
+Work comes in slices. Within a slice the threads share nothing. Between slices, on the
+calling thread, what was found is offered to the incumbent, and a thread may get another
+search. So results depend only on the seed and the sizes of the slices, and not on which
+thread is faster.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What takes part in the search. All of it pays somewhere (docs/results/sop_ablation.md)."""
+    """What takes part in the search. Each part pays somewhere (docs/results/sop_ablation.md)."""
 
     beams: bool = True
     tree: bool = True
@@ -73,7 +73,7 @@ class BeamThread:
         self._bests = [np.inf for _ in self.beams]
 
     def work(self, quota: int, spent: float) -> int:
-        """Step the beams whose turn it is; return how many beginnings were looked at."""
+        """Step the beams whose turn it is; return how many partial sequences were looked at."""
         seen = 0
         while seen < quota and not self.exhausted:
             turn = self._turn()
@@ -106,7 +106,7 @@ class BeamThread:
 
 @dataclass(slots=True)
 class TreeThread:
-    """Branch and bound over assignments; its wishes are repaired."""
+    """Branch and bound over assignments; the relaxed sequences are repaired."""
 
     tree: AssignmentTree
     costs: NDArray[np.float64]  # (n, n)
@@ -122,20 +122,20 @@ class TreeThread:
         return self.tree.exhausted
 
     def work(self, quota: int, spent: float) -> int:
-        """Branch; an assignment counts as about as many units as it takes time."""
+        """Branch; an assignment counts as n² / 4 iterations, about the time it takes."""
         unit, made = max(len(self.costs) ** 2 // 4, 1), self.tree.made
         while (self.tree.made - made) * unit < quota:
-            wish = self.tree.step(self.below - self.bound - self.least_gain)
-            if wish is None:
+            relaxed = self.tree.step(self.below - self.bound - self.least_gain)
+            if relaxed is None:
                 break
-            order = self.tree.precedence.repaired(wish)
+            order = self.tree.precedence.repaired(relaxed)
             cost = float(self.costs[order[:-1], order[1:]].sum())
             if cost < self.below:
                 self.below, self._found = cost, order
         return 1 + (self.tree.made - made) * unit
 
     def meet(self, incumbent: Incumbent) -> None:
-        """Offer the best repaired wish; from now on look below the incumbent only."""
+        """Offer the best repaired sequence; from now on look below the incumbent only."""
         if self._found is not None:
             offer(incumbent, self._found, self.name)
             self._found = None
@@ -227,7 +227,7 @@ class TwoThreads:
     def _handed_over(
         self, threads: list[SopThread], lead: float, *, cost_above: float
     ) -> list[SopThread]:
-        """Return the threads: annealing in place of the tree, and of the beams, that will not do.
+        """Return the threads, with annealing in the place of a tree or beams that do not pay.
 
         Beams have to be behind by `lead`, since they find most towards the end. A long
         annealing shows what it finds at its end only; there a short one before it has to
@@ -236,7 +236,7 @@ class TwoThreads:
         beams, other, cost = *threads, self.incumbent.cost
         if isinstance(beams, BeamThread) and self.parts.hand_over:
             if isinstance(other, AnnealThread) and other.is_last and np.isfinite(lead):
-                cost, lead = other.promise, -_NEAR_ENOUGH
+                cost, lead = other.first_cost, -_NEAR_ENOUGH
             elif isinstance(other, TurnsThread):
                 lead *= _ELITE_LEAD
             if (1.0 + lead) * cost < beams.best:

@@ -1,4 +1,4 @@
-"""The problem seen as clusters of contours that depend on much the same others, for tree search."""
+"""A problem as clusters of contours that depend on much the same others, for tree search."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from decmcts.search.sequence.problem import OrderProblem
 def clustered_problem(problem: OrderProblem, labels: NDArray[np.int32]) -> Clustered:
     """Join a problem with the cluster of each contour.
 
-    Clusters that wait for each other in a circle could never be printed one
+    Clusters that depend on each other in a cycle could never be printed one
     after the other; they become one cluster.
     """
-    labels = _without_circles(problem, labels)
+    labels = _without_cycles(problem, labels)
     graph, n_clusters = problem.graph, int(labels.max(initial=-1)) + 1
     pairs = labels[graph.pairs()]
     outer = pairs[pairs[:, 0] != pairs[:, 1], 1]
@@ -35,8 +35,8 @@ def clustered_problem(problem: OrderProblem, labels: NDArray[np.int32]) -> Clust
     )
 
 
-def _without_circles(problem: OrderProblem, labels: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return labels 0..h - 1 whose cluster graph has no cycle, by merging circles."""
+def _without_cycles(problem: OrderProblem, labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Return labels 0..h - 1 whose cluster graph has no cycle, by merging those on one."""
     ids, dense = np.unique(labels, return_inverse=True)
     pairs = dense[problem.graph.pairs()]
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(ids), len(ids)))

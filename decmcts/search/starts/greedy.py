@@ -20,7 +20,7 @@ from decmcts.search.sequence.incumbent import Incumbent
 
 @dataclass(frozen=True, slots=True)
 class Greedy:
-    """Tries the nearest-feasible rule with every buffer height and keeps the best."""
+    """Tries the nearest-feasible rule with buffers of several heights."""
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:
         """Offer one sequence a buffer height, the unlimited one first."""

@@ -1,4 +1,4 @@
-"""The planner `slicer`: the order and directions of the source, the baseline of baselines."""
+"""The planner `slicer`: the order and directions of the source, to compare with."""
 
 from __future__ import annotations
 

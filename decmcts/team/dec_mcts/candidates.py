@@ -1,4 +1,4 @@
-"""The plans a head tells (X̂), how likely it is to follow each (q), and how q moves.
+"""The plans a head sends to the others (X̂), how likely it is to follow each (q), and how q moves.
 
 All plans of X̂ are valued beside the same plans of the others, so that a difference in
 value is due to the plans themselves. Utilities are scaled to [0, 1] over X̂, so a
@@ -28,12 +28,12 @@ Plan = NDArray[np.int32]
 
 
 class Candidates:
-    """X̂ with its distribution `told`; `sampled` counts how often each was valued."""
+    """X̂ and q, the `distribution`; `sampled` counts how often each plan was valued."""
 
     def __init__(self, plans: Sequence[Plan], parameters: Parameters) -> None:
         self._parameters = parameters
         self._beta = parameters.beta
-        self.told = PlanDistribution.uniform(tuple(plans))
+        self.distribution = PlanDistribution.uniform(tuple(plans))
         self._mean = np.zeros(len(plans))
         self._regret = np.zeros(len(plans))
         self.sampled = np.zeros(len(plans), np.int64)
@@ -43,11 +43,11 @@ class Candidates:
 
         New ones are as likely as one of those before was at first, and the temperature stays.
         """
-        before = {plan.tobytes(): k for k, plan in enumerate(self.told.sequences)}
+        before = {plan.tobytes(): k for k, plan in enumerate(self.distribution.sequences)}
         row = np.array([before.get(plan.tobytes(), -1) for plan in plans])
         stays = row >= 0
-        q = np.where(stays, self.told.probabilities[row], 1.0 / len(before))
-        self.told = PlanDistribution(tuple(plans), q / q.sum())
+        q = np.where(stays, self.distribution.probabilities[row], 1.0 / len(before))
+        self.distribution = PlanDistribution(tuple(plans), q / q.sum())
         self._mean = np.where(stays, self._mean[row], 0.0)
         self._regret = np.where(stays, self._regret[row], 0.0)
         self.sampled = np.where(stays, self.sampled[row], 0)
@@ -66,7 +66,9 @@ class Candidates:
         """Do one step of the gradient for each plan that was valued."""
         expected = _scaled(self._mean)
         for _ in range(len(expected)):
-            self.told = self.told.updated(expected, beta=self._beta, alpha=self._parameters.alpha)
+            self.distribution = self.distribution.updated(
+                expected, beta=self._beta, alpha=self._parameters.alpha
+            )
 
     def _match_regret(self, utilities: NDArray[np.float64]) -> None:
         """Make q proportional to how much each plan is regretted not to have been followed.
@@ -75,10 +77,10 @@ class Candidates:
         """
         gained = _scaled(utilities)
         self._regret *= self._parameters.gamma
-        self._regret += gained - float(self.told.probabilities @ gained)
+        self._regret += gained - float(self.distribution.probabilities @ gained)
         hope = np.maximum(self._regret, 0.0)
         if hope.sum() > 0.0:
-            self.told = PlanDistribution(self.told.sequences, hope / hope.sum())
+            self.distribution = PlanDistribution(self.distribution.sequences, hope / hope.sum())
 
 
 def _scaled(utilities: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ SMALLEST = 1e-6  # probability a candidate keeps
 
 @dataclass(frozen=True, slots=True)
 class PlanDistribution:
-    """What a head tells the others: (X̂, q) of Dec-MCTS."""
+    """What a head sends to the others: (X̂, q) of Dec-MCTS."""
 
     sequences: tuple[NDArray[np.int32], ...]  # plans, see decmcts.team.engine.plans
     probabilities: NDArray[np.float64]  # (len(sequences),) sums to 1

@@ -48,7 +48,7 @@ class PairValues:
             self._sums[key] = (count + 1, total + value)
 
     def choose(self, options: Mapping[int, Sequence[Plan]]) -> dict[int, Plan]:
-        """Return the combination of one option of each head that promises most."""
+        """Return the combination of one plan of each head with the largest expected value."""
         ahead: list[NDArray[np.int64]] = []
         best = np.zeros(len(options[self._chain[-1]]))
         for r, s in zip(self._chain[-2::-1], self._chain[:0:-1], strict=True):

@@ -1,8 +1,8 @@
 """Dec-MCTS: one head's planner in a team (Best et al. 2019).
 
 Each head grows a tree over its own plans. A plan is judged together with plans of
-the other heads, drawn from what these last told. In turn the head tells a few good
-plans of its own and how likely it is to follow each. No messages here: `iterate`,
+the other heads, drawn from the distributions these last sent. In turn the head sends a
+few good plans of its own and how likely it is to follow each. No messages here: `iterate`,
 `distribution` and `take` are all an agent needs. One head alone is the
 single-extruder mode.
 
@@ -54,7 +54,7 @@ BEHIND = 0.998  # share of its own makespan at which a head goes on with another
 NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the others
 
 
-class _Line(NamedTuple):
+class _Polishing(NamedTuple):
     """A joint order being polished."""
 
     team: Team
@@ -63,7 +63,7 @@ class _Line(NamedTuple):
     gained_s: float = 0.0  # by which the order it began with was shorter than those
 
     def outdone_by(self, start: Proposal) -> bool:
-        """Whether polishing this start instead promises more."""
+        """Whether to polish this start instead."""
         gained = self.gained_s + self.polish.began_s - self.polish.best_s
         return start.makespan_s < self.start_s - max(ANEW * gained, 1e-3 * self.start_s)
 
@@ -84,8 +84,8 @@ class DecMcts:
         self._values = JointValues(problem)
         self._trials: dict[Team, PolicyTrials] = {}
         self._pairs: dict[Team, PairValues] = {}
-        self._line: _Line | None = None
-        self._lines = self._alone = 0  # joint orders polished, rounds without another head
+        self._polishing: _Polishing | None = None
+        self._polishings = self._alone = 0  # joint orders polished, rounds without another head
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
         self._credit = 0  # contours that tree and distribution may put
         self._utilities: list[float] = []  # of all samples
@@ -103,7 +103,7 @@ class DecMcts:
     @property
     def distribution(self) -> PlanDistribution:
         """What the other heads need to know."""
-        return self._own.told
+        return self._own.distribution
 
     def take(self, head: int, distribution: PlanDistribution) -> None:
         """Use another head's latest distribution from now on."""
@@ -113,20 +113,20 @@ class DecMcts:
     def take_joint(self, plans: Mapping[int, Plan], live: Sequence[int]) -> None:
         """Judge another head's best joint plan; keep it if it is the best here too."""
         team = _team(live)
-        told = {r: plans.get(r, NOTHING) for r in team}
-        self._values.makespan(told, team)
-        stated = self._values.stated(told)
+        received = {r: plans.get(r, NOTHING) for r in team}
+        self._values.makespan(received, team)
+        stated = self._values.stated(received)
         if stated is None or not is_allowed(self.problem, stated, room_of(self.problem, team)[1]):
             return
-        if self._line is not None and self._line.team == team:
-            self._line.polish.take(stated)
-            self._keep_polished(self._line)
-            self._follow(stated, self._values.makespan(told, team), team)
+        if self._polishing is not None and self._polishing.team == team:
+            self._polishing.polish.take(stated)
+            self._keep_polished(self._polishing)
+            self._follow(stated, self._values.makespan(received, team), team)
 
-    def knows_less_than(self, told: Proposal, live: Sequence[int]) -> bool:
-        """Whether a told joint plan claims to be better than all known here."""
+    def knows_less_than(self, proposal: Proposal, live: Sequence[int]) -> bool:
+        """Whether another head's joint plan claims to be better than all known here."""
         known = self._values.best.get(_team(live))
-        return known is not None and told.makespan_s < known.makespan_s
+        return known is not None and proposal.makespan_s < known.makespan_s
 
     def forget(self, head: int) -> None:
         """Drop what is known of another head."""
@@ -143,7 +143,7 @@ class DecMcts:
 
     def _likeliest(self, head: int) -> Plan:
         if head == self.head:
-            return self._own.told.likeliest()
+            return self._own.distribution.likeliest()
         if head in self._others:
             return self._others[head].likeliest()
         return self._by_policy(head, 0)
@@ -164,7 +164,7 @@ class DecMcts:
             self._plan_alone(team)
             return
         if self._try_policies(team):
-            return  # heads tell each other the best policy before they polish
+            return  # heads send each other the best policy before they polish
         polished = self.parameters.windows > 0 and self.parameters.share < 1.0
         polished = polished and len(self.problem.macro) <= MOST_STATED
         alone = spent < self.parameters.first and len(self.problem.macro) > FEW
@@ -229,10 +229,10 @@ class DecMcts:
         self._tree.backup(child, self._reward({**others, self.head: plan}, team))
 
     def _combine(self, team: Team) -> None:
-        """Try one joint plan; where it is the best of macro-actions it joins the tree.
+        """Try one joint plan; where it is the best of macro-actions it is added to the tree.
 
-        In turn one of what all heads told, this one too, and one exchange on the best; the
-        exchange also where the plans of what was told are known together already.
+        In turn one plan of each head's X̂ together, and one exchange on the best joint plan;
+        the exchange also where those plans were tried together before.
         """
         best = self._values.starts[team]
         self._tried += 1
@@ -248,11 +248,11 @@ class DecMcts:
     def _combination(self, team: Team) -> dict[int, Plan]:
         """Return one plan of each head's X̂: drawn from q, or as max-plus would have it."""
         if self.parameters.combination == "max-plus":
-            told = {r: self._others[r].sequences for r in team if r in self._others}
+            theirs = {r: self._others[r].sequences for r in team if r in self._others}
             default = {r: (self._likeliest(r),) for r in team}
-            own = {self.head: self._own.told.sequences}
-            return self._pairs_of(team).choose({**default, **told, **own})
-        return {**self._draw(team), self.head: self._own.told.sample(self._rng)}
+            own = {self.head: self._own.distribution.sequences}
+            return self._pairs_of(team).choose({**default, **theirs, **own})
+        return {**self._draw(team), self.head: self._own.distribution.sample(self._rng)}
 
     def _pairs_of(self, team: Team) -> PairValues:
         if team not in self._pairs:
@@ -293,7 +293,7 @@ class DecMcts:
             chosen = self._tree.best_plans(self.parameters.plans)
             self._own.renew(self._with_start(chosen, team))
         others = self._draw(team)
-        joint = [{**others, self.head: plan} for plan in self._own.told.sequences]
+        joint = [{**others, self.head: plan} for plan in self._own.distribution.sequences]
         for plans in joint:
             self._note(plans, team)
         utilities = [self._values.utility(self.head, plans, team) for plans in joint]
@@ -306,48 +306,48 @@ class DecMcts:
 
     def _refine(self, team: Team, *, recreate: bool) -> None:
         """Recreate windows of the best joint order, or polish it; go over to a better start."""
-        start, line = self._values.starts[team], self._line
-        if line is None or line.team != team:
-            line = self._line = self._begun_anew(team)
-            told = self._values.stated(self.best(team).plans)
-            if told is not None:
-                line.polish.take(told)
-        elif line.outdone_by(start):
-            line = self._line = self._begun_anew(team)
+        start, polishing = self._values.starts[team], self._polishing
+        if polishing is None or polishing.team != team:
+            polishing = self._polishing = self._begun_anew(team)
+            best = self._values.stated(self.best(team).plans)
+            if best is not None:
+                polishing.polish.take(best)
+        elif polishing.outdone_by(start):
+            polishing = self._polishing = self._begun_anew(team)
         if recreate and len(self.problem.macro) > FEW:
-            line.polish.recreate(self.parameters.windows)
+            polishing.polish.recreate(self.parameters.windows)
         else:
-            line.polish.improve(self.parameters.windows)
-        self._keep_polished(line)
+            polishing.polish.improve(self.parameters.windows)
+        self._keep_polished(polishing)
 
-    def _begun_anew(self, team: Team) -> _Line:
+    def _begun_anew(self, team: Team) -> _Polishing:
         """Return the best plans of macro-actions as a joint order to polish."""
-        return self._new_line(StatedOrder.of(self._values.start_paths[team]), team)
+        return self._new_polishing(StatedOrder.of(self._values.start_paths[team]), team)
 
-    def _new_line(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Line:
+    def _new_polishing(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Polishing:
         """Return a joint order to polish; each has random numbers of its own."""
         seed = self._seed * len(self.problem.machine.heads) + self.head
-        seed += len(self.problem.machine.heads) * self._lines
-        self._lines += 1
+        seed += len(self.problem.machine.heads) * self._polishings
+        self._polishings += 1
         polish = Polish(self.problem, stated, seed=seed, live=team)
-        return _Line(team, polish, self._values.starts[team].makespan_s, gained_s)
+        return _Polishing(team, polish, self._values.starts[team].makespan_s, gained_s)
 
     def _follow(self, stated: StatedOrder, makespan_s: float, team: Team) -> None:
-        """Polish a told order from now on if it is well ahead of the one polished here."""
-        line = self._line
-        if line is not None and makespan_s < line.polish.began_s:
+        """Polish another head's order from now on if it is well ahead of the one polished here."""
+        polishing = self._polishing
+        if polishing is not None and makespan_s < polishing.polish.began_s:
             gained = self._values.starts[team].makespan_s - makespan_s
-            told = self._new_line(stated, team, gained)
-            if told.polish.began_s < BEHIND * line.polish.best_s:
-                self._line = told
+            theirs = self._new_polishing(stated, team, gained)
+            if theirs.polish.began_s < BEHIND * polishing.polish.best_s:
+                self._polishing = theirs
 
-    def _keep_polished(self, line: _Line) -> None:
+    def _keep_polished(self, polishing: _Polishing) -> None:
         """Judge what was polished, as a plan of this head that states what all do."""
-        if line.polish.best_s < self.best(line.team).makespan_s:
+        if polishing.polish.best_s < self.best(polishing.team).makespan_s:
             heads, n_macros = len(self.problem.machine.heads), self.problem.n_macros
-            plan = encode_stated(line.polish.best, heads, n_macros)
-            told = {r: plan if r == self.head else NOTHING for r in line.team}
-            self._values.makespan(told, line.team)
+            plan = encode_stated(polishing.polish.best, heads, n_macros)
+            plans = {r: plan if r == self.head else NOTHING for r in polishing.team}
+            self._values.makespan(plans, polishing.team)
 
     def _draw(self, team: Team) -> dict[int, Plan]:
         """Draw x⁻ʳ from the latest known distributions."""

@@ -1,9 +1,9 @@
-"""Refines one joint order by local search, and joins what two heads made of the same one.
+"""Refines one joint order by local search, and crosses it with other heads' orders.
 
 Front of `decmcts._kernels.refine.recreate`, `.polish` and `.join`. A head improves the best joint
-order it knows and tells it to the team. Of an order it is told it takes the windows that are better
-than its own (partition crossover, Whitley, Hains & Howe 2009). So heads improve different places
-at once.
+order it knows and sends it to the team. From an order it receives it takes the windows that are
+better than its own (partition crossover, Whitley, Hains & Howe 2009). So heads improve different
+places at once.
 """
 
 from __future__ import annotations

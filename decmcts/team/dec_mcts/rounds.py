@@ -56,7 +56,7 @@ def plan_team(
 def plan_once(
     agent: DecMcts, team: Sequence[DecMcts], spent: float, best: Proposal | None
 ) -> Proposal:
-    """Let one head hear the best joint plan, plan a round and tell the others.
+    """Let one head take the best joint plan, plan a round and send its distribution.
 
     Returns the best joint plan from now on; `best` is that of all turns before, if any.
     """

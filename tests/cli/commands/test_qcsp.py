@@ -44,7 +44,7 @@ def test_json_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[
     ("change", "extra", "word"),
     [
         ({"p": [4, 3]}, [], "tiny.qcsp: l: 3 values"),
-        ({"Phi": [[1, 1]]}, [], "circle"),
+        ({"Phi": [[1, 1]]}, [], "cycle"),
         ({}, ["--machine", "dual-gantry"], "--machine means nothing for a .qcsp file"),
         ({}, ["--report", "r.html"], "--report"),
         ({}, ["--team", "t.toml"], "--team means nothing for a .qcsp file"),

@@ -96,8 +96,8 @@ def test_a_key_that_stands_twice_is_refused(tmp_path: Path, text: str) -> None:
         ({"l0": [4, 4]}, "l0: cranes 1 and 2 begin out of order"),
         ({"l0": [4, 5], "r": [0, 1]}, "l0: cranes 1 and 2 begin 1 bays apart where 2"),
         ({"Phi": [[1, 4]]}, r"Phi\[0\]: expected two tasks in 1..3"),
-        ({"Phi": [[1, 2], [2, 1]]}, "Phi: a circle of precedence before task 1"),
-        ({"Phi": [[3, 3]]}, "Phi: a circle of precedence before task 3"),
+        ({"Phi": [[1, 2], [2, 1]]}, "Phi: a cycle of precedence before task 1"),
+        ({"Phi": [[3, 3]]}, "Phi: a cycle of precedence before task 3"),
         ({"speed": 1}, "speed: unknown key"),
     ],
 )

@@ -63,7 +63,7 @@ def test_stays_within_layers_once_that_is_ahead(
 
     monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_sequences", watched)
     monkeypatch.setattr(Threads, "join", watched_join)
-    planner = Hybrid(layered=LayeredStart(promising=10.0), multistart=Multistart(steps=50.0))
+    planner = Hybrid(layered=LayeredStart(most_cost=10.0), multistart=Multistart(steps=50.0))
     plan_order(problem, planner=planner, stopping=Stopping(iterations=400_000), seed=0)
     most = planner.multistart.most
     assert rounds == [[False, True], *[[ahead, True]] * (most - 1)]
@@ -116,7 +116,7 @@ def test_entries_of_loops_make_rounds_longer(
 
 @pytest.mark.parametrize(
     "options", [{"steps": 0.5}, {"most": 0}, {"hot": 0.0}, {"mild": 0.0},
-                {"cold": 0.0}, {"merged": -1.0}],
+                {"cold": 0.0}, {"merge_hot": -1.0}],
 )  # fmt: skip
 def test_bad_settings_are_refused(options: dict[str, float]) -> None:
     """Annealing divides by temperatures."""

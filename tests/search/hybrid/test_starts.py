@@ -25,10 +25,10 @@ def begun(problem: OrderProblem) -> Search:
     return search
 
 
-def layered_start(search: Search, promising: float) -> Sequence | None:
+def layered_start(search: Search, most_cost: float) -> Sequence | None:
     """What is annealed within layers, if anything."""
     search.layered = None
-    list(LayeredStart(promising).run(search))
+    list(LayeredStart(most_cost).run(search))
     return search.layered
 
 

@@ -65,7 +65,7 @@ def test_travel_goes_across_and_upright_one_after_the_other():
     due = 30 / 100 + 100 / 1000 + 5 / 10 + 10 / 100 + 0.25
     assert distance(problem.metric(), 0, 2) == pytest.approx(due)
     assert distance(problem.metric(), 0, 1) == 0.0
-    assert problem.longest_hop() == pytest.approx(due)
+    assert problem.longest_travel() == pytest.approx(due)
     near = replace(problem, pace=replace(pace, free_mm=35.0))
     assert distance(near.metric(), 0, 2) == pytest.approx(due - 0.25)
 

@@ -150,10 +150,10 @@ def test_branch_and_bound_alone_is_exact(seed: int, n: int, density: float) -> N
     optimum = cheapest(costs, precedence.pairs)
     for _ in range(1000):
         assert min(assignment.bound + tree.bound, best) <= optimum + 1e-9
-        wish = tree.step(best - assignment.bound - 0.5)
-        if wish is None:
+        relaxed = tree.step(best - assignment.bound - 0.5)
+        if relaxed is None:
             break
-        order = precedence.repaired(wish)
+        order = precedence.repaired(relaxed)
         assert respects_pairs(order, precedence.pairs)
         best = min(best, costs[order[:-1], order[1:]].sum())
     assert tree.exhausted
@@ -184,10 +184,10 @@ def test_a_stop_wish_ends_the_search_at_once() -> None:
     assert sorted(found.order) == list(range(40))
 
 
-def test_a_circle_is_named() -> None:
+def test_a_cycle_is_named() -> None:
     """The user counts from 1 as the file does, and needs the culprits only."""
     pairs = np.array([(0, 1), (1, 2), (2, 3), (3, 1), (3, 4)], np.int32)
-    with pytest.raises(InputError, match="circle") as caught:
+    with pytest.raises(InputError, match="cycle") as caught:
         search_sop(np.zeros((5, 5)), pairs, stopping=Stopping(1.0))
     assert "2 → 3 → 4 → 2" in str(caught.value)
 

@@ -19,12 +19,12 @@ RULES = ("gradient", "regret-matching")
 def test_q_sharpens_on_the_best_within_few_samples(rule: str) -> None:
     """Ten samples of each plan is what a large print allows; gains differ by a few percent."""
     mine = Candidates(PLANS, replace(Parameters(), distribution=rule))
-    entropy = [mine.told.entropy]
+    entropy = [mine.distribution.entropy]
     for _ in range(10):
         mine.update(GAINS)
-        entropy.append(mine.told.entropy)
+        entropy.append(mine.distribution.entropy)
     assert entropy[0] == pytest.approx(1.0) and entropy[-1] < 0.5
-    assert mine.told.likeliest() is PLANS[2]
+    assert mine.distribution.likeliest() is PLANS[2]
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -32,7 +32,7 @@ def test_what_is_alike_stays_alike(rule: str) -> None:
     """Nothing is preferred for no reason, and nothing is divided by zero."""
     mine = Candidates(PLANS, replace(Parameters(), distribution=rule))
     mine.update(np.full(5, 0.4))
-    assert mine.told.probabilities == pytest.approx(np.full(5, 0.2))
+    assert mine.distribution.probabilities == pytest.approx(np.full(5, 0.2))
 
 
 @pytest.mark.parametrize("rule", RULES)
@@ -43,7 +43,7 @@ def test_the_others_may_change_their_minds(rule: str) -> None:
         mine.update(GAINS)
     for _ in range(60):
         mine.update(np.array([0.9, 0.1, 0.1, 0.1, 0.1]))
-    assert mine.told.likeliest() is PLANS[0]
+    assert mine.distribution.likeliest() is PLANS[0]
 
 
 def test_members_that_stay_keep_what_is_known_of_them() -> None:
@@ -54,8 +54,8 @@ def test_members_that_stay_keep_what_is_known_of_them() -> None:
     new = np.array([9], np.int32)
     mine.renew((PLANS[2], PLANS[0], new))
     assert mine.sampled.tolist() == [8, 8, 0]
-    assert mine.told.likeliest() is PLANS[2] and mine.told.entropy < 0.9
-    assert mine.told.probabilities.sum() == pytest.approx(1.0)
+    assert mine.distribution.likeliest() is PLANS[2] and mine.distribution.entropy < 0.9
+    assert mine.distribution.probabilities.sum() == pytest.approx(1.0)
 
 
 def test_regrets_are_those_of_the_formula() -> None:
@@ -67,4 +67,4 @@ def test_regrets_are_those_of_the_formula() -> None:
         mine.update(np.array(gains))
         regret = 0.8 * regret + np.array(gains) - q @ np.array(gains)
         q = np.maximum(regret, 0.0) / np.maximum(regret, 0.0).sum()
-        assert mine.told.probabilities == pytest.approx(q)
+        assert mine.distribution.probabilities == pytest.approx(q)

@@ -209,8 +209,8 @@ def test_a_head_begins_to_polish_with_the_best_it_was_told(problem: TeamProblem)
     second.take_joint(told.plans, [0, 1])
     second.parameters = replace(FEW, windows=0)  # only what it was told can gain
     second._refine((0, 1), recreate=False)
-    assert second._line is not None
-    assert second._line.polish.best_s < second._line.polish.began_s
+    assert second._polishing is not None
+    assert second._polishing.polish.best_s < second._polishing.polish.began_s
 
 
 @pytest.mark.slow
@@ -219,11 +219,14 @@ def test_a_better_start_is_polished_and_not_the_order_it_replaces(problem: TeamP
     agent = DecMcts(problem, 0, seed=1, parameters=FEW)
     for _ in range(4):
         agent.iterate([0, 1])
-    assert agent._line is not None and agent._line.polish.best_s < agent._line.polish.began_s
-    agent._line = agent._line._replace(start_s=1e9)  # any start is much better
+    assert (
+        agent._polishing is not None
+        and agent._polishing.polish.best_s < agent._polishing.polish.began_s
+    )
+    agent._polishing = agent._polishing._replace(start_s=1e9)  # any start is much better
     agent.parameters = replace(FEW, windows=0)
     agent._refine((0, 1), recreate=False)
-    assert agent._line.polish.best_s == agent._values.starts[0, 1].makespan_s
+    assert agent._polishing.polish.best_s == agent._values.starts[0, 1].makespan_s
 
 
 @pytest.mark.slow
@@ -239,10 +242,10 @@ def test_polishing_begins_when_it_is_set_to(
     before, order = agent._values.put, len(problem.macro) + EACH
     agent.iterate([0, 1], 0.4)
     alone = first > 0.4 and share > 0.0
-    assert (agent._line is None) == alone
+    assert (agent._polishing is None) == alone
     assert (agent._values.put - before > dec_mcts.UNPOLISHED - order) == alone
     agent.iterate([0, 1], 0.5)
-    assert agent._line is not None
+    assert agent._polishing is not None
 
 
 @pytest.mark.slow
@@ -270,12 +273,12 @@ def test_a_head_that_is_behind_goes_on_with_what_it_is_told(problem: TeamProblem
             agent.iterate([0, 1])
     ahead, behind = sorted(team, key=lambda agent: agent.best([0, 1]).makespan_s)
     told = ahead.best([0, 1])
-    assert behind._line is not None
-    assert ahead._line is not None
-    ours, theirs = behind._line.polish.best_s, ahead._line.polish.best_s
+    assert behind._polishing is not None
+    assert ahead._polishing is not None
+    ours, theirs = behind._polishing.polish.best_s, ahead._polishing.polish.best_s
     assert theirs < dec_mcts.BEHIND * ours
     behind.take_joint(told.plans, [0, 1])
-    assert behind._line.polish.best_s <= theirs / dec_mcts.BEHIND
+    assert behind._polishing.polish.best_s <= theirs / dec_mcts.BEHIND
     behind.iterate([0, 1])
     assert behind.best([0, 1]).makespan_s <= told.makespan_s
 
@@ -286,7 +289,7 @@ def test_a_much_better_start_is_polished_anew_and_a_little_better_one_is_not() -
     class Polished:
         began_s, best_s = 99.0, 89.0
 
-    line = dec_mcts._Line((0, 1), Polished(), 100.0)  # type: ignore[arg-type]  # a fake
+    line = dec_mcts._Polishing((0, 1), Polished(), 100.0)  # type: ignore[arg-type]  # a fake
     assert not line.outdone_by(Proposal({}, 97.0))
     assert line.outdone_by(Proposal({}, 95.0))
 

@@ -53,9 +53,9 @@ def test_a_told_order_that_cannot_be_is_not_polished() -> None:
     agent.iterate(HEADS)
     best = agent.best(HEADS)
     assert resolve(problem, best.plans, HEADS).makespan_s == best.makespan_s
-    assert agent._line is not None
+    assert agent._polishing is not None
     turn = np.empty(len(good.order), np.int64)
-    turn[agent._line.polish.best.order] = np.arange(len(turn))
+    turn[agent._polishing.polish.best.order] = np.arange(len(turn))
     before, after = problem.graph.pairs().T
     assert (turn[before] < turn[after]).all()
 
