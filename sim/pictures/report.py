@@ -154,14 +154,19 @@ def _bound_of(document: PlanDocument) -> float:
     return float(bound.get("bound_s", 0.0)) if isinstance(bound, dict) else 0.0
 
 
-def scene_of(before: PlanDocument, after: PlanDocument) -> tuple[dict[str, Any], list[str]]:
-    """Return what the page's script draws, and what the reader should know about it."""
+def scene_of(
+    before: PlanDocument, after: PlanDocument, *, most: int = POINTS
+) -> tuple[dict[str, Any], list[str]]:
+    """Return what the page's script draws, and what the reader should know about it.
+
+    Of a plan with more than `most` points some are left out.
+    """
     curves: list[dict[str, Any]] = []
     nozzles: list[dict[str, Any]] = []
     notes: list[str] = []
     for scene, name, document in (("scene", "before", before), ("scene2", "after", after)):
         points = sum(len(actions.path) for actions in document.plan.heads)
-        step = max(1, -(-points // POINTS))
+        step = max(1, -(-points // most))
         if step > 1:
             notes.append(
                 f"{name}: of {points:,} points one in {step} is drawn, and both ends of each path."

@@ -62,7 +62,7 @@ class Multistart:
         incumbent, threads = search.incumbent, search.threads
         plain, layered, ahead = search.best(), search.layered, False  # ahead: the layered one
         layers = layer_runs(incumbent.problem.layer)
-        began, rounds = incumbent.spent, self._count(search)
+        began, rounds = incumbent.spent, self.rounds(search)
         length = (self.until - began) / rounds
         mean = incumbent.cost / len(incumbent.problem)  # of all rounds, lest they begin cooler
         ends: list[Sequence] = []  # of all threads in all rounds,
@@ -95,7 +95,7 @@ class Multistart:
                 ahead = ahead or sequences[-1].cost < sequences[0].cost
             yield from self._merge(search, sequences, until)
 
-    def _count(self, search: Search) -> int:
+    def rounds(self, search: Search) -> int:
         """Return how many rounds there is time for."""
         incumbent, problem = search.incumbent, search.incumbent.problem
         choices = len(problem)
