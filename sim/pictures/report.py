@@ -60,7 +60,6 @@ def write_report(
     before: PlanDocument,
     after: PlanDocument,
     history: History = (),
-    rows: Sequence[Sequence[Any]] | None = None,
 ) -> None:
     """Write the page.
 
@@ -69,13 +68,12 @@ def write_report(
     path : file to write
     before, after : the source's own order and the plan
     history : rows of seconds, ..., cost: the search's best so far, drawn when there are any
-    rows : of the table, (what, before, after, change); made from the plans when absent
     """
     page, notes = scene_of(before, after)
     script = json.dumps(page).replace("<", "\\u003c")  # a name must not end the script element
     heads = len(after.plan.heads)
     sections = [
-        ("What was gained", _table(gained(before, after) if rows is None else rows)),
+        ("What was gained", _table(gained(before, after))),
         ("Toolpath", CONTROLS + "".join(f"<p class=note>{html.escape(n)}</p>" for n in notes)),
         ("Heads over time", _div(plot_gantt(after), 170 + 70 * heads)),
     ]
@@ -94,11 +92,10 @@ def write_report(
     write_whole(path, text.encode())
 
 
-def _table(rows: Sequence[Sequence[Any]]) -> str:
+def _table(rows: Sequence[Sequence[str]]) -> str:
     head = "<tr><th></th><th>before</th><th>after</th><th>change</th></tr>"
     cells = (
-        "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>"
-        for row in rows
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
     return f"<table>{head}{''.join(cells)}</table>"
 
