@@ -176,13 +176,15 @@ def _said(problem: PrintProblem, search: Search, result: SearchResult) -> Metric
         "planner": search.name,
         "objective": search.objective.value,
         "freedom": rules.freedom.value,
+    }
+    if rules.freedom == Freedom.SEAM:
+        said["seam"] = rules.seam.value
+    return {
+        **said,
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,
         "iterations": result.iterations,
     }
-    if rules.freedom == Freedom.SEAM:
-        said["seam"] = rules.seam.value
-    return said
 
 
 def _scheduled(problem: PrintProblem, order: Toolpath, lags: Lags) -> JointPlan:
