@@ -11,7 +11,6 @@ import runpy
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from agents.launching.spawn import Agreement, OnStart, run_agents
 from agents.launching.supervisor import LaunchError, OnProgress, ShouldStop
@@ -45,7 +44,7 @@ def launch(
     time_limit_s: float,
     seed: int,
     lags: Lags | None = None,
-    parameters: Mapping[str, Any] | None = None,
+    parameters: Mapping[str, float | str] | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
     should_stop: ShouldStop | None = None,

@@ -96,6 +96,7 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     from decmcts.planning.problem.print_problem import load
     from decmcts.planning.result import Result
     from decmcts.planning.writing.lines import header_lines
+    from decmcts.print.metrics import Metrics
     from decmcts.search.planners import plan_order
     from decmcts.search.sequence.stopping import Stopping
     from decmcts.team.schedule.joint_plan import schedule
@@ -114,7 +115,7 @@ def steps(contours: int, folder: Path, clock: Clock) -> dict[str, Any]:
     plan = clock.run(
         "schedule", lambda: schedule(loaded.job, loaded.machine, loaded.graph, [found.toolpath])
     )
-    said = {"planner": "greedy", "objective": "travel", "freedom": "reversible", "seed": 0}
+    said: Metrics = {"planner": "greedy", "objective": "travel", "freedom": "reversible", "seed": 0}
     after = document_of(loaded, plan, said)
     verdict = clock.run("verify", lambda: verify_plan(after, source=loaded.job))
     assert verdict.ok, verdict.faults[:3]

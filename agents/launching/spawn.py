@@ -40,7 +40,20 @@ class Agreement:
     agents: tuple[AgentStatus, ...]  # of every head, lost ones included
 
 
-def free_ports(n: int) -> tuple[int, ...]:
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """Where the agents of one launch find each other."""
+
+    ports: tuple[int, ...]  # one a head, on loopback
+    session: str  # name that those of no other launch know
+
+    @staticmethod
+    def fresh(n: int) -> Meeting:
+        """Return free ports for `n` agents, and a name nobody can guess."""
+        return Meeting(free_ports(n), secrets.token_hex(8))
+
+
+def free_ports(n: int, ports: range = PORTS) -> tuple[int, ...]:
     """Return `n` different loopback ports that are free now and likely stay so.
 
     Systems give higher ones to outgoing connections: those of agents that try to reach a
@@ -53,7 +66,7 @@ def free_ports(n: int) -> tuple[int, ...]:
     """
     found: list[int] = []
     with ExitStack() as stack:
-        for port in secrets.SystemRandom().sample(PORTS, len(PORTS)):
+        for port in secrets.SystemRandom().sample(ports, len(ports)):
             if len(found) == n:
                 break
             each = stack.enter_context(socket.socket())
@@ -61,7 +74,7 @@ def free_ports(n: int) -> tuple[int, ...]:
                 each.bind(("127.0.0.1", port))
                 found.append(port)
     if len(found) < n:
-        raise OSError(f"no {n} free ports from {PORTS.start} to {PORTS.stop - 1}")
+        raise OSError(f"no {n} free ports from {ports.start} to {ports.stop - 1}")
     return tuple(found)
 
 
@@ -75,6 +88,7 @@ def run_agents(
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
     should_stop: ShouldStop | None = None,
+    meeting: Meeting | None = None,
 ) -> Agreement:
     """Run one agent process per head and return what they agreed on.
 
@@ -82,12 +96,15 @@ def run_agents(
     place in the team. `time_limit_s` counts from when all agents are ready;
     `on_progress` is told the status of all whenever something was heard,
     `on_start` the process ids, and `should_stop` is asked ten times a second
-    whether to agree on the best so far. Raises LaunchError if there is no plan.
+    whether to agree on the best so far. They meet at a `meeting` of their own unless one
+    is given. Raises LaunchError if there is no plan.
     """
     heard: queue.Queue[Said] = queue.Queue()
     epoch = time.time_ns() // 1_000_000
-    shared = [*command, *arguments, *_shared_arguments(len(names), time_limit_s, seed)]
+    shared = [*command, *arguments, *_planning_arguments(time_limit_s, seed)]
     shared += ["--epoch", str(epoch)]
+    if len(names) > 1:  # one head is the single-extruder mode: no network
+        shared += _meeting_arguments(meeting or Meeting.fresh(len(names)))
     agents: dict[int, AgentProcess] = {}
     try:
         for head in range(len(names)):
@@ -109,12 +126,12 @@ def run_agents(
     return _agreement(released, tuple(supervisor.status))
 
 
-def _shared_arguments(n: int, time_limit_s: float, seed: int) -> list[str]:
-    given = ["--controlled", "--time-limit", repr(time_limit_s), "--seed", str(seed)]
-    if n > 1:  # one head is the single-extruder mode: no network
-        ports = ",".join(str(port) for port in free_ports(n))
-        given += ["--ports", ports, "--session", secrets.token_hex(8)]
-    return given
+def _planning_arguments(time_limit_s: float, seed: int) -> list[str]:
+    return ["--controlled", "--time-limit", repr(time_limit_s), "--seed", str(seed)]
+
+
+def _meeting_arguments(meeting: Meeting) -> list[str]:
+    return ["--ports", ",".join(map(str, meeting.ports)), "--session", meeting.session]
 
 
 def _end(agents: Mapping[int, AgentProcess]) -> None:

@@ -23,6 +23,7 @@ from rich.table import Table
 from decmcts.cli import signals
 from decmcts.planning.events import Event, Heads, Note, Report, Step
 from decmcts.planning.events import Progress as Searched
+from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
@@ -167,28 +168,35 @@ ROWS = (
 COUNTS = ("contours", "retractions")  # told as they are: 3 → 9 is no loss of 200 %
 
 
-def rows_of(before: dict[str, Any], after: dict[str, Any]) -> list[tuple[str, str, str, int]]:
-    """Return the rows both results have a figure for."""
-    return [row for row in ROWS if before.get(row[1]) is not None and after.get(row[1]) is not None]
+def compared(before: Metrics, after: Metrics) -> dict[str, tuple[float, float]]:
+    """Return the figures of `ROWS` that both results have, before and after."""
+    pairs = {key: (before.get(key), after.get(key)) for _, key, _, _ in ROWS}
+    return {
+        key: (was, now)
+        for key, (was, now) in pairs.items()
+        if isinstance(was, int | float) and isinstance(now, int | float)
+    }
 
 
-def summary_of(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+def summary_of(before: Metrics, after: Metrics) -> dict[str, dict[str, float]]:
     """Return the figures of a result against its source, for tables and `--json`."""
     rows = {}
-    for _, key, _, _ in rows_of(before, after):
-        was, now = before[key], after[key]
+    for key, (was, now) in compared(before, after).items():
         gain = 100.0 * (was - now) / was if was else 0.0
         rows[key] = {"before": was, "after": now, "less_percent": round(gain, 3)}
     return rows
 
 
-def gain_table(before: dict[str, Any], after: dict[str, Any]) -> Table:
+def gain_table(before: Metrics, after: Metrics) -> Table:
     """Return the table of what was gained."""
     table = Table()
     for name, justify in (("", "left"), ("before", "right"), ("after", "right"), ("less", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]  # a literal of rich's
-    for label, key, unit, digits in rows_of(before, after):
-        was, now = before[key], after[key]
+    figures = compared(before, after)
+    for label, key, unit, digits in ROWS:
+        if key not in figures:
+            continue
+        was, now = figures[key]
         gain = f"{100.0 * (was - now) / was:.1f} %" if was and key not in COUNTS else ""
         table.add_row(label, f"{was:,.{digits}f} {unit}", f"{now:,.{digits}f} {unit}", gain)
     return table

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import traceback
+from collections.abc import Callable
 from unicodedata import category
 
 from typer.exceptions import TyperException
@@ -25,11 +26,11 @@ from decmcts.errors import InputError, VerificationError
 STOPPED = 130  # what typer makes of a KeyboardInterrupt
 
 
-def run(arguments: list[str]) -> int:
-    """Run one command and return its exit code."""
+def run(arguments: list[str], *, program: Callable[..., object] = app) -> int:
+    """Run one command of a program and return its exit code."""
     signals.forget()
     try:
-        code = app(args=arguments, prog_name="decmcts", standalone_mode=False)
+        code = program(args=arguments, prog_name="decmcts", standalone_mode=False)
     except TyperException as error:
         usage = _usage(error)
         return _failed(usage, 2) if usage else 2

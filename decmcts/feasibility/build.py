@@ -26,7 +26,7 @@ from decmcts._kernels.geometry.closure import (
     walk_columns,
 )
 from decmcts.errors import InputError
-from decmcts.feasibility.graph import DependencyGraph, EdgeKind
+from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_contours, pack_heads
 from decmcts.feasibility.touching import touching_kinds
 from decmcts.print.contours import Contours, Role
@@ -167,54 +167,3 @@ def _name(contours: Contours, i: int) -> str:
     role = Role(int(contours.role[i])).name.lower().replace("_", " ")
     where = f", line {contours.line[i]}" if contours.line[i] else ""
     return f"contour {i} ({role}, layer {contours.layer[i]}, z {contours.bottom[i]:.3f} mm{where})"
-
-
-def explain(graph: DependencyGraph, contours: Contours, a: int, b: int) -> str:
-    """Say in one line whether and why contour a must be printed before contour b.
-
-    Names the stored edge, or the shortest chain of stored edges; raises
-    ValueError if a or b is no contour.
-    """
-    for contour in (a, b):
-        if not 0 <= contour < graph.n:
-            raise ValueError(f"contour {contour} is not in 0..{graph.n - 1}")
-    if a > b:
-        return explain(graph, contours, b, a)
-    chain = _shortest_chain(graph, a, b)
-    if not chain:
-        return f"{_name(contours, a)} and {_name(contours, b)} may be printed in either order"
-    text = f"{_name(contours, a)} comes before {_name(contours, b)}: "
-    if len(chain) == 1:
-        return text + _REASONS[chain[0][1]]
-    steps = [f"{contour} ({_REASONS[kind]})" for contour, kind in chain]
-    return text + f"through {len(chain)} steps: " + ", then ".join(steps)
-
-
-_REASONS = {
-    EdgeKind.GEOMETRY: "printed first, the later one would block the head at the earlier one",
-    EdgeKind.PROCESS: "they touch on one layer with different roles, the slicer's order is kept",
-    EdgeKind.QUALITY: "the slicer's order of shells and of what is anchored in them is kept",
-    EdgeKind.LEAD: "no part of the print runs further ahead of the others",
-    EdgeKind.PRIMING: "what primes the nozzle (skirt, brim, purge) stays first, as sliced",
-    EdgeKind.STATE: "nothing moves across the change of machine state between them",
-}
-
-
-def _shortest_chain(graph: DependencyGraph, a: int, b: int) -> list[tuple[int, EdgeKind]]:
-    """Return the (contour, kind of the edge into it) that lead from a to b, or nothing."""
-    came_by: dict[int, tuple[int, EdgeKind]] = {}
-    front = [b]
-    while front and a not in came_by and a != b:
-        reached = []
-        for later in front:
-            for e in range(int(graph.pred_offsets[later]), int(graph.pred_offsets[later + 1])):
-                earlier = int(graph.preds[e])
-                if earlier >= a and earlier not in came_by:
-                    came_by[earlier] = (later, EdgeKind(int(graph.kinds[e])))
-                    reached.append(earlier)
-        front = reached
-    chain = []
-    while a in came_by:
-        a, kind = came_by[a]
-        chain.append((a, kind))
-    return chain

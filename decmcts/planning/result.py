@@ -30,8 +30,10 @@ class Figures:
     @staticmethod
     def of(document: PlanDocument) -> Figures:
         """Return the figures of a plan."""
-        names = ("extrusionless_travel_mm", "emitted_travel_mm", "print_time_s")
-        return Figures(*(float(document.metrics[name]) for name in names))
+        said = document.metrics
+        return Figures(
+            said["extrusionless_travel_mm"], said["emitted_travel_mm"], said["print_time_s"]
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +97,7 @@ class Result:
     def bound_s(self) -> float | None:
         """The makespan no joint plan can beat, s; None for one head."""
         found = self.document.metrics.get("bound")
-        return None if found is None else float(found["bound_s"])
+        return None if found is None else found["bound_s"]
 
     @property
     def history(self) -> History:

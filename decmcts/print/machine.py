@@ -13,8 +13,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.errors import InputError
-
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
 Release = Literal["point", "action"]
 
@@ -114,19 +112,6 @@ class Machine:
     limits: MotionLimits = field(default_factory=MotionLimits)
     release: Release = "action"  # what a head can signal: points of a print, or only its end
     source: str = ""  # where the shape comes from
-
-    @property
-    def rail(self) -> Rail | None:
-        """Return the only rail, None where there is none.
-
-        Raises
-        ------
-        InputError
-            Where there are several: `rails` has them.
-        """
-        if len(self.rails) > 1:
-            raise InputError(f"machine {self.name} has {len(self.rails)} rails, not one")
-        return self.rails[0] if self.rails else None
 
     def limits_of(self, head: Head) -> MotionLimits:
         """Return the limits a head moves under: its own, else the machine's."""

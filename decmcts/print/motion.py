@@ -41,19 +41,13 @@ class Program:
         )  # fmt: skip
 
 
-def limit_row(limits: MotionLimits, *, factor: float = 1.0) -> Floats:
-    """Return the limits as the kernels take them, (N_LIMITS,).
-
-    Parameters
-    ----------
-    factor : float
-        Of every feed (M220).
-    """
+def limit_row(limits: MotionLimits) -> Floats:
+    """Return the limits as the kernels take them, (N_LIMITS,), with every feed as it is."""
     return np.array(
         [
             *limits.max_feed, *limits.max_acceleration, *limits.jerk, limits.acceleration,
             limits.retract_acceleration, limits.travel_acceleration, limits.junction_deviation,
-            factor,
+            1.0,  # M220
         ]
     )  # fmt: skip
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
+from decmcts.print.metrics import Metrics
 
 
 class ActionKind(IntEnum):
@@ -119,6 +120,6 @@ class PlanDocument:
     contours: Contours
     precedence: NDArray[np.int32]  # (m, 2) pairs (a, b): a ends before b begins
     plan: JointPlan
-    metrics: dict[str, Any]
+    metrics: Metrics
     min_layer_time_s: float = 0.0  # no spot is printed over sooner, or than in source order
     rules: OrderRules | None = None  # None: it does not say

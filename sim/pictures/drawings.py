@@ -21,7 +21,7 @@ from sim.pictures.activity import activity
 from sim.pictures.canvas import TRAVEL, head_colour, save
 from sim.pictures.machine_picture import draw_machine
 
-__all__ = ["action_segments", "draw_convergence", "draw_gantt", "draw_machine", "draw_plan"]
+__all__ = ["action_segments", "draw_gantt", "draw_machine", "draw_plan"]
 
 SEGMENTS = 100_000  # of one head drawn in one view; with more, whole paths are left out
 
@@ -163,23 +163,4 @@ def draw_gantt(path: Path | str, document: PlanDocument) -> None:
     ]
     handles += [Patch(color=TRAVEL, label="travels"), Patch(fc="white", ec="grey", label="waits")]
     figure.legend(handles=handles, loc="outside upper center", ncols=6, frameon=False)
-    save(figure, path)
-
-
-def draw_convergence(
-    path: Path | str,
-    history: Sequence[Sequence[float]] | NDArray[np.float64],
-    *,
-    label: str = "extrusionless travel of the best order, mm",
-) -> None:
-    """Draw the best cost found over time; rows of seconds, ..., cost."""
-    figure = Figure(figsize=(8, 4.5))
-    figure.set_layout_engine("constrained")
-    axis = figure.subplots()
-    points = np.array(history, np.float64)
-    axis.step(points[:, 0], points[:, -1], where="post", color="#1f77b4")
-    axis.set_xlabel("seconds of search")
-    axis.set_ylabel(label)
-    axis.grid(alpha=0.3)
-    axis.set_ylim(bottom=0)
     save(figure, path)

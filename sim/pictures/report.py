@@ -60,7 +60,6 @@ def write_report(
     before: PlanDocument,
     after: PlanDocument,
     history: History = (),
-    rows: Sequence[Sequence[Any]] | None = None,
 ) -> None:
     """Write the page.
 
@@ -69,13 +68,12 @@ def write_report(
     path : file to write
     before, after : the source's own order and the plan
     history : rows of seconds, ..., cost: the search's best so far, drawn when there are any
-    rows : of the table, (what, before, after, change); made from the plans when absent
     """
     page, notes = scene_of(before, after)
     script = json.dumps(page).replace("<", "\\u003c")  # a name must not end the script element
     heads = len(after.plan.heads)
     sections = [
-        ("What was gained", _table(gained(before, after) if rows is None else rows)),
+        ("What was gained", _table(gained(before, after))),
         ("Toolpath", CONTROLS + "".join(f"<p class=note>{html.escape(n)}</p>" for n in notes)),
         ("Heads over time", _div(plot_gantt(after), 170 + 70 * heads)),
     ]
@@ -94,11 +92,10 @@ def write_report(
     write_whole(path, text.encode())
 
 
-def _table(rows: Sequence[Sequence[Any]]) -> str:
+def _table(rows: Sequence[Sequence[str]]) -> str:
     head = "<tr><th></th><th>before</th><th>after</th><th>change</th></tr>"
     cells = (
-        "<tr>" + "".join(f"<td>{html.escape(str(cell))}</td>" for cell in row) + "</tr>"
-        for row in rows
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
     return f"<table>{head}{''.join(cells)}</table>"
 
@@ -154,14 +151,19 @@ def _bound_of(document: PlanDocument) -> float:
     return float(bound.get("bound_s", 0.0)) if isinstance(bound, dict) else 0.0
 
 
-def scene_of(before: PlanDocument, after: PlanDocument) -> tuple[dict[str, Any], list[str]]:
-    """Return what the page's script draws, and what the reader should know about it."""
+def scene_of(
+    before: PlanDocument, after: PlanDocument, *, most: int = POINTS
+) -> tuple[dict[str, Any], list[str]]:
+    """Return what the page's script draws, and what the reader should know about it.
+
+    Of a plan with more than `most` points some are left out.
+    """
     curves: list[dict[str, Any]] = []
     nozzles: list[dict[str, Any]] = []
     notes: list[str] = []
     for scene, name, document in (("scene", "before", before), ("scene2", "after", after)):
         points = sum(len(actions.path) for actions in document.plan.heads)
-        step = max(1, -(-points // POINTS))
+        step = max(1, -(-points // most))
         if step > 1:
             notes.append(
                 f"{name}: of {points:,} points one in {step} is drawn, and both ends of each path."

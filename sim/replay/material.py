@@ -22,11 +22,20 @@ from sim.replay import raster
 from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
 from sim.replay.overlap import meets
 
-FIRST = 1 << 16  # rows of candidates looked for at first
-MOST = 1 << 24  # rows; a print with more near misses is broken, not subtle
 MARGIN_MM = 0.01  # the middle phase looks this much further than the exact check
-ENTRIES_FREE = 1 << 24  # cells that beads may reach into, all together;
-ENTRIES_EACH = 64  # and so many for each bead of a large print
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """How much is held while contacts are looked for."""
+
+    first: int = 1 << 16  # near misses looked for at first
+    most: int = 1 << 24  # near misses; a print with more is broken, not subtle
+    cells: int = 1 << 24  # that beads may reach into, all together;
+    cells_each: int = 64  # and so many for each bead of a large print
+
+
+ROOM = Room()
 
 
 class UndecidedError(Exception):
@@ -116,6 +125,7 @@ def find_contacts(
     clearance_mm: float,
     tolerance_mm: float,
     limit: int,
+    room: Room = ROOM,
 ) -> list[Contact]:
     """Return moves in which a part of the head overlaps a bead by more than the tolerance.
 
@@ -129,6 +139,7 @@ def find_contacts(
     clearance_mm : kept between the head's slices and the beads
     tolerance_mm : overlap that counts as touching, which is allowed
     limit : stop after this many
+    room : for near misses and for cells that beads reach into
 
     Raises
     ------
@@ -140,16 +151,18 @@ def find_contacts(
         return []
     order = np.argsort(beads.since, kind="stable")
     parts = parts_of(head)
-    size = FIRST
+    margins = (clearance_mm, tolerance_mm)
     while True:
-        found, total = _candidates(moves, beads, order, parts, (clearance_mm, tolerance_mm), size)
+        found, total = _candidates(moves, beads, order, parts, margins, room)
         search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
         contacts = _judge_all(search, order, found, limit)
-        if contacts or total <= size:
+        if contacts or total <= room.first:
             return contacts
-        if size >= MOST:
-            raise UndecidedError(f"over {size} near misses of head and material, too many to judge")
-        size = min(16 * size, MOST)
+        if room.first >= room.most:
+            raise UndecidedError(
+                f"over {room.most} near misses of head and material, too many to judge"
+            )
+        room = replace(room, first=min(16 * room.first, room.most))
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,11 +200,11 @@ def _candidates(
     order: NDArray[np.int64],
     parts: list[Part],
     margins: tuple[float, float],
-    size: int,
+    room: Room,
 ) -> tuple[NDArray[np.int64], int]:
     """Return rows (move, position in `order`, part) to look at closely, and their number.
 
-    With more than `size` the search stops there and the number is above `size`.
+    With more than `room.first` the search stops there and the number is above it.
     `margins` are the clearance and the tolerance.
     """
     clearance_mm, tolerance_mm = margins
@@ -204,12 +217,12 @@ def _candidates(
     low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
     grid, shape = raster.grid_over(low, high)
     entries = raster.count_entries(rows, grid, shape)
-    if entries > max(ENTRIES_FREE, ENTRIES_EACH * len(rows)):
+    if entries > max(room.cells, room.cells_each * len(rows)):
         raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
-    found = np.empty((size, 3), np.int64)
+    found = np.empty((room.first, 3), np.int64)
     moves = np.ascontiguousarray(moves, np.float64)
     n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found))
-    return found[: min(n, size)], n
+    return found[:n], n
 
 
 def _rectangles(beads: Beads, order: NDArray[np.int64], clearance_mm: float) -> NDArray[np.float64]:

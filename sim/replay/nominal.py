@@ -8,7 +8,6 @@ acceleration, and never later than the action's end; so much is held against the
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions
@@ -18,8 +17,6 @@ from sim.replay.execution import print_feed
 
 TIME_TOLERANCE_S = 1e-3
 ROUNDING = 1e-3  # share that rounded coordinates may make a way shorter
-
-Floats = NDArray[np.float64]
 
 
 def check_times(contours: Contours, all_actions: tuple[HeadActions, ...]) -> list[Fault]:

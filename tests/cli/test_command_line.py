@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.cli import run as runner
 from decmcts.cli.console import out, steps
 from decmcts.cli.run import run
 from decmcts.errors import InputError
@@ -88,10 +87,9 @@ def test_names_with_brackets_are_printed_as_they_are(capsys):
     assert capsys.readouterr().out == "wrote part[1][/x] :smile:.gcode\n"
 
 
-def test_interrupted_command_says_so(monkeypatch, capsys):
+def test_interrupted_command_says_so(capsys):
     """Code 130 without a word leaves the user guessing what was written."""
-    monkeypatch.setattr(runner, "app", lambda **_: 130)
-    assert run(["machines"]) == 130
+    assert run(["machines"], program=lambda **_: 130) == 130
     assert "stopped" in capsys.readouterr().err
 
 

@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli import signals
-from decmcts.cli.commands import verify
 from decmcts.cli.console import written
 from decmcts.cli.run import run
 from decmcts.cli.signals import interrupt_stops
@@ -145,22 +144,19 @@ def test_what_a_signal_came_into_lives_to_the_end() -> None:
     assert at_work()() is not None
 
 
-def test_an_error_made_of_a_signal_is_that_signal(tmp_path, monkeypatch, capsys) -> None:
+def test_an_error_made_of_a_signal_is_that_signal(capsys) -> None:
     """Compiled code may end in "returned a result with an exception set": no error of ours."""
 
-    def interrupted(*_: object, **__: object) -> None:
+    def interrupted(**_: object) -> None:
         try:
             os.kill(os.getpid(), signal.SIGTERM)
         except KeyboardInterrupt as stop:
             raise SystemError("returned a result with an exception set") from stop
 
-    source = tmp_path / "plan.json"
-    source.write_text("{}")
-    monkeypatch.setattr(verify, "judge", interrupted)
     before = {number: signal.getsignal(number) for number in ALL}
     signals.end_on_signals()
     try:
-        assert run(["verify", str(source)]) == 143
+        assert run(["verify", "plan.json"], program=interrupted) == 143
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.feasibility.build import _build, build_graph, closure_of, explain
+from decmcts.feasibility.build import _build, build_graph, closure_of
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.feasibility.packed_head import pack_contours
 from decmcts.feasibility.touching import touching_kinds
@@ -230,18 +230,6 @@ def test_collision_with_an_object_printed_long_before(oracle: Any) -> None:
     bad = oracle.make_contours([*tower, *far, [(6, 0, 39.0), (6, 1, 39.0)]])
     with pytest.raises(InputError, match=r"contour 198 .* before contour 398 "):
         build_graph(bad, [oracle.heads["box"]], clearance_mm=0.0)
-
-
-def test_explain(oracle: Any) -> None:
-    """A user asks why one thing waits for another."""
-    stack = [[(0, 0, 0.2 * i), (1, 0, 0.2 * i)] for i in (1, 2, 3)]
-    contours = oracle.make_contours([*stack, [(99, 0, 0.6), (99, 1, 0.6)]], layer=[0, 1, 2, 2])
-    graph = build_graph(contours, [oracle.heads["box"]], clearance_mm=0.0)
-    assert "would block the head" in explain(graph, contours, 1, 0)
-    assert "through 2 steps: 1 (" in explain(graph, contours, 0, 2)
-    assert "either order" in explain(graph, contours, 2, 3)
-    with pytest.raises(ValueError, match="contour 9"):
-        explain(graph, contours, 0, 9)
 
 
 def test_empty_and_single(oracle: Any) -> None:

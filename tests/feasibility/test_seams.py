@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from decmcts.feasibility.build import build_graph
-from decmcts.feasibility.travel import toolpath_heights
 from decmcts.print.contours import Role
 from decmcts.print.loops import close_gaps
 from decmcts.print.machine import Head, Slice
 from decmcts.print.toolpath import Toolpath
+from tests.feasibility.travels import toolpath_heights
 from tests.print.test_toolpath import contours_of
 
 TIP = np.array([[-0.02, -0.02], [0.02, -0.02], [0.02, 0.02], [-0.02, 0.02]])

@@ -9,20 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from decmcts._kernels.geometry.travel import HeightField, travel_height
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.feasibility.travel import (
-    HeightField,
-    deposit_contour,
-    new_height_field,
-    pack_head,
-    safe_travel_path,
-    toolpath_heights,
-    travel_height,
-)
+from decmcts.feasibility.packed_head import pack_head
+from decmcts.feasibility.travel import new_height_field
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.toolpath import Toolpath
+from tests.feasibility.travels import deposit_contour, safe_travel_path, toolpath_heights
 
 CLEARANCE_MM = 0.3
 

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from agents.launching.spawn import Agreement, free_ports, run_agents
+from agents.launching.spawn import Agreement, Meeting, free_ports, run_agents
 from agents.launching.supervisor import AgentStatus, LaunchError
 from agents.messages.codec import MAX_MESSAGE_BYTES
 from agents.messages.keys import Keys
@@ -75,7 +75,11 @@ class Saboteur(Until):
 
 
 def run(
-    names: str, monkeypatch: pytest.MonkeyPatch, *arguments: str, until: Until | None = None
+    names: str,
+    monkeypatch: pytest.MonkeyPatch,
+    *arguments: str,
+    until: Until | None = None,
+    meeting: Meeting | None = None,
 ) -> Agreement:
     monkeypatch.setenv("TOY_HEADS", names)
     watch = until or Until(lambda status: all(s.rounds for s in status))
@@ -88,6 +92,7 @@ def run(
         on_start=watch.on_start,
         on_progress=watch.on_progress,
         should_stop=watch.should_stop,
+        meeting=meeting,
     )
 
 
@@ -162,22 +167,23 @@ def test_an_agent_told_to_end_says_goodbye_and_the_rest_go_on(
     assert_complete(agreement)
 
 
-def shout(ports: Sequence[int], session: str, ended: threading.Event) -> None:
+def shout(meeting: Meeting, ended: threading.Event) -> None:
     """Be a hostile neighbour: garbage, forgeries and giants under both heads' keys."""
     rng = np.random.default_rng(3)
     stranger = Endpoints(
-        f"tcp/127.0.0.1:{free_ports(1)[0]}", tuple(f"tcp/127.0.0.1:{port}" for port in ports)
+        f"tcp/127.0.0.1:{free_ports(1)[0]}",
+        tuple(f"tcp/127.0.0.1:{port}" for port in meeting.ports),
     )
     config = configuration(stranger)
     giant = bytes(MAX_MESSAGE_BYTES + 100_000)
     with zenoh.open(config) as hostile:
         while not ended.wait(0.02):
             for head in (0, 1, 77):
-                key = Keys(session).message(head, "commit")
+                key = Keys(meeting.session).message(head, "commit")
                 hostile.put(key, rng.bytes(int(rng.integers(0, 2000))))
                 hostile.put(key, msgpack.packb(["commit", head, 1, 2, [0, 1], "zz", 9, 1, [0]]))
                 hostile.put(key.replace("commit", "proposal"), b"\xdd\xff\xff\xff\xff")
-            hostile.put(Keys(session).message(0, "reply"), giant)
+            hostile.put(Keys(meeting.session).message(0, "reply"), giant)
 
 
 def has_dropped_much(status: Status) -> bool:
@@ -187,13 +193,11 @@ def has_dropped_much(status: Status) -> bool:
 
 def test_malformed_and_oversized_messages_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever shares the bus must not stop a print."""
-    ports, ended = free_ports(2), threading.Event()
-    monkeypatch.setattr("agents.launching.spawn.free_ports", lambda n: ports)
-    monkeypatch.setattr("agents.launching.spawn.secrets.token_hex", lambda n: "known")
-    neighbour = threading.Thread(target=shout, args=(ports, "known", ended))
+    meeting, ended = Meeting(free_ports(2), "known"), threading.Event()
+    neighbour = threading.Thread(target=shout, args=(meeting, ended))
     neighbour.start()
     try:
-        agreement = run("left,right", monkeypatch, until=Until(has_dropped_much))
+        agreement = run("left,right", monkeypatch, until=Until(has_dropped_much), meeting=meeting)
     finally:
         ended.set()
         neighbour.join()

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from decmcts.formats.bare.qcsp import problem_of
 from decmcts.planning.bare import solve_qcsp, solve_sop
 from decmcts.planning.events import Event, Progress
+from tests.team.qcsp.problems import problem_of
 
 NOTHING = np.empty((0, 2), np.int32)
 

@@ -114,11 +114,6 @@ def _only_problem(fields: Fields, source: Path) -> QcspProblem:
     return _problem(fields.table(names[0]), names[0])
 
 
-def problem_of(values: dict[str, Any]) -> QcspProblem:
-    """Return the problem of a mapping with the fields of a file, checked likewise."""
-    return _problem(Fields.of(values, "", None), "")
-
-
 def schedule_text(problem: QcspProblem, schedule: QcspSchedule) -> bytes:
     """Return a schedule as a file, tasks and cranes numbered from 1 (docs/qcsp.md)."""
     cranes = []

@@ -24,8 +24,10 @@ _GZIP_MAGIC = b"\x1f\x8b"
 _BLOCK = 2**20
 
 
-def unpacked(raw: bytes, path: Path | str) -> bytes:
+def unpacked(raw: bytes, path: Path | str, *, free: int = UNPACKED_FREE) -> bytes:
     """Return what a gzipped file holds, and any other file as it is.
+
+    Any may hold `free` bytes, a larger one in proportion to its size.
 
     Raises
     ------
@@ -34,7 +36,7 @@ def unpacked(raw: bytes, path: Path | str) -> bytes:
     """
     if not raw.startswith(_GZIP_MAGIC):
         return raw
-    most = min(max(UNPACKED_FREE, UNPACKED_TIMES * len(raw)), UNPACKED_MOST)
+    most = min(max(free, UNPACKED_TIMES * len(raw)), UNPACKED_MOST)
     try:
         return _inflated(raw, most, path)
     except zlib.error as error:

@@ -5,7 +5,7 @@ state that the writer puts back.
 """
 
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, StateTable
-from decmcts.formats.gcode.reading.compare import ending_faults, same_ending, same_extrusions
+from decmcts.formats.gcode.reading.compare import ending_faults, same_extrusions
 from decmcts.formats.gcode.reading.reader import (
     Motions,
     read_gcode,
@@ -13,7 +13,6 @@ from decmcts.formats.gcode.reading.reader import (
     read_result,
     read_written,
 )
-from decmcts.formats.gcode.writing.actions import direct_actions
 from decmcts.formats.gcode.writing.head_files import (
     refuse_for_heads,
     unprimed_note,
@@ -22,7 +21,7 @@ from decmcts.formats.gcode.writing.head_files import (
 from decmcts.formats.gcode.writing.writer import write_gcode
 
 __all__ = [
-    "Block", "Cursor", "GcodeDocument", "Motions", "StateTable", "direct_actions", "ending_faults",
-    "read_gcode", "read_motions", "read_result", "read_written", "refuse_for_heads", "same_ending",
+    "Block", "Cursor", "GcodeDocument", "Motions", "StateTable", "ending_faults",
+    "read_gcode", "read_motions", "read_result", "read_written", "refuse_for_heads",
     "same_extrusions", "unprimed_note", "write_gcode", "write_head_gcode",
 ]  # fmt: skip

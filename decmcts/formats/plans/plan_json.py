@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import Any, BinaryIO, NoReturn, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plans.plan_actions import actions_from_dicts, actions_to_dicts, check_points
 from decmcts.formats.plans.plan_contours import contours_from_dicts, contours_to_dicts
+from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
 FORMAT = "decmcts-plan"
@@ -124,7 +125,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         contours,
         _precedence(given, len(contours)),
         _plan(given, contours_sizes=np.diff(contours.offsets).tolist(), version=version),
-        dict(given.table("metrics").values),
+        cast(Metrics, dict(given.table("metrics").values)),  # as it says: none is relied on
         given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
         _rules(given.table(_RULES)) if _RULES in given.values else None,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from decmcts.jit import Store
@@ -16,6 +16,9 @@ from decmcts.jit.kernel import reported_to
 from decmcts.jit.store import cache_home, remove_unused
 from decmcts.planning.compiling.parts import FOLDERS, how_far, is_compiled, kernels_made
 from decmcts.planning.events import Event, Note, Report, Step
+
+Start = Callable[[Sequence[str]], "subprocess.Popen[bytes]"]
+"""Starts a process that compiles these parts."""
 
 POLL_S = 0.1
 EVERY_S = 3.0  # so often at most a line says what is compiled
@@ -30,8 +33,17 @@ def compiled_beside(part: str) -> bool:
     return part in _beside
 
 
+def start_compiling(parts: Sequence[str]) -> subprocess.Popen[bytes]:
+    """Start a process that compiles parts; it ends with this one."""
+    command = [sys.executable, "-m", "decmcts.planning.warm", *parts]
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+
+
 @contextmanager
-def compiling_beside(parts: Sequence[str], report: Report) -> Iterator[None]:
+def compiling_beside(
+    parts: Sequence[str], report: Report, *, start: Start = start_compiling
+) -> Iterator[None]:
     """Compile parts in a process beside the body of a `with`, if any is missing.
 
     It ends with the body, or with this process if that is killed. Within another such
@@ -39,14 +51,14 @@ def compiling_beside(parts: Sequence[str], report: Report) -> Iterator[None]:
     """
     within = bool(_children)
     try:
-        _compile_beside(parts, report)
+        _compile_beside(parts, report, start)
         yield
     finally:
         if not within:
             _end_child()
 
 
-def _compile_beside(parts: Sequence[str], report: Report) -> None:
+def _compile_beside(parts: Sequence[str], report: Report, start: Start) -> None:
     missing = [part for part in parts if not is_compiled(part)]
     if all(map(compiled_beside, missing)):
         return
@@ -55,9 +67,7 @@ def _compile_beside(parts: Sequence[str], report: Report) -> None:
     for folder in FOLDERS:
         Store(folder).prepare()  # a temporary one must be known to the child
     tell_if_unwritable(report)
-    command = [sys.executable, "-m", "decmcts.planning.warm", *missing]
-    quiet = subprocess.DEVNULL
-    _children.append(subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet))
+    _children.append(start(missing))
     _beside.extend(missing)
 
 

@@ -6,11 +6,11 @@ take and for which prints it is tried.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from decmcts.planning.compiling.rows import row_of
 from decmcts.planning.events import Stop, never
+from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import EXACT_UP_TO, lower_bound
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
@@ -36,29 +36,27 @@ class Certificate:
     method: str = ""  # how it was proven
     skipped: str = ""  # why nothing was proven
 
-    def metrics(self) -> dict[str, float | str | None]:
+    def metrics(self) -> Metrics:
         """Return what a plan's metrics say of it."""
-        said: dict[str, float | str | None] = {"travel_s": self.travel} if self.unit == "s" else {}
-        said |= {f"bound_{self.unit}": self.bound, "gap_percent": self.gap_percent}
-        how = {"bound_skipped": self.skipped} if self.skipped else {"bound_method": self.method}
-        return {**said, **how}
+        said: Metrics = {"bound_mm": self.bound}
+        if self.unit == "s":
+            said = {"travel_s": self.travel, "bound_s": self.bound}
+        said["gap_percent"] = self.gap_percent
+        if self.skipped:
+            return {**said, "bound_skipped": self.skipped}
+        return {**said, "bound_method": self.method}
 
     @staticmethod
-    def of(metrics: Mapping[str, float | str | None]) -> Certificate | None:
+    def of(metrics: Metrics) -> Certificate | None:
         """Return what a plan's metrics say of it; None where they say nothing."""
-        unit = next((unit for unit in ("s", "mm") if f"bound_{unit}" in metrics), None)
-        if unit is None:
+        if "bound_s" in metrics:
+            travel, bound, unit = metrics["travel_s"], metrics["bound_s"], "s"
+        elif "bound_mm" in metrics:
+            travel, bound, unit = metrics["extrusionless_travel_mm"], metrics["bound_mm"], "mm"
+        else:
             return None
-        travel = metrics["travel_s" if unit == "s" else "extrusionless_travel_mm"]
-        bound, gap = metrics[f"bound_{unit}"], metrics["gap_percent"]
-        return Certificate(
-            float(travel or 0.0),
-            None if bound is None else float(bound),
-            None if gap is None else float(gap),
-            unit,
-            str(metrics.get("bound_method", "")),
-            str(metrics.get("bound_skipped", "")),
-        )
+        method, skipped = metrics.get("bound_method", ""), metrics.get("bound_skipped", "")
+        return Certificate(travel, bound, metrics["gap_percent"], unit, method, skipped)
 
 
 def certify(

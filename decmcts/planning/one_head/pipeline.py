@@ -22,6 +22,7 @@ from decmcts.planning.options import Freedom, Objective, Search
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import Planned, check, document_of, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult, plan_order, toolpath_cost
@@ -119,7 +120,7 @@ def plan_judged(
     plan, toolpath = _scheduled(problem, result.toolpath, lags), result.toolpath
     if search.objective == Objective.TIME or len(lags.below):
         plan, toolpath = _no_slower(problem, before, (plan, toolpath), source_toolpath(bare), lags)
-    extra = {**_said(problem, search, result), "as_sliced": _as_sliced(plan)}
+    extra: Metrics = {**_said(problem, search, result), "as_sliced": _as_sliced(plan)}
     if search.certificate:
         if not stop():
             report(Step("proving how far from optimal this is at most"))
@@ -128,7 +129,7 @@ def plan_judged(
         certificate = certify(
             bare, travel, time_limit_s=SHARE * search.time_limit_s, known=result.bound, stop=stop
         )
-        extra |= certificate.metrics()
+        extra = {**extra, **certificate.metrics()}
         seconds["bound"] = time.perf_counter() - started
     after = document_of(problem, plan, extra)
     return check(problem, before, after, result.history, seconds, report)
@@ -168,14 +169,18 @@ def _first_bound(bare: OrderProblem, search: Search, report: Report, stop: Stop)
     return early_bound(bare, time_limit_s=search.time_limit_s, stop=stop)
 
 
-def _said(problem: PrintProblem, search: Search, result: SearchResult) -> dict[str, object]:
+def _said(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:
     """Return what a plan's metrics say of the search."""
     rules = problem.rules
-    return {
+    said: Metrics = {
         "planner": search.name,
         "objective": search.objective.value,
         "freedom": rules.freedom.value,
-        **({"seam": rules.seam.value} if rules.freedom == Freedom.SEAM else {}),
+    }
+    if rules.freedom == Freedom.SEAM:
+        said["seam"] = rules.seam.value
+    return {
+        **said,
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,
         "iterations": result.iterations,

@@ -9,20 +9,45 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
-from decmcts.formats.gcode import read_motions, write_gcode
+from decmcts.formats.gcode import GcodeDocument, read_motions, write_gcode
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.print.plan import PlanDocument
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import HeadActions, PlanDocument
 from sim.faults import Fault, Verdict
 from sim.files.written import verify_written
 from sim.verify import verify_plan
 
 
-def refuse_unsound(problem: PrintProblem, before: PlanDocument, *, writes: bool) -> None:
+class VerifyFile(Protocol):
+    """Judges a file made from a print; `verify_written` is one."""
+
+    def __call__(
+        self,
+        path: Path,
+        job: PrintJob,
+        document: GcodeDocument,
+        machine: Machine,
+        *,
+        actions: HeadActions,
+    ) -> Verdict:
+        """Return the faults of a file with these actions."""
+        ...
+
+
+def refuse_unsound(
+    problem: PrintProblem,
+    before: PlanDocument,
+    *,
+    writes: bool,
+    verify: VerifyFile = verify_written,
+) -> None:
     """Raise InputError where the source's own order has faults, as a plan or written.
 
     Parameters
@@ -31,6 +56,8 @@ def refuse_unsound(problem: PrintProblem, before: PlanDocument, *, writes: bool)
         The plan of the source's own order for one head.
     writes : bool
         Whether G-code of one head will be written.
+    verify : VerifyFile
+        Judges what would be written.
     """
     verdict = verify_plan(before, source=problem.job, trials=0)
     if not verdict.ok:
@@ -41,9 +68,7 @@ def refuse_unsound(problem: PrintProblem, before: PlanDocument, *, writes: bool)
         draft = Path(folder) / "draft.gcode"
         actions = before.plan.heads[0]
         write_gcode(problem.document, problem.job, actions, draft)
-        verdict = verify_written(
-            draft, problem.job, problem.document, problem.machine, actions=actions
-        )
+        verdict = verify(draft, problem.job, problem.document, problem.machine, actions=actions)
         if not verdict.ok:
             raise _refusal(problem, verdict, _source_line(problem, draft, verdict.faults[0]))
 

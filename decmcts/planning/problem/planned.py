@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from decmcts.errors import VerificationError
 from decmcts.planning.events import Report, Step
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
@@ -37,11 +38,9 @@ class Planned:
     seconds: dict[str, float]
 
 
-def document_of(
-    problem: PrintProblem, plan: JointPlan, extra: Mapping[str, object]
-) -> PlanDocument:
+def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:
     """Wrap a plan with all that is needed to check and draw it."""
-    metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}
+    metrics: Metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}
     return PlanDocument(
         problem.digest, problem.machine, problem.job.contours, problem.graph.pairs(), plan, metrics,
         problem.min_layer_time_s, problem.rules.on(problem.machine),
@@ -57,7 +56,7 @@ def source_plan(problem: PrintProblem) -> PlanDocument:
     machine = problem.machine if one else lone_machine(problem.machine)
     sliced = Toolpath.as_sliced(len(problem.job.contours))
     plan = schedule(problem.job, machine, problem.graph, [sliced])
-    extra = {"planner": "slicer", "objective": "travel", "freedom": "fixed", "seed": 0}
+    extra: Metrics = {"planner": "slicer", "objective": "travel", "freedom": "fixed", "seed": 0}
     return document_of(replace(problem, machine=machine), plan, extra)
 
 

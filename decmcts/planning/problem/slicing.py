@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import weakref
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -77,8 +78,13 @@ def choose_slicer(name: str = AUTO, config: str | None = None) -> Chosen:
     return _named(name, given)
 
 
-def usable(slicer: Slicer, config: tuple[Path, ...]) -> Chosen | None:
-    """Return a slicer that is on the PATH and has the kind of configuration it needs."""
+def usable(
+    slicer: Slicer, config: tuple[Path, ...], *, cura_shared: Sequence[str] = CURA_SHARED
+) -> Chosen | None:
+    """Return a slicer that is on the PATH and has the kind of configuration it needs.
+
+    Cura's own is looked for in the folders `cura_shared` where none is given.
+    """
     program = _on_path(slicer)
     if program is None:
         return None
@@ -88,7 +94,7 @@ def usable(slicer: Slicer, config: tuple[Path, ...]) -> Chosen | None:
     if slicer == Slicer.ORCA:
         several = len(config) > 1 and ends == {".json"}
         return Chosen(slicer, program, config) if several else None
-    config = config or cura_definition()
+    config = config or cura_definition(cura_shared)
     return Chosen(slicer, program, config) if len(config) == 1 and ends <= {".json"} else None
 
 
@@ -128,9 +134,9 @@ def _on_path(slicer: Slicer) -> Path | None:
     return next((Path(where).absolute() for where in found if where), None)
 
 
-def cura_definition() -> tuple[Path, ...]:
+def cura_definition(shared: Sequence[str] = CURA_SHARED) -> tuple[Path, ...]:
     """Return Cura's base definition where a package of Cura is installed, else nothing."""
-    places = (Path(folder) / CURA_DEFINITION for folder in CURA_SHARED)
+    places = (Path(folder) / CURA_DEFINITION for folder in shared)
     return next(((place,) for place in places if place.is_file()), ())
 
 

@@ -20,6 +20,7 @@ from decmcts.planning.events import Note, Report
 from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound
@@ -64,7 +65,7 @@ def best_of(
     alone = plan_alone(ready, heads)
     machine = lone_machine(problem.machine)
     lone = schedule(problem.job, machine, problem.graph, [ready.order], lags=ready.lags)
-    extra: dict[str, object] = {
+    extra: Metrics = {
         "planner": "dec-mcts",
         **_said(ready.orders),
         "seed": search.seed,
@@ -104,10 +105,12 @@ def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan |
     return min(plans, key=lambda plan: plan.makespan_s, default=None)
 
 
-def _said(orders: Orders) -> dict[str, str]:
+def _said(orders: Orders) -> Metrics:
     """Return what orders are free to do, as `plan` says it."""
-    seam = {"seam": orders.seam} if orders.freedom == "seam" else {}
-    return {"freedom": orders.freedom, **seam, "objective": orders.objective}
+    said: Metrics = {"freedom": orders.freedom}
+    if orders.freedom == "seam":
+        said["seam"] = orders.seam
+    return {**said, "objective": orders.objective}
 
 
 def _traffic(agent: AgentStatus) -> dict[str, object]:

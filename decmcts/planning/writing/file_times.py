@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from decmcts.formats.gcode.controller.duration import FileTime, print_time
 from decmcts.formats.mesh import MESH_SUFFIXES
 from decmcts.planning.problem.planned import Planned
+from decmcts.print.metrics import Metrics
 from decmcts.print.walls import outer_walls
 
 SAME_TIME_S = 0.25, 1.0  # times of whole files that differ by less are the same, for short prints
@@ -23,8 +23,8 @@ class FileTimes:
     before_s: float | None  # of the source; None: it is no G-code
     after_s: float
     refused_s: float | None = None  # of the new order, where the source was kept instead
-    before: Mapping[str, float | None] = field(default_factory=dict)  # what else whole files show:
-    after: Mapping[str, float | None] = field(default_factory=dict)  # see `whole_file`
+    before: Metrics = field(default_factory=Metrics)  # what else whole files show:
+    after: Metrics = field(default_factory=Metrics)  # see `whole_file`
 
     @property
     def longer(self) -> bool:
@@ -62,7 +62,7 @@ def file_times(planned: Planned, draft: Path) -> FileTimes:
     )
 
 
-def whole_file(time: FileTime) -> dict[str, float | None]:
+def whole_file(time: FileTime) -> Metrics:
     """Return what a whole file shows as metrics, for tables, `--json` and plan.json."""
     return {
         "file_time_s": time.total_s,

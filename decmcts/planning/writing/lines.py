@@ -8,8 +8,6 @@ from decmcts.planning.problem.planned import Planned
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.version import __version__
 
-TRAVEL = "extrusionless_travel_mm"  # the paper's metric
-
 
 def header_lines(planned: Planned) -> list[str]:
     """Return the comment lines that say what was done to the file."""
@@ -20,7 +18,8 @@ def header_lines(planned: Planned) -> list[str]:
         f"reordered by decmcts {__version__} for machine {machine.name}",
         f"planner {now['planner']} for {now.get('objective', 'makespan')},"
         f" freedom {now['freedom']}{seam}, seed {now['seed']}",
-        f"extrusionless travel {was[TRAVEL]:.1f} mm -> {now[TRAVEL]:.1f} mm",
+        f"extrusionless travel {was['extrusionless_travel_mm']:.1f} mm -> "
+        f"{now['extrusionless_travel_mm']:.1f} mm",
         f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
         *(line for line in (cooling_line(planned.after), layers_line(planned)) if line),
         "verified: every extrusion exactly once, no contact of head and print",

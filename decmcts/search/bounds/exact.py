@@ -26,12 +26,33 @@ from decmcts._kernels.exact.ideals import (
 from decmcts.search.bounds.choices import choices_of
 from decmcts.search.sequence.problem import OrderProblem
 
-_IDEALS, _STEPS, _TRAVELS = 2_000_000, 8_000_000, 32_000_000  # 0.4 GiB, if all is used
-_SLOTS = 1_000_003  # a prime
 _QUOTA = 20_000  # steps between two questions, while they are being found
-_EFFORT = 2e7  # travels looked at between two questions, at most, while they are priced
+EFFORT = 2e7  # travels looked at between two questions, at most, while they are priced
 _ROUNDING = 1e-12  # of the cost
 WIDEST = 500_000  # steps from a level: with more there is no hope
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """How much is kept of the order ideals at most; 0.4 GiB, if all is used."""
+
+    ideals: int = 2_000_000
+    steps: int = 8_000_000
+    travels: int = 32_000_000
+    slots: int = 1_000_003  # a prime
+
+    def empty(self) -> Ideals:
+        """Return room for ideals, to be emptied first; what is not used takes no memory."""
+        most, steps = self.ideals, self.steps
+        return Ideals(
+            np.empty(most, np.int32), np.empty(most, np.uint64), np.empty(most + 1, np.int32),
+            np.empty(most, np.int32), np.empty(most, np.int32), np.empty(steps, np.int32),
+            np.empty(steps, np.int32), np.empty(steps + 1, np.int64), np.empty(self.travels),
+            np.empty(self.slots, np.int32),
+        )  # fmt: skip
+
+
+ROOM = Room()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +97,8 @@ def solve_exactly(
     go_on: Callable[[int, float], bool] = lambda made, share: True,
     *,
     widest: int = WIDEST,
+    effort: float = EFFORT,
+    room: Room = ROOM,
 ) -> Optimum | None:
     """Return an optimal sequence, or None if that takes too much.
 
@@ -91,6 +114,10 @@ def solve_exactly(
         the work of pricing them that is done, 0 while they are still being found. False gives up.
     widest : int
         Steps from all sets of equally many contours beyond which to give up.
+    effort : float
+        Travels looked at between two questions, at most, while steps are priced.
+    room : Room
+        What the sets and steps must fit into; where they do not, this gives up.
     """
     n, graph = len(problem), problem.graph
     reach, near = reaches(graph.pred_offsets, graph.preds)
@@ -98,20 +125,20 @@ def solve_exactly(
         return None
     choices = choices_of(problem, apart=True)
     rules = Rules(reach, needs(graph.pred_offsets, graph.preds), slack_of(problem))
-    ideals, steps = room_for(_IDEALS, _STEPS, _TRAVELS, _SLOTS), 0
+    ideals, steps = room.empty(), 0
     at = empty(ideals)
     while at.level < n:
         at = make_ideals(ideals, choices, rules, at, max(1, min(_QUOTA, widest)), widest)
         made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])
         if at.full or not go_on(made, 0.0):
             return None
-    effort, first = _effort(ideals, at.first), 0
+    looks, first = _looks(ideals, at.first), 0
     while first < at.first:
-        last = int(np.searchsorted(effort, effort[first] + _EFFORT, side="right")) - 1
+        last = int(np.searchsorted(looks, looks[first] + effort, side="right")) - 1
         last = max(first + 1, last)
         price_steps(ideals, choices, rules, first, last)
         made = int(ideals.begin[last] - ideals.begin[first])
-        if not go_on(made, effort[last] / effort[-1]) and last < at.first:
+        if not go_on(made, looks[last] / looks[-1]) and last < at.first:
             return None
         first = last
     cost, order, chosen = trace(ideals, choices, at.first)
@@ -126,7 +153,7 @@ def solve_exactly(
     return Optimum(order, is_reversed.astype(np.uint8), entry_id.astype(np.int32), cost, bound)
 
 
-def _effort(ideals: Ideals, count: int) -> NDArray[np.float64]:
+def _looks(ideals: Ideals, count: int) -> NDArray[np.float64]:
     """Return how many travels are looked at, at most, before each ideal is priced, (count + 1,)."""
     ports = ideals.ports[:count].astype(np.float64)
     choices = np.diff(ideals.base[ideals.begin[: count + 1]])
@@ -141,19 +168,3 @@ def slack_of(problem: OrderProblem) -> float:
     if problem.costs is not None:
         return float(np.inf)
     return 0.0 if problem.pace is None else problem.pace.hop_s
-
-
-def room_for(most: int, steps: int, travels: int, slots: int) -> Ideals:
-    """Return room for ideals, to be emptied first; what is not used takes no memory."""
-    return Ideals(
-        np.empty(most, np.int32),
-        np.empty(most, np.uint64),
-        np.empty(most + 1, np.int32),
-        np.empty(most, np.int32),
-        np.empty(most, np.int32),
-        np.empty(steps, np.int32),
-        np.empty(steps, np.int32),
-        np.empty(steps + 1, np.int64),
-        np.empty(travels),
-        np.empty(slots, np.int32),
-    )

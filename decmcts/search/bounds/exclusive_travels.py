@@ -33,7 +33,12 @@ class ExclusiveTravels:
 
 
 def find_exclusive_travels(
-    before: NDArray[np.uint64], offsets: NDArray[np.int64], covers: NDArray[np.int32]
+    before: NDArray[np.uint64],
+    offsets: NDArray[np.int64],
+    covers: NDArray[np.int32],
+    *,
+    most_members: int = MOST_MEMBERS,
+    most_looks: int = MOST_LOOKS,
 ) -> ExclusiveTravels:
     """Return the travels from A to B for sets with a ≺ b for all a in A, b in B; and bends.
 
@@ -44,7 +49,7 @@ def find_exclusive_travels(
     A is taken from the direct predecessors of each contour, and from what precedes
     all direct successors of each; B is all that follows A, as far as travels can
     lead there, and A is then made as large as B allows. Sets of one contour say
-    nothing new. Search ends at `MOST_MEMBERS` travels or `MOST_LOOKS` looks.
+    nothing new.
 
     Parameters
     ----------
@@ -52,12 +57,16 @@ def find_exclusive_travels(
         Bits of all that precedes a contour.
     offsets, covers : (n + 1,), (m,)
         Direct predecessors.
+    most_members : int
+        Travels in all sets together at which the search ends.
+    most_looks : int
+        Pairs of contours asked for their order, at which it ends too.
     """
     n = len(offsets) - 1
     preds = [covers[offsets[b] : offsets[b + 1]].astype(np.int64) for b in range(n)]
     found: dict[bytes, NDArray[np.int64]] = {}
     inside, members = np.zeros(n, np.bool_), 0
-    for tails, heads in _seeds(before, preds):
+    for tails, heads in _seeds(before, preds, most_looks):
         heads = heads[_precede(before, tails, heads).all(axis=0)]
         if len(heads) < 2:
             continue
@@ -67,19 +76,19 @@ def find_exclusive_travels(
         keys = np.sort(np.concatenate([preds[b][inside[preds[b]]] * n + b for b in heads]))
         inside[tails] = False
         members += 0 if keys.tobytes() in found else len(keys)
-        if members > MOST_MEMBERS:
+        if members > most_members:
             break
         found[keys.tobytes()] = keys
-    for keys in _bends(before, preds):
+    for keys in _bends(before, preds, most_looks):
         members += len(keys)
-        if members > MOST_MEMBERS:
+        if members > most_members:
             break
         found[keys.tobytes()] = keys
     return _of_sets(list(found.values()))
 
 
 def _bends(
-    before: NDArray[np.uint64], preds: list[NDArray[np.int64]]
+    before: NDArray[np.uint64], preds: list[NDArray[np.int64]], most_looks: int
 ) -> Iterator[NDArray[np.int64]]:
     """Yield travels into and out of one contour b of which an order uses one at most.
 
@@ -93,7 +102,7 @@ def _bends(
         below, above = preds[b], succs[b]
         beside = _union(succs, below)
         looks += len(beside) * (len(below) + len(above))
-        if looks > MOST_LOOKS:
+        if looks > most_looks:
             return
         one = np.array([b])
         related = _precede(before, one, beside)[0] | _precede(before, beside, one)[:, 0]
@@ -106,7 +115,7 @@ def _bends(
 
 
 def _seeds(
-    before: NDArray[np.uint64], preds: list[NDArray[np.int64]]
+    before: NDArray[np.uint64], preds: list[NDArray[np.int64]], most_looks: int
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Yield first sets of two at least, each once, and who may follow all of it."""
     succs = _successors(preds)
@@ -116,7 +125,7 @@ def _seeds(
         above = succs[c]
         below = _union(preds, above)
         looks += len(below) * len(above)
-        if looks > MOST_LOOKS:
+        if looks > most_looks:
             return
         below = below[_precede(before, below, above).all(axis=1)]
         for tails in (preds[c], below):

@@ -34,7 +34,7 @@ from decmcts.search.bounds.crossings import Crossings, forced_crossings
 from decmcts.search.bounds.exclusive_travels import ExclusiveTravels, find_exclusive_travels
 from decmcts.search.sequence.problem import OrderProblem
 
-WIDTH = 8  # travels taken up per contour and pricing
+WIDTH = 8  # see `Relaxation`
 ROUNDING = 1e-9  # of the largest number, times n: what a value is lowered by; see `evaluate`
 
 
@@ -69,11 +69,13 @@ class Relaxation:
     """Arborescences with a way back to the root, at prices (`decmcts.search.bounds.certificate`).
 
     Multipliers are one vector: to leave each contour and the root (n + 1), for the
-    choices for (w), for the sets (s), for the exclusive travels (p).
+    choices for (w), for the sets (s), for the exclusive travels (p). `width` travels to
+    each contour are taken up in each pricing.
     """
 
-    def __init__(self, problem: OrderProblem) -> None:
+    def __init__(self, problem: OrderProblem, *, width: int = WIDTH) -> None:
         n = self.n = len(problem)
+        self._width = width
         self.choices = choices_of(problem)
         points = points_of(self.choices.metric)
         self.boxes = Boxes(np.empty((n, 6)), np.empty((n, 6)), np.empty((-(-n // WORD), 6)))
@@ -113,7 +115,7 @@ class Relaxation:
         After this `evaluate` at the same multipliers is a valid bound.
         """
         prices = self.prices(at)
-        tails, self.escape = price_travels(self.choices, self.boxes, self.rule, prices, WIDTH)
+        tails, self.escape = price_travels(self.choices, self.boxes, self.rule, prices, self._width)
         heads = np.broadcast_to(np.arange(self.n)[:, None], tails.shape)
         self._list(np.union1d(self.codes, (tails * self.n + heads)[tails >= 0]))
 

@@ -69,7 +69,7 @@ class Multistart:
             False,
         )  # ahead: the layered sequence won a round
         layers = layer_runs(incumbent.problem.layer)
-        began, rounds = incumbent.spent, self._count(search)
+        began, rounds = incumbent.spent, self.rounds(search)
         length = (self.until - began) / rounds
         mean = incumbent.cost / len(
             incumbent.problem
@@ -104,7 +104,7 @@ class Multistart:
                 ahead = ahead or sequences[-1].cost < sequences[0].cost
             yield from self._merge(search, sequences, until)
 
-    def _count(self, search: Search) -> int:
+    def rounds(self, search: Search) -> int:
         """Return how many rounds there is time for."""
         incumbent, problem = search.incumbent, search.incumbent.problem
         choices = len(problem)

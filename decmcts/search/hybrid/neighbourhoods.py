@@ -44,8 +44,6 @@ _LONGEST_S = 0.5  # for one; a thread reads the clock only after each
 _PASSES = 20  # neighbourhoods each contour is to be in; the more time, the longer each takes
 _SLICES = 12  # of equal temperature
 _SCALES = (1.0, 3.0, 10.0)  # of heights: towers to layers
-_WHOLE = 6000  # contours up to which they are taken of the whole print
-_PART = 1500  # contours set free in a part of a larger one
 _PART_PASSES = 2  # parts each contour is to be in
 _PLACES = (1, 3)  # of the sequence, in a neighbourhood that is no ball
 
@@ -102,6 +100,8 @@ class Neighbourhoods:
 
     until: float = END  # share
     windows: float = 0.3  # of the time between two meetings: windows solved exactly
+    whole: int = 6000  # contours up to which they are taken of the whole print
+    part: int = 1500  # contours set free in a part of a larger one
 
     def run(self, search: Search) -> Iterator[None]:
         """Improve the best sequence."""
@@ -116,16 +116,16 @@ class Neighbourhoods:
         """
         n, began = len(sequence.order), incumbent.spent
         solvers = [WindowSolver() for _ in threads.states]
-        if n <= _WHOLE:
+        if n <= self.whole:
             yield from self._improved(incumbent, sequence, threads, solvers, self.until)
             return
-        places, turn = Places.of(sequence), (self.until - began) * _PART / (_PART_PASSES * n)
+        places, turn = Places.of(sequence), (self.until - began) * self.part / (_PART_PASSES * n)
         bare = sequence.problem.costs is not None
         while incumbent.spent < self.until:
             if bare:  # all in one place
-                free = places.draw(sequence, _PART, threads.cutting)
+                free = places.draw(sequence, self.part, threads.cutting)
             else:
-                free = places.ball(_PART, threads.cutting)
+                free = places.ball(self.part, threads.cutting)
             part = _all_but(sequence, free)
             ends = min(self.until, incumbent.spent + turn)
             found = yield from self._improved(incumbent, part.start(), threads, solvers, ends, part)

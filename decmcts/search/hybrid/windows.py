@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.exact.ideals import Ideals
 from decmcts._kernels.exact.window import solve_windows
-from decmcts.search.bounds.exact import room_for, slack_of
+from decmcts.search.bounds.exact import Room, slack_of
 from decmcts.search.hybrid.blocks import Sequence, cut
 from decmcts.search.hybrid.search import END, Search
 from decmcts.search.hybrid.threads import ROUND_S, Threads
 from decmcts.search.sequence.incumbent import Incumbent
 
-_IDEALS, _STEPS, _TRAVELS = 100_000, 400_000, 2_000_000  # 25 MiB, if all is used
-_SLOTS = 40_009  # a prime
+_ROOM = Room(100_000, 400_000, 2_000_000, 40_009)  # 25 MiB, if all is used
 _WIDEST = 20_000  # steps from all ideals of a level
 _CHUNK_S = 0.03  # how often the clock is looked at
 _LEAST_CHUNK, _LARGEST_CHUNK = 1_000, 4_000_000  # travels priced
@@ -34,7 +33,7 @@ class WindowSolver:
 
     length: float = 8.0  # positions
     chunk: int = _LEAST_CHUNK  # travels
-    _ideals: Ideals = field(default_factory=lambda: room_for(_IDEALS, _STEPS, _TRAVELS, _SLOTS))
+    _ideals: Ideals = field(default_factory=_ROOM.empty)
 
     def improve(
         self, incumbent: Incumbent, sequence: Sequence, state: NDArray[np.uint64], until: float
@@ -46,7 +45,7 @@ class WindowSolver:
         if len(sequence.order) <= 2:
             return 0
         block, slack, made = cut(sequence, 0, len(sequence.order)), slack_of(sequence.problem), 0
-        limit, spent, most = incumbent.stopping.iterations, incumbent.spent, _TRAVELS
+        limit, spent, most = incumbent.stopping.iterations, incumbent.spent, _ROOM.travels
         if limit is not None:
             self.chunk = most = int((until - spent) * limit)
         while spent < until:

@@ -26,7 +26,7 @@ from decmcts.print.machine import Machine
 from decmcts.team.bounds.rail_bound import Held, whole_of
 from decmcts.team.engine.space import relation_of
 
-CELL_MM = 1.0  # that rooms are rounded to; cells double until there are no more rooms than
+CELL_MM = 1.0  # that rooms are rounded to; cells double until there are few enough
 MOST_ROOMS = 2_000
 MOST_FLOW = 2.0**29  # of all; the solver's whole numbers have 32 bits
 Floats = NDArray[np.float64]
@@ -34,7 +34,14 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 
-def pair_bound(along_x: Held, along_y: Held, machine: Machine, *, height_mm: float) -> float:
+def pair_bound(
+    along_x: Held,
+    along_y: Held,
+    machine: Machine,
+    *,
+    height_mm: float,
+    most_rooms: int = MOST_ROOMS,
+) -> float:
     """Return seconds that no joint plan of the first two heads can beat; travel is not counted.
 
     Parameters
@@ -43,11 +50,13 @@ def pair_bound(along_x: Held, along_y: Held, machine: Machine, *, height_mm: flo
         What is held of the bed, the same pieces in both.
     height_mm : float
         Of the print; what comes too near only at some heights counts as clear.
+    most_rooms : int
+        Different rooms that are told apart; with fewer the bound is lower at most.
     """
     seconds, way = along_x.seconds, along_x.way
     if not len(seconds) or not float(seconds.sum()) > 0.0:
         return 0.0
-    rooms, room = _rooms(along_x, along_y)
+    rooms, room = _rooms(along_x, along_y, most_rooms)
     clear = np.zeros((len(rooms), len(rooms)), np.bool_)
     for r in range(2):
         relation = relation_of(machine, r, 1 - r)
@@ -57,7 +66,7 @@ def pair_bound(along_x: Held, along_y: Held, machine: Machine, *, height_mm: flo
     contour, back = way // 2, way % 2 == 1
     shared = np.isin(contour, contour[back])  # half of it either way, to find prices
     work = _sums(room, seconds * np.where(shared, 0.5, 1.0))
-    worth = seconds * (1.0 - _prices(clear, work)[room])
+    worth = seconds * (1.0 - cover_prices(clear, work)[room])
     ways, kind = np.unique(way, return_inverse=True)
     of_way = _sums(kind.reshape(-1), worth)
     begins = np.flatnonzero(np.diff(ways // 2, prepend=-1))
@@ -68,7 +77,7 @@ def _sums(group: Ints, values: Floats) -> Floats:
     return np.bincount(group, weights=values).astype(np.float64)
 
 
-def _rooms(along_x: Held, along_y: Held) -> tuple[Floats, Ints]:
+def _rooms(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
     """Return the different rooms, and each piece's: low and high x, low and high y.
 
     First four sides of what is still held, then four of the whole contour.
@@ -83,7 +92,7 @@ def _rooms(along_x: Held, along_y: Held) -> tuple[Floats, Ints]:
         rooms[:, 1::2] = np.floor(rooms[:, 1::2] / cell) * cell
         rooms, kind = np.unique(rooms, axis=0, return_inverse=True)
         room = kind.reshape(-1)[room]
-        if len(rooms) <= MOST_ROOMS:
+        if len(rooms) <= most:
             return rooms, room
         cell *= 2.0
 
@@ -99,7 +108,7 @@ def _clear(a: Floats, b: Floats, relation: Floats) -> Bools:
     return ~near
 
 
-def _prices(clear: Bools, work: Floats) -> Floats:
+def cover_prices(clear: Bools, work: Floats) -> Floats:
     """Return prices of which any two that are clear have at least 1 together, (k,).
 
     Of the least cover in the double cover of the graph: left nodes that no more flow can

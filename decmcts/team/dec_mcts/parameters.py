@@ -99,13 +99,13 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 
 
 def changed(
-    parameters: Parameters, values: Mapping[str, Any], *, path: Path | str | None = None
+    parameters: Parameters, values: Mapping[str, object], *, path: Path | str | None = None
 ) -> Parameters:
     """Return `parameters` with some of them set.
 
     Parameters
     ----------
-    values : Mapping[str, Any]
+    values : Mapping[str, object]
         By name; the rest stay as they are.
     path : Path | str | None
         The file the values came from, for messages.

@@ -10,7 +10,7 @@ window of the joint order, where the makespan falls. No sequence changes here.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -132,16 +132,30 @@ def best_entries(
     if orders.freedom == "fixed" or not len(job.contours):
         return best
     chosen = choose_entries(job, machine, graph, best, orders)
-    timed = _Engine(job, machine, graph, lags)
-    best_s = timed.makespan(best)
-    windows, trials = deque([(0, len(job.contours))]), _most_trials(len(job.contours))
+    engine = Engine(job, machine, graph, lags)
+    return window_by_window(best, chosen, len(job.contours), engine.makespan)
+
+
+def window_by_window(
+    agreed: Sequence[Toolpath],
+    chosen: Sequence[Toolpath],
+    n: int,
+    makespan: Callable[[Sequence[Toolpath]], float],
+) -> list[Toolpath]:
+    """Return agreed toolpaths with what was chosen in windows where the makespan falls by it.
+
+    All n turns of the joint order are tried first, then halves of what was no gain.
+    """
+    best = list(agreed)
+    best_s = makespan(best)
+    windows, trials = deque([(0, n)]), _most_trials(n)
     while windows and trials:
         begin, end = windows.popleft()
         tried = _within(best, chosen, begin, end)
         if not _differ(tried, best):
             continue
         trials -= 1
-        found_s = timed.makespan(tried)
+        found_s = makespan(tried)
         if found_s < best_s:
             best, best_s = tried, found_s
         elif end - begin > SHORTEST:
@@ -155,7 +169,7 @@ def _most_trials(n: int) -> int:
     return int(np.clip(500_000 // n, 15, 127))
 
 
-class _Engine:
+class Engine:
     """What joint orders of one print take by the clock that heads agree by."""
 
     def __init__(self, job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags) -> None:

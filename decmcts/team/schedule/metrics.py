@@ -5,11 +5,11 @@ Figures only; how they are shown is the command line's business.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.print.job import PrintJob
+from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath, extrusionless_travel
 
@@ -20,7 +20,7 @@ def head_toolpath(actions: HeadActions) -> Toolpath:
     return Toolpath(actions.contour[printing], actions.reversed[printing], actions.entry[printing])
 
 
-def path_lengths(actions: HeadActions) -> np.ndarray[Any, np.dtype[np.float64]]:
+def path_lengths(actions: HeadActions) -> NDArray[np.float64]:
     """Return the length of each action's path in mm, (k,)."""
     steps = np.linalg.norm(np.diff(actions.path, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
@@ -28,7 +28,7 @@ def path_lengths(actions: HeadActions) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.asarray(along[np.maximum(last, first)] - along[first])
 
 
-def plan_metrics(job: PrintJob, plan: JointPlan) -> dict[str, Any]:
+def plan_metrics(job: PrintJob, plan: JointPlan) -> Metrics:
     """Return contours, both travels (mm), makespan and the heads' shares of a plan.
 
     `print_time_s` is the estimated time of the whole print, the makespan. A head is busy

@@ -55,7 +55,7 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
     assert (back.job.name, back.job.slicer, back.job.notes) == (job.name, job.slicer, job.notes)
     assert back.graph.pairs().tolist() == [[0, 1]]
     assert [h.name for h in back.machine.heads] == [h.name for h in machine.heads]
-    assert back.machine.rail == machine.rail
+    assert back.machine.rails == machine.rails
     assert back.options == {"seed": 3}
 
 

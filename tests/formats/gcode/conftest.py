@@ -12,7 +12,6 @@ import pytest
 
 from decmcts.formats.gcode import (
     GcodeDocument,
-    direct_actions,
     read_gcode,
     same_extrusions,
     write_gcode,
@@ -20,6 +19,7 @@ from decmcts.formats.gcode import (
 from decmcts.print.job import PrintJob
 from decmcts.print.toolpath import Toolpath
 from sim.content.seams import seams_of_plan, source_with
+from tests.direct_actions import direct_actions
 from tests.print.test_loops import random_entries
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))

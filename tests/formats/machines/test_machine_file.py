@@ -109,16 +109,16 @@ def test_dual_gantry_rail_keeps_the_bodies_apart_at_any_height():
     machine = load_machine("dual-gantry")
     left, right = machine.heads
     widest = max(b.maximum[0] for b in left.bodies) - min(b.minimum[0] for b in right.bodies)
-    assert machine.rail is not None
-    assert machine.rail.separation_mm >= widest + machine.head_clearance_mm
+    (rail,) = machine.rails
+    assert rail.separation_mm >= widest + machine.head_clearance_mm
 
 
 def test_dual_gantry_parks_are_out_of_the_others_way():
     """A parked head must not keep the other from any place it reaches."""
     machine = load_machine("dual-gantry")
     left, right = machine.heads
-    assert machine.rail is not None
-    separation = machine.rail.separation_mm
+    (rail,) = machine.rails
+    separation = rail.separation_mm
     assert right.reach_min[0] - left.park[0] > separation
     assert right.park[0] - left.reach_max[0] > separation
     assert left.park[0] < machine.bed_min[0] - 40 and right.park[0] > machine.bed_max[0] + 40
@@ -234,19 +234,17 @@ RAIL = '[rail]\naxis = "x"\norder = ["a", "b"]\nseparation_mm = 80\n'
 
 def test_two_heads_on_a_rail_are_read(tmp_path):
     """The good case of the refusals below."""
-    assert read(tmp_path, TWO + RAIL).rail.order == ("a", "b")
+    assert [rail.order for rail in read(tmp_path, TWO + RAIL).rails] == [("a", "b")]
 
 
-def test_rails_are_a_list_and_the_only_one_has_a_name(tmp_path):
+def test_rails_are_a_list_that_may_be_written_as_one(tmp_path):
     """Planners of one rail must not overlook a second."""
     across = RAIL.replace("[rail]", "[[rails]]")
     along = across.replace('"x"', '"y"').replace("80", "0")
-    assert read(tmp_path, TWO + across).rails == (read(tmp_path, TWO + RAIL).rail,)
+    assert read(tmp_path, TWO + across).rails == read(tmp_path, TWO + RAIL).rails
     both = read(tmp_path, TWO + across + along)
     assert [rail.axis for rail in both.rails] == [0, 1]
-    with pytest.raises(InputError, match="2 rails, not one"):
-        _ = both.rail
-    assert read(tmp_path, TWO).rail is None
+    assert read(tmp_path, TWO).rails == ()
 
 
 def test_a_head_has_its_own_limits_or_the_machines(tmp_path):

@@ -29,10 +29,11 @@ def gap(p: Body, at: tuple[float, float], q: Body, bt: tuple[float, float]) -> f
 def test_heads_of_a_rail_park_in_order_on_both_sides(heads):
     """All are parked at once: half of them left of the bed, half right, the rail kept."""
     machine = load_machine(f"rail-{heads}")
-    assert machine.rail is not None and machine.release == "point"
+    (rail,) = machine.rails
+    assert machine.release == "point"
     parks = np.array([head.park[0] for head in machine.heads])
-    assert machine.rail.order == tuple(head.name for head in machine.heads)
-    assert (np.diff(parks) >= machine.rail.separation_mm).all()
+    assert rail.order == tuple(head.name for head in machine.heads)
+    assert (np.diff(parks) >= rail.separation_mm).all()
     left = int((parks < machine.bed_min[0] - 40).sum())
     right = int((parks > machine.bed_max[0] + 40).sum())
     assert left + right == heads and left - right in (0, 1)
@@ -42,8 +43,8 @@ def test_heads_of_a_rail_park_in_order_on_both_sides(heads):
 def test_heads_of_a_rail_reach_what_the_others_leave_them(heads):
     """With a head at either end of its reach the others find places between it and their parks."""
     machine = load_machine(f"rail-{heads}")
-    assert machine.rail is not None
-    step = machine.rail.separation_mm
+    (rail,) = machine.rails
+    step = rail.separation_mm
     parks = [head.park[0] for head in machine.heads]
     for k, head in enumerate(machine.heads):
         left = sum(park < 0.0 for park in parks)

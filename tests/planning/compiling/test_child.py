@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -13,33 +14,37 @@ from decmcts.planning.events import Event, Step, unheard
 PART = "slicer for travel"  # needs next to nothing
 
 
-def test_child_ends_with_the_body(fresh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+class Starter:
+    """Starts what compiles, and keeps the processes it started."""
+
+    def __init__(self) -> None:
+        self.children: list[subprocess.Popen[bytes]] = []
+
+    def __call__(self, parts: Sequence[str]) -> subprocess.Popen[bytes]:
+        self.children.append(child.start_compiling(parts))
+        return self.children[-1]
+
+
+def test_child_ends_with_the_body(fresh: Path) -> None:
     """A finished program leaves no process behind, even when its body fails."""
-    children: list[subprocess.Popen[bytes]] = []
-
-    class Recorded(subprocess.Popen):  # type: ignore[type-arg]  # bytes or text, as asked
-        def __init__(self, *args: object, **options: object) -> None:
-            super().__init__(*args, **options)  # type: ignore[call-overload]  # passed on
-            children.append(self)
-
-    monkeypatch.setattr(subprocess, "Popen", Recorded)
-    with pytest.raises(ZeroDivisionError), child.compiling_beside([PART], unheard):
+    start = Starter()
+    with pytest.raises(ZeroDivisionError), child.compiling_beside([PART], unheard, start=start):
         assert child.compiled_beside(PART)
         raise ZeroDivisionError
-    assert [child.poll() is not None for child in children] == [True]
+    assert [one.poll() is not None for one in start.children] == [True]
     assert not child.compiled_beside(PART)
 
 
 def test_what_is_compiled_beside_may_change(fresh: Path) -> None:
     """Which price a search has is known once its source was read; the other is not needed."""
-    other = "slicer for time"
-    with child.compiling_beside([PART], unheard):
-        with child.compiling_beside([other], unheard):
+    other, start = "slicer for time", Starter()
+    with child.compiling_beside([PART], unheard, start=start):
+        with child.compiling_beside([other], unheard, start=start):
             assert child.compiled_beside(other)
             assert not child.compiled_beside(PART)
-            assert len(child._children) == 1
+            assert [one.poll() is None for one in start.children] == [False, True]
         assert child.compiled_beside(other)
-    assert not child._children
+    assert [one.poll() is None for one in start.children] == [False, False]
 
 
 def test_a_run_may_wait_for_what_is_compiled_beside_it(fresh: Path) -> None:
@@ -54,17 +59,17 @@ def test_a_run_may_wait_for_what_is_compiled_beside_it(fresh: Path) -> None:
 
 def test_a_child_that_dies_is_not_waited_for(fresh: Path) -> None:
     """What it would have compiled is then compiled where it is needed."""
-    with child.compiling_beside([PART], unheard):
-        child._children[-1].kill()
+    start = Starter()
+    with child.compiling_beside([PART], unheard, start=start):
+        start.children[-1].kill()
         child.finish_beside(PART, unheard)
     assert not parts.is_compiled(PART)
 
 
-def test_nothing_is_started_when_all_is_compiled(
-    fresh: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_started_when_all_is_compiled(fresh: Path) -> None:
     """A second process costs a second of start-up each time."""
     parts.mark_compiled(PART)
-    monkeypatch.setattr(subprocess, "Popen", None)
-    with child.compiling_beside([PART], unheard):
+    start = Starter()
+    with child.compiling_beside([PART], unheard, start=start):
         assert not child.compiled_beside(PART)
+    assert not start.children

@@ -16,13 +16,14 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.mesh.slicers import Slicer
+from decmcts.formats.mesh.slicers import CURA_DEFINITION, Slicer
 from decmcts.planning.problem.slicing import (
     BUILTIN,
     Chosen,
     bed_of,
     choose_slicer,
     run_slicer,
+    usable,
     why,
 )
 from decmcts.print.contours import Role
@@ -90,12 +91,19 @@ def test_the_first_found_is_the_default(path):
     assert choose_slicer("auto", None) == Chosen(Slicer.PRUSA, wanted)
 
 
-def test_auto_passes_over_what_cannot_run(path, monkeypatch):
+def test_auto_passes_over_what_cannot_run(path, tmp_path):
     """OrcaSlicer without profiles and CuraEngine without definitions can slice nothing."""
-    monkeypatch.setattr("decmcts.planning.problem.slicing.CURA_SHARED", ())
-    program(path, "CuraEngine", "")
     program(path, "orca-slicer", "")
+    assert usable(Slicer.ORCA, ()) is None
     assert choose_slicer("auto", None) == Chosen(None)
+    engine, shared = program(path, "CuraEngine", ""), tmp_path / "cura"
+    assert usable(Slicer.CURA, (), cura_shared=[str(shared)]) is None
+    definition = shared / CURA_DEFINITION
+    definition.parent.mkdir(parents=True)
+    definition.write_text("{}")
+    assert usable(Slicer.CURA, (), cura_shared=[str(shared)]) == Chosen(
+        Slicer.CURA, engine, (definition,)
+    )
 
 
 def test_a_configuration_picks_the_slicer_it_is_for(path, tmp_path):

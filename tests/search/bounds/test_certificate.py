@@ -15,9 +15,9 @@ from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.search.bounds import certificate, relaxation
+from decmcts.search.bounds import certificate
 from decmcts.search.bounds.certificate import Ascent, lower_bound
-from decmcts.search.bounds.relaxation import Relaxation
+from decmcts.search.bounds.relaxation import WIDTH, Relaxation
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import Freedom, OrderProblem
 from decmcts.search.sequence.stopping import Stopping
@@ -51,14 +51,16 @@ def optimum(problem: OrderProblem) -> float:
     return float(best)
 
 
-def relaxed_bound(problem: OrderProblem, rounds: int) -> float:
+def relaxed_bound(problem: OrderProblem, rounds: int, width: int = WIDTH) -> float:
     """Bound by the relaxation alone, also where the exact path would be taken."""
-    return relaxed_bound_of(problem, rounds, 1.05 * optimum(problem) + 0.1)
+    return relaxed_bound_of(problem, rounds, 1.05 * optimum(problem) + 0.1, width)
 
 
-def relaxed_bound_of(problem: OrderProblem, rounds: int, target: float = 200.0) -> float:
+def relaxed_bound_of(
+    problem: OrderProblem, rounds: int, target: float = 200.0, width: int = WIDTH
+) -> float:
     """Bound by the relaxation, steps set by a target."""
-    ascent = Ascent(Relaxation(problem), target)
+    ascent = Ascent(Relaxation(problem, width=width), target)
     for _ in range(rounds):
         if ascent.may_go_on(None):
             ascent.round(lambda: False)
@@ -117,17 +119,14 @@ def test_relaxation_never_exceeds_the_optimum() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [1, 2])
-def test_travels_that_are_not_listed_are_bounded_too(
-    width: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_travels_that_are_not_listed_are_bounded_too(width: int) -> None:
     """With so few travels listed most of them count by what the rest costs at least."""
-    monkeypatch.setattr(relaxation, "WIDTH", width)
     rng = np.random.default_rng(width)
     for seed in range(150):
         problem = varied(small_problem(seed) if seed % 2 else layered_problem(seed // 2), seed)
         least = optimum(problem)
-        assert relaxed_bound(problem, 6) <= least + 1e-12, seed
-        relaxed = Relaxation(problem)
+        assert relaxed_bound(problem, 6, width) <= least + 1e-12, seed
+        relaxed = Relaxation(problem, width=width)
         at = relaxed.allowed(rng.normal(0.0, 2.0, relaxed.size))
         relaxed.take_up(at)
         found = relaxed.evaluate(at)

@@ -12,8 +12,7 @@ from decmcts._kernels.exact.ideals import WINDOW
 from decmcts._kernels.sequence.entries import visits_cost
 from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.bounds import exact
-from decmcts.search.bounds.exact import Optimum, Patience, solve_exactly
+from decmcts.search.bounds.exact import Optimum, Patience, Room, solve_exactly
 from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.planners import plan_order
@@ -131,9 +130,8 @@ def test_what_cannot_follow_is_not_free() -> None:
     assert found.cost == 22.0
 
 
-def test_given_up_when_asked_or_too_wide(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_given_up_when_asked_or_too_wide() -> None:
     """Time, the width of a level, and room each end it, without a result."""
-    monkeypatch.setattr(exact, "_EFFORT", 1e3)
     problem = layers(1, 40, 8)
     asked: list[float] = []
 
@@ -143,15 +141,13 @@ def test_given_up_when_asked_or_too_wide(monkeypatch: pytest.MonkeyPatch) -> Non
 
     for most in (1, 2, 1000):
         asked.clear()
-        assert (solve_exactly(problem, once) is None) == (most < 1000)
+        assert (solve_exactly(problem, once, effort=1e3) is None) == (most < 1000)
     assert asked == sorted(asked)
     assert (asked[0], asked[-1]) == (0.0, 1.0)
     assert 0.0 < asked[len(asked) // 2 + 1] < 1.0
     assert solve_exactly(problem, widest=100) is None
-    for name, room in (("_IDEALS", 1000), ("_STEPS", 1000), ("_TRAVELS", 1000), ("_SLOTS", 101)):
-        with monkeypatch.context() as small:
-            small.setattr(exact, name, room)
-            assert solve_exactly(problem) is None
+    for small in (Room(ideals=1000), Room(steps=1000), Room(travels=1000), Room(slots=101)):
+        assert solve_exactly(problem, room=small) is None
     assert solve_exactly(problem) is not None
 
 
@@ -212,9 +208,8 @@ def test_hybrid_searches_where_it_cannot_prove() -> None:
     assert result.cost < result.source_cost
 
 
-def test_pieces_of_work_are_small(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pieces_of_work_are_small() -> None:
     """Loops with many entries cost far more than their number of steps tells."""
-    monkeypatch.setattr(exact, "_EFFORT", 1e5)
     problem, options = layers(6, 12, 7), 24
     n, rng = len(problem), np.random.default_rng(6)
     enter = rng.random((n * options, 3)) * 100.0
@@ -231,7 +226,7 @@ def test_pieces_of_work_are_small(monkeypatch: pytest.MonkeyPatch) -> None:
         pieces.append((made, share))
         return share < 1.0  # no matter at the end: all is done then
 
-    found = solve_exactly(problem, go_on)
+    found = solve_exactly(problem, go_on, effort=1e5)
     assert found is not None
     check(problem, found)
     priced = [made for made, share in pieces if share > 0.0]

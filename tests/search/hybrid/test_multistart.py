@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -12,10 +13,13 @@ import pytest
 from decmcts.search.hybrid.blocks import Sequence
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
+from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart
-from decmcts.search.hybrid.threads import Threads, anneal_sequences
+from decmcts.search.hybrid.threads import Threads, anneal_sequences, open_threads
+from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem, with_loops
 
@@ -73,45 +77,35 @@ def test_stays_within_layers_once_that_is_ahead(
     assert pools[1::2] == [2 + (2 if ahead else 1) * number for number in range(most)]
 
 
+@contextmanager
+def search_of(problem: OrderProblem, iterations: int) -> Iterator[Search]:
+    """A search that has only begun."""
+    stopping = Stopping(iterations=iterations)
+    incumbent = Incumbent(problem, clock=lambda: 0.0, stopping=stopping)
+    with open_threads(2, 0) as threads:
+        yield Search(incumbent, threads, Trees())
+
+
 @pytest.mark.parametrize(("at_most", "steps", "several"), [(100, 400, True), (100, 100, False),
                                                          (50, 400, False)])  # fmt: skip
 def test_several_starts_on_larger_prints_if_there_is_time(
-    monkeypatch: pytest.MonkeyPatch, at_most: int, steps: int, several: bool
+    at_most: int, steps: int, several: bool
 ) -> None:
     """With a minute, several starts end better on prints of some thousand contours too."""
-    rounds: list[int] = []
-
-    def watched(*args: Any, **options: Any) -> Iterator[None]:
-        rounds.append(1)
-        yield from anneal_sequences(*args, **options)
-
-    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_sequences", watched)
-    planner = Hybrid(multistart=Multistart(always=10, at_most=at_most, least=100.0))
-    problem = random_problem(5, 60, density=0.05)
-    plan_order(problem, planner=planner, stopping=Stopping(iterations=60 * steps), seed=0)
-    assert bool(rounds) == several
+    multistart = Multistart(always=10, at_most=at_most, least=100.0)
+    with search_of(random_problem(5, 60, density=0.05), 60 * steps) as search:
+        assert multistart.suits(search) == several
 
 
 @pytest.mark.parametrize(("loops", "expected"), [(False, 3), (True, 1)])
-def test_entries_of_loops_make_rounds_longer(
-    monkeypatch: pytest.MonkeyPatch, loops: bool, expected: int
-) -> None:
+def test_entries_of_loops_make_rounds_longer(loops: bool, expected: int) -> None:
     """Each further entry counts like a contour; counted as loops there would be two rounds.
 
     One long annealing ended 2 % lower on a real print with seams than six short ones.
     """
-    rounds: list[int] = []
-
-    def watched(*args: Any, **options: Any) -> Iterator[None]:
-        rounds.append("groups" in options)
-        yield from anneal_sequences(*args, **options)
-
-    monkeypatch.setattr("decmcts.search.hybrid.multistart.anneal_sequences", watched)
-    planner = Hybrid(multistart=Multistart(steps=100.0))
     problem = random_problem(5, 60, density=0.05)
-    problem = with_loops(problem, 5) if loops else problem
-    plan_order(problem, planner=planner, stopping=Stopping(iterations=70_000), seed=0)
-    assert sum(rounds) == expected
+    with search_of(with_loops(problem, 5) if loops else problem, 70_000) as search:
+        assert Multistart(steps=100.0).rounds(search) == expected
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import pytest
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.hybrid import neighbourhoods
 from decmcts.search.hybrid.neighbourhoods import Neighbourhoods, Places
 from decmcts.search.hybrid.threads import open_threads
 from decmcts.search.sequence.incumbent import Incumbent
@@ -17,10 +16,11 @@ from decmcts.search.sequence.stopping import Stopping
 from tests.search.hybrid.test_contraction import found, varied
 from tests.search.problems import random_problem
 
+TO_THE_END = Neighbourhoods(until=1.0)
 CASES = [0, 1, 2, 3]  # points, loops, seconds, bare costs; see `varied`
 
 
-def improved(seed: int, iterations: int) -> Incumbent:
+def improved(seed: int, iterations: int, neighbourhoods: Neighbourhoods = TO_THE_END) -> Incumbent:
     """The incumbent after neighbourhoods of a poor sequence were annealed."""
     problem = varied(seed)
     incumbent = Incumbent(
@@ -31,7 +31,7 @@ def improved(seed: int, iterations: int) -> Incumbent:
     start = found(problem, seed, iterations=10)
     incumbent.offer(start.order, start.reversed, start.entry_id)
     with open_threads(2, seed) as threads:
-        for _ in Neighbourhoods(until=1.0).improve(incumbent, start, threads):
+        for _ in neighbourhoods.improve(incumbent, start, threads):
             if incumbent.over:
                 break
     return incumbent
@@ -81,13 +81,10 @@ def test_a_neighbourhood_is_some_contours_but_not_all() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", CASES)
-def test_parts_of_a_large_print_are_put_back_whole(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_of_a_large_print_are_put_back_whole(seed: int) -> None:
     """Neighbourhoods within parts: the result is complete, allowed, better and repeatable."""
-    monkeypatch.setattr(neighbourhoods, "_WHOLE", 20)
-    monkeypatch.setattr(neighbourhoods, "_PART", 30)
-    incumbent, again = improved(seed, 40_000), improved(seed, 40_000)
+    in_parts = Neighbourhoods(until=1.0, whole=20, part=30)
+    incumbent, again = improved(seed, 40_000, in_parts), improved(seed, 40_000, in_parts)
     problem = incumbent.problem
     assert incumbent.cost < found(problem, seed, iterations=10).cost
     assert sorted(incumbent.order.tolist()) == list(range(len(problem)))

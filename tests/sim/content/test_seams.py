@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.feasibility.build import build_graph
-from decmcts.formats.gcode import direct_actions, read_gcode, read_motions, write_gcode
+from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from decmcts.print.contours import Role
@@ -22,6 +22,7 @@ from sim.content.seams import Moved, Run, motions_with, run_of, seams_of_file, s
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from sim.verify import verify_plan
+from tests.direct_actions import direct_actions
 from tests.print.test_loops import CLIPPED, SQUARE, loop, random_entries
 
 NUTS = sample_path("four_nuts.gcode.gz")

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.formats.gcode import direct_actions, read_gcode, write_gcode
+from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.files.written import verify_written
+from tests.direct_actions import direct_actions
 
 
 def prusa_like(*, restart: float = 1.0, nl: str = "\n") -> str:

@@ -13,7 +13,6 @@ from sim.pictures import drawings as pictures
 from sim.pictures.activity import EXACT, activity
 from sim.pictures.drawings import (
     action_segments,
-    draw_convergence,
     draw_gantt,
     draw_machine,
     draw_plan,
@@ -37,12 +36,10 @@ def test_a_plan_is_drawn_with_travel_in_red(make, name, tmp_path):
 
 
 @pytest.mark.slow
-def test_gantt_and_convergence(make, tmp_path):
-    """Charts of a two-head plan and of a search that improved once."""
+def test_gantt(make, tmp_path):
+    """The chart of a two-head plan."""
     draw_gantt(tmp_path / "g.png", make.two_head_plan())
-    draw_convergence(tmp_path / "c.png", [(0.0, 1, 100.0), (2.0, 20, 50.0)])
     assert has_colour(tmp_path / "g.png", RED)
-    assert imread(tmp_path / "c.png").shape[0] > 100
 
 
 @pytest.mark.slow

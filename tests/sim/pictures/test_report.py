@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.pictures import report
-from sim.pictures.report import action_polyline, gained, scene_of, write_report
+from sim.pictures.report import action_polyline, gained, plot_convergence, scene_of, write_report
 
 
 @pytest.mark.slow
@@ -60,11 +59,10 @@ def test_curves_hold_the_paths_in_time_order(make):
             assert np.isnan(rows[:, 0]).sum() == paths - 1
 
 
-def test_thinning_keeps_the_ends_and_says_so(make, monkeypatch):
+def test_thinning_keeps_the_ends_and_says_so(make):
     """A thinned picture is honest about it, and its travels still connect."""
-    monkeypatch.setattr(report, "POINTS", 40)
     document = make.tower_plan()
-    page, notes = scene_of(document, document)
+    page, notes = scene_of(document, document, most=40)
     assert len(notes) == 2
     actions = document.plan.heads[0]
     drawn = np.frombuffer(base64.b64decode(page["curves"][0]["x"]), "<f4")
@@ -118,8 +116,8 @@ def test_the_table_says_what_several_heads_gain(make):
 
 def test_the_search_is_drawn_above_the_bound():
     """A gain of a few per cent is seen, and how far the bound is."""
-    figure = report.plot_convergence([(1.0, 110.0), (2.0, 100.0)], "makespan, s", 80.0)
+    figure = plot_convergence([(1.0, 110.0), (2.0, 100.0)], "makespan, s", 80.0)
     low, high = figure.layout.yaxis.range
     assert 70.0 < low < 80.0 and 110.0 < high < 120.0
     assert "80" in figure.layout.annotations[0].text
-    assert report.plot_convergence([(1.0, 110.0)], "travel, mm").layout.yaxis.rangemode == "tozero"
+    assert plot_convergence([(1.0, 110.0)], "travel, mm").layout.yaxis.rangemode == "tozero"

@@ -9,9 +9,7 @@ from shapely.geometry import LineString, MultiPoint, Polygon
 
 from decmcts.print.machine import Body, Head, Slice
 from sim.faults import FaultKind
-from sim.replay import material
-from sim.replay.material import Beads, find_contacts
-from sim.verify import verify_plan
+from sim.replay.material import ROOM, Beads, Room, UndecidedError, find_contacts, or_undecided
 
 SKEW = np.array([[-3.0, -1.0], [12.0, -2.0], [4.0, 9.0]])
 
@@ -27,7 +25,7 @@ def bead_row(start, end, since=0, width=0.4):
     )  # fmt: skip
 
 
-def contacts(moves, beads, of=None, tolerance=1e-4, clearance=0.0):
+def contacts(moves, beads, of=None, tolerance=1e-4, clearance=0.0, room=ROOM):
     found = find_contacts(
         np.array(moves, float),
         beads,
@@ -35,6 +33,7 @@ def contacts(moves, beads, of=None, tolerance=1e-4, clearance=0.0):
         clearance_mm=clearance,
         tolerance_mm=tolerance,
         limit=10**6,
+        room=room,
     )
     return [c.move for c in found]
 
@@ -125,12 +124,11 @@ def test_a_bead_of_ten_metres_takes_no_memory():
     assert contacts([[0, 0, 0.5, 5, 0, 0.5], [50, 0, 0.5, 60, 0, 0.5]], bead, SQUARE) == [0]
 
 
-def test_beads_that_cover_everything_are_refused(monkeypatch):
+def test_beads_that_cover_everything_are_refused():
     """Too many cells to hold is a verdict, not a killed process."""
-    monkeypatch.setattr(material, "ENTRIES_FREE", 100)
     bead = bead_row([0, 0, 1.0], [5, 0, 1.0], width=99.0)
-    with pytest.raises(material.UndecidedError, match="too many to hold"):
-        contacts([[0, 0, 0.5, 5, 0, 0.5]], bead, SQUARE)
+    with pytest.raises(UndecidedError, match="too many to hold"):
+        contacts([[0, 0, 0.5, 5, 0, 0.5]], bead, SQUARE, room=Room(cells=100))
 
 
 def test_a_bead_without_length_is_no_material():
@@ -189,11 +187,11 @@ def slow_contact(a, b, k, beads: Beads, of: Head, clearance: float) -> bool:
     return False
 
 
-def test_what_cannot_be_judged_does_not_pass(make, monkeypatch):
+def test_what_cannot_be_judged_does_not_pass():
     """With more near misses than room and no contact among the first, the verdict is a fault."""
-    monkeypatch.setattr(material, "MOST", 1)
-    monkeypatch.setattr(material, "FIRST", 1)
-    monkeypatch.setattr(material, "_judge", lambda *_: None)
-    plan = make.tower_plan(towers=((20.0, 20.0), (26.0, 20.0)))
-    assert verify_plan(plan).kinds() == {FaultKind.HEAD_MATERIAL}
-    assert "too many to judge" in str(verify_plan(plan).faults[0])
+    beside = [[0, 1.2 + 2e-3, 0.5, 9, 1.2 + 2e-3, 0.5]] * 2
+    bead = bead_row([0, 0, 1.0], [9, 0, 1.0])
+    assert contacts(beside, bead, SQUARE) == []
+    (fault,) = or_undecided(lambda: contacts(beside, bead, SQUARE, room=Room(first=1, most=1)))
+    assert fault.kind == FaultKind.HEAD_MATERIAL
+    assert "too many to judge" in fault.text

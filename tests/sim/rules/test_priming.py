@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from decmcts.formats.gcode import direct_actions, read_gcode, read_motions, write_gcode
+from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Role
 from decmcts.print.plan import JointPlan, PlanDocument
@@ -16,6 +16,7 @@ from sim.faults import FaultKind
 from sim.files.written import verify_written
 from sim.rules.priming import starts_of
 from sim.verify import verify_motions, verify_plan
+from tests.direct_actions import direct_actions
 from tests.sim.conftest import (
     LAYER,
     contours_of,

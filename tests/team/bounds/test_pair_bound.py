@@ -11,9 +11,8 @@ import pytest
 from scipy.optimize import linprog
 
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.team.bounds import pair_bound as pairs
 from decmcts.team.bounds.makespan import makespan_bound
-from decmcts.team.bounds.pair_bound import pair_bound
+from decmcts.team.bounds.pair_bound import cover_prices, pair_bound
 from decmcts.team.bounds.rail_bound import Held
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
@@ -38,7 +37,7 @@ def test_prices_prove_the_largest_fractional_matching(seed: int) -> None:
             taken[i, k] += 1.0
             taken[j, k] += 1.0
         shared = -float(linprog(-np.ones(len(edges)), A_ub=taken, b_ub=work).fun)
-    prices = pairs._prices(clear, work)
+    prices = cover_prices(clear, work)
     assert float(work @ prices) == pytest.approx(shared, rel=1e-6)
     assert (prices[:, None] + prices[None, :] >= 1.0)[clear].all()
 
@@ -80,15 +79,14 @@ def test_the_way_that_is_worth_less_counts() -> None:
     assert 5.0 - 1e-9 <= both < 8.0
 
 
-def test_rooms_are_rounded_so_that_heads_fit_more_easily(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rooms_are_rounded_so_that_heads_fit_more_easily() -> None:
     """Few different rooms are quicker to match and never raise the bound."""
     rng = np.random.default_rng(1)
     low = rng.uniform(10.0, 120.0, (300, 2))
     high, seconds = low + rng.uniform(1.0, 30.0, (300, 2)), rng.uniform(1, 9, 300)
     pieces = area(low, high, seconds, 2 * np.arange(300))
     fine = pair_bound(*pieces, ZERO, height_mm=1.0)
-    monkeypatch.setattr(pairs, "MOST_ROOMS", 40)
-    coarse = pair_bound(*pieces, ZERO, height_mm=1.0)
+    coarse = pair_bound(*pieces, ZERO, height_mm=1.0, most_rooms=40)
     assert float(seconds.sum()) / 2 - 1e-6 <= coarse <= fine
 
 

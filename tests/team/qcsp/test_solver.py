@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.refine.qcsp import SPREAD, decode, weigh
-from decmcts.formats.bare.qcsp import QcspProblem, problem_of
+from decmcts.formats.bare.qcsp import QcspProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.qcsp.bound import least_makespan
 from decmcts.team.qcsp.paths import paths_of
 from decmcts.team.qcsp.solver import _threads_of, search_qcsp
 from sim.qcsp import faults_of
+from tests.team.qcsp.problems import problem_of
 
 
 def random_qcsp(seed: int, n: int, q: int, bays: int, *, late: bool = False) -> QcspProblem:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Any, get_args
@@ -24,12 +24,13 @@ from decmcts.search.sequence.problem import Pace
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.entries import (
+    Engine,
     Orders,
-    _Engine,
     agreed_job,
     best_entries,
     choose_entries,
     first_entries,
+    window_by_window,
     with_entries,
 )
 from decmcts.team.schedule.joint_plan import schedule
@@ -125,7 +126,7 @@ def test_other_entries_are_kept_where_the_print_ends_sooner(
     for seed in SEEDS:
         case = seamy(seed)
         paths, none = agreed(case), no_lags(len(case.job.contours))
-        timed = _Engine(case.job, case.machine, case.graph, none)
+        timed = Engine(case.job, case.machine, case.graph, none)
         found = best_entries(case.job, case.machine, case.graph, paths, Orders(freedom), none)
         assert [path.order.tolist() for path in found] == [path.order.tolist() for path in paths]
         before, after = timed.makespan(paths), timed.makespan(found)
@@ -145,22 +146,18 @@ def test_other_entries_are_kept_where_the_print_ends_sooner(
     assert sooner >= len(SEEDS) - 1
 
 
-def test_windows_find_what_all_at_once_would_lose(
-    seamy: Callable[[int], Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_windows_find_what_all_at_once_would_lose(seamy: Callable[[int], Any]) -> None:
     """Of a joint order whose second half gets slower, the first half is still changed."""
     case = seamy(0)
     paths, n = agreed(case), len(case.job.contours)
 
-    def makespan(_: Any, tried: list[Toolpath]) -> float:
+    def makespan(tried: Sequence[Toolpath]) -> float:
         late = sum(int((path.entry[path.turn >= n // 2] > 0).sum()) for path in tried)
         soon = sum(int((path.entry[path.turn < n // 2] > 0).sum()) for path in tried)
         return float(100 * late - soon)
 
-    monkeypatch.setattr(_Engine, "makespan", makespan)
-    none = no_lags(n)
-    found = best_entries(case.job, case.machine, case.graph, paths, Orders("seam"), none)
     chosen = choose_entries(case.job, case.machine, case.graph, paths, Orders("seam"))
+    found = window_by_window(paths, chosen, n, makespan)
     for path, want in zip(found, chosen, strict=True):
         assert path.turn is not None
         assert path.entry.tolist() == np.where(path.turn < n // 2, want.entry, 0).tolist()

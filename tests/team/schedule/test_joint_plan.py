@@ -99,7 +99,7 @@ def test_precedence_holds_for_every_timing(
 def test_conflicting_actions_are_ordered(planned: tuple[Any, JointPlan], order_oracle: Any) -> None:
     """J3: no timing error can make the heads meet, moving or resting."""
     case, plan = planned
-    order, gap = order_oracle(plan), case.machine.rail.separation_mm
+    order, gap = order_oracle(plan), case.machine.rails[0].separation_mm
     left, right = plan.heads
     for i, j in product(range(len(left)), range(len(right))):
         p, q = left.action_path(i), right.action_path(j)

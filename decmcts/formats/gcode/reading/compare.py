@@ -6,13 +6,11 @@ prints the same beads under the same machine state.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
-from decmcts.formats.gcode.reading.reader import Ending, ending_of
+from decmcts.formats.gcode.reading.reader import Ending
 from decmcts.print.job import PrintJob
 
 XYZ_MM = 1e-3
@@ -54,21 +52,11 @@ def same_extrusions(
     return faults
 
 
-def same_ending(document: GcodeDocument, path: Path | str) -> list[str]:
+def ending_faults(document: GcodeDocument, ending: Ending) -> list[str]:
     """Return how a file made from `document` reaches its end G-code otherwise than the source.
 
     End G-code relies on where the head is, what is retracted, and what is set.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be read or does not end with the source's end G-code.
     """
-    return ending_faults(document, ending_of(path, document))
-
-
-def ending_faults(document: GcodeDocument, ending: Ending) -> list[str]:
-    """Return `same_ending` of a file that was read already."""
     cursor, table, end = ending.cursor, ending.states, document.end
     faults = _place(ending, end.position)
     if abs(cursor.owed - end.owed) > XYZ_MM or cursor.firmware_retracted != end.firmware_retracted:

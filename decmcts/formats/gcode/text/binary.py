@@ -177,13 +177,15 @@ def _failed(library: Any, result: Any, function: str, path: Path | str | None) -
     )
 
 
-def read_blocks(raw: bytes, path: Path | str | None = None) -> list[Block]:
+def read_blocks(
+    raw: bytes, path: Path | str | None = None, *, largest: int = LARGEST_TEXT
+) -> list[Block]:
     """Return the blocks of binary G-code, checked.
 
     Raises
     ------
     InputError
-        For another version, a cut or changed file, or more than `LARGEST_TEXT`.
+        For another version, a cut or changed file, or a text of more than `largest` bytes.
     """
     if len(raw) < 10:
         _damaged(path, "it ends within its header")
@@ -195,8 +197,8 @@ def read_blocks(raw: bytes, path: Path | str | None = None) -> list[Block]:
         block, end = _read_block(raw, at, bool(checksum), path)
         blocks.append(block)
         grown += block.size * (_MEATPACK_GROWTH if block.kind == _GCODE else 1)
-        if grown > LARGEST_TEXT:
-            _damaged(path, f"it would be over {LARGEST_TEXT >> 20} MiB unpacked")
+        if grown > largest:
+            _damaged(path, f"it would be over {largest >> 20} MiB unpacked")
         at = end
     if not any(block.kind == _GCODE for block in blocks):
         _damaged(path, "it holds no G-code")

@@ -7,8 +7,10 @@ import re
 
 import numpy as np
 
-from decmcts.formats.gcode import direct_actions, read_gcode, same_ending, write_gcode
+from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.print.toolpath import Toolpath
+from tests.direct_actions import direct_actions
+from tests.formats.gcode.writing.endings import same_ending
 
 TOLD = "G28\nM83\nM73 P0 R84\nM73 Q0 S168\nM73 C20\n;LAYER_CHANGE\n;Z:0.2\n"
 LINES = "".join(

@@ -1,7 +1,6 @@
 """A toolpath as plain actions of one head, straight from end to start.
 
-For files in their own order and for tests: no lifts, no checks. Safe travel is
-planned in `decmcts.team`.
+No lifts, no checks: for tests of what reads and writes files.
 """
 
 from __future__ import annotations

@@ -1,0 +1,55 @@
+"""What a plan says of itself in figures and words, as plan.json and `--json` have it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypedDict
+
+
+class Metrics(TypedDict, total=False):
+    """Figures for people, keyed as in plan.json (docs/plan-format.md); none is relied on.
+
+    A plan holds those that apply to it. What was read from a file is as the file says it.
+    """
+
+    contours: int
+    contours_per_head: Sequence[int]
+    extrusionless_travel_mm: float  # from the end of each contour to the next one's start
+    emitted_travel_mm: float  # as moved, lifts and detours included
+    print_time_s: float
+    makespan_s: float
+    busy_s_per_head: Sequence[float]
+    printing_s_per_head: Sequence[float]
+    travelling_s_per_head: Sequence[float]
+    waits: int
+    waits_s: float
+    cross_head_waits: int
+
+    planner: str
+    objective: str
+    freedom: str
+    seam: str
+    seed: int
+    time_limit_s: float
+    iterations: int
+    as_sliced: bool  # order, directions and entries are the source's
+    kept_source: bool  # the new order would have taken longer
+    version: str
+
+    travel_s: float  # as the search prices it
+    bound_mm: float | None  # of one head: no order's travels cost less
+    bound_s: float | None
+    gap_percent: float | None
+    bound_method: str
+    bound_skipped: str  # why nothing was proven
+
+    file_time_s: float  # of whole files, start and end G-code included
+    retractions: int
+    travel_over_walls_mm: float | None
+
+    parameters: Mapping[str, float | str]  # of several heads
+    agreed_digest: str
+    live_heads: Sequence[int]
+    one_head_s: float
+    bound: Mapping[str, float]  # fields of `decmcts.team.bounds.makespan.Bound`
+    agents: Sequence[Mapping[str, object]]
