@@ -1,9 +1,10 @@
-"""Annealing of a bare sequence where costs are no distances: by what good sequences share.
+"""Annealing of a bare sequence by elites, where costs are no distances.
 
-Each annealing is short and begins hot. What it draws near nodes from are the steps of
-the best sequences so far, the elites; so what they agree on comes back soon, and where
-they differ the annealing decides. Problems with few precedences and random costs, on
-which one long annealing ends a fifth above, are the reason.
+The elites are the best sequences so far. Each annealing is short and begins hot. The near
+nodes it draws are those that follow in one of the elites, and the few cheapest. So steps
+that all elites share come back soon, and where elites differ the annealing decides. On
+problems with few precedences and random costs one long annealing ends a tenth to a fifth
+above this.
 
 References
 ----------
@@ -74,8 +75,8 @@ class Elites:
 class EliteThread:
     """Annealing after annealing, each from one of the elites, drawn at random.
 
-    Once no annealing finds an elite any more all are given up, but the best sequence is
-    kept by who asks for it; annealings are then twice as long.
+    After `_STALE` annealings in a row that found no new elite all elites are dropped, and
+    the search for others begins with annealings twice as long. The incumbent keeps the best.
     """
 
     bare: Bare
