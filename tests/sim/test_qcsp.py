@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule, problem_of
+from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
 from sim.qcsp import faults_of
+from tests.team.qcsp.problems import problem_of
 
 PROBLEM: QcspProblem = problem_of(
     {"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6], "r": [0, 1], "l0": [1, 4], "Phi": [[1, 2]]}

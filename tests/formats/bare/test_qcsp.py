@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.bare.qcsp import QcspSchedule, is_qcsp, problem_of, read_qcsp, schedule_text
+from decmcts.formats.bare.qcsp import QcspSchedule, is_qcsp, read_qcsp, schedule_text
+from tests.team.qcsp.problems import problem_of
 
 TINY: dict[str, Any] = {
     "name": "tiny",
