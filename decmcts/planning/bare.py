@@ -115,10 +115,16 @@ def solve_qcsp(
 
     Examples
     --------
-    >>> from decmcts import solve_qcsp
-    >>> from decmcts.formats.bare.qcsp import problem_of
-    >>> problem = problem_of({"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6],
-    ...                       "r": [0, 0], "l0": [1, 4], "Phi": [[1, 2]]})
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from decmcts import read_qcsp, solve_qcsp
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "three_tasks.qcsp"
+    ...     _ = file.write_text(
+    ...         '{"t": 1, "s": 1, "p": [4, 3, 5], "l": [2, 2, 6], "r": [0, 0], "l0": [1, 4], '
+    ...         '"Phi": [[1, 2]]}'
+    ...     )
+    ...     problem = read_qcsp(file)
     >>> solve_qcsp(problem, time_limit_s=1.0, max_iterations=1000).schedule.makespan
     8.0
     """
