@@ -18,10 +18,9 @@ from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sop.found import offer
 
-NAME = "annealing"
-STEPS = 100  # temperatures of an annealing
 SHARES = Shares(follow=0.49, reverse=0.08, hop=0.3)
 
+_STEPS = 100  # temperatures of an annealing
 _QUENCH = 0.08  # last share of an annealing, in which the temperature falls fast
 _FROZEN = 0.1  # to this share of what it was when that began
 _HOT = 1.0  # first temperature, in scales; of the last annealing twice that
@@ -53,14 +52,13 @@ class NearSteps:
         least: float = 0.0,
     ) -> NearSteps:
         """Return those of (n, n) costs; the scale is `least` or more."""
-        by_cost, excess = _nearest(costs, possible, 2 * _NEAR)
-        by_reduced, _ = _nearest(reduced, possible, _NEAR)
+        by_cost = _nearest(costs, possible, 2 * _NEAR)
         last = by_cost[:, min(_NEAR, by_cost.shape[1]) - 1]
-        nodes = np.arange(len(costs))
+        near = [by_cost[:, :_NEAR], _nearest(reduced, possible, _NEAR)]
         return NearSteps(
-            np.concatenate([by_cost[:, :_NEAR], by_reduced], axis=1),
-            np.where(last >= 0, costs[nodes, last], np.inf),
-            max(excess, least),
+            np.concatenate(near, axis=1),
+            np.where(last >= 0, costs[np.arange(len(costs)), last], np.inf),
+            max(_mean_excess(costs, by_cost), least),
             bool((costs == costs.T)[possible & possible.T].all()),
         )
 
@@ -76,6 +74,63 @@ class NearSteps:
 
 
 @dataclass(slots=True)
+class AnnealedSequence:
+    """A sequence that one annealing after the other changes; where the present one stands."""
+
+    bare: Bare
+    shares: Shares
+    state: NDArray[np.uint64]  # (1,)
+    cost: float = np.inf
+    best: float = np.inf  # least cost seen where the temperature changes
+    length: int = 0  # proposals of the present annealing, 0: as many as the budget allows
+    done: int = 0  # proposals made in it
+    pace: float = np.inf  # proposals for the whole budget, once known
+    _found: NDArray[np.int32] | None = None  # the best, since it was last offered
+    _quota: int = 0  # of the slice before
+    _spent: float = np.inf  # budget spent when it began
+
+    def begin_slice(self, quota: int, spent: float) -> None:
+        """Learn the pace from the slice before, unless slices still grow."""
+        if spent > self._spent and quota <= 2 * self._quota:
+            self.pace = self._quota / (spent - self._spent)
+        self._quota, self._spent = quota, spent
+
+    def anneal(self, temperature: float, most: int) -> int:
+        """Make up to `most` proposals at one temperature; return how many."""
+        step = most
+        if self.length:
+            step = min(most, max(self.length // _STEPS, 1), self.length - self.done)
+        self.cost += anneal_bare(self.bare, self.shares, self.state, temperature, step)
+        self.done += step
+        if self.cost < self.best:
+            self.best, self._found = self.cost, self.bare.order.copy()
+        return step
+
+    @property
+    def ended(self) -> bool:
+        """Whether the present annealing has made all its proposals."""
+        return self.done == self.length
+
+    def take(self, order: NDArray[np.int32], cost: float) -> None:
+        """Go on from another sequence."""
+        self.bare.order[:] = order
+        self.bare.position[order] = np.arange(len(order))
+        self.cost = cost
+
+    def meet(self, incumbent: Incumbent, first: int) -> None:
+        """Offer the best found since the last meeting.
+
+        At the first one begin with the incumbent, and an annealing of `first` proposals a node.
+        """
+        if self.cost == np.inf:
+            self.take(incumbent.order, incumbent.cost)
+            self.length = first * len(incumbent.order)
+        if self._found is not None:
+            offer(incumbent, self._found, "annealing")
+            self._found = None
+
+
+@dataclass(slots=True)
 class AnnealThread:
     """Annealing after annealing; each goes on from where the one before ended.
 
@@ -85,89 +140,64 @@ class AnnealThread:
     annealing takes all of it (`ends_long`).
     """
 
-    bare: Bare
-    shares: Shares
+    sequence: AnnealedSequence
     scale: float  # of temperatures
-    state: NDArray[np.uint64]  # (1,)
     long: bool  # whether its annealings are long ones
     ends_long: bool = True  # whether a last annealing takes what is left of the budget
-    best: float = np.inf  # least cost seen where the temperature changes
     first_cost: float = np.inf  # at the end of the first annealing
-    _cost: float = np.inf
-    _found: NDArray[np.int32] | None = None  # since the last meeting
     _count: int = 0  # annealings ended
-    _length: int = 0  # proposals of the present one, 0: as many as the budget allows
-    _done: int = 0  # proposals made in it
     _began: float = 0.0  # budget spent when the last annealing began
-    _quota: int = 0  # of the slice before
-    _spent: float = np.inf  # budget spent when it began
-    _pace: float = np.inf  # proposals for the whole budget, once known
 
     def work(self, quota: int, spent: float) -> int:
         """Make `quota` proposals, in as many annealings as that takes."""
-        if spent > self._spent and quota <= 2 * self._quota:  # else slices still grow
-            self._pace = self._quota / (spent - self._spent)
-        left, self._quota, self._spent = quota, quota, spent
+        left = quota
+        self.sequence.begin_slice(quota, spent)
         while left > 0:
-            share = (spent - self._began) / max(_LAST_ENDS - self._began, 1e-9)
-            step = left
-            if self._length:
-                step = min(left, max(self._length // STEPS, 1), self._length - self._done)
-                share = self._done / self._length
-            self._cost += anneal_bare(
-                self.bare, self.shares, self.state, self._temperature(share), step
-            )
-            self._done += step
-            left -= step
-            if self._cost < self.best:
-                self.best, self._found = self._cost, self.bare.order.copy()
-            if self._done == self._length:
+            left -= self.sequence.anneal(self._temperature(spent), left)
+            if self.sequence.ended:
                 self._end(spent)
         return quota
 
     @property
+    def best(self) -> float:
+        """Least cost seen where the temperature changes."""
+        return self.sequence.best
+
+    @property
     def is_last(self) -> bool:
         """Whether the last annealing has begun, which takes what is left of the budget."""
-        return self._length == 0 and self._count > 0
-
-    def _temperature(self, share: float) -> float:
-        """Return the temperature after `share` (0..1) of the present annealing."""
-        hot, cold = _HOT if self._length else 2.0 * _HOT, _COLD
-        if self._length and self.long and self._count & 1:
-            cold = _COLDER
-        return quenched(TemperatureSchedule(hot * self.scale, cold * self.scale), share)
+        return self.sequence.length == 0 and self._count > 0
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting."""
-        if self._cost == np.inf:
-            begin_with(self.bare, incumbent.order)
-            self._cost, self._length = incumbent.cost, _FIRST * len(self.bare.order)
-        if self._found is not None:
-            offer(incumbent, self._found, NAME)
-            self._found = None
+        self.sequence.meet(incumbent, _FIRST)
+
+    def _temperature(self, spent: float) -> float:
+        """Return the temperature at which the present annealing goes on."""
+        length, hot, cold = self.sequence.length, _HOT * self.scale, _COLD * self.scale
+        if length == 0:
+            share = (spent - self._began) / max(_LAST_ENDS - self._began, 1e-9)
+            return quenched(TemperatureSchedule(2.0 * hot, cold), share)
+        if self.long and self._count & 1:
+            cold = _COLDER * self.scale
+        return quenched(TemperatureSchedule(hot, cold), self.sequence.done / length)
 
     def _end(self, spent: float) -> None:
         """Begin the next annealing."""
+        sequence, n = self.sequence, len(self.sequence.bare.order)
         if self._count == 0:
-            self.first_cost = self._cost
-        self._count, self._done = self._count + 1, 0
-        self._length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * len(self.bare.order)
-        if self.ends_long and self._pace * (1.0 - spent) < max(
-            _LONGEST * len(self.bare.order), self._length
-        ):
-            self._length, self._began = 0, spent
+            self.first_cost = sequence.cost
+        self._count, sequence.done = self._count + 1, 0
+        sequence.length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * n
+        left = sequence.pace * (1.0 - spent)
+        if self.ends_long and left < max(_LONGEST * n, sequence.length):
+            sequence.length, self._began = 0, spent
 
 
 def quenched(schedule: TemperatureSchedule, share: float) -> float:
     """Return the temperature after `share` (0..1) of an annealing that ends with a quench."""
     slow = min(share / (1.0 - _QUENCH), 1.0)
     return schedule.at(slow) * float(_FROZEN ** min(max(share - 1.0 + _QUENCH, 0.0) / _QUENCH, 1.0))
-
-
-def begin_with(bare: Bare, order: NDArray[np.int32]) -> None:
-    """Take over a sequence."""
-    bare.order[:] = order
-    bare.position[order] = np.arange(len(order))
 
 
 def luby(k: int) -> int:
@@ -179,12 +209,16 @@ def luby(k: int) -> int:
 
 def _nearest(
     costs: NDArray[np.float64], possible: NDArray[np.bool_], width: int
-) -> tuple[NDArray[np.int32], float]:
-    """Return the cheapest possible successors of each node, cheapest first, and the mean excess."""
+) -> NDArray[np.int32]:
+    """Return the cheapest possible successors of each node, cheapest first; -1 padded."""
     table = np.where(possible, costs, np.inf)
     nodes = np.argsort(table, axis=1, kind="stable")[:, :width]
-    found = np.take_along_axis(table, nodes, axis=1)
-    there = np.isfinite(found)
-    least = np.where(there[:, :1], found[:, :1], 0.0)
-    excess = float((found - least)[there].sum())
-    return np.where(there, nodes, -1).astype(np.int32), excess / max(int(there.sum()), 1)
+    there = np.isfinite(np.take_along_axis(table, nodes, axis=1))
+    return np.where(there, nodes, -1).astype(np.int32)
+
+
+def _mean_excess(costs: NDArray[np.float64], near: NDArray[np.int32]) -> float:
+    """Return how much more steps to near nodes cost than the cheapest of them, in the mean."""
+    there = near >= 0
+    found = np.take_along_axis(costs, np.maximum(near, 0), axis=1)
+    return float((found - found[:, :1])[there].sum()) / max(int(there.sum()), 1)

@@ -3,8 +3,8 @@
 The elites are the best sequences so far. Each annealing is short and begins hot. The near
 nodes it draws are those that follow in one of the elites, and the few cheapest. So steps
 that all elites share come back soon, and where elites differ the annealing decides. On
-problems with few precedences and random costs one long annealing ends a tenth to a fifth
-above this.
+problems with few precedences and random costs one long annealing ends well above this
+(docs/results/sop_ablation.md).
 
 References
 ----------
@@ -20,11 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import below
-from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.annealing import NAME, STEPS, NearSteps, begin_with, quenched
-from decmcts.search.sop.found import offer
+from decmcts.search.sop.annealing import AnnealedSequence, NearSteps, quenched
 
 _ELITES = 8
 
@@ -79,71 +77,53 @@ class EliteThread:
     the search for others begins with annealings twice as long. The incumbent keeps the best.
     """
 
-    bare: Bare
-    shares: Shares
+    sequence: AnnealedSequence
     steps: NearSteps
-    state: NDArray[np.uint64]  # (1,)
     least_gain: float  # costs differ by more than this
     long: bool  # whether its annealings are long ones
-    best: float = np.inf  # least cost seen where the temperature changes
     _elites: Elites = field(default_factory=lambda: Elites(_ELITES))
-    _cost: float = np.inf
-    _found: NDArray[np.int32] | None = None  # since the last meeting
-    _length: int = 0  # proposals of the present annealing
-    _done: int = 0  # proposals made in it
     _failures: int = 0  # annealings in a row that found no elite
-    _doubled: int = 0  # how often elites were given up
-    _quota: int = 0  # of the slice before
-    _spent: float = np.inf  # budget spent when it began
-    _pace: float = np.inf  # proposals for the whole budget, once known
+    _dropped: int = 0  # how often all elites were
 
     def work(self, quota: int, spent: float) -> int:
         """Make `quota` proposals, in as many annealings as that takes."""
-        if spent > self._spent and quota <= 2 * self._quota:  # else slices still grow
-            self._pace = self._quota / (spent - self._spent)
-        left, self._quota, self._spent = quota, quota, spent
+        left, sequence = quota, self.sequence
         schedule = TemperatureSchedule(_HOT * self.steps.scale, _COLD * self.steps.scale)
+        sequence.begin_slice(quota, spent)
         while left > 0:
-            step = min(left, max(self._length // STEPS, 1), self._length - self._done)
-            temperature = quenched(schedule, self._done / self._length)
-            self._cost += anneal_bare(self.bare, self.shares, self.state, temperature, step)
-            self._done += step
-            left -= step
-            if self._cost < self.best:
-                self.best, self._found = self._cost, self.bare.order.copy()
-            if self._done == self._length:
+            left -= sequence.anneal(quenched(schedule, sequence.done / sequence.length), left)
+            if sequence.ended:
                 self._end()
         return quota
 
+    @property
+    def best(self) -> float:
+        """Least cost seen where the temperature changes."""
+        return self.sequence.best
+
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting; hear of a better one."""
-        if self._cost == np.inf:
-            begin_with(self.bare, incumbent.order)
-            self._cost, self._length = incumbent.cost, _LEAST * len(self.bare.order)
-        if self._found is not None:
-            offer(incumbent, self._found, NAME)
-            self._found = None
+        self.sequence.meet(incumbent, _LEAST)
         if self._elites.full and incumbent.cost < self.best - self.least_gain:
             self._elites.add(incumbent.cost, incumbent.order, least_gain=self.least_gain)
-            self.best = incumbent.cost
+            self.sequence.best = incumbent.cost
 
     def _end(self) -> None:
         """Keep what the annealing found if it is good, and begin the next."""
-        elites, n = self._elites, len(self.bare.order)
-        found = elites.add(self._cost, self.bare.order, least_gain=self.least_gain)
+        elites, sequence, n = self._elites, self.sequence, len(self.sequence.bare.order)
+        found = elites.add(sequence.cost, sequence.bare.order, least_gain=self.least_gain)
         self._failures = 0 if found else self._failures + 1
         if self._failures == _STALE:
-            self._elites, self._failures, self._doubled = Elites(_ELITES), 0, self._doubled + 1
-            self.bare = self.bare._replace(near=self.steps.near)
+            self._elites, self._failures, self._dropped = Elites(_ELITES), 0, self._dropped + 1
+            sequence.bare = sequence.bare._replace(near=self.steps.near)
         elif elites.full:
-            drawn = int(below(self.state, _ELITES))
-            begin_with(self.bare, elites.orders[drawn])
-            self._cost = elites.costs[drawn]
+            drawn = int(below(sequence.state, _ELITES))
+            sequence.take(elites.orders[drawn], elites.costs[drawn])
             if found:
-                self.bare = self.bare._replace(near=self._near())
-        share = self._pace / _ANNEALINGS if np.isfinite(self._pace) else 0.0
-        self._length = int(min(max(share, _LEAST * n), _LENGTH[self.long] * n << self._doubled))
-        self._done = 0
+                sequence.bare = sequence.bare._replace(near=self._near())
+        share = sequence.pace / _ANNEALINGS if np.isfinite(sequence.pace) else 0.0
+        longest = _LENGTH[self.long] * n << self._dropped
+        sequence.length, sequence.done = int(min(max(share, _LEAST * n), longest)), 0
 
     def _near(self) -> NDArray[np.int32]:
         """Return (n, k) nodes that may follow: those that do in elites, and the cheapest."""

@@ -18,7 +18,7 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Shares
 from decmcts._kernels.sequence.metric import Matrix
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.annealing import SHARES, AnnealThread, NearSteps
+from decmcts.search.sop.annealing import SHARES, AnnealedSequence, AnnealThread, NearSteps
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
@@ -42,7 +42,7 @@ _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What takes part in the search. Each part pays somewhere (docs/results/sop_ablation.md)."""
+    """What takes part in the search; what each brings: docs/results/sop_ablation.md."""
 
     beams: bool = True
     tree: bool = True
@@ -216,9 +216,7 @@ class TwoThreads:
 
     def _bound(self, thread: SopThread) -> float:
         """Return what a thread has proven: no sequence costs less."""
-        if isinstance(thread, AnnealThread | EliteThread | TurnsThread):
-            return -np.inf
-        if thread.exhausted:
+        if isinstance(thread, BeamThread | TreeThread) and thread.exhausted:
             return self.incumbent.cost
         if isinstance(thread, TreeThread):
             return min(self.assignment.bound + thread.tree.bound, self.incumbent.cost)
@@ -277,14 +275,17 @@ class TwoThreads:
         if self._steps is None:
             reduced, possible = self.assignment.reduced, self.precedence.possible
             self._steps = NearSteps.of(self.costs, reduced, possible, least=self.least_gain)
-        steps, long, graph = self._steps, number > 0, self.incumbent.problem.graph
-        bare, state = steps.bare(self.costs, graph), seeded(2 * self.seed + number)
-        by_elites, shares = self.parts.elites and not steps.are_distances, self.parts.shares
-        anneal = AnnealThread(bare, shares, steps.scale, state, long, ends_long=not by_elites)
+        steps, long, state = self._steps, number > 0, seeded(2 * self.seed + number)
+        by_elites = self.parts.elites and not steps.are_distances
+
+        def sequence() -> AnnealedSequence:
+            bare = steps.bare(self.costs, self.incumbent.problem.graph)
+            return AnnealedSequence(bare, self.parts.shares, state)
+
+        anneal = AnnealThread(sequence(), steps.scale, long, ends_long=not by_elites)
         thread: AnnealThread | EliteThread | TurnsThread = anneal
         if by_elites:
-            bare = steps.bare(self.costs, graph)
-            elite = EliteThread(bare, shares, steps, state, self.least_gain, long)
+            elite = EliteThread(sequence(), steps, self.least_gain, long)
             thread = elite if long or not self.parts.luby else TurnsThread((anneal, elite))
         thread.meet(self.incumbent)
         return thread

@@ -7,7 +7,7 @@ import numpy as np
 from decmcts._kernels.random import seeded
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.sop.annealing import SHARES, NearSteps
+from decmcts.search.sop.annealing import SHARES, AnnealedSequence, NearSteps
 from decmcts.search.sop.elites import Elites, EliteThread
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.solver import search_sop
@@ -21,6 +21,10 @@ def few_precedences(n: int, pairs: int, seed: int) -> tuple[np.ndarray, np.ndarr
     inner = inner[inner[:, 0] < inner[:, 1]]
     ends = [(0, k) for k in range(1, n)] + [(k, n - 1) for k in range(n - 1)]
     return costs, np.concatenate([inner, ends]).astype(np.int32)
+
+
+def cost_of(costs: np.ndarray, order: np.ndarray) -> float:
+    return float(costs[order[:-1], order[1:]].sum())
 
 
 def test_elites_are_the_best_and_of_different_cost() -> None:
@@ -47,15 +51,17 @@ def test_a_thread_keeps_precedence_and_knows_what_its_sequence_costs() -> None:
     precedence = Precedence.of(30, pairs)
     mine = np.ascontiguousarray(costs[np.ix_(precedence.original, precedence.original)])
     steps = NearSteps.of(mine, mine, precedence.possible)
-    bare = steps.bare(mine, DependencyGraph.from_pairs(30, precedence.pairs))
-    thread = EliteThread(bare, SHARES, steps, seeded(0), least_gain=0.5, long=False)
-    thread._cost, thread._length = float(mine[bare.order[:-1], bare.order[1:]].sum()), 2_000
+    graph = DependencyGraph.from_pairs(30, precedence.pairs)
+    sequence = AnnealedSequence(steps.bare(mine, graph), SHARES, seeded(0))
+    sequence.take(sequence.bare.order.copy(), cost_of(mine, sequence.bare.order))
+    sequence.length = 2_000
+    thread = EliteThread(sequence, steps, least_gain=0.5, long=False)
     for slice_ in range(40):
         assert thread.work(50_000, slice_ / 40) == 50_000
-        position = np.argsort(thread.bare.order)
+        order = sequence.bare.order
+        position = np.argsort(order)
         assert (position[precedence.pairs[:, 0]] < position[precedence.pairs[:, 1]]).all()
-        order = thread.bare.order
-        assert float(mine[order[:-1], order[1:]].sum()) == thread._cost
+        assert cost_of(mine, order) == sequence.cost
     assert thread.best < 1.2 * np.sort(mine, axis=1)[:-1, 1].sum()
 
 
