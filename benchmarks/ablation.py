@@ -28,6 +28,7 @@ from typing import Any
 
 from common import CPU_TIME, Rows, arguments, grouped, markdown, names, of_models, setting
 from cpu_time import WorkClock
+from effects import Effect, against_twins, told
 from in_process import less_percent, loaded, searched
 
 from decmcts.search.hybrid.blocks import Sequence
@@ -208,38 +209,16 @@ def run_all(rows: Rows, options: argparse.Namespace) -> None:
                 print(*(f"{k}={v}" for k, v in rows.rows[-1].items()), flush=True)
 
 
-@dataclass(frozen=True, slots=True)
-class Effect:
-    """How much more a variant travels than `hybrid` and its twin on one print with one seed."""
-
-    more_percent: float
-    noise: float  # how far apart `hybrid` and its twin are, per cent
-
-
 def effects(rows: list[dict[str, str]]) -> dict[str, list[tuple[dict[str, str], Effect]]]:
     """Return each variant's effects, with a row each."""
     found: dict[str, list[tuple[dict[str, str], Effect]]] = {}
     for mine in grouped(rows, *ROW, "seed").values():
         travel = {row["variant"]: float(row["travel_after_mm"]) for row in mine}
-        if not {"hybrid", "twin"} <= set(travel):
-            continue
-        base = (travel["hybrid"] + travel["twin"]) / 2
-        apart = 100 * (travel["hybrid"] - travel["twin"]) / base if base else 0.0
+        found_here = against_twins(travel, "hybrid")
         for row in mine:
-            more = 100 * (travel[row["variant"]] / base - 1) if base else 0.0
-            found.setdefault(row["variant"], []).append((row, Effect(more, apart)))
+            if row["variant"] in found_here:
+                found.setdefault(row["variant"], []).append((row, found_here[row["variant"]]))
     return {name: found[name] for name in VARIANTS if name in found}
-
-
-def mean_and_doubt(them: list[Effect]) -> tuple[float, float]:
-    """Return the mean effect, and within what a variant that changes nothing would mostly stay.
-
-    That is two standard errors: a run varies by 1/√2 of what twins are apart by, the mean
-    of `hybrid` and its twin by half of that variance.
-    """
-    mean = statistics.fmean(effect.more_percent for effect in them)
-    doubt = 2 * math.sqrt(0.75 * sum(effect.noise**2 for effect in them)) / len(them)
-    return mean, doubt
 
 
 def size_of(row: dict[str, str]) -> str:
@@ -266,14 +245,6 @@ def summary(found: dict[str, list[tuple[dict[str, str], Effect]]]) -> str:
     head += [f"{machine} {freedom}, {size}" for (machine, freedom), size in
              itertools.product(settings, SIZES)]  # fmt: skip
     return markdown(lines, [*head, "all"])
-
-
-def told(them: list[Effect]) -> str:
-    if not them:
-        return ""
-    mean, doubt = mean_and_doubt(them)
-    text = f"{mean:+.2f} ± {doubt:.2f}"
-    return f"**{text}**" if abs(mean) > doubt else text
 
 
 def table(found: dict[str, list[tuple[dict[str, str], Effect]]]) -> str:
@@ -340,9 +311,8 @@ def plot(found: dict[str, list[tuple[dict[str, str], Effect]]], path: Path) -> N
 
 def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> None:
     known = [r for r in rows if r["process"] == options.process and r["variant"] in VARIANTS]
-    known = [row for row in known if not row["error"]]
-    mine = [row for row in known if float(row["limit_s"]) == options.time_limit]
-    others = grouped((row for row in known if row not in mine), "limit_s")
+    limits = grouped(known, "limit_s")
+    mine = limits.pop((str(options.time_limit),), [])
     seeds = ",".join(sorted({r["seed"] for r in mine}, key=int))
     said = setting(
         note=options.note, quality="none", process_order=options.process,
@@ -356,7 +326,7 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     found = effects(mine)
     text += f"## Mean effects\n\n{summary(found)}\n![ablation](ablation.png)\n\n"
     text += f"## Print by print\n\n{table(found)}\n"
-    for (limit,), longer in others.items():
+    for (limit,), longer in limits.items():
         text += f"## At {float(limit):g} s\n\n{table(effects(longer))}\n"
     text += f"## What is missing\n\n{missing(mine)}"
     (options.results / "ablation.md").write_text(text)

@@ -11,12 +11,12 @@ Writes docs/results/sop_ablation.csv (a row a run, resumable) and sop_ablation.m
 from __future__ import annotations
 
 import argparse
-import statistics
 import time
 from typing import Any
 
 import numpy as np
 from common import Rows, arguments, corpus, grouped, markdown, names, run_missing, setting
+from effects import Effect, against_twins, told
 from numpy.typing import NDArray
 from sop_prints import print_like
 
@@ -85,42 +85,28 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def effects(rows: list[dict[str, str]]) -> dict[str, dict[str, list[float]]]:
-    """Return variant -> kind -> per cent above the mean of the whole search and its twin."""
-    found: dict[str, dict[str, list[float]]] = {}
-    for (kind, _, _), mine in grouped(rows, "kind", "problem", "seed").items():
-        cost = {row["variant"]: float(row["cost"]) for row in mine}
-        if {"all", "twin"} <= set(cost):
-            base = (cost["all"] + cost["twin"]) / 2
-            for variant, each in cost.items():
-                found.setdefault(variant, {}).setdefault(kind, []).append(100 * (each / base - 1))
+def effects(rows: list[dict[str, str]]) -> dict[tuple[str, str], list[Effect]]:
+    """Return the effects of each variant on each kind of problem."""
+    found: dict[tuple[str, str], list[Effect]] = {}
+    for (kind, *_), mine in grouped(rows, "kind", "problem", "seed").items():
+        costs = {row["variant"]: float(row["cost"]) for row in mine}
+        for variant, effect in against_twins(costs, "all").items():
+            found.setdefault((variant, kind), []).append(effect)
     return found
 
 
-def noise(each: list[float], twins: list[float]) -> float:
-    """Return within what the mean of a variant that changes nothing would mostly stay.
-
-    Two standard errors: a run varies by 1/√2 of what twins are apart by (twice their
-    distance from their mean), that mean by half of that variance.
-    """
-    apart = sum((2 * twin) ** 2 for twin in twins)
-    return 2.0 * float(np.sqrt(0.75 * apart)) / max(len(each), 1)
+def told_of(them: list[Effect]) -> str:
+    return f"{told(them)} ({len(them)})" if them else ""
 
 
 def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> None:
     mine = [r for r in rows if float(r["time_limit_s"]) == options.time_limit and not r["error"]]
     found, seeds = effects(mine), ",".join(sorted({row["seed"] for row in mine}, key=int))
-    lines: list[list[str]] = []
-    for name, (says, _) in VARIANTS.items():
-        line = [says]
-        for kind in KINDS:
-            each, twins = found.get(name, {}).get(kind, []), found.get("twin", {}).get(kind, [])
-            doubt = noise(each, twins)
-            text = f"{statistics.fmean(each):+.2f} ± {doubt:.2f} ({len(each)})" if each else ""
-            bold = each and abs(statistics.fmean(each)) > doubt
-            line.append(f"**{text}**" if bold else text)
-        if name not in ("all", "twin"):
-            lines.append(line)
+    lines = [
+        [says, *(told_of(found.get((name, kind), [])) for kind in KINDS)]
+        for name, (says, _) in VARIANTS.items()
+        if name not in ("all", "twin")
+    ]
     said = setting(
         note=options.note, time_limit=f"{options.time_limit:g} s", seeds=seeds,
         seconds="processor time of both threads, halved",
@@ -130,11 +116,15 @@ def write_results(rows: list[dict[str, str]], options: argparse.Namespace) -> No
     text += f"--seeds {seeds}`.\n\nFigures are per cent of cost that a variant makes more than the "
     text += "whole search (the mean of two runs that differ by seed): above 0, what is left out "
     text += "pays. After ± stands within what a variant that changes nothing would mostly stay, in "
-    text += "brackets how many runs. Bold is what lies beyond.\n\n"
-    names = "; ".join(
+    text += (
+        "brackets how many runs. Bold is what lies beyond. Where costs are distances, as in the "
+    )
+    text += "print-like problems, there are no elites: the two variants of them are the whole "
+    text += "search once more there, and what they show is noise.\n\n"
+    named = "; ".join(
         f"{kind}: {', '.join(f'`{n}`' for n in them)}" for kind, them in KINDS.items()
     )
-    text += f"{markdown(lines, ['variant', *KINDS])}\nProblems: {names}.\n"
+    text += f"{markdown(lines, ['variant', *KINDS])}\nProblems: {named}.\n"
     (options.results / "sop_ablation.md").write_text(text)
 
 
