@@ -40,9 +40,9 @@ VARIANTS = {
     "no-tree": ("without branch and bound", Parts(tree=False)),
     "no-elites": ("without elites", Parts(elites=False)),
     "no-luby": ("elites alone", Parts(luby=False)),
-    "no-hops": ("no moves between hops", Parts(shares=Shares(0.7, 0.12, 0.0))),
-    "no-near": ("no moves to near nodes", Parts(shares=Shares(0.0, 0.12, 0.3))),
-    "no-reversals": ("no reversals", Parts(shares=Shares(0.49, 0.0, 0.3))),
+    "no-windows": ("without windows", Parts(windows=False)),
+    "no-near": ("no moves to near nodes", Parts(shares=Shares(0.0, 0.12))),
+    "no-reversals": ("no reversals", Parts(shares=Shares(0.7, 0.0))),
 }
 KEY = ("kind", "problem", "variant", "time_limit_s", "seed")
 

@@ -90,7 +90,7 @@ def with_plain(
     steps = np.take_along_axis(mine, np.maximum(bare.near, 0), axis=1)
     hot, state = float(steps[bare.near >= 0].mean()), seeded(seed)
     while (share := (time.process_time() - began) / limit_s) < 1.0:
-        anneal_bare(bare, Shares(0.0, 0.0, 0.0), state, hot * COLD**share, PROPOSALS)
+        anneal_bare(bare, Shares(0.0, 0.0), state, hot * COLD**share, PROPOSALS, 0, n - 1)
     return numbered.original[bare.order]
 
 

@@ -18,7 +18,7 @@ from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sop.found import offer
 
-SHARES = Shares(follow=0.49, reverse=0.08, hop=0.3)
+SHARES = Shares(follow=0.7, reverse=0.12)
 
 _STEPS = 100  # temperatures of an annealing
 _QUENCH = 0.08  # last share of an annealing, in which the temperature falls fast
@@ -29,8 +29,7 @@ _COLDER = 0.01  # of every second annealing of the thread with long ones
 _SHORTEST = (2_000, 64_000)  # proposals a node: many short annealings on one thread, few long
 _FIRST = 4_000  # of the first: soon over, and then the pace is known
 _ROUND = 15  # annealings until their lengths come again, once to eight times the shortest
-_LONGEST = 1_000_000  # proposals a node of the last annealing, which gets what is left
-_LAST_ENDS = 0.99  # share of the budget
+_LONGEST = 1_000_000  # proposals a node of the last annealing at most
 _NEAR = 8  # by cost, and as many by reduced cost
 
 
@@ -39,7 +38,6 @@ class NearSteps:
     """Cheap steps from each node, and how far their costs lie apart: what temperatures go by."""
 
     near: NDArray[np.int32]  # (n, k) nodes: half by cost, half by reduced cost; -1 padded
-    hop_cost: NDArray[np.float64]  # (n,) a step that costs more is longer than to any near node
     scale: float  # mean cost beyond that of the cheapest, over the k cheapest of each node
     are_distances: bool  # every step that may go both ways costs the same both ways
 
@@ -53,11 +51,9 @@ class NearSteps:
     ) -> NearSteps:
         """Return those of (n, n) costs; the scale is `least` or more."""
         by_cost = _nearest(costs, possible, 2 * _NEAR)
-        last = by_cost[:, min(_NEAR, by_cost.shape[1]) - 1]
         near = [by_cost[:, :_NEAR], _nearest(reduced, possible, _NEAR)]
         return NearSteps(
             np.concatenate(near, axis=1),
-            np.where(last >= 0, costs[np.arange(len(costs)), last], np.inf),
             max(_mean_excess(costs, by_cost), least),
             bool((costs == costs.T)[possible & possible.T].all()),
         )
@@ -67,9 +63,9 @@ class NearSteps:
         n = len(costs)
         nodes = np.arange(n, dtype=np.int32)
         return Bare(
-            costs, self.near, self.hop_cost,
+            costs, self.near,
             graph.pred_offsets, graph.preds, graph.succ_offsets, graph.succs,
-            nodes, nodes.copy(), np.empty(n, np.int32), np.empty(n, np.int32),
+            nodes, nodes.copy(), np.empty(n, np.int32),
         )  # fmt: skip
 
 
@@ -80,6 +76,8 @@ class AnnealedSequence:
     bare: Bare
     shares: Shares
     state: NDArray[np.uint64]  # (1,)
+    first: int = 0  # position; what lies between it and `last` is annealed
+    last: int = -1
     cost: float = np.inf
     best: float = np.inf  # least cost seen where the temperature changes
     length: int = 0  # proposals of the present annealing, 0: as many as the budget allows
@@ -88,6 +86,9 @@ class AnnealedSequence:
     _found: NDArray[np.int32] | None = None  # the best, since it was last offered
     _quota: int = 0  # of the slice before
     _spent: float = np.inf  # budget spent when it began
+
+    def __post_init__(self) -> None:
+        self.last = len(self.bare.order) - 1
 
     def begin_slice(self, quota: int, spent: float) -> None:
         """Learn the pace from the slice before, unless slices still grow."""
@@ -100,7 +101,9 @@ class AnnealedSequence:
         step = most
         if self.length:
             step = min(most, max(self.length // _STEPS, 1), self.length - self.done)
-        self.cost += anneal_bare(self.bare, self.shares, self.state, temperature, step)
+        self.cost += anneal_bare(
+            self.bare, self.shares, self.state, temperature, step, self.first, self.last
+        )
         self.done += step
         if self.cost < self.best:
             self.best, self._found = self.cost, self.bare.order.copy()
@@ -117,14 +120,13 @@ class AnnealedSequence:
         self.bare.position[order] = np.arange(len(order))
         self.cost = cost
 
-    def meet(self, incumbent: Incumbent, first: int) -> None:
-        """Offer the best found since the last meeting.
+    def begin(self, incumbent: Incumbent, proposals: int) -> None:
+        """Begin with the incumbent, and an annealing of so many proposals a node."""
+        self.take(incumbent.order, incumbent.cost)
+        self.length = proposals * len(incumbent.order)
 
-        At the first one begin with the incumbent, and an annealing of `first` proposals a node.
-        """
-        if self.cost == np.inf:
-            self.take(incumbent.order, incumbent.cost)
-            self.length = first * len(incumbent.order)
+    def offer_to(self, incumbent: Incumbent) -> None:
+        """Offer the best found since the last time."""
         if self._found is not None:
             offer(incumbent, self._found, "annealing")
             self._found = None
@@ -136,17 +138,18 @@ class AnnealThread:
 
     They are once, twice, four and eight times as long as the shortest, and each length
     gets as much time (Luby's sequence). Small problems need many short ones, large ones
-    a long one. So once little of the budget is left for the problem's size, a last
-    annealing takes all of it (`ends_long`).
+    a long one. So once little of the budget is left for the problem's size, a last, long
+    annealing takes `last_share` of it.
     """
 
     sequence: AnnealedSequence
     scale: float  # of temperatures
     long: bool  # whether its annealings are long ones
-    ends_long: bool = True  # whether a last annealing takes what is left of the budget
+    last_share: float = 0.99  # 0: no annealing is the last
     first_cost: float = np.inf  # at the end of the first annealing
     _count: int = 0  # annealings ended
     _began: float = 0.0  # budget spent when the last annealing began
+    _ends: float = np.inf  # budget spent when it ends
 
     def work(self, quota: int, spent: float) -> int:
         """Make `quota` proposals, in as many annealings as that takes."""
@@ -165,18 +168,24 @@ class AnnealThread:
 
     @property
     def is_last(self) -> bool:
-        """Whether the last annealing has begun, which takes what is left of the budget."""
+        """Whether the last annealing has begun, which ends at a share of the budget."""
         return self.sequence.length == 0 and self._count > 0
+
+    def over(self, spent: float) -> bool:
+        """Whether the last annealing has ended."""
+        return spent >= self._ends
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting."""
-        self.sequence.meet(incumbent, _FIRST)
+        if self.sequence.cost == np.inf:
+            self.sequence.begin(incumbent, _FIRST)
+        self.sequence.offer_to(incumbent)
 
     def _temperature(self, spent: float) -> float:
         """Return the temperature at which the present annealing goes on."""
         length, hot, cold = self.sequence.length, _HOT * self.scale, _COLD * self.scale
         if length == 0:
-            share = (spent - self._began) / max(_LAST_ENDS - self._began, 1e-9)
+            share = (spent - self._began) / max(self._ends - self._began, 1e-9)
             return quenched(TemperatureSchedule(2.0 * hot, cold), share)
         if self.long and self._count & 1:
             cold = _COLDER * self.scale
@@ -190,8 +199,9 @@ class AnnealThread:
         self._count, sequence.done = self._count + 1, 0
         sequence.length = luby(self._count % _ROUND + 1) * _SHORTEST[self.long] * n
         left = sequence.pace * (1.0 - spent)
-        if self.ends_long and left < max(_LONGEST * n, sequence.length):
+        if self.last_share and left < max(_LONGEST * n, sequence.length):
             sequence.length, self._began = 0, spent
+            self._ends = spent + self.last_share * (1.0 - spent)
 
 
 def quenched(schedule: TemperatureSchedule, share: float) -> float:

@@ -103,7 +103,9 @@ class EliteThread:
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting; hear of a better one."""
-        self.sequence.meet(incumbent, _LEAST)
+        if self.sequence.cost == np.inf:
+            self.sequence.begin(incumbent, _LEAST)
+        self.sequence.offer_to(incumbent)
         if self._elites.full and incumbent.cost < self.best - self.least_gain:
             self._elites.add(incumbent.cost, incumbent.order, least_gain=self.least_gain)
             self.sequence.best = incumbent.cost

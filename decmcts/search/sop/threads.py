@@ -25,6 +25,7 @@ from decmcts.search.sop.beam import Beam
 from decmcts.search.sop.elites import EliteThread
 from decmcts.search.sop.found import offer
 from decmcts.search.sop.precedence import Precedence
+from decmcts.search.sop.windows import WindowThread
 
 _SLICE_S = 0.15
 _SLICES = 400  # of a search that is limited by iterations
@@ -35,8 +36,10 @@ _CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may 
     (0.2, 0.005, 0.005),
     (0.4, 0.005, 0.0),
 )
-_NEAR_ENOUGH = 0.05  # share by which the first annealing may lie above beams
+_NEAR_ENOUGH = 0.08  # share by which the first annealing may lie above beams
 _ELITE_LEAD = 8  # times the lead, where elites are made of what beams found too
+_BEFORE_WINDOWS = 0.5  # share of what is left of the budget for a last, long annealing
+_ALL_THAT_IS_LEFT = 0.99  # without windows
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
@@ -49,6 +52,7 @@ class Parts:
     elites: bool = True  # else annealing by Luby's lengths alone
     luby: bool = True  # else annealing by elites alone, where costs are no distances
     hand_over: bool = True  # else beams keep their thread
+    windows: bool = True  # else the last annealing is as long as the time allows
     shares: Shares = SHARES  # kinds of proposals
 
 
@@ -169,7 +173,7 @@ class TurnsThread:
             annealer.meet(incumbent)
 
 
-SopThread = BeamThread | AnnealThread | EliteThread | TurnsThread | TreeThread
+SopThread = BeamThread | AnnealThread | EliteThread | TurnsThread | WindowThread | TreeThread
 
 
 @dataclass(slots=True)
@@ -206,6 +210,8 @@ class TwoThreads:
                 if changes and incumbent.spent >= changes[0][0]:
                     _, lead, gap = changes.pop(0)
                     threads = self._handed_over(threads, lead, cost_above=(1.0 + gap) * bound)
+                if self.parts.windows:
+                    threads = [self._in_windows(thread) for thread in threads]
 
     @property
     def costs(self) -> NDArray[np.float64]:
@@ -242,6 +248,13 @@ class TwoThreads:
         if isinstance(other, TreeThread) and self.incumbent.cost > cost_above:
             other = self._annealer(0)
         return [beams, other]
+
+    def _in_windows(self, thread: SopThread) -> SopThread:
+        """Return the thread, with annealing in windows in the place of one that is over."""
+        spent = self.incumbent.spent
+        if not (isinstance(thread, AnnealThread) and thread.over(spent)):
+            return thread
+        return WindowThread.of(thread.sequence, thread.scale, self.incumbent)
 
     def _tree(self) -> TreeThread:
         """Return a thread of branch and bound."""
@@ -282,7 +295,8 @@ class TwoThreads:
             bare = steps.bare(self.costs, self.incumbent.problem.graph)
             return AnnealedSequence(bare, self.parts.shares, state)
 
-        anneal = AnnealThread(sequence(), steps.scale, long, ends_long=not by_elites)
+        last = 0.0 if by_elites else _BEFORE_WINDOWS if self.parts.windows else _ALL_THAT_IS_LEFT
+        anneal = AnnealThread(sequence(), steps.scale, long, last)
         thread: AnnealThread | EliteThread | TurnsThread = anneal
         if by_elites:
             elite = EliteThread(sequence(), steps, self.least_gain, long)
