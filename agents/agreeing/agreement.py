@@ -32,7 +32,7 @@ contours and heads. With one such proposal in L only such proposals count. An
 order is checked, not computed: its digest is of whole numbers only. A head that
 can not accept even that refuses the peer by name.
 
-*Safety.* RELEASED is final. A **term** is one stretch in which a head stands by
+*Safety.* RELEASED is final. A **term** is one period in which a head stands by
 one (L, digest). X releases in term t only when every Y of L said AGREED having
 heard t. From then on Y has no older word of X to count, and X never says
 another: Y can not release anything else, and had it done so before, it would

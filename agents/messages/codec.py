@@ -2,7 +2,7 @@
 
 Wire form: one msgpack array `[kind, head, epoch, seq, *fields]`. Sequences are
 differences from one to the next, in the narrowest integer that holds them,
-deflated: the candidates of one distribution share long stretches, which
+deflated: the candidates of one distribution share long runs, which
 deflate folds. `decode` is the only entry for bytes of others; whatever they
 hold it returns a valid message or raises `MessageError`, in bounded memory.
 """

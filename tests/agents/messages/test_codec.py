@@ -177,7 +177,7 @@ def test_any_sequences_come_back(rows: list[np.ndarray]) -> None:
     assert [b.tolist() for b in back] == [r.tolist() for r in rows]
 
 
-def test_candidates_that_share_stretches_cost_little_more_than_one() -> None:
+def test_candidates_that_share_runs_cost_little_more_than_one() -> None:
     """ "Compressed" is literal: ten like sequences must not cost ten times one."""
     rng = np.random.default_rng(1)
     base = rng.permutation(400).astype(np.int32)
