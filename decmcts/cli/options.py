@@ -166,7 +166,12 @@ SlowerOption = Annotated[
 TimeOption = Annotated[
     float,
     typer.Option(
-        "--time-limit", rich_help_panel=BASICS, metavar="S", min=0.0, help="Search time, seconds"
+        "--time-limit",
+        rich_help_panel=BASICS,
+        metavar="S",
+        min=0.0,
+        max=30 * _DAY_S,
+        help="Search time, seconds",
     ),
 ]
 SeedOption = Annotated[

@@ -5,6 +5,7 @@ Nothing here computes. Names in files and on the command line are the values of 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -229,8 +230,8 @@ class TeamSearch:
 
 
 def _at_least_zero(name: str, value: float | None) -> None:
-    if value is not None and not value >= 0:
-        raise InputError(f"{name} is {value}, must be at least 0")
+    if value is not None and not 0 <= value < math.inf:
+        raise InputError(f"{name} is {value}, must be at least 0 and finite")
 
 
 RULES = Rules()  # the usual ones

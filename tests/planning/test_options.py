@@ -33,6 +33,8 @@ class Mine:
     [
         lambda: Search(-1.0),
         lambda: Search(float("nan")),
+        lambda: Search(float("inf")),
+        lambda: TeamSearch(float("inf")),
         lambda: Search(seed=-1),
         lambda: Search(max_iterations=-1),
         lambda: TeamSearch(-1.0),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,7 +38,8 @@ class Stopping:
     Raises
     ------
     ValueError
-        If there is neither a limit of seconds nor of iterations, or one is negative.
+        If there is neither a limit of seconds nor of iterations, or one is negative or
+        infinite: then there would be no share of it to pace the search by.
     """
 
     seconds: float | None = None
@@ -47,10 +49,10 @@ class Stopping:
     def __post_init__(self) -> None:
         if self.seconds is None and self.iterations is None:
             raise ValueError("a search needs a limit of seconds or iterations to pace itself by")
-        if self.seconds is not None and not self.seconds >= 0.0:
-            raise ValueError(f"negative limit: {self.seconds} s")
+        if self.seconds is not None and not 0.0 <= self.seconds < math.inf:
+            raise ValueError(f"limit of {self.seconds} s, must be finite and at least 0")
         if self.iterations is not None and self.iterations < 0:
-            raise ValueError(f"negative limit: {self.iterations} iterations")
+            raise ValueError(f"limit of {self.iterations} iterations, must be at least 0")
 
     def ends(self, seconds: float, iterations: int) -> bool:
         """Return whether the search ends here."""

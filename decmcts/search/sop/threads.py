@@ -295,12 +295,17 @@ class TwoThreads:
             bare = steps.bare(self.costs, self.incumbent.problem.graph)
             return AnnealedSequence(bare, self.parts.shares, state)
 
-        last = 0.0 if by_elites else _BEFORE_WINDOWS if self.parts.windows else _ALL_THAT_IS_LEFT
-        anneal = AnnealThread(sequence(), steps.scale, long, last)
-        thread: AnnealThread | EliteThread | TurnsThread = anneal
-        if by_elites:
-            elite = EliteThread(sequence(), steps, self.least_gain, long)
-            thread = elite if long or not self.parts.luby else TurnsThread((anneal, elite))
+        thread: AnnealThread | EliteThread | TurnsThread
+        if not by_elites:
+            last = _BEFORE_WINDOWS if self.parts.windows else _ALL_THAT_IS_LEFT
+            thread = AnnealThread(sequence(), steps.scale, long, last)
+        elif long or not self.parts.luby:
+            thread = EliteThread(sequence(), steps, self.least_gain, long)
+        else:
+            thread = TurnsThread((
+                AnnealThread(sequence(), steps.scale, long, last_share=0.0),
+                EliteThread(sequence(), steps, self.least_gain, long),
+            ))  # fmt: skip
         thread.meet(self.incumbent)
         return thread
 

@@ -69,7 +69,8 @@ class WindowThread:
         self.sequence.offer_to(incumbent)
         if incumbent.cost < self._cost - _BEHIND * self._worse:
             self.sequence.take(incumbent.order, incumbent.cost)
-            self._cost, self._schedule = incumbent.cost, None
+            self.sequence.best = self._cost = incumbent.cost
+            self._schedule = None
 
     def _begin(self) -> TemperatureSchedule:
         """Choose the next window; return its temperatures."""

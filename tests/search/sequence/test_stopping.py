@@ -35,9 +35,10 @@ def test_iterations_keep_the_pace_where_they_are_limited() -> None:
     ("seconds", "iterations", "message"),
     [
         (None, None, "seconds or iterations"),
-        (-1.0, None, "negative limit: -1.0 s"),
-        (float("nan"), 5, "negative limit: nan s"),
-        (1.0, -5, "negative limit: -5 iterations"),
+        (-1.0, None, "limit of -1.0 s, must be finite and at least 0"),
+        (float("nan"), 5, "limit of nan s"),
+        (float("inf"), None, "limit of inf s"),
+        (1.0, -5, "limit of -5 iterations, must be at least 0"),
     ],
 )
 def test_bad_limits_are_named(seconds: float | None, iterations: int | None, message: str) -> None:
