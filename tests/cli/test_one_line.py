@@ -14,7 +14,8 @@ from tests.cli.test_bad_input import SQUARE, gcode
 WRONG = [
     "plan", "plan no.gcode", "plan folder", "plan empty.gcode", "plan text.gcode",
     "plan a.gcode", "plan a.gcode --machine no.toml", "plan a.gcode --machine folder",
-    "plan a.gcode --time-limit nan", "plan a.gcode --time-limit inf", "plan a.gcode --seed 1.5", "plan a.gcode --planner tabu",
+    "plan a.gcode --time-limit nan", "plan a.gcode --time-limit inf", "plan a.gcode --seed 1.5",
+    "plan a.gcode --planner tabu",
     "plan a.gcode -o", "plan a.gcode -o a.gcode", "plan a.gcode -o no/x", "plan a.gcode -o folder",
     "plan a.gcode -o /dev/null", "plan a.gcode -o - --json", "plan a.gcode --plan -",
     "plan a.gcode -o p.json --plan p.json", "plan - --machine paper", "plan a.gcode b.gcode",
