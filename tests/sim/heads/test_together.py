@@ -336,7 +336,7 @@ VERBATIM = [
 ]
 
 
-@pytest.mark.parametrize("text", VERBATIM)
+@pytest.mark.parametrize("text", VERBATIM + [text.replace(" ", "") for text in VERBATIM])
 @pytest.mark.parametrize("tool", [None, 0, 1])
 @pytest.mark.parametrize("selected", [None, 0, 1])
 @pytest.mark.parametrize("relative_e", [False, True])

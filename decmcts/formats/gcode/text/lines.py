@@ -32,11 +32,12 @@ _FAULTS = {
 
 
 _PROGRESS = re.compile(rb"M0*73(?: ?[PRQSCDLB] ?[0-9.]*)*(?: ?\([^)]*\)?)?\Z", re.I)
+_JOINED = re.compile(rb"(?<=[0-9.])(?=[A-Za-z])")  # two words that no blank parts
 _OPEN_BRACKET = re.compile(rb"\([^);]*(?:;|\Z)")
 
 
 def command_of(line: bytes) -> bytes:
-    """Return what a line commands: no comment, line number, checksum or extra blanks.
+    """Return what a line commands, a blank between words; no comment, line number, checksum.
 
     Nothing where it only tells progress (M73), which another order counts anew.
     """
@@ -44,6 +45,8 @@ def command_of(line: bytes) -> bytes:
     if _NUMBERED.match(code):
         code = _NUMBERED.sub(rb"\1", code)
     code = b" ".join(code.split())
+    if code[:1] in b"GMgm" and code[1:2].isdigit():
+        code = _JOINED.sub(b" ", code)
     return b"" if code[:1] in (b"(", b"") or _PROGRESS.match(code) else code
 
 

@@ -23,7 +23,9 @@ _HOMING = re.compile(rb"^\s*G2[89](?![0-9.])", re.I)
 _E_WORD = re.compile(rb"^[^;(]*?E\s*([-+]?[0-9.]+)", re.I)
 _E_MODE = re.compile(rb"^\s*(?:N\d+\s*)?(M8[23]|G9[01])(?![0-9.])", re.I)
 _SETS_E = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(]*E", re.I)
-_FOR_TOOL = re.compile(rb"^(\s*(?!M0*(?:20[1-5]|593)\b)[MG]\d[^;]*?)\s+T(\d+)(?=[\s;]|$)")
+_FOR_TOOL = re.compile(
+    rb"^(\s*(?!M0*(?:20[1-5]|593)(?![0-9.]))[MG]\d[^;]*?)(?:\s+|(?<=[0-9.]))T(\d+)(?=[\s;A-Z(]|$)"
+)
 _FILAMENT = re.compile(
     rb"^\s*(?:N\d+\s*)?G0*(?:[01](?![0-9.])(?=[^;(]*E)|1[01](?![0-9.])(?![^;(]*L))", re.I
 )

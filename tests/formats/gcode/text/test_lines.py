@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.motion import interpret
 from decmcts.formats.gcode.controller.state import track_state
-from decmcts.formats.gcode.text.lines import split_lines
+from decmcts.formats.gcode.text.lines import command_of, split_lines
 
 
 def values(line: str) -> dict[str, float]:
@@ -129,3 +129,19 @@ def test_a_bracket_that_stays_open_is_refused(row):
 def test_brackets_that_hide_nothing_are_fine(row):
     """Messages, comments and closed brackets mean the same to all."""
     assert len(split_lines(f"G28\n{row}\n".encode(), "x")) == 2
+
+
+@pytest.mark.parametrize(
+    ("line", "command"),
+    [
+        ("M104S210T1", "M104 S210 T1"),
+        ("N7 g1x-1.5e.2 *33 ; purge", "g1 x-1.5 e.2"),
+        ("  M104  S210\tT1 ;hot", "M104 S210 T1"),
+        ("T1", "T1"),
+        ("SET_PIN PIN=fan1b", "SET_PIN PIN=fan1b"),
+        ("M73P5R30", ""),
+        (";G1X1", ""),
+    ],
+)
+def test_a_command_is_the_same_with_blanks_and_without(line: str, command: str) -> None:
+    assert command_of(line.encode()) == command.encode()
