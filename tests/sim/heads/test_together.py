@@ -336,12 +336,16 @@ VERBATIM = [
 ]
 
 
-@pytest.mark.parametrize("text", VERBATIM + [text.replace(" ", "") for text in VERBATIM])
+@pytest.mark.parametrize("text", VERBATIM)
+@pytest.mark.parametrize(
+    "spelt", [str, str.lower, lambda text: text.replace(" ", "")], ids=["usual", "small", "joined"]
+)
 @pytest.mark.parametrize("tool", [None, 0, 1])
 @pytest.mark.parametrize("selected", [None, 0, 1])
 @pytest.mark.parametrize("relative_e", [False, True])
-def test_judge_and_writer_tell_a_head_the_same(text, tool, selected, relative_e):
+def test_judge_and_writer_tell_a_head_the_same(text, spelt, tool, selected, relative_e):
     """Each with its own rules; where they differ an honest file is refused after the search."""
+    text = spelt(text)
     used = None if tool is None else selected  # as both are asked
     written = own_lines(
         text.encode(), tool, selected=used, keep_homing=False, relative_e=relative_e,

@@ -38,7 +38,7 @@ OWN: Hears = "own"
 _COMMAND = re.compile(rb"^\s*(?:N\d+\s*)?M10([49])(?![0-9.])([^;(]*)", re.I)
 _VALUE = re.compile(rb"[SR]\s*(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"(?:^|(?<=[\s0-9.]))T\s*(\d+)", re.I)
-_SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)")
+_SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)", re.I)
 
 
 class HotEnd(NamedTuple):
