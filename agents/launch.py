@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from agents.launching.spawn import Agreement, OnStart, run_agents
-from agents.launching.supervisor import LaunchError, OnProgress, ShouldStop
+from agents.launching.supervisor import LaunchError, OnProgress
 from agents.planners.pack import TEAM, Pack, write_pack
 from agents.planners.serial import joint_order
 from decmcts._kernels.engine.lags import Lags
@@ -23,6 +23,7 @@ from decmcts.formats.files.drafts import draft_folder
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters, changed
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
@@ -41,18 +42,17 @@ def launch(
     machine: Machine,
     graph: DependencyGraph,
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     seed: int,
     lags: Lags | None = None,
     parameters: Mapping[str, float | str] | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
-    should_stop: ShouldStop | None = None,
 ) -> LaunchResult:
     """Plan a print by one process per head of the machine.
 
-    The print goes to the agents in a temporary folder; callbacks and limits are
-    those of `run_agents`. `lags` say how long what is printed over must cool,
+    The print goes to the agents in a temporary folder; callbacks and what ends
+    planning are those of `run_agents`. `lags` say how long what is printed over must cool,
     `parameters` set some of `decmcts.team.dec_mcts.parameters`.
 
     Raises
@@ -61,6 +61,8 @@ def launch(
         If the agents come to no plan, or to one that resolves differently here.
     InputError
         If no head can print some contour, or a parameter is not allowed.
+    ValueError
+        If there is no limit of seconds, or one of iterations.
     """
     changed(Parameters(), parameters or {})
     problem = build_team_problem(job, machine, graph, lags)
@@ -71,11 +73,10 @@ def launch(
         agreement = run_agents(
             problem.head_names,
             ["--pack", str(folder), "--expect", expected],
-            time_limit_s=time_limit_s,
+            stopping=stopping,
             seed=seed,
             on_progress=on_progress,
             on_start=on_start,
-            should_stop=should_stop,
         )
     return _checked(problem, agreement)
 

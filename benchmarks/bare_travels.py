@@ -17,26 +17,27 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 from common import RESULTS, Rows, corpus, markdown, names, setting
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts.errors import InputError
-from decmcts.planning.one_head.pipeline import plan_judged
-from decmcts.planning.options import NO_QUALITY, Objective, Search
-from decmcts.planning.problem import print_problem
-from decmcts.planning.problem.planned import source_plan
+from decmcts.planning.events import unheard
+from decmcts.planning.options import NO_QUALITY, Objective
+from decmcts.planning.problem.planned import check, document_of, source_plan
 from decmcts.planning.problem.print_problem import load
 from decmcts.planning.writing.one_head import draft_single
+from decmcts.print.metrics import Metrics
 from decmcts.print.walls import no_walls
+from decmcts.search.planners import plan_order
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.pace import pace_of
 from decmcts.search.sequence.problem import OrderProblem, Pace
 from decmcts.search.sequence.stopping import Stopping
+from decmcts.team.schedule.joint_plan import schedule
 
 FILES = (
     "cura_5.3.1_marlin_lightning,cura_5.2.1_spool,cura_master_marlin_duet,"
@@ -44,6 +45,7 @@ FILES = (
     "kisslicer_1.6.3_crlf"
 )
 PROPOSALS, REPEATS = 500_000, 3
+SAID: Metrics = {"planner": "hybrid", "objective": "time", "freedom": "reversible", "seed": 0}
 WARMTH = {"hot": 1.5, "cold": 0.05}  # of the mean travel, as planner `local` begins and ends
 
 
@@ -81,11 +83,10 @@ def attempt(path: Path, steps: int) -> dict[str, Any]:
     for price, pace in PRICES.items():
         timed = replace(plain, pace=pace(loaded.job, loaded.machine.limits))
         row |= {f"{name}_{price}_ns": ns for name, ns in nanoseconds(timed).items()}
-        search = Search(
-            36000.0, objective=Objective.TIME, max_iterations=steps * n, certificate=False
-        )
-        with patch.object(print_problem, "pace_of", pace), tempfile.TemporaryDirectory() as folder:
-            planned = plan_judged(loaded, search, before=own)
+        found = plan_order(timed, planner="hybrid", stopping=Stopping(iterations=steps * n), seed=0)
+        plan = schedule(loaded.job, loaded.machine, loaded.graph, [found.toolpath])
+        planned = check(loaded, own, document_of(loaded, plan, SAID), found.history, {}, unheard)
+        with tempfile.TemporaryDirectory() as folder:
             made = draft_single(planned, Path(folder) / "draft.gcode", Path(folder) / "out.gcode")
         row |= {
             f"{price}_s": made.after_s,

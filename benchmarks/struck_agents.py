@@ -36,6 +36,7 @@ from agents.launching.spawn import run_agents
 from agents.launching.supervisor import AgentStatus, LaunchError
 from agents.planners.source import load_source
 from decmcts.print.plan import PlanDocument
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.made_print import made_gcode
 from sim.verify import verify_plan
@@ -188,12 +189,11 @@ def toy_run(heads: int, seed: int, striker: Striker) -> tuple[str, str]:
     agreement = run_agents(
         [f"head{h}" for h in range(heads)],
         [],
-        time_limit_s=LIMIT_S["toy"],
+        stopping=Stopping(LIMIT_S["toy"], asked=striker.step),
         seed=seed,
         command=TOY,
         on_start=striker.learn,
         on_progress=striker.watch,
-        should_stop=striker.step,
     )
     done = np.sort(np.concatenate(list(agreement.plans.values())))
     lengths = np.random.default_rng(JOBS).uniform(1.0, 9.0, JOBS)
@@ -213,11 +213,10 @@ def team_run(heads: int, seed: int, striker: Striker) -> tuple[str, str]:
         job,
         machine,
         graph,
-        time_limit_s=LIMIT_S["team"],
+        stopping=Stopping(LIMIT_S["team"], asked=striker.step),
         seed=seed,
         on_start=striker.learn,
         on_progress=striker.watch,
-        should_stop=striker.step,
     )
     plan = schedule(job, machine, graph, list(result.toolpaths))
     document = PlanDocument(result.problem, machine, job.contours, graph.pairs(), plan, {})

@@ -118,7 +118,8 @@ def by_processes(problem: TeamProblem, cpu_s: float, seed: int) -> tuple[Paths, 
     heads = len(problem.machine.heads)
     wall_s = cpu_s / min(heads, os.cpu_count() or 1)
     before = children_s()
-    result = launch(problem.job, problem.machine, problem.graph, time_limit_s=wall_s, seed=seed)
+    stopping = Stopping(wall_s)
+    result = launch(problem.job, problem.machine, problem.graph, stopping=stopping, seed=seed)
     agents = result.agreement.agents
     best, history = float("inf"), []
     for seconds, makespan in sorted(h for agent in agents for h in agent.history):

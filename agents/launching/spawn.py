@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.launching.processes import AgentProcess, Said
-from agents.launching.supervisor import AgentStatus, OnProgress, ShouldStop, Supervisor
+from agents.launching.supervisor import AgentStatus, OnProgress, Supervisor
+from decmcts.search.sequence.stopping import Stopping
 
 OnStart = Callable[[Mapping[int, int]], None]
 """Told the process id of every head."""
@@ -82,26 +83,38 @@ def run_agents(
     names: Sequence[str],
     arguments: Sequence[str],
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     seed: int,
     command: Sequence[str] = EXTRUDER,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
-    should_stop: ShouldStop | None = None,
     meeting: Meeting | None = None,
 ) -> Agreement:
     """Run one agent process per head and return what they agreed on.
 
     Every agent runs `command` with `arguments`, e.g. `--pack DIR`, and its own
-    place in the team. `time_limit_s` counts from when all agents are ready;
-    `on_progress` is told the status of all whenever something was heard,
-    `on_start` the process ids, and `should_stop` is asked ten times a second
-    whether to agree on the best so far. They meet at a `meeting` of their own unless one
-    is given. Raises LaunchError if there is no plan.
+    place in the team. `on_progress` is told the status of all whenever something was
+    heard, `on_start` the process ids. They meet at a `meeting` of their own unless one
+    is given.
+
+    Parameters
+    ----------
+    stopping : Stopping
+        What ends planning. Seconds count from when all agents are ready; ten times a second
+        it is polled whether to agree on the best so far. Iterations cannot be limited.
+
+    Raises
+    ------
+    LaunchError
+        If there is no plan.
+    ValueError
+        If there is no limit of seconds, or one of iterations.
     """
+    if stopping.seconds is None or stopping.iterations is not None:
+        raise ValueError("agents plan by the clock: limit seconds, and no iterations")
     heard: queue.Queue[Said] = queue.Queue()
     epoch = time.time_ns() // 1_000_000
-    shared = [*command, *arguments, *_planning_arguments(time_limit_s, seed)]
+    shared = [*command, *arguments, *_planning_arguments(stopping.seconds, seed)]
     shared += ["--epoch", str(epoch)]
     if len(names) > 1:  # one head is the single-extruder mode: no network
         shared += _meeting_arguments(meeting or Meeting.fresh(len(names)))
@@ -115,10 +128,9 @@ def run_agents(
             agents,
             tuple(names),
             heard,
-            time_limit_s=time_limit_s,
+            stopping=stopping,
             epoch=epoch,
             on_progress=on_progress,
-            should_stop=should_stop,
         )
         released = supervisor.run()
     finally:

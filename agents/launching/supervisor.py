@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from agents.launching.processes import Said
+from decmcts.search.sequence.stopping import Stopping
 
 START_LIMIT_S = 180.0
 """To load the problem and compile; a head that takes longer is fenced."""
@@ -75,7 +76,6 @@ class AgentStatus:
     agreeing_s: float | None = None  # from the end of planning, to the release in the end
 
 
-ShouldStop = Callable[[], bool]
 OnProgress = Callable[[tuple[AgentStatus, ...]], None]
 
 
@@ -88,10 +88,9 @@ class Supervisor:
         names: tuple[str, ...],
         heard: queue.Queue[Said],
         *,
-        time_limit_s: float,
+        stopping: Stopping,
         epoch: int,
         on_progress: OnProgress | None = None,
-        should_stop: ShouldStop | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._epoch = epoch  # incarnation of all the agents of this launch
@@ -104,8 +103,9 @@ class Supervisor:
         self._misses: dict[int, float] = {}  # head that misses others -> since when
         self._heard_at: dict[int, float] = {}  # head -> when it last said something
         self._gap_s: dict[int, float] = {}  # head -> its longest silence yet
-        self._limit_s, self._on_progress = time_limit_s, on_progress
-        self._should_stop, self._stopping = should_stop, False
+        assert stopping.seconds is not None  # agents plan by the clock
+        self._limit_s, self._on_progress = stopping.seconds, on_progress
+        self._stopping, self._told_to_stop = stopping, False
         self._clock = clock
         self._started = clock()
         self._since = self._started  # of the latest change of the team
@@ -113,8 +113,8 @@ class Supervisor:
     def run(self) -> dict[str, Any]:
         """Return the `released` line all unfenced agents agree on.
 
-        Ctrl-C, or `should_stop` saying so, ends planning: the agents then agree
-        on the best so far. Ctrl-C after that goes on to the caller.
+        Ctrl-C ends planning, and so does `stopping` once it is asked to: the agents then
+        agree on the best so far. Ctrl-C after that goes on to the caller.
 
         Raises
         ------
@@ -128,10 +128,10 @@ class Supervisor:
                     return released
                 self._listen()
                 self._enforce_limits()
-                if self._should_stop is not None and self._should_stop():
+                if self._stopping.is_asked():
                     self.stop()
             except KeyboardInterrupt:
-                if self._stopping or (self._should_stop is not None and self._should_stop()):
+                if self._told_to_stop or self._stopping.is_asked():
                     raise  # the second: whoever launched wants out
                 self.stop()
 
@@ -143,8 +143,8 @@ class Supervisor:
         LaunchError
             If an agent does not know all others yet: it would take them for lost.
         """
-        if not self._stopping:
-            self._stopping = True
+        if not self._told_to_stop:
+            self._told_to_stop = True
             if not self._have_met():
                 raise LaunchError("stopped before the agents had found one another")
             self._tell_all({"command": "stop"})

@@ -7,6 +7,7 @@ from decmcts.planning.one_head.certificate import Certificate, certify
 from decmcts.planning.options import Search
 from decmcts.planning.result import Result
 from decmcts.search.planners import toolpath_cost
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.metrics import head_toolpath
 
 
@@ -31,6 +32,8 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
     ------
     InputError
         For the result of several heads, whose bound is on the makespan: `result.bound_s`.
+    ValueError
+        If the limit is negative.
 
     Examples
     --------
@@ -47,4 +50,4 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
     problem = result.planned.problem.for_one_head(search.objective)
     actions = result.document.plan.heads[0]
     travel = toolpath_cost(problem, head_toolpath(actions))
-    return certify(problem, travel, time_limit_s=time_limit_s)
+    return certify(problem, travel, stopping=Stopping(time_limit_s))

@@ -22,6 +22,7 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.two_heads import EXAMPLE
 from sim.verify import verify_plan
@@ -60,7 +61,7 @@ def run(
         job,
         machine,
         graph,
-        time_limit_s=time_limit_s,
+        stopping=Stopping(time_limit_s),
         seed=seed,
         on_start=assassin.learn,
         on_progress=assassin.watch,

@@ -22,6 +22,7 @@ from agents.launching.supervisor import AgentStatus, LaunchError
 from agents.messages.codec import MAX_MESSAGE_BYTES
 from agents.messages.keys import Keys
 from agents.networks.zenoh_transport import Endpoints, configuration
+from decmcts.search.sequence.stopping import Stopping
 from tests.agents.toy import load_balance
 
 TOY = (sys.executable, str(Path(__file__).with_name("toy_agent.py")))
@@ -49,7 +50,7 @@ class Until:
     def on_progress(self, status: Status) -> None:
         self.status = status
 
-    def should_stop(self) -> bool:
+    def is_seen(self) -> bool:
         planning = bool(self.status) and all(s.rounds for s in self.status)
         return planning and self.seen(self.status)  # earlier, a launch has nothing to end
 
@@ -86,12 +87,11 @@ def run(
     return run_agents(
         names.split(","),
         arguments,
-        time_limit_s=PLENTY_S,
+        stopping=Stopping(PLENTY_S, asked=watch.is_seen),
         seed=1,
         command=TOY,
         on_start=watch.on_start,
         on_progress=watch.on_progress,
-        should_stop=watch.should_stop,
         meeting=meeting,
     )
 
@@ -121,7 +121,7 @@ def test_two_processes_release_the_same_plan(monkeypatch: pytest.MonkeyPatch) ->
 def test_planning_ends_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody asks for the end, as without a terminal."""
     monkeypatch.setenv("TOY_HEADS", "left,right")
-    agreement = run_agents(["left", "right"], [], time_limit_s=0.2, seed=1, command=TOY)
+    agreement = run_agents(["left", "right"], [], stopping=Stopping(0.2), seed=1, command=TOY)
     assert_live(agreement, 0, 1)
     assert_complete(agreement)
 
@@ -219,7 +219,7 @@ class Sleeper(Saboteur):
             self.resumed = True
             os.kill(self.pids[self.head], signal.SIGCONT)
 
-    def should_stop(self) -> bool:
+    def is_seen(self) -> bool:
         return self.resumed and all(len(s.live) == len(self.status) for s in self.status)
 
 
@@ -290,7 +290,7 @@ def test_a_crash_is_one_line() -> None:
             ["a", "b"],
             ["--pack", "/nowhere"],
             seed=1,
-            time_limit_s=1.0,
+            stopping=Stopping(1.0),
         )
 
 

@@ -14,6 +14,7 @@ from agents.launching.supervisor import AgentStatus
 from agents.planners.pack import Pack
 from agents.planners.source import load_source
 from decmcts.samples import sample_path
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
@@ -83,10 +84,9 @@ def test_two_agents_agree_on_a_real_print_bit_for_bit(pack: Pack) -> None:
         pack.job,
         pack.machine,
         pack.graph,
-        time_limit_s=PLENTY_S,
+        stopping=Stopping(PLENTY_S, asked=watch.have_told),
         seed=3,
         on_progress=watch.on_progress,
-        should_stop=watch.have_told,
     )
     agreement = result.agreement
     assert agreement.live == (0, 1)
@@ -105,11 +105,10 @@ def test_a_killed_agent_s_share_of_a_real_print_is_taken_over(pack: Pack) -> Non
         pack.job,
         pack.machine,
         pack.graph,
-        time_limit_s=PLENTY_S,
+        stopping=Stopping(PLENTY_S, asked=killer.is_missed),
         seed=3,
         on_start=killer.on_start,
         on_progress=killer.on_progress,
-        should_stop=killer.is_missed,
     )
     assert result.agreement.live == (1,)
     assert_plan_holds(pack, result)

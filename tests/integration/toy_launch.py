@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from agents.launching.spawn import run_agents
 from agents.launching.supervisor import AgentStatus
+from decmcts.search.sequence.stopping import Stopping
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # CI may start us ignoring it
@@ -29,7 +30,7 @@ if __name__ == "__main__":
         names,
         [],
         seed=1,
-        time_limit_s=float(sys.argv[1]),
+        stopping=Stopping(float(sys.argv[1])),
         command=toy,
         on_progress=on_progress,
         on_start=lambda pids: print(*pids.values(), flush=True),

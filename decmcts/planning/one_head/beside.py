@@ -13,11 +13,13 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Protocol
 
 from decmcts.jit.kernel import compiled_first, giving_way
 from decmcts.planning.events import Report, Step, Stop
 from decmcts.search.planners import Planner, SearchResult
+from decmcts.search.sequence.stopping import Stopping
 
 POLL_S = 0.05  # how often it is asked whether a search can begin
 STILL = "the source's own order, judged before anything is written"
@@ -26,12 +28,12 @@ STILL = "the source's own order, judged before anything is written"
 class _Search(Protocol):
     def ready(self) -> bool: ...
     def begin(self, stop: Stop) -> str | Planner: ...
-    def search(self, chosen: str | Planner, stop: Stop) -> SearchResult: ...
+    def search(self, chosen: str | Planner, stopping: Stopping) -> SearchResult: ...
 
 
 @contextmanager
 def searched_beside(
-    order: _Search, *, stop: Stop, report: Report
+    order: _Search, *, stopping: Stopping, report: Report
 ) -> Iterator[Callable[[], SearchResult | None]]:
     """Search in a thread beside the body of a `with`, begun as soon as that is ready.
 
@@ -39,17 +41,15 @@ def searched_beside(
     called. A body that fails ends the search.
     """
     wanted, failed = threading.Event(), threading.Event()
-
-    def ended() -> bool:
-        return failed.is_set() or stop()
+    until = replace(stopping, asked=lambda: failed.is_set() or stopping.is_asked())
 
     def run() -> SearchResult | None:
         while not order.ready():
             if wanted.wait(POLL_S) or failed.is_set():
                 return None
         with compiled_first():
-            chosen = order.begin(ended)
-        found = order.search(chosen, ended)
+            chosen = order.begin(until.is_asked)
+        found = order.search(chosen, until)
         if not (wanted.is_set() or failed.is_set()):
             report(Step(STILL))
         return found

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from decmcts.planning.compiling.rows import row_of
-from decmcts.planning.events import Stop, never
 from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import EXACT_UP_TO, lower_bound
 from decmcts.search.sequence.problem import OrderProblem
@@ -63,9 +62,8 @@ def certify(
     problem: OrderProblem,
     travel: float,
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     known: float | None = None,
-    stop: Stop = never,
 ) -> Certificate:
     """Prove how far from optimal a result is at most, or say why that is not known.
 
@@ -73,35 +71,34 @@ def certify(
     ----------
     travel : float
         What the result's travels cost, mm or s as the problem has it.
-    time_limit_s : float
-        Seconds of proving, of which at most `MOST_S` are used.
+    stopping : Stopping
+        What ends the proof with what is proven by then; at the latest `MOST_S` do.
     known : float | None
         What the search itself has proven; no lower bound is returned. If it is the
         travel, no more is done.
-    stop : Stop
-        Asked many times a second; True ends the proof with what is proven by then.
     """
-    allowed_s, unit = min(MOST_S, time_limit_s), problem.unit
+    allowed_s, unit = stopping.seconds_up_to(MOST_S), problem.unit
     if known is not None and travel <= known * (1.0 + ROUNDING):
         return Certificate(travel, known, 0.0, unit, "exact")
-    reason = "stopped before one was proven" if stop() else _too_large(len(problem), allowed_s)
-    if reason:
+    asked = "stopped before one was proven" if stopping.is_asked() else ""
+    if reason := asked or _too_large(len(problem), allowed_s):
         return Certificate(travel, None, None, unit, skipped=reason)
     compile_bound(problem)
-    found = lower_bound(problem, stopping=Stopping(allowed_s, asked=stop), upper_bound=travel)
+    stopping = replace(stopping, seconds=allowed_s)
+    found = lower_bound(problem, stopping=stopping, upper_bound=travel)
     method: str = found.method
     if known is not None and known > found.bound:
         found, method = replace(found, bound=known), "search"
     return Certificate(travel, found.bound, found.gap_percent(travel), unit, method)
 
 
-def early_bound(problem: OrderProblem, *, time_limit_s: float, stop: Stop = never) -> float | None:
-    """Return a bound made in a twentieth of the search time, to show while searching."""
-    allowed_s = min(MOST_EARLY_S, EARLY_SHARE * time_limit_s)
+def early_bound(problem: OrderProblem, *, stopping: Stopping) -> float | None:
+    """Return a bound to show while searching, made in a twentieth of what the search has."""
+    allowed_s = stopping.shortened(EARLY_SHARE).seconds_up_to(MOST_EARLY_S)
     if len(problem) <= EXACT_UP_TO or _too_large(len(problem), allowed_s):
         return None
     compile_bound(problem)
-    return lower_bound(problem, stopping=Stopping(allowed_s, asked=stop)).bound
+    return lower_bound(problem, stopping=Stopping(allowed_s, asked=stopping.asked)).bound
 
 
 def _too_large(n: int, allowed_s: float) -> str:

@@ -17,6 +17,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import SearchResult
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.team.schedule.cooling import Timed, cooled
 
@@ -24,7 +25,8 @@ PROBE = 0.1  # share of the search time for finding out whether cooling costs an
 CLOSE = 1e-3  # share of the print time by which the clock of a search may be wrong
 LITTLE = 1e-3  # share of the print time: waits that cost less than a search heeding time would
 
-Run = Callable[[TimedLags | None, float], SearchResult]
+Run = Callable[[TimedLags | None, Stopping], SearchResult]
+"""Searches with the time lags to heed, until it is to end."""
 
 
 def search_cooled(
@@ -36,11 +38,12 @@ def search_cooled(
     search: Run,
     sliced: Toolpath,
     *,
-    time_limit_s: float,
+    stopping: Stopping,
     report: Report,
 ) -> SearchResult:
     """Return the order with the least time, waits included.
 
+    `stopping` is of both searches together, but each may make all iterations.
     A short search without regard to cooling shows whether it costs much. If so, one
     that heeds `timed_lags`, time between what lies on each other, gets the rest; else, or
     where that is None, another one without. `sliced`, the source's own order, waits for
@@ -55,12 +58,12 @@ def search_cooled(
         tries.append((found.seconds, replace(result, toolpath=found.toolpath)))
         return found
 
-    probed = keep(search(None, PROBE * time_limit_s))
+    probed = keep(search(None, stopping.shortened(PROBE)))
     if probed.at_first_s <= LITTLE * probed.seconds:
         timed_lags = None
     if timed_lags is not None:
         report(Step("searching orders that let spots cool"))
-    keep(search(timed_lags, (1.0 - PROBE) * time_limit_s))
+    keep(search(timed_lags, stopping.shortened(1.0 - PROBE)))
     seconds, result = min(tries, key=lambda one: one[0])
     bound = max((r.bound for _, r in tries if r.bound is not None), default=None)
     if seconds > (1.0 + CLOSE) * cooled(job, machine, graph, lags, sliced).seconds:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from decmcts._kernels.engine.lags import Lags
 from decmcts.planning.compiling.begin import begin_with, can_begin
 from decmcts.planning.compiling.parts import FIRST
 from decmcts.planning.events import Begun, Report, Step, Stop
-from decmcts.planning.one_head.cooling import search_cooled
+from decmcts.planning.one_head.cooling import Run, search_cooled
 from decmcts.planning.options import Search
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.toolpath import Toolpath
@@ -47,32 +46,29 @@ class OrderSearch:
         """Return the planner to begin with, compiled."""
         return begin_with(self.problem, self.asked.planner, stop)
 
-    def search(self, chosen: str | Planner, stop: Stop) -> SearchResult:
+    def search(self, chosen: str | Planner, stopping: Stopping) -> SearchResult:
         """Search, with an eye to cooling where there is such a rule."""
         asked, given = self.asked, self.print_problem
         self.report(Begun())
-        if not stop():
+        if not stopping.is_asked():
             as_asked = chosen in (asked.planner, asked.name)
             began = "" if as_asked else f"; with {FIRST}, while the rest is compiled"
             self.report(Step(f"searching ({asked.name}, {asked.time_limit_s:g} s{began})"))
         if self.timed_lags is None:
-            return self._run(chosen, stop)(None, asked.time_limit_s)
+            return self._run(chosen)(None, stopping)
         return search_cooled(
             given.job, given.machine, given.graph, self.lags,
-            self.timed_lags if chosen in KEEP_LAGS else None, self._run(chosen, stop),
-            source_toolpath(self.problem), time_limit_s=asked.time_limit_s, report=self.report,
+            self.timed_lags if chosen in KEEP_LAGS else None, self._run(chosen),
+            source_toolpath(self.problem), stopping=stopping, report=self.report,
         )  # fmt: skip
 
-    def _run(
-        self, chosen: str | Planner, stop: Stop
-    ) -> Callable[[TimedLags | None, float], SearchResult]:
-        """Return the search as a function of the time lags to heed and the time it has, s."""
+    def _run(self, chosen: str | Planner) -> Run:
+        """Return the search as a function of the time lags to heed and of what ends it."""
 
-        def run(heeded: TimedLags | None, limit_s: float) -> SearchResult:
+        def run(heeded: TimedLags | None, stopping: Stopping) -> SearchResult:
             return plan_order(
                 replace(self.problem, timed_lags=heeded), planner=chosen,
-                stopping=Stopping(limit_s, self.asked.max_iterations, stop), seed=self.asked.seed,
-                progress=self.report, bound=self.bound,
+                stopping=stopping, seed=self.asked.seed, progress=self.report, bound=self.bound,
             )  # fmt: skip
 
         return run

@@ -111,10 +111,11 @@ def plan_judged(
     if before is None and judge is None:
         before = source_plan(problem)
     bare = problem.for_one_head(search.objective)
-    bound = _first_bound(bare, search, report, stop)
+    stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
+    bound = _first_bound(bare, search, stopping, report)
     report(Step("preparing the search"))
     started = time.perf_counter()
-    before, lags, result = _searched(problem, bare, search, bound, before, judge, report, stop)
+    before, lags, result = _searched(problem, bare, search, bound, before, judge, stopping, report)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
     report(Step("safe travels and times"))
     plan, toolpath = _scheduled(problem, result.toolpath, lags), result.toolpath
@@ -126,9 +127,8 @@ def plan_judged(
             report(Step("proving how far from optimal this is at most"))
         started = time.perf_counter()
         travel = toolpath_cost(bare, toolpath)
-        certificate = certify(
-            bare, travel, time_limit_s=SHARE * search.time_limit_s, known=result.bound, stop=stop
-        )
+        proof = Stopping(SHARE * search.time_limit_s, asked=stop)
+        certificate = certify(bare, travel, stopping=proof, known=result.bound)
         extra = {**extra, **certificate.metrics()}
         seconds["bound"] = time.perf_counter() - started
     after = document_of(problem, plan, extra)
@@ -142,8 +142,8 @@ def _searched(
     bound: float | None,
     before: PlanDocument | None,
     judge: Judge | None,
+    stopping: Stopping,
     report: Report,
-    stop: Stop,
 ) -> tuple[PlanDocument, Lags, SearchResult]:
     """Return the plan of the source's own order, what must cool by it, and what was found."""
     lags, guess, timed_lags = _lags(problem, before)
@@ -153,20 +153,23 @@ def _searched(
         assert judge is not None  # one of the two is given
         order.compile_cooling()
         report(Step("the source's own order, judged while the search begins"))
-        with searched_beside(order, stop=stop, report=report) as searched:
+        with searched_beside(order, stopping=stopping, report=report) as searched:
             before = judge()
             found = searched()
         lags, _, _ = _lags(problem, before)
-    return before, lags, found or order.search(order.begin(stop), stop)
+    return before, lags, found or order.search(order.begin(stopping.is_asked), stopping)
 
 
-def _first_bound(bare: OrderProblem, search: Search, report: Report, stop: Stop) -> float | None:
+def _first_bound(
+    bare: OrderProblem, search: Search, stopping: Stopping, report: Report
+) -> float | None:
     """Return a bound to show while searching, where there is time for it."""
     known = is_compiled(bound_part(unit_for(bare)))
-    if not (search.certificate and search.time_limit_s >= EARLY_FROM_S and known) or stop():
+    early = search.certificate and search.time_limit_s >= EARLY_FROM_S
+    if not (early and known) or stopping.is_asked():
         return None
     report(Step("a first bound on the travel"))
-    return early_bound(bare, time_limit_s=search.time_limit_s, stop=stop)
+    return early_bound(bare, stopping=stopping)
 
 
 def _said(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:

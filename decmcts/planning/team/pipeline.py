@@ -31,6 +31,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
@@ -49,12 +50,11 @@ class Launch(Protocol):
         machine: Machine,
         graph: DependencyGraph,
         *,
-        time_limit_s: float,
+        stopping: Stopping,
         seed: int,
         lags: Lags | None,
         parameters: Mapping[str, float | str] | None,
         on_progress: OnProgress | None,
-        should_stop: Stop | None,
     ) -> LaunchResult:
         """Return what they agreed on; raises LaunchError if that is nothing."""
         ...
@@ -155,12 +155,11 @@ def _agreed(
             agreed_job(problem.job, ready.orders, ready.entry),
             problem.machine,
             problem.graph,
-            time_limit_s=search.time_limit_s,
+            stopping=Stopping(search.time_limit_s, asked=stop),
             seed=search.seed,
             lags=ready.lags,
             parameters=search.parameters,
             on_progress=passed_on,
-            should_stop=stop,
         )
     except LaunchError as error:
         report(Note(f"{error}; one head prints alone"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +59,12 @@ class Stopping:
         return (
             (self.seconds is not None and seconds >= self.seconds)
             or (self.iterations is not None and iterations >= self.iterations)
-            or (self.asked is not None and self.asked())
+            or self.is_asked()
         )
+
+    def is_asked(self) -> bool:
+        """Return whether somebody asks for the end, whatever the limits are."""
+        return self.asked is not None and self.asked()
 
     def spent(self, seconds: float, iterations: int) -> float:
         """Return the share used, 0 at the start, 1 or more at the end."""
@@ -72,3 +76,11 @@ class Stopping:
     def share_of(self, seconds: float) -> float:
         """Return which share of the limit these seconds are; 0 where iterations are limited."""
         return self.spent(seconds, 0)
+
+    def seconds_up_to(self, most: float) -> float:
+        """Return the limit of seconds; `most` where that is less, or there is no limit."""
+        return most if self.seconds is None else min(most, self.seconds)
+
+    def shortened(self, share: float) -> Stopping:
+        """Return the same with a share of the seconds; a limit of iterations stays."""
+        return self if self.seconds is None else replace(self, seconds=share * self.seconds)

@@ -1,4 +1,4 @@
-"""Ports for agents: free, different, and none that an outgoing connection may be given."""
+"""Agents are given ports that stay free, and only limits they keep."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import socket
 import pytest
 
 from agents.launching import spawn
+from decmcts.search.sequence.stopping import Stopping
 
 
 def test_ports_are_different_and_can_be_listened_on() -> None:
@@ -30,3 +31,10 @@ def test_a_port_in_use_is_not_offered() -> None:
         taken = server.getsockname()[1]
         with pytest.raises(OSError, match="no 1 free ports"):
             spawn.free_ports(1, range(taken, taken + 1))
+
+
+@pytest.mark.parametrize("stopping", [Stopping(iterations=9), Stopping(1.0, iterations=9)])
+def test_only_the_clock_ends_planning(stopping: Stopping) -> None:
+    """Agents would plan past a limit they know nothing of; none is started."""
+    with pytest.raises(ValueError, match="limit seconds, and no iterations"):
+        spawn.run_agents(["left"], [], stopping=stopping, seed=0, command=("no such program",))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from agents.launching.supervisor import (
     LaunchError,
     Supervisor,
 )
+from decmcts.search.sequence.stopping import Stopping
 
 PROGRESS = {
     "event": "progress",
@@ -73,7 +75,7 @@ class Scene:
     def released(self, head: int, digest: str, *, at: float = 0.0) -> None:
         self.says(head, {"event": "released", "digest": digest}, at=at)
 
-    def run(self, should_stop: Any = None) -> dict[str, Any]:
+    def run(self, asked: Callable[[], bool] | None = None) -> dict[str, Any]:
         def clock() -> float:
             if self.heard.empty():
                 self.now += self.step_s
@@ -86,10 +88,9 @@ class Scene:
             self.children,
             self.names,
             self.heard,
-            time_limit_s=5.0,
+            stopping=Stopping(5.0, asked=asked),
             epoch=7,
             on_progress=self.seen.append,
-            should_stop=should_stop,
             clock=clock,
         )
         self.supervisor = supervisor
@@ -267,7 +268,7 @@ def test_the_second_interrupt_goes_to_whoever_launched(scene: Scene) -> None:
         return True
 
     with pytest.raises(KeyboardInterrupt):
-        scene.run(should_stop=interrupted)
+        scene.run(asked=interrupted)
     assert scene.children[0].told == [{"command": "stop"}]
 
 
@@ -282,7 +283,7 @@ def test_a_stop_before_the_agents_met_is_said_to_be_one(said: list[dict[str, Any
     scene.says(1, {"event": "ready"})
     scene.says(1, PROGRESS)
     with pytest.raises(LaunchError, match="stopped before the agents had found one another"):
-        scene.run(should_stop=scene.heard.empty)
+        scene.run(asked=scene.heard.empty)
     assert not any(child.killed or child.told for child in scene.children.values())
 
 
@@ -318,5 +319,5 @@ def test_an_agent_that_is_stopped_just_before_its_release_is_not_waited_for(scen
 def test_a_stop_is_asked_for_once(scene: Scene) -> None:
     """Asked again and again, agents would be flooded."""
     scene.released(0, "aa")
-    scene.run(should_stop=lambda: scene.heard.qsize() <= 1)
+    scene.run(asked=lambda: scene.heard.qsize() <= 1)
     assert scene.children[0].told.count({"command": "stop"}) == 1

@@ -21,6 +21,7 @@ from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.samples import sample_path
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import Stopping
 from tests.planning.problem.test_first_check import LAYERS
 
 SOON_S = 60.0  # far more than anything here takes
@@ -39,9 +40,9 @@ class Order:
     def begin(self, stop):
         return "local"
 
-    def search(self, chosen, stop):
+    def search(self, chosen, stopping):
         self.began.set()
-        while not stop():
+        while not stopping.is_asked():
             threading.Event().wait(0.001)
         self.stopped = True
         return chosen
@@ -72,7 +73,8 @@ class Searching:
 def test_the_search_runs_beside_and_its_result_is_waited_for() -> None:
     """The body judges; what was found meanwhile is what counts."""
     order, asked = Order(compiled=True), threading.Event()
-    with searched_beside(order, stop=asked.is_set, report=unheard) as found:
+    stopping = Stopping(SOON_S, asked=asked.is_set)
+    with searched_beside(order, stopping=stopping, report=unheard) as found:
         assert order.began.wait(SOON_S)
         asked.set()
         assert found() == "local"
@@ -81,7 +83,7 @@ def test_the_search_runs_beside_and_its_result_is_waited_for() -> None:
 def test_nothing_is_begun_that_is_not_compiled() -> None:
     """Compiling in a second thread would only wait for the first; the caller begins then."""
     order = Order(compiled=False)
-    with searched_beside(order, stop=lambda: False, report=unheard) as found:
+    with searched_beside(order, stopping=Stopping(SOON_S), report=unheard) as found:
         assert found() is None
     assert not order.began.is_set()
 
@@ -91,7 +93,7 @@ def test_a_body_that_fails_ends_the_search() -> None:
     order = Order(compiled=True)
     with (
         pytest.raises(ZeroDivisionError),
-        searched_beside(order, stop=lambda: False, report=unheard),
+        searched_beside(order, stopping=Stopping(SOON_S), report=unheard),
     ):
         assert order.began.wait(SOON_S)
         raise ZeroDivisionError
@@ -102,12 +104,12 @@ def test_a_search_that_fails_is_heard_of() -> None:
     """A fault in a thread must not pass for a result."""
 
     class Broken(Order):
-        def search(self, chosen, stop):
+        def search(self, chosen, stopping):
             raise RuntimeError("no linear extension")
 
     with (
         pytest.raises(RuntimeError, match="no linear extension"),
-        searched_beside(Broken(compiled=True), stop=lambda: False, report=unheard) as found,
+        searched_beside(Broken(compiled=True), stopping=Stopping(SOON_S), report=unheard) as found,
     ):
         found()
 

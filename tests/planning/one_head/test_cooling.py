@@ -25,6 +25,7 @@ from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.planners import KEEP_LAGS, SearchResult
+from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times, source_times
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
@@ -131,7 +132,7 @@ def test_the_source_is_left_unless_it_is_clearly_faster(tmp_path, feed, close):
     assert (after < (1.0 + CLOSE) * before) == close
     found = SearchResult(right_first, 1.0, 2.0, "mm", 1, np.empty((0, 3)), "hybrid", 0, bound=0.5)
     given = (job, machine, graph, lags, None, lambda *_: found, sliced)
-    result = search_cooled(*given, time_limit_s=1.0, report=unheard)
+    result = search_cooled(*given, stopping=Stopping(1.0), report=unheard)
     assert result.toolpath is (right_first if close else sliced)
     assert result.cost == (1.0 if close else 2.0)
     assert result.bound == 0.5

@@ -20,6 +20,8 @@ def test_whoever_asks_ends_it() -> None:
     asked = iter([False, True])
     stopping = Stopping(seconds=2.0, asked=lambda: next(asked))
     assert [stopping.ends(0.0, 0) for _ in range(2)] == [False, True]
+    assert Stopping(seconds=2.0, asked=lambda: True).is_asked()
+    assert not Stopping(seconds=0.0).is_asked()
 
 
 def test_iterations_keep_the_pace_where_they_are_limited() -> None:
@@ -29,6 +31,14 @@ def test_iterations_keep_the_pace_where_they_are_limited() -> None:
     assert Stopping(seconds=8.0).share_of(2.0) == 0.25
     assert Stopping(seconds=8.0, iterations=10).share_of(2.0) == 0.0
     assert Stopping(seconds=0.0).spent(0.0, 0) == Stopping(iterations=0).spent(0.0, 0) == 1.0
+
+
+def test_a_part_of_a_search_has_a_part_of_its_seconds() -> None:
+    """Where seconds have no limit a part has none either, unless it is given one."""
+    both, endless = Stopping(seconds=8.0, iterations=10), Stopping(iterations=10)
+    assert both.shortened(0.25) == Stopping(seconds=2.0, iterations=10)
+    assert endless.shortened(0.25) == endless
+    assert [each.seconds_up_to(3.0) for each in (both, both.shortened(0.25), endless)] == [3, 2, 3]
 
 
 @pytest.mark.parametrize(
