@@ -33,7 +33,7 @@ def bound(result: Result, *, time_limit_s: float = 10.0) -> Certificate:
     InputError
         For the result of several heads, whose bound is on the makespan: `result.bound_s`.
     ValueError
-        If the limit is negative.
+        If the limit is negative or infinite.
 
     Examples
     --------

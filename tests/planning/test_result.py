@@ -38,6 +38,8 @@ def test_it_says_what_was_gained_and_what_is_left(result: Result) -> None:
     assert result.bound is not None and result.bound.bound is not None
     assert result.bound.bound == pytest.approx(result.after.travel_mm)
     assert bound(result) == result.bound
+    with pytest.raises(ValueError, match="must be finite and at least 0"):
+        bound(result, time_limit_s=-1.0)
     assert result.bound_s is None
 
 
