@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import signal
 import sys
 import time
@@ -152,6 +153,8 @@ def options_of(given: argparse.Namespace) -> Options:
     longest_s = MAX_SILENCE_TICKS * TICK_S
     if not 1.0 <= given.silence <= longest_s:
         raise InputError(f"--silence {given.silence:g}, allowed 1..{longest_s:g} seconds")
+    if not 0.0 <= given.time_limit < math.inf:
+        raise InputError(f"--time-limit {given.time_limit:g}, must be at least 0 and finite")
     return Options(
         head=given.head,
         session=given.session,

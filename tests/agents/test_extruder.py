@@ -56,6 +56,7 @@ def test_options_are_read() -> None:
         ("--head one", "decmcts: argument --head: invalid int value: 'one'; --help lists"),
         ("--head 0 --ports x", "decmcts: argument --ports: invalid numbers value: 'x'; --help"),
         ("--head 0 --silence nan", "decmcts: --silence nan, allowed 1..600 seconds"),
+        ("--head 0 --time-limit inf", "decmcts: --time-limit inf, must be at least 0 and finite"),
         ("--head 0 --silence 0.5", "decmcts: --silence 0.5, allowed 1..600 seconds"),
         ("", "decmcts: the following arguments are required: --head; --help lists what"),
     ],
