@@ -27,7 +27,6 @@ class ProcessSettings:
     bare_climb_mm: float = 0.0  # which may climb so far to the next layer; 0: level ones only
     hop_mm: float = 0.0  # lift of the source's retracted travels
     firmware_retraction: bool = False  # G10/G11 instead of E moves
-    filament_diameter_mm: float = 1.75
     wipe_mm: float = 0.0  # length of the wipe while retracting, 0: none
     wipe_filament_mm: float = 0.0  # retracted during it
     wipe_feed: float = 0.0  # mm/s

@@ -78,7 +78,7 @@ def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = No
 
 
 def infer_settings(
-    lines: Lines, motion: Motion, runs: Runs, track: Track, filament_mm: float
+    lines: Lines, motion: Motion, runs: Runs, track: Track
 ) -> tuple[ProcessSettings, Habits]:
     """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
     gap = np.zeros(len(motion.extrusion), np.bool_)
@@ -109,7 +109,6 @@ def infer_settings(
         retract_min_travel_mm=_threshold(length, pulled),
         hop_mm=_hop(motion, runs, pulled),
         firmware_retraction=by_firmware,
-        filament_diameter_mm=filament_mm,
         **_wipe(motion, runs, gap & ~still & pull, across, pulled),
         z_feed=_usual(motion.feed[upright]),
         travel_acceleration=_usual_acceleration(

@@ -81,7 +81,6 @@ class _Parsed:
     track: Track
     runs: Runs
     beads: Beads
-    filament_mm: float
 
 
 def _parse(path: Path | str) -> _Parsed:
@@ -91,9 +90,8 @@ def _parse(path: Path | str) -> _Parsed:
     track = track_state(lines, motion)
     runs = find_runs(lines, motion, track)
     refuse_unsafe(lines, motion, runs)
-    diameter = filament_diameter(text)
-    beads = measure_beads(motion, runs, track, filament_mm=diameter)
-    return _Parsed(lines, motion, track, runs, beads, diameter)
+    beads = measure_beads(motion, runs, track, filament_mm=filament_diameter(text))
+    return _Parsed(lines, motion, track, runs, beads)
 
 
 def read_gcode(path: Path | str) -> tuple[PrintJob, GcodeDocument]:
@@ -159,7 +157,7 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
     edges, one_way = state_edges(motion, runs, parsed.track, parsed.beads.layer)
     blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
     contours, point_state = _contours(parsed, blocks, one_way)
-    settings, habits = infer_settings(lines, motion, runs, parsed.track, parsed.filament_mm)
+    settings, habits = infer_settings(lines, motion, runs, parsed.track)
     settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs))
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
