@@ -1,4 +1,4 @@
-"""Bare problems: searched, what they compile first, and what is checked of an answer."""
+"""Bare problems: solving them, compiling their kernels first, and checking a sequence found."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ def solve_sop(
     seed : int
         Equal seeds and equal `max_iterations` give equal results, if these end the search.
     max_iterations : int | None
-        Limit on beginnings looked at and moves proposed, of both threads together; None:
-        time alone ends the search.
+        Limit on partial sequences looked at and moves proposed, of both threads together;
+        None: time alone ends the search.
     report : Report
         Told several times a second how the search goes.
     stop : Stop
@@ -133,22 +133,24 @@ def solve_qcsp(
 
 
 def compile_qcsp(problem: QcspProblem, stop: Stop) -> None:
-    """Search a moment, so that compiling is off the clock."""
+    """Search for a few iterations, so that compiling does not count as search time."""
     search_qcsp(problem, stopping=Stopping(iterations=10, asked=stop))
 
 
 def compile_sop() -> None:
-    """Solve a small problem that no search proves at once, so that compiling is off the clock."""
+    """Solve a small problem, so that compiling does not count as search time.
+
+    It is large enough that no search proves it optimal at once: all of them are compiled.
+    """
     points = np.random.default_rng(0).random((40, 2))
     costs = np.linalg.norm(points[:, None] - points[None, :], axis=2)
     search_sop(costs, np.empty((0, 2), np.int32), stopping=Stopping(iterations=40_000))
 
 
 def require_sound(instance: SopInstance, found: SopResult) -> None:
-    """Raise VerificationError unless the result is what it says it is.
+    """Raise VerificationError unless the sequence solves the instance at the cost it claims.
 
-    The instance as read is the measure: each node once, no constraint broken, the
-    cost as claimed.
+    It must have each node once and keep every precedence constraint.
     """
     position = np.empty(len(instance), np.int64)
     position[found.order] = np.arange(len(instance))

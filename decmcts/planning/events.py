@@ -30,7 +30,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Sound:
-    """The source's own order passed the judge: the input is of use."""
+    """The source's own order passed the judge, so a better one can be planned."""
 
 
 @dataclass(frozen=True, slots=True)

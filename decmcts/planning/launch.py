@@ -28,11 +28,12 @@ def launch(
     source : Source
         What `read` returned, for a machine with several heads.
     search : TeamSearch
-        How long, and what is set of the heads' search.
+        How long to search, and which parameters of the heads' search to change.
     rules : Rules
         What every order must keep.
     writes : bool
-        Whether G-code will be written: what could not be is then refused before the search.
+        Whether G-code will be written: then a print whose G-code could not be written is refused
+        before the search.
     report : Report
         Told what is done and where the heads stand.
     stop : Stop

@@ -1,4 +1,4 @@
-"""What planning is asked: a few small values, each checked when it is made.
+"""The options of planning: a few frozen dataclasses, each checked when it is made.
 
 Nothing here computes. Names in files and on the command line are the values of the enums.
 """
@@ -72,18 +72,18 @@ class ProcessOrder(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What is asked of every order besides safety; None leaves it to machine and source.
+    """What is asked of every order besides safety.
 
     Parameters
     ----------
     process_order : ProcessOrder
         Whether touching contours of different roles keep the slicer's order.
     quality : bool | None
-        Whether shells, and what is anchored in them, stay as sliced; None: with every
-        machine but the paper's.
+        Whether shells, and what is anchored in them, stay in the source's order; None: with
+        every machine but the paper's.
     min_layer_time_s : float | None
-        No spot is printed over sooner, or no sooner than in the source; None: the slicer's
-        own rule, 0: no rule.
+        Least time before a spot is printed over, s, or the source's own time where that is
+        less. None: the slicer's setting if `quality` holds, else no rule; 0: no rule.
     max_layers_ahead : int | None
         How many layers a part may run ahead of the rest; None: any number.
     freedom : Freedom
@@ -121,17 +121,17 @@ class Rules:
         _at_least_zero("max_layers_ahead", self.max_layers_ahead)
 
     def holds(self, machine: Machine) -> bool:
-        """Whether shells and anchors keep their order; the paper's model knows of none."""
+        """Tell whether `quality` holds on this machine: the paper's has no such rule."""
         return machine.bead_width if self.quality is None else self.quality
 
     def rule_s(self, job: PrintJob, machine: Machine) -> float:
-        """Return the seconds no spot is printed over in; 0: no rule."""
+        """Return the least time before a spot is printed over, s; 0: no rule."""
         if self.min_layer_time_s is not None:
             return self.min_layer_time_s
         return job.settings.min_layer_time_s if self.holds(machine) else 0.0
 
     def on(self, machine: Machine) -> OrderRules:
-        """Return what a plan for this machine says it was held to."""
+        """Return the rules as a plan for this machine states them."""
         return OrderRules(
             self.process_order.value, self.holds(machine), self.max_layers_ahead, self.freedom.value
         )
@@ -139,7 +139,7 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How an order for one head is searched.
+    """How to search for an order for one head.
 
     Parameters
     ----------
@@ -203,9 +203,10 @@ class TeamSearch:
     seed : int
         Equal seeds and equal messages give equal plans.
     objective : Objective
-        What one head's own order and the entries of loops save; the makespan comes first.
+        What the order for one head alone minimises, and the choice of where loops are entered.
+        The heads' search itself minimises the makespan.
     parameters : Mapping[str, float | str]
-        Values of the heads' search that are set, by name (docs/team.md).
+        Parameters of the heads' search to change, by name (docs/team.md).
 
     Raises
     ------
@@ -234,7 +235,7 @@ def _at_least_zero(name: str, value: float | None) -> None:
         raise InputError(f"{name} is {value}, must be at least 0 and finite")
 
 
-RULES = Rules()  # the usual ones
-NO_QUALITY = Rules(quality=False, min_layer_time_s=0.0)  # the literature's
+RULES = Rules()
+NO_QUALITY = Rules(quality=False, min_layer_time_s=0.0)  # as in the literature
 SEARCH = Search()
 TEAM_SEARCH = TeamSearch()

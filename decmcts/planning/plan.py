@@ -33,7 +33,8 @@ def plan(
     rules : Rules
         What every order must keep.
     writes : bool
-        Whether G-code will be written: what could not be is then refused before the search.
+        Whether G-code will be written: then a print whose G-code could not be written is refused
+        before the search.
     report : Report
         Told what is done and how the search goes.
     stop : Stop

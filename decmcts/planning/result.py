@@ -43,7 +43,7 @@ class Result:
     Parameters
     ----------
     planned : Planned
-        The plan, its source's own order and the verdict, as the rooms below hand them on.
+        The plan, the source's own order and the verdict.
     search : Search | TeamSearch
         What was asked.
 
@@ -112,18 +112,19 @@ class Result:
         report: Report = unheard,
         stop: Stop = never,
     ) -> Written:
-        """Write the plan as G-code, once it was read back and judged.
+        """Write the plan as G-code, once its draft was read back and judged.
 
-        Of one head a file that would take longer than its source is not written: a short
-        search for time follows, and where that is no faster the source is kept. Of several
-        heads `path` is the stem of a file a head, ``STEM_HEAD.gcode``.
+        For one head, a file that would take longer than its source is not written: a short
+        search for time follows, and if that is no faster the source is kept. For several
+        heads `path` is a stem: one file ``STEM_HEAD.gcode`` is written for each.
 
         Parameters
         ----------
         path : str | Path
             The file, replaced as a whole or not at all; it may be the source itself.
         allow_slower : bool
-            Write it even if the whole file takes longer than its source.
+            Write it even if the whole file takes longer than its source. With several heads
+            it always is.
         report, stop
             As in `plan`.
 
@@ -198,6 +199,6 @@ class Result:
 class Written:
     """G-code that was written."""
 
-    result: Result  # the plan that is in the file; not always the one it was asked of
+    result: Result  # of the plan in the file, which may be that of another search, or the source's
     paths: tuple[Path, ...]
     times: FileTimes | None = None  # of whole files; None for several heads

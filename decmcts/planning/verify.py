@@ -37,11 +37,11 @@ def verify(
     plan : str | Path | None
         Of files of several heads: the plan.json they were made from.
     held : Held
-        What a plan is held to in place of what it says itself.
+        Rules that replace those a plan states.
     trials : int
-        Random timings of a joint plan that are tried.
+        Number of random timings in which a joint plan is replayed.
     seed : int
-        Of these.
+        Seed of these timings.
     report : Report
         Told what is done.
 
@@ -53,7 +53,7 @@ def verify(
     Raises
     ------
     InputError
-        When a file cannot be read, or does not say what it must be compared with.
+        When a file cannot be read, or the source or machine it must be compared with is missing.
 
     Examples
     --------

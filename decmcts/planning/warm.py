@@ -1,8 +1,8 @@
-"""Compiles kernels ahead of need: for `decmcts warm`, and in a process beside a first run.
+"""Compiling kernels ahead of need: for `decmcts warm`, and in a process beside a first run.
 
-Each part is made by doing what needs it with something tiny. Run as
-`python -m decmcts.planning.warm PART...` it makes these one after the other, says each
-on standard output when it is done, and ends when its standard input does.
+A part is compiled by running the code that needs it on tiny input. Run as
+`python -m decmcts.planning.warm PART...`, this module compiles the parts in turn and prints
+the name of each when it is done. It ends when its standard input does.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def compile_team() -> None:
 
 
 def compile_part(part: str) -> None:
-    """Compile one part, and say so in the cache; ValueError for one there is not."""
+    """Compile one part and mark it as complete; ValueError for an unknown one."""
     if part not in all_parts() and part.split(" ")[0] not in PLANNERS:
         raise ValueError(f"no part {part!r}, expected one of {', '.join(all_parts())}")
     if part == PRINT:
@@ -105,9 +105,9 @@ def _smallest_problem(part: str) -> OrderProblem:
 
 
 def _end_with_parent() -> None:
-    """End this process when its standard input ends: who started it is gone.
+    """End this process when its standard input ends: the process that started it is gone.
 
-    Read past Python's buffer, whose lock a thread may not hold while the interpreter ends.
+    Reads without Python's buffer: a thread may not hold its lock while the interpreter ends.
     """
     while os.read(0, 1):
         pass
@@ -115,7 +115,7 @@ def _end_with_parent() -> None:
 
 
 def main(parts: list[str]) -> None:
-    """Compile parts in turn, each if it is still missing."""
+    """Compile in turn those of the parts that are still missing."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     for part in parts:
         if not is_compiled(part):

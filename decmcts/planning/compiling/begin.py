@@ -1,4 +1,4 @@
-"""Begins a search: what it needs is compiled first, or another planner begins meanwhile."""
+"""Compiling what a search needs before it begins, or letting another planner begin meanwhile."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from decmcts.search.sequence.timed_lags import no_timed_lags
 
 
 def compile_search(problem: OrderProblem, planner: str | Planner, stop: Stop = never) -> None:
-    """Search problems of no size just long enough to need every kernel, off the clock.
+    """Search tiny problems, so that the planner's kernels are compiled before its clock starts.
 
-    One solved exactly, one by starts and what joins them, one that must cool; none
-    once `stop` says so.
+    Each needs other kernels: the first is solved exactly, the second is too large for that
+    and is annealed, the third has timed lags. Ends early once `stop` returns True.
     """
     ahead = ((3, None, 100), (2 * WINDOW, None, 500), (3, no_timed_lags(3), 100))
     for n, timed_lags, iterations in ahead:
@@ -38,8 +38,9 @@ def compile_search(problem: OrderProblem, planner: str | Planner, stop: Stop = n
 def begin_with(problem: OrderProblem, planner: str | Planner, stop: Stop) -> str | Planner:
     """Compile what a search needs; return the planner to begin with.
 
-    That is another one while the kernels of `hybrid` are still compiled beside this process,
-    and none that searches once `stop` says so. One of a user's own begins as it is.
+    While the kernels of `hybrid` are still being compiled in another process, that is one which
+    begins with `FIRST` and changes over when they are ready. Once `stop` returns True it is
+    `slicer`, which does not search. A user's own planner is returned as it is.
     """
     if not isinstance(planner, str):
         return "slicer" if stop() else planner
@@ -63,5 +64,5 @@ def can_begin(problem: OrderProblem, planner: str | Planner) -> bool:
 def first_planner(problem: OrderProblem, planner: str) -> str:
     """Name the planner a search begins with while other kernels are compiled beside it."""
     part = part_of(problem, planner)
-    waits = planner == "hybrid" and compiled_beside(part) and not is_compiled(part)
-    return FIRST if waits else planner
+    unready = planner == "hybrid" and compiled_beside(part) and not is_compiled(part)
+    return FIRST if unready else planner

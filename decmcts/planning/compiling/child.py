@@ -1,4 +1,4 @@
-"""Compiling in a process beside a run, and telling of what this process compiles itself.
+"""Compiling in a process beside a run, and reporting what this process compiles itself.
 
 See docs/adr/0007-compiled-at-first-use.md.
 """
@@ -21,9 +21,9 @@ Start = Callable[[Sequence[str]], "subprocess.Popen[bytes]"]
 """Starts a process that compiles these parts."""
 
 POLL_S = 0.1
-EVERY_S = 3.0  # so often at most a line says what is compiled
+EVERY_S = 3.0  # at least so long between two reports of what is compiled
 
-_said: list[str] = []  # why the cache cannot be written, once it was said
+_reported: list[str] = []  # why the cache cannot be written, once that was reported
 _beside: list[str] = []  # parts that are being compiled in another process
 _children: list[subprocess.Popen[bytes]] = []  # that process
 
@@ -46,8 +46,9 @@ def compiling_beside(
 ) -> Iterator[None]:
     """Compile parts in a process beside the body of a `with`, if any is missing.
 
-    It ends with the body, or with this process if that is killed. Within another such
-    body it takes the place of what is compiled there, if that is not the same.
+    That process ends with the body, or with this process if that is killed. Within the body of
+    another `compiling_beside` it replaces the other's process, unless that compiles these parts
+    already.
     """
     within = bool(_children)
     try:
@@ -65,7 +66,7 @@ def _compile_beside(parts: Sequence[str], report: Report, start: Start) -> None:
     _end_child()
     remove_unused(cache_home())
     for folder in FOLDERS:
-        Store(folder).prepare()  # a temporary one must be known to the child
+        Store(folder).prepare()  # if it has to be a temporary one, the child must find it
     tell_if_unwritable(report)
     _children.append(start(missing))
     _beside.extend(missing)
@@ -91,14 +92,17 @@ def _end_child() -> None:
 
 @contextmanager
 def compilation_told(report: Report) -> Iterator[Report]:
-    """Tell what is compiled during which step; yields the report for what is done meanwhile."""
+    """Report each kernel that this process compiles within the body, with the step it is for.
+
+    Yields the report to use in the body: it passes events on and takes note of the step.
+    """
     step, said_at = "", 0.0
 
     def passed_on(event: Event) -> None:
         nonlocal step, said_at
         report(event)
         if isinstance(event, Step):
-            step, said_at = event.text, 0.0  # last, for another thread may be compiling
+            step, said_at = event.text, 0.0  # set last: another thread may be compiling
 
     def compiles(name: str) -> None:
         nonlocal said_at
@@ -114,10 +118,10 @@ def compilation_told(report: Report) -> Iterator[Report]:
 
 
 def tell_if_unwritable(report: Report) -> None:
-    """Tell, once a run, that the cache cannot be written and what that costs."""
-    if Store.unwritable is None or _said:
+    """Report, once a run, that the cache cannot be written and what that costs."""
+    if Store.unwritable is None or _reported:
         return
-    _said.append(str(Store.unwritable))
+    _reported.append(str(Store.unwritable))
     report(
         Note(
             f"the cache of machine code cannot be written ({Store.unwritable}): what is missing "

@@ -1,8 +1,8 @@
 """What is compiled on this machine, by parts.
 
-A part is what one kind of run needs (`decmcts.planning.warm` makes them). That a part is
-complete is kept with the machine code; another version, numba or processor begins
-anew. See docs/adr/0007-compiled-at-first-use.md.
+A part is the set of kernels one kind of run needs; `decmcts.planning.warm` compiles them. A
+mark beside the machine code says that a part is complete. It holds for one version of the
+kernels, numba and the processor. See docs/adr/0007-compiled-at-first-use.md.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from decmcts.jit.store import MARK, cache_home, size_of, temporary_folder
 from decmcts.planning.options import Freedom, PlannerName, Search
 from decmcts.search.sequence.problem import OrderProblem
 
-ABOUT = 65  # kernels a first `plan` compiles (docs/results/startup.md)
+FIRST_RUN_KERNELS = 65  # about so many does a first `plan` compile (docs/results/startup.md)
 PRINT = "reading, scheduling, writing and judging a print"
 TEAM = "several heads"
 
-BARE = " with bare travels"
+BARE = " with bare travels"  # in the name of a unit
 FIRST = "local"  # the planner a search begins with while the kernels of `hybrid` are compiled
 
 FOLDERS = [
@@ -31,7 +31,10 @@ FOLDERS = [
 
 
 def unit_of(*, seconds: bool, walls: bool) -> str:
-    """Name what is minimised: mm, s, or s where some travels inside walls cost less."""
+    """Name what is minimised: `travel`, `time`, or `time with bare travels`.
+
+    `walls` tells whether the source leaves travels inside walls bare, so that they take less time.
+    """
     return f"time{BARE if walls else ''}" if seconds else "travel"
 
 
@@ -46,18 +49,17 @@ def bound_part(unit: str) -> str:
 
 
 def parts_for(search: Search, freedom: Freedom, *, walls: bool = False) -> list[str]:
-    """Name what planning for one head needs; of a planner of one's own nothing is known."""
+    """Name the parts that planning for one head needs; a user's own planner has none."""
     named = isinstance(search.planner, PlannerName)
     parts = parts_of(search.name, search.objective, freedom, walls=walls)
     return parts if named else parts[1:]
 
 
 def parts_of(planner: str, objective: str, freedom: str, *, walls: bool = False) -> list[str]:
-    """Name what planning for one head needs, in the order a process beside had best compile it in.
+    """Name the parts that planning for one head needs, in the order to compile them beside a run.
 
-    On an empty cache the run itself has to compile much of `PRINT` while the first search is
-    compiled, and goes on with it; the bound is what it needs last.
-    `walls` tells that the source leaves travels bare, which is known once it was read.
+    `PRINT` comes after the first search and its bound: on an empty cache the run itself
+    compiles most of `PRINT` in the meantime. `walls` is as in `unit_of`.
     """
     unit, loops = unit_of(seconds=objective == "time", walls=walls), freedom == "seam"
     begins = [FIRST, planner] if planner == "hybrid" else [planner]
@@ -117,8 +119,9 @@ def kernels_made() -> int:
 
 
 def how_far(made: int) -> str:
-    """Return how many kernels are made, beside how many a first run needs, while that tells."""
-    return f"{made} of about {ABOUT} done" if made < ABOUT else f"{made} done"
+    """Return in words how many kernels are compiled, of about how many for a first run."""
+    first = f" of about {FIRST_RUN_KERNELS}" if made < FIRST_RUN_KERNELS else ""
+    return f"{made}{first} done"
 
 
 def cache_line() -> str:

@@ -1,4 +1,4 @@
-"""The smallest problems, to compile kernels with."""
+"""Tiny problems: searching them compiles the kernels that a real search needs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from decmcts.search.sequence.problem import OrderProblem, Seams
 
 
 def row_of(n: int, *, loops: bool = False) -> OrderProblem:
-    """Return `n` contours in a row to compile with: few are solved exactly, many not.
+    """Return `n` contours in a row; the last one lies above and depends on the first.
 
-    With `loops` each may begin at either of its ends.
+    With `loops` each may be entered at either of its two ends.
     """
     start = np.zeros((n, 3))
     start[:, 0] = np.arange(n)

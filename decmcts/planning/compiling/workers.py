@@ -30,6 +30,7 @@ def made(missing: Sequence[str]) -> Iterator[str]:
 
 
 def _pass_on(child: subprocess.Popen[str], said: queue.Queue[str | None]) -> None:
+    """Put each line a child prints into the queue, and None when it has ended."""
     assert child.stdout is not None
     for line in child.stdout:
         said.put(line.strip())
@@ -37,6 +38,7 @@ def _pass_on(child: subprocess.Popen[str], said: queue.Queue[str | None]) -> Non
 
 
 def _each_once(said: queue.Queue[str | None]) -> Iterator[str]:
+    """Yield each part the first time a worker names it, until all workers have ended."""
     seen: set[str] = set()
     ended = 0
     while ended < WORKERS:

@@ -1,9 +1,9 @@
 """A search that begins before the source's own order is judged.
 
-Only where schedule, judge and writer must be compiled for that: what a first search needs
-is compiled sooner, by another process. The search runs in a thread, for kernels run
-without the interpreter's lock; judging stays in the main thread, where signals arrive.
-Nothing that is found counts before the judge is content. See
+This is done only where schedule, judge and writer must still be compiled: another process
+compiles what the first search needs, and is done sooner. The search runs in a thread, for
+kernels run without the interpreter's lock. The judge stays in the main thread, where signals
+arrive. If it refuses the source's own order, the search's result is dropped. See
 docs/adr/0007-compiled-at-first-use.md.
 """
 
@@ -35,10 +35,10 @@ class _Search(Protocol):
 def searched_beside(
     order: _Search, *, stopping: Stopping, report: Report
 ) -> Iterator[Callable[[], SearchResult | None]]:
-    """Search in a thread beside the body of a `with`, begun as soon as that is ready.
+    """Search in a thread beside the body of a `with`, from when `order` is ready.
 
-    Yields a function that waits for the result; None where nothing was begun before it was
-    called. A body that fails ends the search.
+    Yields a function that waits for the search and returns its result, or None if the search
+    had not begun when the function was called. If the body raises, the search ends.
     """
     wanted, failed = threading.Event(), threading.Event()
     until = replace(stopping, asked=lambda: failed.is_set() or stopping.is_asked())

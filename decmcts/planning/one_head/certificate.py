@@ -1,7 +1,7 @@
-"""How far from optimal a result is at most: the certificate's part in planning one head.
+"""How far from optimal a result is at most: the certificate of a plan for one head.
 
-The bound itself is made in `decmcts.search.bounds.certificate`; here is how long it may
-take and for which prints it is tried.
+The bound itself is proven in `decmcts.search.bounds.certificate`. Here is how long that may
+take, and for which prints it is tried.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ EARLY_FROM_S = 3.0  # a shorter search ends before one could read it, and making
 SHARE = 0.5  # of the search time, for the bound of a plan
 WORDS_PER_S = 2e6  # words of 64 relations handled in a second, on a slow computer
 MOST_BYTES = 2 * 2**30  # of relations
-ROUNDING = 1e-9  # of a travel: what lies no further from it is the same
+ROUNDING = 1e-9  # share of a travel; costs that differ by no more are equal
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Certificate:
     skipped: str = ""  # why nothing was proven
 
     def metrics(self) -> Metrics:
-        """Return what a plan's metrics say of it."""
+        """Return the certificate as entries of a plan's metrics."""
         said: Metrics = {"bound_mm": self.bound}
         if self.unit == "s":
             said = {"travel_s": self.travel, "bound_s": self.bound}
@@ -47,7 +47,7 @@ class Certificate:
 
     @staticmethod
     def of(metrics: Metrics) -> Certificate | None:
-        """Return what a plan's metrics say of it; None where they say nothing."""
+        """Return the certificate in a plan's metrics; None where there is none."""
         if "bound_s" in metrics:
             travel, bound, unit = metrics["travel_s"], metrics["bound_s"], "s"
         elif "bound_mm" in metrics:
@@ -69,13 +69,15 @@ def certify(
 
     Parameters
     ----------
+    problem : OrderProblem
+        The problem that was searched; its metric gives the unit, mm or s.
     travel : float
-        What the result's travels cost, mm or s as the problem has it.
+        What the result's travels cost, in that unit.
     stopping : Stopping
-        What ends the proof with what is proven by then; at the latest `MOST_S` do.
+        What ends the proof, with what is proven by then; `MOST_S` end it at the latest.
     known : float | None
-        What the search itself has proven; no lower bound is returned. If it is the
-        travel, no more is done.
+        A bound that the search itself has proven; the one returned is no lower. If it equals
+        the travel, the result is optimal and nothing else is tried.
     """
     allowed_s, unit = stopping.seconds_up_to(MOST_S), problem.unit
     if known is not None and travel <= known * (1.0 + ROUNDING):
@@ -107,11 +109,11 @@ def _too_large(n: int, allowed_s: float) -> str:
     if 2 * 8 * words > MOST_BYTES:
         return f"{n} contours need more than {MOST_BYTES / 2**30:.0f} GiB of memory"
     if n > EXACT_UP_TO and words / WORDS_PER_S > allowed_s:
-        return f"{n} contours need more than {allowed_s:.1f} s (half of --time-limit, at most 10 s)"
+        return f"{n} contours need more than the {allowed_s:.1f} s that a bound may take here"
     return ""
 
 
 def compile_bound(problem: OrderProblem) -> None:
-    """Bound prints of no size, one exactly, so that compiling is off the clock."""
+    """Bound tiny problems, one of them exactly, so that compiling takes no time from the bound."""
     for n in (3, EXACT_UP_TO + 1):
         lower_bound(replace(row_of(n), pace=problem.pace), stopping=Stopping(seconds=0.0))

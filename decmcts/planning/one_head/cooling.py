@@ -1,8 +1,8 @@
-"""Orders in which what is printed over has cooled.
+"""Searching an order in which no spot is printed over too soon.
 
-Cooling is no edge of the graph: a search keeps the time between what lies on each
-other where that matters, what it could not foresee is waited for, and of all orders
-found the one that is done first is taken.
+Cooling is no edge of the dependency graph. A search can keep timed lags between contours that
+lie on each other. Where its clock was wrong, or it kept none, waits are added to its order. Of
+the orders found the one that ends first is taken.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.team.schedule.cooling import Timed, cooled
 
-PROBE = 0.1  # share of the search time for finding out whether cooling costs any
+PROBE = 0.1  # share of the search time, for a first search that ignores cooling
 CLOSE = 1e-3  # share of the print time by which the clock of a search may be wrong
-LITTLE = 1e-3  # share of the print time: waits that cost less than a search heeding time would
+LITTLE = 1e-3  # share of the print time; shorter waits cost less than keeping lags would
 
 Run = Callable[[TimedLags | None, Stopping], SearchResult]
-"""Searches with the time lags to heed, until it is to end."""
+"""Searches with these lags, or ignoring cooling, until it is to end."""
 
 
 def search_cooled(
@@ -41,15 +41,16 @@ def search_cooled(
     stopping: Stopping,
     report: Report,
 ) -> SearchResult:
-    """Return the order with the least time, waits included.
+    """Return the order that ends first, waits for cooling included.
 
-    `stopping` is of both searches together, but each may make all iterations.
-    A short search without regard to cooling shows whether it costs much. If so, one
-    that heeds `timed_lags`, time between what lies on each other, gets the rest; else, or
-    where that is None, another one without. `sliced`, the source's own order, waits for
-    nothing, so the result is never slower than it but for what the clock of a search may
-    be wrong by. Its cost is that of the search, before anything was moved to make use of
-    waits; its bound holds with cooling and without.
+    A short search that ignores cooling shows how long its order would wait. If that is
+    long, a search that keeps `timed_lags` has the rest of the time; else, or where these are
+    None, a second search that ignores cooling. `stopping` is of both searches together, but each
+    may make all iterations.
+
+    The result is at most `CLOSE` slower than `sliced`, the source's own order, which needs no
+    waits. Its `cost` is the search's, before contours were moved into waits. Its `bound` is
+    the highest found: each holds with cooling and without.
     """
     tries: list[tuple[float, SearchResult]] = []
 

@@ -23,7 +23,7 @@ from decmcts.planning.writing.file_times import FileTimes, compared_with, with_w
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.planning.writing.places import name_of, put
 
-AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the search time, for a search for time
+AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the first search's time, and at most so many s
 
 
 def write_no_slower(
@@ -69,7 +69,7 @@ def _again(
     report: Report,
     stop: Stop,
 ) -> tuple[Planned, FileTimes]:
-    """Search for time what was searched for travel; the quicker of the two files is the draft."""
+    """Search for time after a search for travel; the file that takes less time is the draft."""
     if search.objective != Objective.TRAVEL or stop():
         return planned, times
     report(Step("the file would take longer than its source: searching for time"))

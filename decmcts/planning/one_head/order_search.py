@@ -1,4 +1,4 @@
-"""The search for one head: what it begins with, and how it heeds what must cool."""
+"""The search for one head: the planner it begins with, and how it takes account of cooling."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class OrderSearch:
         return can_begin(self.problem, self.asked.planner)
 
     def compile_cooling(self) -> None:
-        """Compile what times orders in which something must cool, off the clock."""
+        """Compile what times orders with cooling, so that it takes none of the search time."""
         if self.timed_lags is not None:
             given = self.print_problem
             sliced = source_toolpath(self.problem)
@@ -47,7 +47,7 @@ class OrderSearch:
         return begin_with(self.problem, self.asked.planner, stop)
 
     def search(self, chosen: str | Planner, stopping: Stopping) -> SearchResult:
-        """Search, with an eye to cooling where there is such a rule."""
+        """Search, for an order whose spots cool in time where there is such a rule."""
         asked, given = self.asked, self.print_problem
         self.report(Begun())
         if not stopping.is_asked():
@@ -63,11 +63,11 @@ class OrderSearch:
         )  # fmt: skip
 
     def _run(self, chosen: str | Planner) -> Run:
-        """Return the search as a function of the time lags to heed and of what ends it."""
+        """Return the search as a function of the timed lags it keeps and of what ends it."""
 
-        def run(heeded: TimedLags | None, stopping: Stopping) -> SearchResult:
+        def run(kept: TimedLags | None, stopping: Stopping) -> SearchResult:
             return plan_order(
-                replace(self.problem, timed_lags=heeded), planner=chosen,
+                replace(self.problem, timed_lags=kept), planner=chosen,
                 stopping=stopping, seed=self.asked.seed, progress=self.report, bound=self.bound,
             )  # fmt: skip
 
@@ -75,7 +75,7 @@ class OrderSearch:
 
 
 def source_toolpath(problem: OrderProblem) -> Toolpath:
-    """Return the source's own order, with the seams where a policy names them."""
+    """Return the source's own order, loops entered as sliced or where the seam policy says."""
     sliced, seams = Toolpath.as_sliced(len(problem)), problem.seams
     if seams is None:
         return sliced

@@ -57,16 +57,16 @@ def plan_one_head(
 ) -> Planned:
     """Have the source's own order judged and find a better one.
 
-    With `writes` what could not be written is refused before the search. Where what
-    judges is not `compiled` yet that takes longer than what a search waits for: then the
-    search begins meanwhile.
+    With `writes` a print whose G-code could not be written is refused before the search.
+    If the judge is not `compiled` yet, compiling it takes longer than compiling a first
+    search. Then the search begins while the source's own order is judged.
 
     Raises
     ------
     InputError
         When the judge `refuse`s the source's own order, and so every other.
     VerificationError
-        When it refuses the plan.
+        When the judge refuses the plan.
     """
 
     def judged() -> PlanDocument:
@@ -85,10 +85,10 @@ def search_order(
     problem: PrintProblem, search: Search, *, clock: Callable[[], float] = time.monotonic
 ) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
-    bare = problem.for_one_head(search.objective)
-    compile_search(bare, search.planner)
+    order_problem = problem.for_one_head(search.objective)
+    compile_search(order_problem, search.planner)
     return plan_order(
-        bare, planner=search.planner, seed=search.seed, clock=clock,
+        order_problem, planner=search.planner, seed=search.seed, clock=clock,
         stopping=Stopping(search.time_limit_s, search.max_iterations),
     )  # fmt: skip
 
@@ -104,31 +104,34 @@ def plan_judged(
 ) -> Planned:
     """Plan one head: search, bound the travel, schedule, verify.
 
-    `before` is the plan of the source's own order, where it was made already; else `judge`
-    makes it, while the search begins. Once `stop` says so there is no more searching or
-    proving, nor compiling for it.
+    `before` is the plan of the source's own order, where that was judged already; else `judge`
+    makes it while the search begins. Without both, that order is scheduled and not judged.
+    Once `stop` returns True nothing more is searched, proven, or compiled for these.
     """
     if before is None and judge is None:
         before = source_plan(problem)
-    bare = problem.for_one_head(search.objective)
+    order_problem = problem.for_one_head(search.objective)
     stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
-    bound = _first_bound(bare, search, stopping, report)
+    bound = _first_bound(order_problem, search, stopping, report)
     report(Step("preparing the search"))
     started = time.perf_counter()
-    before, lags, result = _searched(problem, bare, search, bound, before, judge, stopping, report)
+    before, lags, result = _searched(
+        problem, order_problem, search, bound, before, judge, stopping, report
+    )
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
     report(Step("safe travels and times"))
     plan, toolpath = _scheduled(problem, result.toolpath, lags), result.toolpath
     if search.objective == Objective.TIME or len(lags.below):
-        plan, toolpath = _no_slower(problem, before, (plan, toolpath), source_toolpath(bare), lags)
-    extra: Metrics = {**_said(problem, search, result), "as_sliced": _as_sliced(plan)}
+        sliced = source_toolpath(order_problem)
+        plan, toolpath = _no_slower(problem, before, (plan, toolpath), sliced, lags)
+    extra: Metrics = {**_search_metrics(problem, search, result), "as_sliced": _as_sliced(plan)}
     if search.certificate:
         if not stop():
             report(Step("proving how far from optimal this is at most"))
         started = time.perf_counter()
-        travel = toolpath_cost(bare, toolpath)
+        travel = toolpath_cost(order_problem, toolpath)
         proof = Stopping(SHARE * search.time_limit_s, asked=stop)
-        certificate = certify(bare, travel, stopping=proof, known=result.bound)
+        certificate = certify(order_problem, travel, stopping=proof, known=result.bound)
         extra = {**extra, **certificate.metrics()}
         seconds["bound"] = time.perf_counter() - started
     after = document_of(problem, plan, extra)
@@ -137,7 +140,7 @@ def plan_judged(
 
 def _searched(
     problem: PrintProblem,
-    bare: OrderProblem,
+    order_problem: OrderProblem,
     search: Search,
     bound: float | None,
     before: PlanDocument | None,
@@ -145,9 +148,9 @@ def _searched(
     stopping: Stopping,
     report: Report,
 ) -> tuple[PlanDocument, Lags, SearchResult]:
-    """Return the plan of the source's own order, what must cool by it, and what was found."""
-    lags, guess, timed_lags = _lags(problem, before)
-    order = OrderSearch(problem, bare, guess, timed_lags, search, report, bound)
+    """Return the plan of the source's own order, the lags by its times, and what was found."""
+    lags, estimated, timed_lags = _lags(problem, before)
+    order = OrderSearch(problem, order_problem, estimated, timed_lags, search, report, bound)
     found: SearchResult | None = None
     if before is None:
         assert judge is not None  # one of the two is given
@@ -161,18 +164,18 @@ def _searched(
 
 
 def _first_bound(
-    bare: OrderProblem, search: Search, stopping: Stopping, report: Report
+    order_problem: OrderProblem, search: Search, stopping: Stopping, report: Report
 ) -> float | None:
     """Return a bound to show while searching, where there is time for it."""
-    known = is_compiled(bound_part(unit_for(bare)))
+    compiled = is_compiled(bound_part(unit_for(order_problem)))
     early = search.certificate and search.time_limit_s >= EARLY_FROM_S
-    if not (early and known) or stopping.is_asked():
+    if not (early and compiled) or stopping.is_asked():
         return None
     report(Step("a first bound on the travel"))
-    return early_bound(bare, stopping=stopping)
+    return early_bound(order_problem, stopping=stopping)
 
 
-def _said(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:
+def _search_metrics(problem: PrintProblem, search: Search, result: SearchResult) -> Metrics:
     """Return what a plan's metrics say of the search."""
     rules = problem.rules
     said: Metrics = {
@@ -191,7 +194,7 @@ def _said(problem: PrintProblem, search: Search, result: SearchResult) -> Metric
 
 
 def _scheduled(problem: PrintProblem, order: Toolpath, lags: Lags) -> JointPlan:
-    """Schedule an order for one head, with waits for what must cool."""
+    """Schedule an order for one head, with waits where spots must cool."""
     plan = schedule(problem.job, problem.machine, problem.graph, [order])
     return add_waits(problem.job, problem.machine, plan, lags)
 
@@ -203,9 +206,9 @@ def _no_slower(
     sliced: Toolpath,
     lags: Lags,
 ) -> tuple[JointPlan, Toolpath]:
-    """Return what was found, or the source's order where lifts and waits make that quicker.
+    """Return what was found, or the source's own order where that ends sooner.
 
-    A search sees neither all lifts nor all waits.
+    A search prices neither all lifts nor all waits, so its order may turn out slower.
     """
     if found[0].makespan_s <= before.plan.makespan_s:
         return found
@@ -224,14 +227,14 @@ def _as_sliced(plan: JointPlan) -> bool:
 def _lags(
     problem: PrintProblem, source: PlanDocument | None
 ) -> tuple[Lags, Lags, TimedLags | None]:
-    """Return what must cool how long, by the plan's times and by those a search estimates.
+    """Return the lags that cooling demands: by the source plan's times, and estimated twice.
 
-    And the latter as a search keeps them; None where nothing has to cool. Without a plan
-    the estimate stands for it.
+    The second are by the times that a search estimates, the third are those as a search keeps
+    them, None where nothing has to cool. Without a `source` plan the first are estimated too.
     """
     job, rule, n = problem.job, problem.min_layer_time_s, len(problem.job.contours)
     none = np.zeros(n), np.zeros(n)
-    guess = source_times(job, problem.machine, problem.graph) if rule else none
-    exact = guess if source is None else print_times(source.plan.heads[0], n)
-    lags, estimated = find_lags(job.contours, [exact, guess], rule)
-    return lags, estimated, timed_lags_of(estimated, *guess) if len(estimated.below) else None
+    times = source_times(job, problem.machine, problem.graph) if rule else none
+    exact = times if source is None else print_times(source.plan.heads[0], n)
+    lags, estimated = find_lags(job.contours, [exact, times], rule)
+    return lags, estimated, timed_lags_of(estimated, *times) if len(estimated.below) else None

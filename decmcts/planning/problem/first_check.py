@@ -1,8 +1,8 @@
 """The source's own order, judged and written before any search.
 
-What is refused of every order (a text that cannot be written again, a contact of
-head and print) is refused here, in time linear in the print, and not after minutes
-of search. Nothing is kept of what is written.
+A fault that every order would have (a text that cannot be written again, a contact of head
+and print) is found here, in time linear in the print, and not after minutes of search. The
+draft that is written is deleted.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A plan with all that is needed to check it, and what passed the judge."""
+"""Plans as documents that can be judged, and the plan that passed the judge."""
 
 from __future__ import annotations
 

@@ -16,7 +16,6 @@ from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.options import RULES, Freedom, Limits, Objective, Rules
-from decmcts.planning.problem.slicing import Slicing
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -56,7 +55,7 @@ class PrintProblem:
 
     @property
     def min_layer_time_s(self) -> float:
-        """Seconds no spot is printed over in; 0: no such rule."""
+        """Least time before a spot is printed over, s; 0: no rule."""
         return self.rules.rule_s(self.job, self.machine)
 
     def for_one_head(self, objective: Objective) -> OrderProblem:
@@ -71,25 +70,16 @@ class PrintProblem:
         return replace(problem, pace=pace_of(self.job, self.machine.limits) if timed else None)
 
 
-def load(
-    path: Path,
-    machine: str | Machine | None,
-    rules: Rules = RULES,
-    *,
-    limits: Limits = Limits.SOURCE,
-    mesh: Slicing | SliceOptions | None = None,
-    report: Report = unheard,
-) -> PrintProblem:
-    """Read a print and find what must come before what; of a mesh, by the built-in slicer."""
-    options = SliceOptions() if mesh is None else mesh
-    source = read_source(path, machine, limits=limits, mesh=options, report=report)
-    return problem_of(source, rules, report)
+def load(path: Path, machine: str | Machine | None, rules: Rules = RULES) -> PrintProblem:
+    """Read a print and find what must come before what; a mesh is sliced by the built-in slicer."""
+    source = read_source(path, machine, limits=Limits.SOURCE, mesh=SliceOptions(), report=unheard)
+    return problem_of(source, rules, unheard)
 
 
 def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
     """Check that a source fits its machine and find what must come before what.
 
-    With freedom `seam` the graph knows what loops lay down wherever they begin.
+    With freedom `seam` the graph holds wherever loops are entered.
 
     Raises
     ------
@@ -117,7 +107,7 @@ def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
 
 @contextmanager
 def named(path: Path) -> Iterator[None]:
-    """Name the file in what is refused by those who know its contours only."""
+    """Add the file's name to an InputError raised in the body, which knows only its contours."""
     try:
         yield
     except InputError as error:
@@ -125,10 +115,10 @@ def named(path: Path) -> Iterator[None]:
 
 
 def parked_above(machine: Machine, contours: Contours) -> Machine:
-    """Return a one-head machine with its park above the print.
+    """Return the machine; if it has one head, with its park above the print.
 
-    Where a single head rests before and after is the start and end G-code's
-    business; the plan must only not rest inside the print.
+    Where a single head rests before and after printing is up to the start and end G-code. The
+    plan must only not let it rest inside the print.
     """
     if len(machine.heads) != 1 or not len(contours):
         return machine

@@ -1,4 +1,4 @@
-"""Slices meshes: finds a real slicer, runs it in a temporary folder, or falls back to our own."""
+"""Slicing meshes: find a real slicer and run it in a temporary folder, or use the built-in one."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from decmcts.print.machine import Machine
 
 AUTO, BUILTIN = "auto", "builtin"
 TIMEOUT_S = 1800.0
-TAIL_BYTES = 20_000  # of what a slicer said, enough to find why it failed
-NO_LIMIT_MM = 1e5  # a reach above this is none
+TAIL_BYTES = 20_000  # of what a slicer printed, enough to find why it failed
+NO_LIMIT_MM = 1e5  # a reach beyond this is no limit
 EXPERIMENTS = "the built-in slicer (for experiments: no bridges, gap fill or supports)"
-PRINTED = SliceOptions(skirts=2, fan_percent=100.0)  # what the built-in slicer is told
+PRINTED = SliceOptions(skirts=2, fan_percent=100.0)  # of a mesh that will be printed
 CURA_SHARED = ("/usr/share/cura", "/usr/local/share/cura")
 
 
@@ -59,7 +59,7 @@ def choose_slicer(name: str = AUTO, config: str | None = None) -> Chosen:
     Raises
     ------
     InputError
-        For a name that is none, a program that is not there, or a missing configuration.
+        For an unknown name, a program that is not there, or a missing configuration.
     """
     given = config_paths(config)
     if name == BUILTIN:
@@ -119,9 +119,9 @@ def _named(name: str, config: tuple[Path, ...]) -> Chosen:
         known = slicer_of(program) or slicer_of(program.resolve())
         if known is None:
             raise InputError(
-                f"the name of this program says of none of {', '.join(Slicer)} that it is it",
+                f"this program's name does not tell which of {', '.join(Slicer)} it is",
                 path=program,
-                advice="make a link to it that begins with the slicer's name",
+                advice="make a link to it whose name begins with the slicer's",
             )
         slicer = known
     if slicer == Slicer.CURA:
@@ -141,7 +141,7 @@ def cura_definition(shared: Sequence[str] = CURA_SHARED) -> tuple[Path, ...]:
 
 
 def bed_of(machine: Machine) -> Bed:
-    """Return the bed to slice for; the literature's machine has none, so a common one."""
+    """Return the bed to slice for: a common one for the paper's machine, whose own is not real."""
     if not machine.bead_width:
         return Bed()
     height = machine.heads[0].reach_max[2]
@@ -149,7 +149,7 @@ def bed_of(machine: Machine) -> Bed:
 
 
 class SlicedFolder:
-    """A temporary folder that goes once nobody holds this any more."""
+    """A temporary folder that is deleted with this object."""
 
     def __init__(self) -> None:
         stack = ExitStack()
@@ -166,9 +166,10 @@ class Slicing:
     chosen : Chosen
         The slicer; `choose_slicer` finds one.
     options : SliceOptions
-        What it is told; mesh and bed are put where the machine has its bed.
+        Its settings; `bed` and `center` are replaced by those of the machine.
     given : frozenset[str]
-        Names of options that a slicer with a configuration of its own is told too.
+        Names of the options that a slicer with a configuration file is told too. One without
+        is told all.
 
     Examples
     --------
@@ -203,8 +204,8 @@ class Slicing:
         return command.output
 
     def _placed(self, mesh: Path, options: SliceOptions, folder: Path) -> Path:
-        """Return the mesh as an STL in its place on the bed: CuraEngine reads and puts no other."""
-        from decmcts.formats.mesh.load import load_solid  # so that only who slices waits for it
+        """Return the mesh as an STL at its place on the bed, which CuraEngine needs."""
+        from decmcts.formats.mesh.load import load_solid  # slow to import, and seldom needed
 
         placed = folder / "placed.stl"
         load_solid(mesh, options.center).export(placed)
@@ -214,7 +215,7 @@ class Slicing:
 def run_slicer(
     words: tuple[str, ...], folder: Path, mesh: Path, *, timeout_s: float = TIMEOUT_S
 ) -> None:
-    """Run a slicer to its end, in a folder; whatever happens nothing of it goes on running.
+    """Run a slicer in a folder until it ends; none of its processes is left running.
 
     Raises
     ------
@@ -251,6 +252,7 @@ def _start(
 
 
 def _fail(program: Path, what: str, folder: Path, mesh: Path) -> NoReturn:
+    """Raise InputError with the most likely reason among what the slicer printed."""
     said = folder / "said.txt"
     text = said.read_bytes()[-TAIL_BYTES:].decode("utf-8", "replace") if said.exists() else ""
     reason = why(text)
@@ -262,7 +264,7 @@ def _fail(program: Path, what: str, folder: Path, mesh: Path) -> NoReturn:
 
 
 def why(said: str) -> str:
-    r"""Return the line of what a slicer said that most likely names the cause.
+    r"""Return the line of a slicer's output that most likely names the cause.
 
     Examples
     --------

@@ -26,12 +26,12 @@ class Source:
 
     path: Path
     job: PrintJob
-    document: GcodeDocument  # its text; of a mesh, of what was sliced
+    document: GcodeDocument  # its text; of a mesh, the text that a slicer made of it
     machine: Machine
-    own_limits: bool = True  # the motion limits it states count, not the machine's
+    own_limits: bool = True  # whether the motion limits it states replace the machine's
     sliced_by: str = ""  # what made the G-code of a mesh
     seconds: tuple[tuple[str, float], ...] = ()  # time of each step
-    folder: SlicedFolder | None = None  # what was sliced stays there as long as this does
+    folder: SlicedFolder | None = None  # keeps the G-code of a mesh on disk
 
 
 def read_source(
@@ -76,7 +76,7 @@ def machine_for(named: str | Machine | None, source: Path) -> tuple[Machine, str
     Raises
     ------
     InputError
-        When none is named and the source does not tell.
+        When none is named and the source names no known one either.
     """
     if isinstance(named, Machine):
         return named, ""

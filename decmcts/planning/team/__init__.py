@@ -1,1 +1,1 @@
-"""Several heads, each its own process: what they agree on becomes one exact plan."""
+"""Several heads, one process each, and the exact plan made of what they agree on."""

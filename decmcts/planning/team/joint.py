@@ -1,6 +1,7 @@
-"""From what agents agreed on to the plan that is written: the exact schedule, and the best of it.
+"""From the joint order that agents agreed on to the exact plan that is written.
 
-One head alone is always tried too: heads that wait for each other may be slower.
+A plan in which one head prints alone is always made too, and taken if it is faster: heads
+that wait for each other may be slower.
 """
 
 from __future__ import annotations
@@ -31,26 +32,26 @@ from decmcts.team.schedule.joint_plan import schedule
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """What agents plan, and what their plan is measured by."""
+    """What is known before the agents begin to plan."""
 
     problem: PrintProblem
     before: PlanDocument  # the source's own order, one head
-    lags: Lags
-    orders: Orders
-    order: Toolpath  # what one head alone reaches
+    lags: Lags  # that cooling demands
+    orders: Orders  # what orders may choose
+    lone_order: Toolpath  # the best order found for one head alone
     entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
-    bound: Bound
+    bound: Bound  # on the makespan
 
     def schedule(self, toolpaths: Sequence[Toolpath]) -> JointPlan:
-        """Return the exact plan of an order for each head."""
+        """Return the exact plan of these toolpaths, one a head."""
         problem = self.problem
         return schedule(problem.job, problem.machine, problem.graph, toolpaths, lags=self.lags)
 
 
 def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
-    """Schedule one order for one of the live heads, the others parked where possible."""
+    """Schedule the lone order for one of the live heads; others print what it does not reach."""
     problem = ready.problem
-    paths = one_head_toolpaths(problem.job, problem.machine, ready.order, live=live)
+    paths = one_head_toolpaths(problem.job, problem.machine, ready.lone_order, live=live)
     shared = "one head" if sum(len(path) > 0 for path in paths) < 2 else "one order"
     return document_of(problem, ready.schedule(paths), {"planner": f"local, {shared}"})
 
@@ -58,16 +59,16 @@ def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
 def best_of(
     ready: Prepared, result: LaunchResult | None, search: TeamSearch, report: Report
 ) -> PlanDocument:
-    """Schedule what was agreed, or one head alone where that is faster."""
+    """Return the exact plan of what was agreed, or of one head alone where that is faster."""
     problem = ready.problem
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
     alone = plan_alone(ready, heads)
     machine = lone_machine(problem.machine)
-    lone = schedule(problem.job, machine, problem.graph, [ready.order], lags=ready.lags)
+    lone = schedule(problem.job, machine, problem.graph, [ready.lone_order], lags=ready.lags)
     extra: Metrics = {
         "planner": "dec-mcts",
-        **_said(ready.orders),
+        **_freedom_metrics(ready.orders),
         "seed": search.seed,
         "time_limit_s": search.time_limit_s,
         "parameters": dict(search.parameters),
@@ -85,9 +86,10 @@ def best_of(
 
 
 def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan | None:
-    """Return the exact plan of what was agreed: as it is, or with other entries if it ends first.
+    """Return the exact plan of what was agreed, with the entries of loops for which it ends first.
 
-    None where one shuts another in that enters loops elsewhere than as sliced.
+    None where no such plan exists because heads enter loops elsewhere than as sliced: then one
+    may stand where another cannot pass.
     """
     problem = ready.problem
     agreed = with_entries(result.toolpaths, ready.entry)
@@ -99,14 +101,14 @@ def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan |
         try:
             plans.append(ready.schedule(paths))
         except InputError as error:
-            if not ready.entry.any() and not plans:  # then these heads cannot print it at all
+            if not ready.entry.any() and not plans:  # as sliced: these heads cannot print it at all
                 raise
             report(Note(f"other entries of loops: {error.what}"))
     return min(plans, key=lambda plan: plan.makespan_s, default=None)
 
 
-def _said(orders: Orders) -> Metrics:
-    """Return what orders are free to do, as `plan` says it."""
+def _freedom_metrics(orders: Orders) -> Metrics:
+    """Return what a plan's metrics say of its freedom and objective."""
     said: Metrics = {"freedom": orders.freedom}
     if orders.freedom == "seam":
         said["seam"] = orders.seam
@@ -114,6 +116,7 @@ def _said(orders: Orders) -> Metrics:
 
 
 def _traffic(agent: AgentStatus) -> dict[str, object]:
+    """Return how many rounds an agent made and how many messages it exchanged."""
     return {
         "head": agent.name,
         "rounds": agent.rounds,

@@ -10,7 +10,7 @@ from decmcts.team.dec_mcts.parameters import Parameters, changed
 
 
 def read_parameters(path: Path) -> Mapping[str, float | str]:
-    """Return the parameters that a file sets; raises InputError for what is not allowed."""
+    """Return the parameters that a TOML file sets; raises InputError for unknown or bad ones."""
     values = read_toml(path, "file of parameters", page="docs/team.md")
     changed(Parameters(), values, path=path)
     return values

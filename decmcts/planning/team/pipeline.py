@@ -38,7 +38,7 @@ from decmcts.team.schedule.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule.entries import Orders, agreed_job, entries_of, first_entries
 from decmcts.team.schedule.leaning import lean
 
-ALONE_MOST_S = 10.0  # for what one head alone reaches, and at most a third of the search time
+ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
 
 
 class Launch(Protocol):
@@ -71,8 +71,8 @@ def plan_team(
 ) -> Planned:
     """Let the agents plan and agree, schedule, verify.
 
-    With `writes` what no head's file could hold is refused before the search, and noted
-    what it leaves out.
+    With `writes` a print whose files could not be written is refused before the search, and a
+    note says what of its start code the heads' files leave out.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def plan_team(
         When the judge refuses the plan.
     """
     ready = _prepared(problem, search, writes=writes, report=report)
-    finish_beside(TEAM, report)  # else every agent would load what others compile
+    finish_beside(TEAM, report)  # so that agents load compiled kernels from the start
     started = time.perf_counter()
     report(Begun())
     result = _agreed(ready, search, report, stop, agents)
@@ -95,7 +95,7 @@ def plan_team(
 def _prepared(
     problem: PrintProblem, search: TeamSearch, *, writes: bool, report: Report
 ) -> Prepared:
-    """Have the source's own order judged, and find what agents and their plan are measured by."""
+    """Have the source's own order judged, and find all that must be known before agents plan."""
     orders = Orders(problem.rules.freedom.value, problem.rules.seam.value, search.objective.value)
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
@@ -108,19 +108,19 @@ def _prepared(
     report(Sound())
     job, machine, graph = problem.job, problem.machine, problem.graph
     lags = lags_of(problem, before)
-    report(Step("what one head alone reaches"))
-    order = _alone(problem, search, lags)
-    entry, entries = first_entries(job, orders, order), entries_of(job, orders)
+    report(Step("an order for one head alone"))
+    lone = _lone_order(problem, search, lags)
+    entry, entries = first_entries(job, orders, lone), entries_of(job, orders)
     if entries is not None:
         report(Step("where loops begin"))
     entry = lean(job, machine, graph, orders, entry, entries, lags)
     report(Step("a bound on the makespan"))
     bound = makespan_bound(job, machine, graph, entries=entries)
-    return Prepared(problem, before, lags, orders, order, entry, bound)
+    return Prepared(problem, before, lags, orders, lone, entry, bound)
 
 
-def _alone(problem: PrintProblem, search: TeamSearch, lags: Lags) -> Toolpath:
-    """Return an order for one head, cooling heeded."""
+def _lone_order(problem: PrintProblem, search: TeamSearch, lags: Lags) -> Toolpath:
+    """Return an order for one head, with contours moved so that it waits less for cooling."""
     limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
     local = Search(limit_s, search.seed, PlannerName.LOCAL, search.objective)
     found = search_order(problem, local).toolpath
@@ -135,7 +135,7 @@ def with_note(problem: PrintProblem, note: str | None) -> PrintProblem:
 
 
 def lags_of(problem: PrintProblem, before: PlanDocument) -> Lags:
-    """Return how long what is printed over must cool, by the source's own times."""
+    """Return the lags that cooling demands, by the source's own times."""
     times = print_times(before.plan.heads[0], len(problem.job.contours))
     return find_lags(problem.job.contours, [times], problem.min_layer_time_s)[0]
 
@@ -143,7 +143,7 @@ def lags_of(problem: PrintProblem, before: PlanDocument) -> Lags:
 def _agreed(
     ready: Prepared, search: TeamSearch, report: Report, stop: Stop, agents: Launch
 ) -> LaunchResult | None:
-    """Return what the agents agreed on, or None: one head alone is always left."""
+    """Return what the agents agreed on; None if they failed, for then one head prints alone."""
     problem = ready.problem
 
     def passed_on(states: tuple[AgentStatus, ...]) -> None:

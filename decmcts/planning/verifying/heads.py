@@ -30,18 +30,18 @@ WITHOUT_PLAN = (
 
 
 def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Return the files of a plan in the order they say they have, and each one's head.
+    """Return the files in the order that their headers state, and the head of each.
 
     Raises
     ------
     InputError
-        When one of them is no file of one head of several.
+        When one of them is not the file of one head of several.
     """
     headers = [(header_of(load_text(path)), path) for path in paths]
     for (head, _), path in headers:
         if not head:
             raise InputError(
-                "this is no file of one head of several",
+                "this is not the file of one head of several",
                 path=path,
                 advice="name all files of one `launch` and nothing else",
             )
@@ -67,7 +67,7 @@ def judge_heads_alone(
 ) -> Verdict:  # fmt: skip
     """Verify the files of all heads by what they do on the machine, without their plan.
 
-    The order is held to the usual rules, but for those it is `held` to.
+    The order is held to the default rules, with those that `held` names in their place.
     """
     job, document = read_gcode(source)
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
@@ -95,7 +95,7 @@ def judge_heads_alone(
 
 
 def misnamed(paths: Sequence[Path], named: Sequence[str], machine: Machine) -> list[Fault]:
-    """Return the files whose name is another head's: they would go to its controller."""
+    """Return a fault for each file named after another head: it would go to its controller."""
     lines = []
     for path, name in zip(paths, named, strict=True):
         stem = path.name.removesuffix(".gz").removesuffix(".gcode")

@@ -1,4 +1,4 @@
-"""What a plan is held to when it is judged again."""
+"""The rules a plan is held to when it is judged again."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from decmcts.print.plan import OrderRules
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What a plan is held to; None: as it says itself.
+    """The rules a plan is held to; None: as the plan states.
 
     Parameters
     ----------
@@ -31,16 +31,16 @@ class Held:
     min_layer_time_s: float | None = None
 
     def names(self) -> list[str]:
-        """Return the names of what was asked for."""
+        """Return the names of the rules that are not None."""
         return [name for name in self.__slots__ if getattr(self, name) is not None]
 
     @property
     def any_rule(self) -> bool:
-        """Whether a rule of the order was asked for."""
+        """Whether a rule of the order is among them; the layer time is none."""
         return bool(set(self.names()) - {"min_layer_time_s"})
 
     def over(self, rules: OrderRules) -> OrderRules:
-        """Return rules with those that were asked for in their place."""
+        """Return `rules` with those that are not None here in their place."""
         order, freedom, ahead = self.process_order, self.freedom, self.max_layers_ahead
         return replace(
             rules,

@@ -1,4 +1,4 @@
-"""A plan or finished files, judged again by what they state or by what they are held to."""
+"""Judging a plan or finished files again, by the rules they state or by others."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ def judge_several(
     given = source_of(source)
     if plan is None:
         if held.min_layer_time_s is not None:
-            raise InputError("min_layer_time_s: files alone do not tell", advice="add --plan")
+            raise InputError(
+                "min_layer_time_s cannot be checked in G-code alone", advice="add --plan plan.json"
+            )
         return judge_heads_alone(results, given, machine, held, seed=seed, trials=trials)
     verdict = judge(plan, given, machine, held, seed=seed, trials=trials)
     if is_other_print(verdict.faults):
@@ -100,9 +102,10 @@ def judge_plan(
     seed: int,
     trials: int,
 ) -> Verdict:
-    """Verify a plan file by the rules it states, as far as the command line names no others.
+    """Verify a plan file by the rules it states, or by those that `held` names.
 
-    But the time before a spot is printed over is no less than the source's slicer keeps.
+    Stating a shorter `min_layer_time_s` than the source's slicer keeps is a fault, unless `held`
+    names one.
     """
     document = read_plan(result)
     digest = digest_of(document)
@@ -125,7 +128,7 @@ def judge_plan(
 
 
 def is_whole_team(path: Path) -> bool:
-    """Tell whether this is the one file `launch` wrote for a machine with one head."""
+    """Tell whether this is the only file that `launch` wrote, for a machine with one head."""
     return not _is_plan(path) and header_of(load_text(path))[1] == (1, 1)
 
 
@@ -134,9 +137,9 @@ def _is_plan(path: Path) -> bool:
 
 
 def refuse_head_file(path: Path) -> None:
-    """Raise InputError for the file of one head of several: alone it proves nothing.
+    """Raise InputError for the file of one head of several, which cannot be judged alone.
 
-    Such a file says so among its first lines.
+    Its header says what it is.
     """
     name, (place, of) = header_of(load_text(path))
     if name:
@@ -148,6 +151,6 @@ def refuse_head_file(path: Path) -> None:
 
 
 def digest_of(document: PlanDocument) -> str:
-    """Return the digest the document's own contours, order and machine have."""
+    """Return the digest of the document's own contours, precedence and machine."""
     graph = DependencyGraph.from_pairs(len(document.contours), document.precedence)
     return problem_digest(document.contours, graph, document.machine)

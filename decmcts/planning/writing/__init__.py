@@ -1,1 +1,1 @@
-"""What is written of a plan that passed the judge, each file whole or not at all."""
+"""Writing a plan that passed the judge, each file whole or not at all."""

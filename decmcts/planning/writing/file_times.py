@@ -11,9 +11,11 @@ from decmcts.planning.problem.planned import Planned
 from decmcts.print.metrics import Metrics
 from decmcts.print.walls import outer_walls
 
-SAME_TIME_S = 0.25, 1.0  # times of whole files that differ by less are the same, for short prints
-SAME_TIME_SHARE = 1e-3  # and for long ones; between them this share. Feeds and positions are
-# written anew with the source's decimals, which moves the estimate by a fraction of a second
+# Writing a file anew rounds feeds and positions to the source's decimals, which moves its
+# estimated time by a fraction of a second. So times are equal up to a share of the print time,
+# but at least up to the first and at most up to the second of these seconds.
+SAME_TIME_SHARE = 1e-3
+SAME_TIME_S = 0.25, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,8 +25,8 @@ class FileTimes:
     before_s: float | None  # of the source; None: it is no G-code
     after_s: float
     refused_s: float | None = None  # of the new order, where the source was kept instead
-    before: Metrics = field(default_factory=Metrics)  # what else whole files show:
-    after: Metrics = field(default_factory=Metrics)  # see `whole_file`
+    before: Metrics = field(default_factory=Metrics)  # of the source, see `whole_file`
+    after: Metrics = field(default_factory=Metrics)  # of the result, likewise
 
     @property
     def longer(self) -> bool:
@@ -38,7 +40,7 @@ class FileTimes:
 
 
 def is_longer(before_s: float, after_s: float) -> bool:
-    """Say whether a time is longer than another by more than writing a file anew may do."""
+    """Say whether the second time is longer, by more than writing a file anew can make it."""
     least, most = SAME_TIME_S
     return after_s > before_s + min(max(least, SAME_TIME_SHARE * before_s), most)
 
@@ -50,7 +52,7 @@ def compared_with(planned: Planned) -> Path | None:
 
 
 def file_times(planned: Planned, draft: Path) -> FileTimes:
-    """Estimate what the source takes and what was made of it takes."""
+    """Estimate the print times of the source and of the draft made from it."""
     source, limits = compared_with(planned), planned.problem.machine.limits
     walls, own = outer_walls(planned.problem.job.contours), planned.problem.source.own_limits
     after = print_time(draft, limits, own_limits=own, walls=walls)
@@ -63,7 +65,7 @@ def file_times(planned: Planned, draft: Path) -> FileTimes:
 
 
 def whole_file(time: FileTime) -> Metrics:
-    """Return what a whole file shows as metrics, for tables, `--json` and plan.json."""
+    """Return a whole file's figures as metrics, for tables, `--json` and plan.json."""
     return {
         "file_time_s": time.total_s,
         "retractions": time.retractions,

@@ -1,4 +1,4 @@
-"""What is said of a plan, in a line each: in the header of its G-code and on a terminal."""
+"""Lines of text about a plan, for the header of its G-code and for a terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where results are written: places that are refused before the work, and writing itself."""
+"""Where results are written: refusing a place before the work, and writing to it."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def refuse_unwritable(
 ) -> None:
     """Fail before the long work: each output needs an existing folder we may write to.
 
-    No output may be the input, what else is `read`, or another output. `edits`: the input
-    is one `decmcts post` could edit in place.
+    No output may be the input, another file that is `read`, or another output. With `edits`
+    the message says that `decmcts post` edits the input in place.
     """
     if source == STDOUT:
         raise InputError("standard input is not read", advice="give the name of a file")
@@ -70,14 +70,15 @@ def refuse_two_on_stdout(output: Path | None, *, as_json: bool) -> None:
 
 
 def name_of(path: Path) -> str:
-    """Return an output's name as people know it."""
+    """Return an output's name for messages."""
     return "standard output" if path == STDOUT else str(path)
 
 
 def put(content: bytes, path: Path, *, packed: bool = False) -> None:
     """Write a result to its file, whole or not at all, or to standard output (`-`).
 
-    Unless it is `packed` already it becomes what the file's name says.
+    Text becomes gzipped or binary G-code as the name's suffix says, unless it is `packed`
+    already.
 
     Raises
     ------
@@ -99,7 +100,7 @@ def put(content: bytes, path: Path, *, packed: bool = False) -> None:
 
 
 def refuse_unpackable(output: Path | None, source: Path) -> None:
-    """Raise InputError for a .bgcode that what is read cannot be made into."""
+    """Raise InputError for a .bgcode output that the source cannot be packed into."""
     if output is None or output.suffix.lower() != SUFFIX:
         return
     if source.suffix.lower() in MESH_SUFFIXES:

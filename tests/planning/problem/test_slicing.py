@@ -120,7 +120,7 @@ def test_a_configuration_picks_the_slicer_it_is_for(path, tmp_path):
 @pytest.mark.parametrize(
     ("name", "said"),
     [("prusaslicer", "not on the PATH as prusa-slicer"), ("kiri", "no slicer and no program"),
-     ("cat", "says of none of")],
+     ("cat", "does not tell which of")],
 )  # fmt: skip
 def test_a_slicer_that_is_none_is_refused(path, name, said):
     """Falling back to another would print something the user did not ask for."""

@@ -11,9 +11,10 @@ import pytest
 
 from agents.launching.supervisor import LaunchError
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.planning.events import Begun, Event, Heads, Note, Sound
+from decmcts.planning.events import Begun, Event, Heads, Note, Sound, unheard
 from decmcts.planning.options import Freedom, Limits, Objective, Rules, Seam, TeamSearch
-from decmcts.planning.problem.print_problem import load
+from decmcts.planning.problem.print_problem import load, problem_of
+from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import Launch, plan_team
 from decmcts.planning.verify import verify
@@ -94,7 +95,7 @@ def launched(
 ) -> PlanDocument:
     """Plan the parts for two heads, have the files verified, return the plan."""
     path = print_of_parts(folder)
-    problem = load(Path(path), "dual-gantry", rules, limits=limits)
+    problem = problem_of(read(path, "dual-gantry", limits=limits), rules, unheard)
     result = Result(plan_team(problem, search, writes=True, agents=agents), search)
     result.write_plan(folder / "plan.json")
     files = result.write_gcode(folder / "head").paths
