@@ -1,1 +1,1 @@
-"""Judges: motion, collision, replay, verification, reports and experiments."""
+"""The judge, and the reports, pictures and experiments beside it."""

@@ -1,4 +1,4 @@
-"""Judges a schedule of cranes on one rail: where everybody is, moment by moment.
+"""Judging a schedule of cranes on one rail: where each crane is, moment by moment.
 
 Slow and plain: it knows nothing of how schedules are made, only what a crane may
 do. Each fault is a line. A crane stands where its path begins until it is ready,
@@ -22,7 +22,7 @@ CranePath = list[tuple[float, float]]
 
 
 def faults_of(problem: QcspProblem, schedule: QcspSchedule) -> list[str]:
-    """Return what is wrong with a schedule, a line each; none: it can be run as it is."""
+    """Return what is wrong with a schedule, a line each; empty if it can be run as it is."""
     faults = list(_malformed(problem, schedule))
     if faults:
         return faults
@@ -103,7 +103,7 @@ def _wrong_moves(problem: QcspProblem, v: int, path: CranePath, slack: float) ->
 def _wrong_stops(
     problem: QcspProblem, schedule: QcspSchedule, v: int, path: CranePath, slack: float
 ) -> Iterator[str]:
-    """Yield tasks at which the crane is not there all the time, and those before it is ready."""
+    """Yield tasks during which the crane is elsewhere, and tasks that begin before it is ready."""
     for j in range(len(problem)):
         if schedule.crane[j] != v:
             continue

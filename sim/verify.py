@@ -59,15 +59,14 @@ def verify_plan(
 ) -> Verdict:
     """Check a joint plan for every execution its partial order allows.
 
-    What must come before what is found anew, whatever the plan's own pairs say.
+    What must come before what is found anew: the plan's own pairs are checked, not believed.
 
     Parameters
     ----------
     document : PlanDocument
         The plan with its machine and contours.
     source : PrintJob | None
-        What it was made from; when given, every contour is compared in all its fields,
-        and what a plan does not carry is taken from it.
+        The print it was made from; when given, every contour is compared in all its fields.
     machine : Machine | None
         The machine it must be for; None: the plan's own is believed.
     rules : OrderRules | None
@@ -75,14 +74,14 @@ def verify_plan(
     digest : str | None
         Digest of the problem the plan should be for; compared when given.
     trials : int
-        Random timing trials of the replay, besides the nominal and the adversarial ones.
+        Number of random timings in the replay, besides the nominal and the adversarial ones.
     seed : int
         Seeds the random trials.
 
     Returns
     -------
     Verdict
-        All faults found, at most a few dozen lines a kind, and what was checked.
+        All faults found, of each kind a few dozen at most, and what was checked.
     """
     started = time.perf_counter()
     faults = check_structure(document)
@@ -117,7 +116,7 @@ def _check_content(
 ) -> list[Fault]:
     """Check what is printed where, in any order: J1, and the source and machine where given.
 
-    Of another print than the source that is all that is said.
+    If the source is another print, that is the only fault returned.
     """
     faults = check_once(document) + check_release(document)
     for actions, head in zip(all_actions, document.machine.heads, strict=True):
@@ -207,7 +206,7 @@ def verify_motions(
 
 
 def all_actions_of(document: PlanDocument) -> tuple[HeadActions, ...]:
-    """Return one action list per head of the machine; a head without work rests at its park."""
+    """Return one action list per head of the machine, empty for a head without work."""
     given = {h.head: h for h in document.plan.heads}
     names = [h.head for h in document.plan.heads]
     machine_order = [h.name for h in document.machine.heads]

@@ -1,1 +1,1 @@
-"""What is printed: contours, their paths and entries."""
+"""What a plan prints: contours, their paths and entries."""

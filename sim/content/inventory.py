@@ -1,8 +1,8 @@
 """Exactly once: the extrusions of a result against those of its source.
 
-Both are sets of straight segments that may be run either way. They are matched
-as multisets: first by their coordinates on a grid of a micrometre, those alike in
-the order they come in, then what rounding put into neighbouring cells by distance.
+Both are multisets of straight segments, each of which may be run either way. Segments are
+matched first by their ends on a grid of a micrometre; equal ones are matched in the order they
+come in. What rounding put into neighbouring cells is then matched by distance.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NO_MATCH = -1
 
 @dataclass(frozen=True, slots=True)
 class Segments:
-    """Extruding segments with what the reader should be told about each."""
+    """Extruding segments, and where each stands."""
 
     ends: NDArray[np.float64]  # (n, 6) start and end
     extrusion: NDArray[np.float64]  # (n,) filament mm
@@ -97,7 +97,7 @@ def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
     like, alike = _alike(ours, source, mine, theirs)
     _match_in_turn(match, like, alike)
     left, free = np.flatnonzero(match == NO_MATCH), _unmatched(source, match)
-    if len(left) and len(free):  # of one place with another amount: the nearest in amount
+    if len(left) and len(free):  # same ends, other filament or feed: matched by rank of amount
         left = left[np.lexsort((ours.feed[left], ours.extrusion[left]))]
         free = free[np.lexsort((source.feed[free], source.extrusion[free]))]
         rest = np.full(len(left), NO_MATCH, np.int64)

@@ -29,7 +29,7 @@ class Legs:
     whole: tuple[HeadActions, ...]  # as the plan has them
     all_actions: tuple[HeadActions, ...]  # leg by leg; every wait is for the end of a leg
     origin: tuple[Ints, ...]  # per head (n_legs,) the action a leg is of
-    rows: tuple[Ints, ...]  # per head: of which point of the action's path each point is
+    rows: tuple[Ints, ...]  # per head (n_points,) the row of `whole`'s path that each point is
 
     @property
     def cut(self) -> bool:

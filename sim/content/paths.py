@@ -1,7 +1,7 @@
-"""What each head does on its own: where it starts, what it follows, where it may go.
+"""What each head does on its own: each contour once, along its polyline, by a head that can.
 
-Every contour exactly once, by a head that may and can print it, along the
-contour's own polyline, without a jump between actions, parked at both ends.
+A head starts and ends at its park, never jumps between two actions, and stays within its
+reach.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def _bad_indices(actions: HeadActions, heads: tuple[HeadActions, ...], n: int) -
 
 
 def _bad_waits(actions: HeadActions, heads: tuple[HeadActions, ...]) -> list[str]:
-    """Return lines for waits for what no head does."""
+    """Return lines for waits that name no action, no point of one, or an impossible lag."""
     name, lines = f"head {actions.head}", []
     columns = (actions.after_head, actions.after_action, actions.after_point, actions.after_lag_s)
     for edge in map(After, *(column.tolist() for column in columns)):

@@ -1,7 +1,7 @@
 """Is this the print and the machine that were meant: contours and machine, field by field.
 
-Two prints that share hardly a segment are another print, said in one line: each of
-their segments would be a fault, and none of them the one to look for.
+Prints that share hardly a segment are different prints. That is one fault: a fault for each
+segment would tell nobody what is wrong.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from decmcts.print.machine import Head, Machine, MotionLimits
 from sim.content.inventory import NO_MATCH, Segments
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
-SAME = 1e-6  # mm, mm/s: plan.json keeps every bit, so that this is no rounding
+SAME = 1e-6  # mm or mm/s; plan.json keeps every bit, so nothing is rounded off
 
-LITTLE = 0.1  # share of the segments of each that two prints have in common at most
-FEW = 20  # of so few segments each fault can be read
+LITTLE = 0.1  # share of the smaller print's segments; with fewer in common they are two prints
+FEW = 20  # segments; a smaller print has so few faults that all can be listed
 
 PER_POINT = ("points", "extrusion", "feed")
 PER_CONTOUR = (
@@ -32,7 +32,7 @@ PER_CONTOUR = (
 def check_print(
     ours: Segments, source: Segments, match: NDArray[np.int64], contour: NDArray[np.int64]
 ) -> list[Fault]:
-    """Return one fault where nearly nothing of ours is in the source, nor the other way round.
+    """Return one fault where ours and the source have hardly a segment in common.
 
     `match` says which segment of the source each of ours is, `contour` which contour each
     of the source's is of (below 0: of none).
@@ -154,4 +154,4 @@ def _differs(what: str, ours: object, named: object) -> Fault:
     short = [
         text if len(text := str(value)) <= 60 else text[:57] + "..." for value in (ours, named)
     ]
-    return Fault(FaultKind.MACHINE, f"{what} is {short[0]}, of the machine named {short[1]}")
+    return Fault(FaultKind.MACHINE, f"{what} is {short[0]}, the machine named has {short[1]}")

@@ -95,9 +95,9 @@ def _forbidden(contours: Contours, contour: int, entry: int) -> str:
 
 
 def _ring(contours: Contours, first: int, last: int, entry: int) -> NDArray[np.int64]:
-    """Return the rows a loop passes from one vertex round to it, CLOSING for the way over the gap.
+    """Return the rows a loop passes from one vertex round to the same vertex.
 
-    A row stands for the segment that ends there.
+    A row stands for the segment that ends there; `CLOSING` for the one over the old gap.
     """
     gap = np.linalg.norm(contours.points[last] - contours.points[first])
     over = [CLOSING] if gap >= CLOSED_MM else []

@@ -1,1 +1,1 @@
-"""Simulated two-head printing experiments."""
+"""What benchmarks and tests do to plans: spoil them, delay heads, kill agents."""

@@ -1,9 +1,9 @@
-"""What heads that are late do to a joint plan: ours, and the same plan run by the clock.
+"""What happens to a joint plan when heads are late, with waits and without.
 
 The delay experiment of the literature on printing with several robots, on any joint
-plan: heads take other times than planned and are held up at random. *Ours* waits for
-what its actions come after. *By the clock* has no such waits: an action begins at its
-planned time, or as soon as its head is free if that is later. At planned times both do
+plan: heads take other times than planned and are held up at random. With waits an action
+begins when all it waits for has happened. *By the clock* there are no waits: an action begins
+at its planned time, or as soon as its head is free if that is later. At planned times both do
 the same. Counted are pairs of actions in which two heads come too near each other, and
 contours begun before what they rest on has been printed.
 

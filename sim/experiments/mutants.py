@@ -1,8 +1,8 @@
 """Mutants: ways to spoil a good result, each with what a judge must make of it.
 
-A mutant changes a result in place, so that it is wrong, or says why the change does
-no harm. What the changes are stands in `mutants_plan`, `mutants_gcode` and
-`mutants_heads`; `benchmarks/mutations.py` tries them all.
+A mutant changes a result in place. The result is then wrong, unless the mutant states why the
+change is harmless. The changes are in `mutants_plan` (with `mutants_actions` and
+`mutants_waits`) and in `mutants_gcode`; `benchmarks/mutations.py` tries them all.
 
 References
 ----------
@@ -31,7 +31,7 @@ class Mutant(Generic[Result]):
     name: str
     spoil: Callable[[Result, np.random.Generator], None]  # changes the result in place
     harmless: str = ""  # why a judge may let it pass; empty: it must not
-    sealed: bool = False  # the digest is made anew, as one would who hides a change
+    sealed: bool = False  # whether the digest is made anew, as by someone who hides a change
 
 
 def pick(choices: list[int], rng: np.random.Generator) -> int:

@@ -1,7 +1,7 @@
 """Mutants of a plan.json, as the JSON object it holds (docs/plan-format.md).
 
-What is done to actions stands in `mutants_actions`, to what they wait for in
-`mutants_waits`, what is done to the rest here.
+Changes of actions are in `mutants_actions`, changes of what they wait for in `mutants_waits`,
+all others here.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def no_precedence(plan: Plan, rng: Rng) -> None:
 
 
 def swapped_precedence(plan: Plan, rng: Rng) -> None:
-    """Turn every pair of the precedence round."""
+    """Exchange the two contours of every pair of the precedence."""
     plan["precedence"] = [[b, a] for a, b in plan["precedence"]]
 
 
@@ -150,8 +150,8 @@ def another_digest(plan: Plan, rng: Rng) -> None:
     plan["problem"] = "0" * 64
 
 
-def says_free(plan: Plan, rng: Rng) -> None:
-    """Put other figures into the metrics."""
+def other_metrics(plan: Plan, rng: Rng) -> None:
+    """Put another figure into the metrics."""
     plan["metrics"]["extrusionless_travel_mm"] = 1.0
 
 
@@ -160,7 +160,7 @@ def as_text(plan: Plan) -> str:
     return json.dumps(plan).replace(f'"{HUGE}"', "9" * 5000)
 
 
-SHAPE = "the order is the same and still keeps every rule, rebuilt from the source"
+SAME_ORDER = "the order is the same and still keeps every rule, rebuilt from the source"
 
 PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("a contour dropped", drop_a_print),
@@ -199,7 +199,7 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("may turn, or may not", _contour_field("reversible", lambda v: not v), sealed=True),
     Mutant("another source line", _contour_field("line", lambda v: v + 1)),
     Mutant("another epoch", _contour_field("epoch", lambda v: v + 3), sealed=True),
-    Mutant("precedence emptied", no_precedence, harmless=SHAPE, sealed=True),
+    Mutant("precedence emptied", no_precedence, harmless=SAME_ORDER, sealed=True),
     Mutant("precedence turned", swapped_precedence),
     Mutant("precedence of no contour", foreign_precedence),
     Mutant("a slim head", slim_head, sealed=True),
@@ -221,6 +221,6 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     *WAIT_MUTANTS,
     Mutant("the heads exchanged", heads_exchanged),
     Mutant(
-        "other metrics", says_free, harmless="metrics are figures for people; none is relied on"
+        "other metrics", other_metrics, harmless="metrics are figures for people; none is relied on"
     ),
 )

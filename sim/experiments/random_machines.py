@@ -2,7 +2,7 @@
 
 Rails along x or y, two rails at once, heads in a row without one or around the bed;
 heads with shapes that are not symmetric, with beams, limits, reaches and tools of
-their own. Small towers stand over the bed. No planning here.
+their own. The prints are small towers all over the bed. No planning here.
 """
 
 from __future__ import annotations

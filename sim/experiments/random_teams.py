@@ -102,14 +102,14 @@ def random_order(problem: TeamProblem, rng: np.random.Generator) -> NDArray[np.i
     return np.array(order, np.int64)
 
 
-def outcome(problem: TeamProblem, plans: Plans, trials: int = 1) -> Outcome:
+def outcome(problem: TeamProblem, plans: Plans) -> Outcome:
     """Return what plans resolve to, and what the judge finds wrong with it."""
     try:
         found = resolve(problem, plans, range(len(problem.machine.heads)))
         plan = schedule(problem.job, problem.machine, problem.graph, found.toolpaths)
     except InputError as error:
         return Outcome(None, error.what)
-    verdict = judged(problem, plan, trials)
+    verdict = judged(problem, plan)
     return Outcome(plan, "" if verdict.ok else str(verdict.faults[0]))
 
 

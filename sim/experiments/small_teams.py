@@ -1,10 +1,10 @@
 """The least makespan of small prints: every joint order the engine can carry out, tried.
 
-A joint order says who prints what, in which direction, in one order of all. Depth first,
-contour after contour, with what the engine makes of each (`decmcts._kernels.engine.aside`). Two
-things are left out, neither of which can lose the optimum: orders whose bound is no better
-than the best known, and those that bring every head to the same place at the same time
-by the same actions as another that was tried.
+A joint order says who prints what, in which direction, in one order of all. They are tried
+depth first, contour after contour; the engine says when and how each is printed
+(`decmcts._kernels.engine.aside`). Two kinds of beginnings are not followed further, and neither
+can lose the optimum: those whose bound is no better than the best order known, and those in
+which every head has done the same actions at the same times as in another that was tried.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def compiled(function: F) -> F:
 
 
 class Limits(NamedTuple):
-    """What is known before the search and bounds what is left of an order."""
+    """What is known before the search, to bound the time that the rest of an order takes."""
 
     eligible: NDArray[np.bool_]  # (n, heads)
     topological: NDArray[np.int64]  # (n,) contours, each after what it rests on
@@ -281,7 +281,7 @@ def remember(
     filled: int, depth: int, units: Units, heads: Heads, marks: Marks, path: Path,
     seen: NDArray[np.uint64],
 ) -> tuple[int, bool]:  # fmt: skip
-    """Note the state below a depth (mutates path, seen); how many are noted, and if it was one."""
+    """Remember the state reached at a depth (mutates path, seen); return how many, and if known."""
     count = len(heads.free)
     for r in range(count):
         path.chain[depth + 1, r] = path.chain[depth, r]

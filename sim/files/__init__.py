@@ -1,1 +1,1 @@
-"""The written file, read back."""
+"""The written file, read back and judged."""

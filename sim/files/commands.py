@@ -1,11 +1,10 @@
 """Everything in a file that is no contour, against its source.
 
-Start code, end code and blocks that stand at barriers are the source's, command by
-command and in their place. Between contours only what this module lists is accepted:
-moves, which are simulated; retraction, which is counted; and commands that set what
-holds until it is set again, in the source's own words, whose effect is compared
-bead by bead elsewhere. Comments and progress (M73) command nothing. Whatever else
-there is, known or not, is a fault.
+Start code, end code and blocks that stand at barriers must be the source's, command by
+command and in their place. Between contours only these commands are accepted: moves, which
+are simulated; retraction, which is counted; and commands that set a state, in the source's
+own words, whose effect is compared bead by bead elsewhere. Comments and progress (M73) command
+nothing. Every other command is a fault, known or not.
 """
 
 from __future__ import annotations
@@ -28,12 +27,12 @@ _MOVE = re.compile(rb"G1(?=[ ])(?: [XYZE]-?\d*\.?\d+)*(?:" + _FEED + rb")?\r?\Z"
 _RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?\d*\.?\d+\Z")
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 _NAME = re.compile(rb"[GM]\d+(?:\.\d+)?(?![\w.])|[A-Z_]+(?=\s|\Z)")
-_HOLDS = frozenset(
+_SETS_STATE = frozenset(
     b"M106 M107 M126 M127 M220 M221 M117 M900 M572 M74 M593 G17 M204 M205 M201 M203 M566 M207"
     b" M208 M486 M624 M625 SET_PRINT_STATS_INFO SET_VELOCITY_LIMIT SET_PRESSURE_ADVANCE"
     b" SET_RETRACTION SET_FAN_SPEED EXCLUDE_OBJECT_START EXCLUDE_OBJECT_END".split()
 )
-_BLOCKS_ALONE = ("tool", "temperature")  # slots that only verbatim blocks may set
+_BLOCKS_ALONE = ("tool", "temperature")  # states that only verbatim blocks may set
 
 Ints = NDArray[np.int64]
 
@@ -70,7 +69,7 @@ def commands(rows: Iterable[bytes]) -> list[tuple[int, bytes]]:
 
 
 def match_start(rows: Sequence[bytes], preamble: bytes) -> tuple[int, list[str]]:
-    """Return the first line below the source's start code, and where the file's is another."""
+    """Return the first line below the start code, and what differs from the source's."""
     k = 0
     for number, due in commands(preamble.split(b"\n")):
         while k < len(rows) and not command_of(rows[k]):
@@ -84,7 +83,7 @@ def match_start(rows: Sequence[bytes], preamble: bytes) -> tuple[int, list[str]]
 
 
 def match_end(rows: Sequence[bytes], postamble: bytes) -> tuple[int, list[str]]:
-    """Return the line the source's end code begins at, and whether the file's is another."""
+    """Return the line the end code begins at, and whether it differs from the source's."""
     due = [code for _, code in commands(postamble.split(b"\n"))]
     k, has = len(rows), list[bytes]()
     while k > 0 and len(has) < len(due):
@@ -131,7 +130,7 @@ def _block_faults(
 
 
 def known_settings(document: GcodeDocument) -> frozenset[bytes]:
-    """Return the commands of the source that set what holds, comments left out."""
+    """Return the commands with which the source sets its states, comments left out."""
     states = document.states
     kept = [k for k, slot in enumerate(states.slots) if not slot.startswith(_BLOCKS_ALONE)]
     used = np.unique(states.rows[:, kept]).tolist() if kept else []
@@ -141,14 +140,14 @@ def known_settings(document: GcodeDocument) -> frozenset[bytes]:
 
 
 def accepted(row: bytes, known: frozenset[bytes]) -> bool:
-    """Tell whether a line may stand between contours, moves aside."""
+    """Tell whether a line may stand between contours."""
     code = command_of(row)
     if not code or _MOVE.match(code) or _RETRACTION.match(code):
         return True
     if (dwell := _DWELL.match(code)) and row.rstrip().endswith(WAIT_MARK.encode()):
         return int(dwell[1]) <= 1000.0 * LONGEST_DWELL_S
     name = _NAME.match(code.upper())
-    return name is not None and name[0] in _HOLDS and code in known
+    return name is not None and name[0] in _SETS_STATE and code in known
 
 
 def _shown(code: bytes) -> str:

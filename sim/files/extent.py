@@ -30,7 +30,7 @@ def check_extent(
     all_actions: tuple[HeadActions, ...],
     machine: Machine,
 ) -> list[Fault]:
-    """Check the paths of a plan; without a source it must keep above z = 0 in any case."""
+    """Check the paths of a plan; without a source none may go below z = 0."""
     known = contours if source is None else source
     low, high = _reached(known.points, machine)
     low[2] = min(0.0, float(low[2])) if source is not None else 0.0
@@ -82,8 +82,8 @@ def _feedless(motions: Motions) -> tuple[NDArray[np.int64], Floats]:
     """Return the moves without a feed and both their ends, rounded."""
     rows = moving(motions)
     start, end = motions.points[rows], motions.points[rows + 1]
-    still = np.asarray(motions.feed)[rows] > 0
-    kept = ~still & (start != end).any(axis=1)
+    fed = np.asarray(motions.feed)[rows] > 0
+    kept = ~fed & (start != end).any(axis=1)
     return rows[kept], np.round(np.hstack([start, end])[kept], 3)
 
 

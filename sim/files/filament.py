@@ -1,8 +1,8 @@
-"""Filament between the beads of a file: retracted, pushed back, pushed on the spot.
+"""Filament between the beads of a file: what is retracted, and what is pushed standing still.
 
-Judged against the source: a bead begins with what the source begins it with
-still retracted, no more is pushed at once than the source does, and none is
-pulled further back.
+*Owed* is the filament that is retracted at some line and not pushed back yet, mm. The source is
+the measure: a bead begins with as much owed as there, no more is pushed at once than the source
+ever does, and no more is retracted.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode import Motions
 from sim.faults import Fault, FaultKind, listed
 
-OWED_MM = 1e-3
-SURPLUS_MM = 0.01  # of filament pushed on the spot
+OWED_MM = 1e-3  # amounts owed that differ by less are equal
+SURPLUS_MM = 0.01  # of filament pushed or retracted beyond the source's
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,12 +27,12 @@ def check_owed(
     motions: Motions, rows: Ints, place: Ints, laid: tuple[Ints, Ints], source: Source, *,
     expected: bool,
 ) -> list[Fault]:  # fmt: skip
-    """Check that beads begin with as much filament retracted as the source's.
+    """Check that beads begin with as much filament owed as in the source.
 
-    One the source begins without a retraction may have what the source usually
-    leaves after its retractions, its habit. Less than the habit is fine where nothing
-    was pushed back, for then nothing had been retracted. Of a segment the source lays
-    twice nobody can tell which one a bead begins with: either will do.
+    The source's habit is what it usually leaves owed after a retraction. A bead before which
+    the source does not retract may have the habit owed too. A bead may have less than the
+    habit where nothing was pushed back before it: then nothing had been retracted. Of a segment
+    that the source lays twice either amount will do.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def check_owed(
     place : (k,) number of the place each of them lies at
     laid : (m,), (m,) place and contour of every segment of the source
     source
-        Asked only where something is, or is `expected` to be, still retracted.
+        Returns the source's moves; called only where something is owed, or `expected` to be.
     """
     if motions.owed is None or not len(rows):
         return []
@@ -71,7 +71,7 @@ def check_owed(
 
 
 def _due(source: Motions, n: int) -> tuple[Floats, float]:
-    """Return what the source leaves retracted when it begins each contour, (n,), and usually."""
+    """Return what the source has owed where each contour begins, (n,) mm, and its habit, mm."""
     due = np.zeros(max(n, int(source.contour.max(initial=-1)) + 1))
     if source.owed is None:
         return due, 0.0
@@ -85,7 +85,7 @@ def _due(source: Motions, n: int) -> tuple[Floats, float]:
 
 
 def _between_beads(motions: Motions, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Tell for each move whether a chosen one lies between the last bead above it and it, (m,)."""
+    """Tell for each move whether a chosen one lies between it and the bead before it, (m,)."""
     rows = np.arange(len(motions.contour))
     bead = np.asarray(motions.contour) >= 0
     last_bead = np.maximum.accumulate(np.where(bead, rows, -1))
@@ -108,7 +108,10 @@ def check_pulled(motions: Motions, usual_mm: float, source: Source) -> list[Faul
     deep = np.flatnonzero(owed > most + SURPLUS_MM).tolist()
     return listed(
         FaultKind.STATE,
-        [f"above line {line[k]} {owed[k]:g} mm are retracted, {most:g} at the most" for k in deep],
+        [
+            f"{owed[k]:g} mm are retracted above line {line[k]}, in the source {most:g} at most"
+            for k in deep
+        ],
     )
 
 

@@ -30,7 +30,8 @@ def check_file_material(
     ----------
     match : (n,) for each laying move the place of its segment in the source
     source
-        Asked only when there are contacts: those the source makes too are dropped.
+        Returns the source's moves; called only when there are contacts. Those that the
+        source makes too are dropped.
     """
     if not (np.asarray(motions.contour) >= 0).any():
         return []

@@ -29,9 +29,9 @@ def moves_array(motions: Motions) -> NDArray[np.float64]:
 
 
 def moving(motions: Motions) -> NDArray[np.int64]:
-    """Return the moves the head makes: homing and G92 have no known path.
+    """Return the moves whose path is known: all but homing and G92.
 
-    A move at feed 0 (`F0`) is one: firmware makes it at the feed before.
+    A move at feed 0 (`F0`) is among them: firmware makes it at the feed before.
     """
     known = np.asarray(motions.feed) > 0
     return np.nonzero(known if motions.placed is None else ~np.asarray(motions.placed))[0]
@@ -40,11 +40,9 @@ def moving(motions: Motions) -> NDArray[np.int64]:
 def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:
     """Return the beads of a file with the first move that may meet each.
 
-    Only contours count: what a start code purges has no stated size, and its
-    order is the source's.
-
-    A contour run as the source runs it may slope over itself, as its slicer
-    meant it; in another traversal each segment is material for the next ones.
+    Only contours count: a purge line of the start code has no stated size, and the start code
+    is not reordered. A contour may slope over itself where it runs as in the source. In another
+    traversal each of its segments is material for the next ones.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """A G-code file judged against the print it was made from, before anyone may run it.
 
-The plan was checked already; this checks what the writer made of it: every
-extrusion once, in force what should be, nothing retracted where it is laid
-down, the waits of the plan, the way to the end G-code, and no contact on the moves
-really written.
+The plan was checked already; this checks what the writer made of it. Every extrusion occurs
+once, under the state and with the filament retracted as in the source. The file waits where
+the plan waits, it hands over to the end G-code as the source does, and no written move touches
+the print.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Written:
     laid: NDArray[np.int64]  # (n,) moves that lay beads, in the file's order
     match: NDArray[np.int64]  # (n,) the segment of the job each of them is, or NO_MATCH
     segments: Segments  # (m,) of the job
-    faults: tuple[Fault, ...]  # what reading found: other extrusions, another ending
+    faults: tuple[Fault, ...]  # found while reading: extrusions or an ending unlike the source's
 
 
 def verify_written(
@@ -91,7 +91,7 @@ def verify_written(
 def check_state(
     path: Path | str, job: PrintJob, document: GcodeDocument, *, seams: Sequence[Moved] = ()
 ) -> list[Fault]:
-    """Check only what a file commands and what is in force and retracted where it prints.
+    """Check only what a file commands, and the state and filament where it prints.
 
     For files whose moves are judged already (`sim.verify.verify_motions`).
     """

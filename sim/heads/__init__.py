@@ -1,1 +1,1 @@
-"""Several heads' files, read back together."""
+"""Several heads' files, read back and judged together."""

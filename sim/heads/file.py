@@ -82,7 +82,10 @@ def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
 
 
 def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int]]:
-    """Part the commands of a file into sync points, at rest with their M400, and the rest."""
+    """Return the sync points of a file, its other commands, and sync points that lack an M400.
+
+    An M400 right before a sync point at rest belongs to it.
+    """
     syncs, rest, loose = list[Sync](), list[tuple[int, bytes]](), list[int]()
     for k in range(len(lines)):
         code = command_of(lines.raw(k))
@@ -117,23 +120,24 @@ def own_commands(
     text: bytes, tool: int | None, *, homes: bool, relative_e: bool, selected: int | None = None,
     all_heat: bool = False, all_off: bool = False,
 ) -> list[bytes]:  # fmt: skip
-    """Return what a head's own controller is to be told of verbatim lines of the source.
+    """Return those commands of verbatim lines of the source that one head's file must have.
 
-    No moves along an axis, no homing but in start code (`homes`), no choice of a tool, no
-    command to another head's tool. Where E is absolute, what is left out leaves E set to
-    where it would have led.
+    Moves along an axis, tool changes and commands to another head's tool are left out, and
+    homing too unless it `homes`, as start code does. Where E is absolute, a G92 takes the place of
+    a command that is left out and moves E.
 
     Parameters
     ----------
     tool : int | None
-        What the head prints with; None: nothing.
+        The tool the head prints with; None: it prints nothing.
     relative_e : bool
         How E counts above the lines.
     selected : int | None
         The tool in use above the lines, of a source that has several: filament and hot end
         of another tool are not this head's. None: the source has one tool.
     all_heat, all_off : bool
-        What names no tool heats, or switches off, this head whichever tool is selected.
+        Temperatures that name no tool heat this head, or switch it off, whichever tool is
+        selected.
     """
     kept = []
     for code in filter(None, map(command_of, text.split(b"\n"))):

@@ -1,7 +1,7 @@
-"""Heat of several heads: each is hot before it prints, and off at the end, as the source is.
+"""Temperatures of several heads: each is hot before it prints, and off at the end as in the source.
 
-A source of several tools may heat one hot end for all of them, and each head has its own. So
-who is to hear a temperature that names no tool is found anew here.
+A source of several tools may heat one hot end for all of them, where each head has its own. So
+it is found out here which heads a temperature that names no tool is for.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ SELECTS = re.compile(rb"T(\d+)\Z", re.I)  # a word that is a tool
 
 
 class Heat(NamedTuple):
-    """What one command says to a hot end."""
+    """A command that heats or cools a hot end."""
 
     waits: bool
     heats: bool
@@ -31,18 +31,18 @@ class Heat(NamedTuple):
 
 
 class Due(NamedTuple):
-    """What each head that prints is to be told."""
+    """What the file of each head that prints must have."""
 
     one_hot_end: bool  # temperatures that name no tool are for all heads
-    heats: bool  # before its first print it is heated
+    heats: bool  # it heats before its first print
     waits: bool  # and waits until it is hot
-    ends_off: bool  # the last it is told is to switch off
+    ends_off: bool  # its last temperature is 0
 
 
 def heat_of(code: bytes) -> Heat | None:
-    """Return what a command, comments left out, says to a hot end; None: nothing.
+    """Return a command, comments left out, as what it does to a hot end; None: nothing.
 
-    Where it states no number, as some hosts' templates do not, it heats.
+    One without a number, as in the templates of some hosts, heats.
     """
     match = _HOT_END.match(code)
     if match is None:
@@ -54,9 +54,9 @@ def heat_of(code: bytes) -> Heat | None:
 
 
 def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
-    """Return what the source's heads are to be told."""
+    """Return what the file of each head must have, by what the source does."""
     first = int(job.contours.epoch.min(initial=0))
-    said = list(_said(document))  # epoch, tool meant, command
+    said = list(_temperatures(document))
     early = [heat for epoch, _, heat in said if epoch <= first and heat.heats]
     waits = any(heat.waits for heat in early)
     told: dict[int, int] = {}  # tool -> epoch from which on it is hot
@@ -94,8 +94,8 @@ def unheated(
     return words
 
 
-def _said(document: GcodeDocument) -> Iterable[tuple[int, int, Heat]]:
-    """Yield all that heats or cools above and between prints: epoch, tool meant, command."""
+def _temperatures(document: GcodeDocument) -> Iterable[tuple[int, int, Heat]]:
+    """Yield epoch, tool and command of each temperature set above and between prints."""
     texts = [(0, 0, document.preamble)]
     texts += [(block.epoch, block.begin.tool, block.text) for block in document.blocks]
     for epoch, selected, text in texts:

@@ -1,8 +1,9 @@
 """What the sync points of all heads' files order, held against the plan.
 
-Every edge of the plan is kept by a wait whose number is given no sooner than what the
-edge names: the end of an action, or a point within one. Numbers stand for nothing else,
-nobody stops within an action, and all files taken together never stop for good.
+A sync point signals a number, or waits for one. Every edge of the plan must be kept by a wait
+for a number that is signalled no sooner than the edge asks: at the end of an action, or at a
+point within one. Numbers are used for nothing else, no head stops within an action, and all
+files taken together never deadlock.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Parts:
 
 
 def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) -> list[Fault]:
-    """Check that every number is given once and waited for, and that no file stops for good."""
+    """Check that every number is signalled once and waited for, and that no file waits for ever."""
     lines = [f"{Path(files[h].path).name} line {line} waits for ever" for h, line in known.stuck]
     moving = [
         f"{Path(file.path).name} line {sync.line} signals in motion, which the machine's "
@@ -58,10 +59,10 @@ def check_order(
     files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[Parts],
     walks: list[Walk], *, read: bool = False,
 ) -> list[Fault]:  # fmt: skip
-    """Check that the files order what the plan orders, set-up before it and end code behind.
+    """Check that the files order what the plan orders, and keep set-up first and end code last.
 
-    With `read` the plan was read from the files: it has no wait for what a head knows already,
-    and what they may wait for besides it is nobody's to say.
+    With `read` the plan was read from the files. It then has no edge for what a head knows
+    already, so waits without an edge of the plan are no faults.
     """
     lines = []
     heads = range(len(files))
@@ -119,7 +120,7 @@ def _unkept(
 
 
 def _reached(walk: Walk, edge: After) -> int:
-    """Return the line of the move that brings a head to what is waited for."""
+    """Return the line of the move that ends at the point an edge waits for."""
     return (
         walk.last[edge.action]
         if edge.point == ACTION_END
@@ -128,7 +129,7 @@ def _reached(walk: Walk, edge: After) -> int:
 
 
 def _dwelt(file: HeadFile, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
-    """Return the seconds a head dwells from where it knows of a line of another's to `first`."""
+    """Return the seconds head h dwells between knowing that g has `reached` a line and `first`."""
     waits = [sync.line for sync in file.syncs if not sync.signal]
     heard = next((at for at in waits if known.done(h, at + 1, g) > reached), first)
     return sum(seconds for line, seconds in _dwells(file) if heard < line < first)
@@ -137,7 +138,7 @@ def _dwelt(file: HeadFile, known: Knowledge, h: int, g: int, reached: int, first
 def _unrested(
     file: HeadFile, plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
 ) -> list[str]:
-    """Return the rests of one head that its file does not dwell for, behind what they wait for."""
+    """Return the waits of one head for which its file does not dwell as long as planned."""
     actions, walk, lines = plan.heads[h], walks[h], []
     for k in np.flatnonzero(actions.kind == ActionKind.WAIT).tolist():
         first = next((line for line in walk.first[k:] if line > 0), walk.last[k] + 1)
@@ -203,7 +204,7 @@ def _unplanned(
 
 
 def _windows(walk: Walk, part: Parts) -> tuple[list[int], list[int]]:
-    """Return between which lines a sync point before each action, and behind the last, stands."""
+    """Return the lines between which the sync points before each action, and at the end, stand."""
     low = [part.parked, *walk.last]
     high = [part.end_code] * (len(walk.first) + 1)
     for k in range(len(walk.first) - 1, -1, -1):

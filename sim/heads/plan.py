@@ -1,9 +1,10 @@
 """The joint plan that files of several heads carry out, read from the files alone.
 
-Where no plan.json is at hand the files are judged as what they do: each bead is a print,
-what lies between beads and sync points a travel, and one action waits for another, or for
-a point within it, only where sync points make it. A signal given in motion parts nothing.
-Beads that run a loop of the source from another vertex are known by the segments they share.
+Where no plan.json is at hand a plan is made of what the files do. Each bead is a print action,
+what lies between beads and sync points is a travel, and an action waits for another, or for a
+point within it, only where sync points make it wait. A signal given in motion does not split an
+action. Beads that run a loop of the source from another vertex are recognised by the segments
+they share with it.
 """
 
 from __future__ import annotations
@@ -73,10 +74,7 @@ class _Act:
 def plan_of_files(
     files: Sequence[HeadFile], job: PrintJob, machine: Machine
 ) -> tuple[PlanDocument, list[Fault]]:
-    """Return the plan of the files, one for each head of the machine that is in it, in order.
-
-    And what they lay down otherwise than the source.
-    """
+    """Return the plan of the files, one head each, and what they lay down unlike the source."""
     segments = [_segments(file) for file in files]
     ours = Segments(
         np.concatenate([s.ends for s in segments]),
@@ -121,10 +119,10 @@ def _by_file(segments: Sequence[Segments], contour: Ints) -> list[Ints]:
 
 
 def _beads(file: HeadFile, contour: Ints) -> list[Floats]:
-    """Return the path of each bead, (k, 3), given the contour of each move that lays down any.
+    """Return the path of each bead, (k, 3), given the contour of each laying move.
 
-    A segment no contour has belongs to the bead before it in a run without travels, at the
-    beginning of a run to the one behind it.
+    A segment that is of no contour belongs to the bead before it, if no travel lies in between;
+    else to the bead after it.
     """
     points, moves = file.motion.points, np.array(_laying(file), np.int64)
     if not len(moves):
@@ -154,9 +152,9 @@ def _segments(file: HeadFile) -> Segments:
 
 
 def _begin(file: HeadFile) -> int:
-    """Return the first move behind the set-up: below the first number that is given.
+    """Return the first move after the set-up: after the first signal.
 
-    A head that has nobody to give one to goes up, across to its park position, and begins.
+    A head that signals nothing goes up, goes across to its park position, and begins.
     """
     given = [s.line for s in file.syncs if s.signal]
     if given:
@@ -169,14 +167,13 @@ def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Ac
     """Return the actions of one file."""
     motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
     laid = dict(zip(_laying(file), contour.tolist(), strict=True))
-    apart = _apart(file)
     acts: list[_Act] = []
-    for m in apart:
+    for m in _moving(file):
         line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
         last = acts[-1] if acts else None
         if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
             continue  # a wipe back along a bead belongs to it (`sim.heads.walk`)
-        parted = last is None or any(last.last < at < line for at in _near(syncs, line))
+        parted = last is None or any(last.last < at < line for at in _last_above(syncs, line))
         if parted or last is None or last.contour != key:
             acts.append(_Act(key, [motion.points[m], motion.points[m + 1]], [line]))
         else:
@@ -192,26 +189,26 @@ def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Ac
     return acts
 
 
-def _apart(file: HeadFile) -> list[int]:
-    """Return the moves behind the set-up that go anywhere."""
+def _moving(file: HeadFile) -> list[int]:
+    """Return the moves after the set-up that change the position."""
     points = file.motion.points
     moves = range(_begin(file), len(file.motion.extrusion))
     return [m for m in moves if (points[m] != points[m + 1]).any()]
 
 
 def _laying(file: HeadFile) -> list[int]:
-    """Return those of them that lay down material."""
-    return [m for m in _apart(file) if file.motion.extrusion[m] > 0]
+    """Return those moves that lay down material."""
+    return [m for m in _moving(file) if file.motion.extrusion[m] > 0]
 
 
-def _near(lines: list[int], line: int) -> list[int]:
-    """Return the last of ascending lines above a line, in a list."""
+def _last_above(lines: list[int], line: int) -> list[int]:
+    """Return the last of these ascending lines that is above a line, as a list of one or none."""
     k = int(np.searchsorted(lines, line))
     return lines[max(0, k - 1) : k]
 
 
 def _snap(act: _Act, job: PrintJob) -> None:
-    """Put the path of a bead on its contour's points, in place, and say which way it runs."""
+    """Move the path of a bead to its contour's points, set `reversed`; mutates act."""
     if act.contour == NO_CONTOUR:
         return
     line, path = job.contours.polyline(act.contour), np.array(act.path)
@@ -224,9 +221,9 @@ def _snap(act: _Act, job: PrintJob) -> None:
 
 
 def _places(way: Floats, path: Floats) -> list[int] | None:
-    """Return the point of a file's path at which each point of a way is; None: it is another.
+    """Return for each point of a way its index in a file's path; None if they differ.
 
-    Points so near each other that a file of three decimals has one of them are at one.
+    Neighbouring points that are one in a file of three decimals have one index.
     """
     places = [0]
     for point in way[1:]:
@@ -241,9 +238,9 @@ def _places(way: Floats, path: Floats) -> list[int] | None:
 def _head_actions(
     h: int, name: str, acts: list[list[_Act]], known: Knowledge, entry: Mapping[int, int]
 ) -> HeadActions:
-    """Return the actions of one head with what its sync points make them wait for.
+    """Return the actions of one head with the waits that its sync points make.
 
-    `entry` is the vertex of contours that are not entered as sliced.
+    `entry` has the vertex at which contours are entered, of those not entered as sliced.
     """
     mine = acts[h]
     after = _waits(h, acts, known)
@@ -267,7 +264,7 @@ def _head_actions(
 
 
 def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]]:
-    """Return for each action of a head the latest of the others' doings it is sure of, if new."""
+    """Return for each action of a head how far it knows the others to be, where that is news."""
     told = [(0, 0)] * len(acts)  # per head: actions ended, and points of the next one passed
     ended = [np.array([act.last for act in other], np.int64) for other in acts]
     after: list[list[After]] = []
@@ -289,7 +286,7 @@ def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]
 
 
 def _timed(all_actions: tuple[HeadActions, ...], contours: Contours) -> tuple[HeadActions, ...]:
-    """Return all actions with times that keep their order, all printed as slowly as anything."""
+    """Return all actions with times that keep their order, at the slowest feed of the print."""
     legs = legs_of(all_actions)
     order = order_of(legs.all_actions)
     if not isinstance(order, PartialOrder):

@@ -1,7 +1,7 @@
 """What the sync points of several files order, for every timing.
 
-A file is a chain of lines. A wait knows what was done when its number was given, and
-what that head knew then; so one vector of line numbers a head says it all.
+A file is a chain of lines. Behind a wait its head knows how far the head that signalled was, and
+all that one knew then. So a vector clock suffices: for each line, one line number for each head.
 
 References
 ----------
@@ -38,7 +38,7 @@ class Knowledge:
         ]
 
     def _pass(self, head: int, sync: Sync, given: dict[int, tuple[int, int, list[int]]]) -> bool:
-        """Go past one sync point in place; False: its number was not given yet."""
+        """Go past one sync point in place; False: its number was not signalled yet."""
         now = self._vectors[head][-1]
         if sync.signal:
             given.setdefault(sync.number, (head, sync.line, now))
@@ -53,12 +53,12 @@ class Knowledge:
         return True
 
     def done(self, head: int, line: int, other: int) -> int:
-        """Return the line of `other` all above which is done when `head` comes to `line`."""
+        """Return the line of `other` above which all is done when `head` comes to `line`."""
         return self._vectors[head][bisect_left(self._lines[head], line) - 1][other]
 
 
 def _unpaired(syncs: Sequence[Sequence[Sync]]) -> list[str]:
-    """Return numbers given twice, never given or never waited for."""
+    """Return a line for each number signalled twice, never signalled or never waited for."""
     signals = [s.number for points in syncs for s in points if s.signal]
     waits = {s.number for points in syncs for s in points if not s.signal}
     lines = [f"number {n} is given {signals.count(n)} times" for n in sorted(set(signals))

@@ -1,10 +1,8 @@
 """Files of several heads judged together against the plan they were made from.
 
-Each file is read back. Its moves are its head's actions, one after the other; its sync
-points, taken with the others', must order all that the plan orders, and never stop for
-good; what else it commands is the source's, as far as one controller of several is to be
-told of it. A single file proves nothing. What the sync points order is judged in
-`sim.heads.order`.
+Each file is read back. Its moves must be its head's actions, one after the other. All other
+commands must be the source's, as far as they concern this head. The sync points of all files
+together must order what the plan orders (`sim.heads.order`), so a single file proves nothing.
 """
 
 from __future__ import annotations
@@ -63,9 +61,9 @@ def verify_heads(
     if faults:
         return Verdict(tuple(faults))
     parts, walks = [], []
-    let_in, due = last_points(plan), heat_due(document, job)
+    waited, due = last_points(plan), heat_due(document, job)
     for h, (file, actions, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
-        part, walk, found = _judge_one(file, actions, job, document, park, let_in[h], due)
+        part, walk, found = _judge_one(file, actions, job, document, park, waited[h], due)
         faults += found
         parts.append(part)
         walks.append(walk)
@@ -96,9 +94,12 @@ def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
 
 def _judge_one(
     file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument, park: Point,
-    let_in: Mapping[int, int], due: Due,
+    waited: Mapping[int, int], due: Due,
 ) -> tuple[Parts, Walk, list[Fault]]:  # fmt: skip
-    """Check one file against its head's actions; what the files order comes later."""
+    """Check one file against its head's actions; the order between files is checked later.
+
+    `waited` has for each action the last of its points that another head waits for.
+    """
     tools = np.unique(job.contours.tool[actions.contour[actions.kind == ActionKind.PRINT]]).tolist()
     tool = int(tools[0]) if tools else None
     words: list[str] = []
@@ -133,7 +134,7 @@ def _judge_one(
     taken = {line for found in blocks for line in found}
     if others and taken:
         words += _check_left(file, max(taken), end_code)
-    walk = Walker(file, actions, job, document, part.begin, part.end, taken, let_in).run()
+    walk = Walker(file, actions, job, document, part.begin, part.end, taken, waited).run()
     words += walk.faults
     words += _check_blocks(file, actions, job, document, blocks, walk)
     if walk.complete and tools:
@@ -182,9 +183,9 @@ def _match_start(
 
 
 def _check_end(file: HeadFile, document: GcodeDocument, line: int, *, others: bool) -> list[str]:
-    """Return what is in force, or retracted, otherwise than where the source's end code begins.
+    """Return how the state and the filament differ from the source's where its end code begins.
 
-    With `others` the source ends with another head's tool: what this one has retracted stays so.
+    With `others` the source ends with another head's tool, and filament is not compared.
     """
     begins = above_comments(file.lines.raw, line - 1, document.postamble)
     above, end = begins - 1, document.end
@@ -201,7 +202,7 @@ def _check_end(file: HeadFile, document: GcodeDocument, line: int, *, others: bo
 
 
 def _check_left(file: HeadFile, last: int, end_code: int) -> list[str]:
-    """Return what is pushed back at the end of what the source left retracted, line `last`."""
+    """Return a line if filament is pushed back after line `last`, where the source pushes none."""
     owed = file.motion.extruder[:, 1]
     pushed = float(owed[last - 1] - owed[max(end_code - 2, 0)])
     if pushed <= OWED_MM:
@@ -213,7 +214,7 @@ def _take_blocks(
     file: HeadFile, document: GcodeDocument, commands: list[list[bytes]], low: int, high: int,
     words: list[str],
 ) -> list[list[int]]:  # fmt: skip
-    """Return the lines of each block that stands at a barrier; missing ones go into `words`."""
+    """Return the lines of each block that stands at a barrier; adds missing ones to `words`."""
     found: list[list[int]] = []
     codes = [code for _, code in file.rest]
     for block, own in zip(document.blocks, commands, strict=True):

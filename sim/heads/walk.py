@@ -1,8 +1,8 @@
 """One head's file walked along its actions of a plan, move by move.
 
-Between two actions a head may push or pull filament standing still; behind a bead it may
-wipe back along it, as far as no other head was let in behind it. Every other move is the
-plan's.
+Between two actions a head may push or pull filament standing still. After a bead it may wipe
+back along it, but not past a point that another head waits for: that one may be there already.
+Every other move must be the plan's.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ class Walker:
 
     def __init__(
         self, file: HeadFile, actions: HeadActions, job: PrintJob, document: GcodeDocument,
-        begin: int, end: int, blocks: set[int], let_in: Mapping[int, int],
+        begin: int, end: int, blocks: set[int], waited: Mapping[int, int],
     ) -> None:  # fmt: skip
-        """`let_in` has the last point of an action that another head waits for."""
+        """Take for each action the last of its points that another head waits for (`waited`)."""
         self.file, self.actions, self.job, self.document = file, actions, job, document
-        self.at, self.end, self.blocks, self.let_in = begin, end, blocks, let_in
+        self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._alike: dict[tuple[int, int], str] = {}
         settings, starts = job.settings, [document.start, document.end]
@@ -175,7 +175,7 @@ class Walker:
 
     def _wipe(self, k: int) -> str:
         """Go past moves that pull filament back along the bead just printed."""
-        motion, path = self.file.motion, self.actions.action_path(k)[self.let_in.get(k, 0) :]
+        motion, path = self.file.motion, self.actions.action_path(k)[self.waited.get(k, 0) :]
         while self.at < self.end:
             if self._stays(self.at):
                 if self._line(self.at) in self.blocks or not self._wipes_next():
@@ -191,7 +191,7 @@ class Walker:
         return ""
 
     def _wipes_next(self) -> bool:
-        """Tell whether the next move that goes anywhere pulls filament."""
+        """Tell whether the next move that changes the position pulls filament."""
         m = self.at
         while m < self.end and self._stays(m):
             m += 1
@@ -231,14 +231,14 @@ class Walker:
 
 
 def differing(ours: StateTable, row: int, theirs: StateTable, due: int) -> list[str]:
-    """Return in words what is in force in one state and not in the other."""
+    """Return in words how a state in force differs from the state that is due."""
     has, wanted = _in_force(ours, row), _in_force(theirs, due)
     words = [f"in force is '{text}'" for _, text in sorted(has - wanted)]
     return words + [f"not in force is '{text}'" for _, text in sorted(wanted - has)]
 
 
 def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
-    """Return slot and text of what commands something; a head's tool is its own."""
+    """Return name and text of what a state sets, without the tool: a head has but one."""
     pairs = zip(table.slots, table.rows[row].tolist(), strict=True)
     return {
         (slot, table.values[v])
@@ -248,7 +248,7 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
 
 
 def _apart(path: Floats) -> NDArray[np.int64]:
-    """Return the points that a file of three decimals does not take for the one before."""
+    """Return the indices of points that a file of three decimals tells from the one before."""
     kept = [0]
     for k, point in enumerate(path[1:], 1):
         if np.abs(np.round(point, 3) - np.round(path[kept[-1]], 3)).max() > 1e-6:

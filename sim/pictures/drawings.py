@@ -1,4 +1,4 @@
-"""PNG pictures: a plan before and after, its Gantt chart, convergence; machines elsewhere.
+"""PNG pictures of plans: before and after, and what each head does over time (a Gantt chart).
 
 Only drawing lives here; nothing is judged.
 """
@@ -19,9 +19,6 @@ from numpy.typing import NDArray
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.pictures.activity import activity
 from sim.pictures.canvas import TRAVEL, head_colour, save
-from sim.pictures.machine_picture import draw_machine
-
-__all__ = ["action_segments", "draw_gantt", "draw_machine", "draw_plan"]
 
 SEGMENTS = 100_000  # of one head drawn in one view; with more, whole paths are left out
 
@@ -31,7 +28,7 @@ def action_segments(
 ) -> NDArray[np.float64]:
     """Return the printing or the other segments of a head, (m, 2, 3).
 
-    With `most`, only every k-th path is taken so that about as many are left.
+    With `most`, only every k-th path is taken, so that about `most` segments are left.
     """
     owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
     wanted = (owner[1:] == owner[:-1]) & ((actions.kind[owner[1:]] == ActionKind.PRINT) == printing)

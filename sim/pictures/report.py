@@ -49,8 +49,8 @@ CONTROLS = (
     '<span id="now"></span></div>'
 )
 COOLED = (
-    "<p class=note>The search whose result is done first. Where something may still not be "
-    "printed over when its turn comes, other work goes before it, which may cost travel.</p>"
+    "<p class=note>Of several searches, the one whose print ends first. Contours that would be "
+    "printed over a spot too soon are then moved back, which may add travel.</p>"
 )
 
 
@@ -112,7 +112,7 @@ def gained(before: PlanDocument, after: PlanDocument) -> list[tuple[str, str, st
         "travel_over_walls_mm": "travel over outer walls, mm",
     }
     if after.metrics.get("waits_s"):
-        names["waits_s"] = "of it waits for cooling, s"
+        names["waits_s"] = "of which waits for cooling, s"
     rows = [("contours", f"{len(before.contours):,}", f"{len(after.contours):,}", "")]
     for key, text in names.items():
         was, now = before.metrics.get(key), after.metrics.get(key)

@@ -2,9 +2,9 @@
 
 Two actions of different heads that the order does not separate may run at the
 same time, and a head rests where an action ended until its next one begins. All
-such pairs are checked, without enumerating them: a head is a chain, what may
-run at the same time as one action is an interval of the other chain, and a tree
-of bounding boxes over the chain finds the members of an interval that come near.
+such pairs are checked without looking at each: a head is a chain of actions, those that may
+run at the same time as one action are an interval of the other chain, and a tree of
+bounding boxes over the chain finds the members of the interval that come near.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from sim.replay.material import parts_of
 from sim.replay.motion import arrival_times
 from sim.rules.order import PartialOrder
 
-SLOWEST, FASTEST = 2.0, 0.5  # timing error of each action
+SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,7 +1,7 @@
-"""Which material may be there when: beads of a joint plan as one head meets them.
+"""The beads of a joint plan, and from which move of a head on each may be there.
 
-For one head, what may be printed by the time of an action is everything not
-ordered after it, so that it holds for every timing. Actions are legs (`sim.content.legs`).
+At an action of the head every bead may be there that is not ordered after the action. So this
+holds for every timing. Actions are legs (`sim.content.legs`).
 """
 
 from __future__ import annotations

@@ -26,16 +26,16 @@ MARGIN_MM = 0.01  # the middle phase looks this much further than the exact chec
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
-    """How much is held while contacts are looked for."""
+class Capacity:
+    """How much memory the search for contacts may use."""
 
-    first: int = 1 << 16  # near misses looked for at first
+    first: int = 1 << 16  # near misses at first; 16 times as many at each further try
     most: int = 1 << 24  # near misses; a print with more is broken, not subtle
-    cells: int = 1 << 24  # that beads may reach into, all together;
-    cells_each: int = 64  # and so many for each bead of a large print
+    cells: int = 1 << 24  # grid cells that all beads may cover,
+    cells_each: int = 64  # or so many for each bead, where that is more
 
 
-ROOM = Room()
+CAPACITY = Capacity()
 
 
 class UndecidedError(Exception):
@@ -63,7 +63,7 @@ class Beads:
 
 
 CENTRELINE_MM = 1e-3
-"""Width of a bead that counts as its centreline only, after shrinking."""
+"""Width that stands for a centreline, once the tolerance is taken off both sides."""
 
 
 def as_material(beads: Beads, machine: Machine, tolerance_mm: float) -> Beads:
@@ -125,7 +125,7 @@ def find_contacts(
     clearance_mm: float,
     tolerance_mm: float,
     limit: int,
-    room: Room = ROOM,
+    capacity: Capacity = CAPACITY,
 ) -> list[Contact]:
     """Return moves in which a part of the head overlaps a bead by more than the tolerance.
 
@@ -139,7 +139,7 @@ def find_contacts(
     clearance_mm : kept between the head's slices and the beads
     tolerance_mm : overlap that counts as touching, which is allowed
     limit : stop after this many
-    room : for near misses and for cells that beads reach into
+    capacity : how many near misses and grid cells are held
 
     Raises
     ------
@@ -153,21 +153,21 @@ def find_contacts(
     parts = parts_of(head)
     margins = (clearance_mm, tolerance_mm)
     while True:
-        found, total = _candidates(moves, beads, order, parts, margins, room)
+        found, total = _candidates(moves, beads, order, parts, margins, capacity)
         search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
         contacts = _judge_all(search, order, found, limit)
-        if contacts or total <= room.first:
+        if contacts or total <= capacity.first:
             return contacts
-        if room.first >= room.most:
+        if capacity.first >= capacity.most:
             raise UndecidedError(
-                f"over {room.most} near misses of head and material, too many to judge"
+                f"over {capacity.most} near misses of head and material, too many to judge"
             )
-        room = replace(room, first=min(16 * room.first, room.most))
+        capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What the exact check looks at."""
+    """What the exact check of one candidate after the other needs."""
 
     moves: NDArray[np.float64]  # (m, 6)
     beads: Beads
@@ -200,11 +200,11 @@ def _candidates(
     order: NDArray[np.int64],
     parts: list[Part],
     margins: tuple[float, float],
-    room: Room,
+    capacity: Capacity,
 ) -> tuple[NDArray[np.int64], int]:
     """Return rows (move, position in `order`, part) to look at closely, and their number.
 
-    With more than `room.first` the search stops there and the number is above it.
+    With more than `capacity.first` the search stops there, and the number is above that.
     `margins` are the clearance and the tolerance.
     """
     clearance_mm, tolerance_mm = margins
@@ -217,9 +217,9 @@ def _candidates(
     low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
     grid, shape = raster.grid_over(low, high)
     entries = raster.count_entries(rows, grid, shape)
-    if entries > max(room.cells, room.cells_each * len(rows)):
+    if entries > max(capacity.cells, capacity.cells_each * len(rows)):
         raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
-    found = np.empty((room.first, 3), np.int64)
+    found = np.empty((capacity.first, 3), np.int64)
     moves = np.ascontiguousarray(moves, np.float64)
     n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found))
     return found[:n], n

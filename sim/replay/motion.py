@@ -1,4 +1,4 @@
-"""The judge's own motion model: when a head is where.
+"""The judge's own motion model: when a head passes each point of a path.
 
 Speed along each segment is a trapezoid under the machine's limits; at a corner
 the speed of no axis may jump by more than its jerk; every action starts and ends at rest.
@@ -40,7 +40,7 @@ def arrival_times(
     acceleration = np.minimum(wanted, _share(limits.max_acceleration, unit))
     seconds = np.zeros(len(path))
     jerk = np.array(limits.jerk[:3])
-    if limits.junction_deviation > 0.0:  # the corner of a right angle is as fast
+    if limits.junction_deviation > 0.0:  # the jerk that allows a right angle the same speed
         jerk[:] = np.sqrt(limits.acceleration * limits.junction_deviation / (np.sqrt(2.0) - 1.0))
     for_each_path(offsets, length, unit, speed, acceleration, jerk, seconds)
     return seconds

@@ -1,8 +1,8 @@
 """Whether the nominal times of a plan keep the order the plan itself states.
 
-When an action passes a point by the planner's own motion is not in the plan. It is
-never sooner than all the way to there is printed at the source's feed, without one
-acceleration, and never later than the action's end; so much is held against the plan.
+The plan does not state when an action passes a point. That is never sooner than if all the
+way to there is printed at the source's feed, without acceleration, and never later than the
+action's end. These limits are what nominal times are checked against.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Does one convex part of a head, moved along a straight line, meet one bead: exact.
+"""Does one convex part of a head, moved along a straight line, meet one bead? The exact check.
 
 A bead segment fills, at each point of its centreline, the disc of half its width
 from its height below the nozzle's way up to it; so its ends are round. With a bead point

@@ -1,7 +1,7 @@
 """The printed material as it grows, on a grid: which beads a moving head may touch.
 
-The broad and middle phase of the head-material check. It may name a bead the
-head does not touch, it never leaves one out; `sim.replay.collision` has the last word.
+The broad and middle phase of the head-material check. It may name a bead that the head does not
+touch, but never leaves one out. `sim.replay.overlap` then decides exactly.
 
 The grid keeps for every cell the beads that reach into it, newest first, each
 with the highest top among itself and all older ones, so that a walk down the

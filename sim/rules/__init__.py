@@ -1,1 +1,1 @@
-"""What must come before what, and how long after."""
+"""What must come before what, and the least time between them."""

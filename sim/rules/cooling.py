@@ -28,12 +28,13 @@ from sim.faults import Fault, FaultKind, listed
 from sim.rules.least_time import LeastTime
 from sim.rules.order import PartialOrder
 
-SLACK_S = 0.5
-SLACK = 0.1  # share of what is due that the models may differ by
-TRAVEL_MORE_S = 1.0  # what a travel may take beyond its motion, retracting and priming
-TIE_MM = 1e-4  # heights and distances nearer than this are equal
-TRAVEL_TIMES = 15.0  # and how much slower than the machine can the source may travel,
-PRINT_TIMES = 3.0  # or print: short lines at a ninth of the machine's acceleration
+SLACK_S = 0.5  # by which the time models of judge and planner may differ,
+SLACK = 0.1  # besides this share of what is due
+TIE_MM = 1e-4  # heights and distances that differ by less are equal
+# An action may take longer than by the judge's model, as its source states lower limits:
+TRAVEL_TIMES = 15.0  # a travel up to so many times as long,
+TRAVEL_MORE_S = 1.0  # and so much more for retraction and priming;
+PRINT_TIMES = 3.0  # a print so many times: short lines at a ninth of the acceleration
 
 Floats = NDArray[np.float64]
 Recent = tuple[int, NDArray[Any], Floats]  # a contour, which ended before it, how long before
@@ -82,9 +83,9 @@ def check_cooling(
 
 
 def check_stated(document: PlanDocument, source: PrintJob, held: OrderRules) -> list[Fault]:
-    """Check that a plan states no less time than its source's slicer keeps.
+    """Check that a plan states no shorter layer time than its source's slicer keeps.
 
-    That rule counts as `decmcts plan` and `launch` take it: with quality.
+    As for `decmcts plan` and `launch`, the slicer's rule only counts with `quality`.
     """
     due, stated = source.settings.min_layer_time_s, document.min_layer_time_s
     if stated >= due or not held.quality:
@@ -164,10 +165,10 @@ def _seconds(actions: HeadActions, arrivals: Floats) -> Floats:
 
 
 def _ends_under(above_floor: Floats, half: float) -> NDArray[np.bool_]:
-    """Say whether what ends so far above a bead's underside is right under that bead.
+    """Say whether material whose top is so far above a bead's underside lies right under the bead.
 
-    `half` is half the bead's height. A bridge of twice the layer's height begins within
-    the layer that carries it.
+    `half` is half the bead's height, the tolerance either way: a bridge of twice the layer's
+    height begins within the layer that carries it.
     """
     return (above_floor > TIE_MM - half) & (above_floor < half + TIE_MM)
 

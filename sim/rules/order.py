@@ -1,8 +1,8 @@
 """The partial order of a joint plan: what precedes what, for every timing.
 
-Each head executes its actions in sequence, so a head is a chain and one number
-per head says it all: how many of that head's actions have ended before this one
-begins. These are vector clocks. Actions that others wait for midway come here as
+Each head executes its actions in sequence, so a head is a chain. For each action one number
+per head suffices: how many of that head's actions have ended before this one begins. These
+are vector clocks. Actions that others wait for midway come here as
 legs (`sim.content.legs`). Lags only delay, so no timing is lost by leaving them out.
 
 References

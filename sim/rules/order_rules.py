@@ -1,4 +1,4 @@
-"""What the order of a plan is held to, and what of it was believed.
+"""Checking the order of a plan by all rules, and stating which rules those were.
 
 Composition only: each kind of edge is found anew in a module of its own.
 """
@@ -26,7 +26,7 @@ from sim.rules.priming import check_priming
 def usual_rules(machine: Machine) -> OrderRules:
     """Return the rules a plan that states none is held to: the defaults of `decmcts plan`.
 
-    Seams may have moved: that they moved rightly is judged in any case.
+    But any freedom is allowed: whether seams moved rightly is judged in any case.
     """
     return OrderRules(quality=machine.bead_width)
 
@@ -40,8 +40,8 @@ def check_order(
 ) -> list[Fault]:
     """J2: what must come before what, by the plan's pairs and by the definitions.
 
-    What contours are for, where they lie and which barriers part them is taken from
-    the source where there is one with as many.
+    Roles, layers and epochs of contours are taken from the source, where one is given with as
+    many contours.
     """
     contours: Contours = document.contours
     refills: tuple[int, ...] = ()
@@ -70,11 +70,11 @@ def statements(
     held: OrderRules,
     imposed: OrderRules | None,
 ) -> tuple[str, ...]:
-    """Return what a plan was held to, and what was believed, one line each."""
+    """Return one line each on the rules that counted, and on what was believed without a check."""
     if imposed is not None:
         by = "as asked"
     else:
-        by = "as the plan says" if document.rules else "the usual: no plan says otherwise"
+        by = "as the plan says" if document.rules else "the defaults: no plan states others"
     ahead = held.max_layers_ahead
     rule = document.min_layer_time_s
     cooling = f"{rule:g} s" if rule else "none"
@@ -83,7 +83,7 @@ def statements(
     return (
         f"order: process order {held.process_order}, quality {'on' if held.quality else 'off'}, "
         f"layers ahead {'unlimited' if ahead is None else ahead}, freedom {held.freedom} ({by})",
-        f"time before a spot is printed over: {cooling} (as the plan says)",
+        f"time before a spot is printed over: {cooling}",
         f"machine: {own if machine is None else machine.name + limits}",
         "contours: as the plan has them, no source was given"
         if source is None

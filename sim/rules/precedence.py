@@ -40,7 +40,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Prints:
-    """Where each contour is printed, and what is known to have ended by then."""
+    """Where in the partial order each contour is printed."""
 
     head: Ints  # (n,) NOT_PRINTED where no head prints it
     first: Ints  # (n,) leg it begins with
@@ -188,7 +188,7 @@ def _last_of_runs(run: Ints, climb: Ints, actions: HeadActions) -> Ints:
 def check_freedom(
     contours: Contours, all_actions: tuple[HeadActions, ...], rules: OrderRules
 ) -> list[Fault]:
-    """Check that each contour is run only in ways that were asked for."""
+    """Check that contours are reversed or entered elsewhere only as the freedom allows."""
     lines: list[str] = []
     for actions in all_actions:
         prints = np.nonzero(actions.kind == ActionKind.PRINT)[0]

@@ -1,9 +1,8 @@
 """Whether what primes the nozzle comes first: skirt, brim, purge and prime lines.
 
-What the source begins an epoch with is read off here contour by contour, as one
-reads the file, and by looser measures of "touching" than a planner may take, so
-that no more is asked than is due. That wipe towers keep their place is part of the
-epochs (`sim.rules.epochs`): each bead of a tower is one of its own.
+What the source begins an epoch with is found contour by contour, in the order of the file. The
+tolerances for "touching" are looser than the planner's, so that no plan is refused wrongly. Each
+bead of a wipe tower is an epoch of its own, so `sim.rules.epochs` keeps towers in place.
 """
 
 from __future__ import annotations
@@ -25,8 +24,8 @@ from sim.rules.order import PartialOrder
 PRIMING = (Role.SKIRT_BRIM, Role.WIPE_TOWER, Role.CUSTOM)
 SAMPLE_MM = 0.2  # contours are looked at in points this far apart
 APART_MM = 0.3  # between beads, and farther: two things that do not touch
-ROUND_MM = 0.05  # what goes round something is farther out by this
-MOST = 64  # of a tool's first contours looked at where no role is named
+ROUND_MM = 0.05  # a contour that goes round others is farther out by this
+MOST = 64  # of a tool's first contours are looked at where no role is named
 TOUCHING_MM = 0.04  # beads nearer than this touch
 
 Ints = NDArray[np.int64]
@@ -36,11 +35,11 @@ Ints = NDArray[np.int64]
 class _Start:
     """What one tool prints in one epoch; filled while the contours go by."""
 
-    forced: int  # contours before this one prime the nozzle whatever they are for
-    unknown: bool  # what has no role primes too
-    by_role: bool = True  # all so far has a role that primes
-    first: list[int] = field(default_factory=list)  # primes the nozzle
-    rest: list[int] = field(default_factory=list)
+    forced: int  # contours before this one prime the nozzle whatever their role
+    unknown: bool  # whether contours without a role prime it too
+    by_role: bool = True  # whether all so far have a role that primes
+    first: list[int] = field(default_factory=list)  # contours that prime the nozzle
+    rest: list[int] = field(default_factory=list)  # those that must come after them
 
     def take(self, contour: int, role: int) -> None:
         """Take the next contour; mutates only itself."""
@@ -191,7 +190,7 @@ def check_file_priming(
 
 
 def _held(contours: Contours, refills: tuple[int, ...]) -> Iterator[tuple[Ints, Ints]]:
-    """Yield what comes first and what comes after it."""
+    """Yield contours that must come first, with those that must come after them."""
     yield from starts_of(contours, refills)
     yield from _brims(contours)
 

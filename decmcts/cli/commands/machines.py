@@ -34,7 +34,7 @@ def machines(
         raise InputError("no such folder", path=draw, advice="make it first")
     listed = [load_machine(name) for name in ([machine] if machine else preset_names())]
     for m in listed if draw is not None else []:
-        from sim.pictures.drawings import draw_machine  # takes a second to load
+        from sim.pictures.machine_picture import draw_machine  # takes a second to load
 
         assert draw is not None
         draw_machine(m, draw / f"{m.name}.png")

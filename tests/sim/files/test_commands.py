@@ -145,7 +145,7 @@ def test_comments_and_progress_are_free(made, old, new):
 def test_filament_pulled_far_back_and_pushed_again_is_a_fault(made):
     """It leaves the hot end and jams, though the next bead begins as it should."""
     verdict = spoil(made, "G1 X150", "G1 E-50 F2400\nG1 E50 F2400\nG1 X150")
-    assert any("are retracted, 1 at the most" in str(fault) for fault in verdict.faults)
+    assert any("in the source 1 at most" in str(fault) for fault in verdict.faults)
 
 
 def test_line_ends_are_no_fault(made):

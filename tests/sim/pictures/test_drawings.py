@@ -11,12 +11,8 @@ from matplotlib.image import imread
 from decmcts.print.plan import JointPlan
 from sim.pictures import drawings as pictures
 from sim.pictures.activity import EXACT, activity
-from sim.pictures.drawings import (
-    action_segments,
-    draw_gantt,
-    draw_machine,
-    draw_plan,
-)
+from sim.pictures.drawings import action_segments, draw_gantt, draw_plan
+from sim.pictures.machine_picture import draw_machine
 
 RED = np.array([214, 39, 40]) / 255
 

@@ -9,7 +9,14 @@ from shapely.geometry import LineString, MultiPoint, Polygon
 
 from decmcts.print.machine import Body, Head, Slice
 from sim.faults import FaultKind
-from sim.replay.material import ROOM, Beads, Room, UndecidedError, find_contacts, or_undecided
+from sim.replay.material import (
+    CAPACITY,
+    Beads,
+    Capacity,
+    UndecidedError,
+    find_contacts,
+    or_undecided,
+)
 
 SKEW = np.array([[-3.0, -1.0], [12.0, -2.0], [4.0, 9.0]])
 
@@ -25,7 +32,7 @@ def bead_row(start, end, since=0, width=0.4):
     )  # fmt: skip
 
 
-def contacts(moves, beads, of=None, tolerance=1e-4, clearance=0.0, room=ROOM):
+def contacts(moves, beads, of=None, tolerance=1e-4, clearance=0.0, capacity=CAPACITY):
     found = find_contacts(
         np.array(moves, float),
         beads,
@@ -33,7 +40,7 @@ def contacts(moves, beads, of=None, tolerance=1e-4, clearance=0.0, room=ROOM):
         clearance_mm=clearance,
         tolerance_mm=tolerance,
         limit=10**6,
-        room=room,
+        capacity=capacity,
     )
     return [c.move for c in found]
 
@@ -128,7 +135,7 @@ def test_beads_that_cover_everything_are_refused():
     """Too many cells to hold is a verdict, not a killed process."""
     bead = bead_row([0, 0, 1.0], [5, 0, 1.0], width=99.0)
     with pytest.raises(UndecidedError, match="too many to hold"):
-        contacts([[0, 0, 0.5, 5, 0, 0.5]], bead, SQUARE, room=Room(cells=100))
+        contacts([[0, 0, 0.5, 5, 0, 0.5]], bead, SQUARE, capacity=Capacity(cells=100))
 
 
 def test_a_bead_without_length_is_no_material():
@@ -192,6 +199,8 @@ def test_what_cannot_be_judged_does_not_pass():
     beside = [[0, 1.2 + 2e-3, 0.5, 9, 1.2 + 2e-3, 0.5]] * 2
     bead = bead_row([0, 0, 1.0], [9, 0, 1.0])
     assert contacts(beside, bead, SQUARE) == []
-    (fault,) = or_undecided(lambda: contacts(beside, bead, SQUARE, room=Room(first=1, most=1)))
+    (fault,) = or_undecided(
+        lambda: contacts(beside, bead, SQUARE, capacity=Capacity(first=1, most=1))
+    )
     assert fault.kind == FaultKind.HEAD_MATERIAL
     assert "too many to judge" in fault.text
