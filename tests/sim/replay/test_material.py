@@ -195,7 +195,7 @@ def slow_contact(a, b, k, beads: Beads, of: Head, clearance: float) -> bool:
 
 
 def test_what_cannot_be_judged_does_not_pass():
-    """With more near misses than room and no contact among the first, the verdict is a fault."""
+    """With more near misses than fit and no contact among the first, the verdict is a fault."""
     beside = [[0, 1.2 + 2e-3, 0.5, 9, 1.2 + 2e-3, 0.5]] * 2
     bead = bead_row([0, 0, 1.0], [9, 0, 1.0])
     assert contacts(beside, bead, SQUARE) == []
