@@ -49,8 +49,9 @@ CONTROLS = (
     '<span id="now"></span></div>'
 )
 COOLED = (
-    "<p class=note>Of several searches, the one whose print ends first. Contours that would be "
-    "printed over a spot too soon are then moved back, which may add travel.</p>"
+    "<p class=note>The curve is of the search whose order ends first. After it, contours that "
+    "would be printed over a spot too soon are moved back, so the plan may travel more than the "
+    "curve ends at.</p>"
 )
 
 

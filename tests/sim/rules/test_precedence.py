@@ -91,7 +91,7 @@ def test_what_a_plan_says_of_itself(make):
     assert verify_plan(replace(plan, rules=FREE), rules=KEEP).kinds() == {K.PRECEDENCE}
     said = [verify_plan(replace(plan, rules=r), rules=i).checked[0] for r, i in
             ((None, None), (FREE, None), (FREE, KEEP))]  # fmt: skip
-    assert "keep" in said[0] and "the usual" in said[0]
+    assert "keep" in said[0] and "the defaults" in said[0]
     assert "free" in said[1] and "as the plan says" in said[1]
     assert "keep" in said[2] and "as asked" in said[2]
 
