@@ -238,7 +238,7 @@ def differing(ours: StateTable, row: int, theirs: StateTable, due: int) -> list[
 
 
 def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
-    """Return name and text of what a state sets, without the tool: a head has but one."""
+    """Return name and text of the states that command something and are not set by blocks alone."""
     pairs = zip(table.slots, table.rows[row].tolist(), strict=True)
     return {
         (slot, table.values[v])

@@ -36,7 +36,7 @@ class Held:
 
     @property
     def any_rule(self) -> bool:
-        """Whether a rule of the order is among them; the layer time is none."""
+        """Whether any of them is a rule of the order; the layer time is not."""
         return bool(set(self.names()) - {"min_layer_time_s"})
 
     def over(self, rules: OrderRules) -> OrderRules:
