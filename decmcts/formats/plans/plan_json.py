@@ -176,11 +176,11 @@ def _precedence(given: Fields, n: int) -> NDArray[np.int32]:
     if wrong is not None:
         given.fail(f"precedence[{wrong // 2}]", f"no contour {shown(flat[wrong])}, there are {n}")
     pairs = np.array(flat, np.int32).reshape(-1, 2)
-    toolpath = np.flatnonzero(pairs[:, 0] >= pairs[:, 1])
-    if len(toolpath):
-        a, b = pairs[toolpath[0]].tolist()
+    backward = np.flatnonzero(pairs[:, 0] >= pairs[:, 1])
+    if len(backward):
+        a, b = pairs[backward[0]].tolist()
         given.fail(
-            f"precedence[{toolpath[0]}]",
+            f"precedence[{backward[0]}]",
             f"contour {a} before itself" if a == b else f"contour {a} before contour {b}",
             "contours are numbered in the order of the source, which keeps every pair",
         )
