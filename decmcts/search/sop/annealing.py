@@ -30,6 +30,8 @@ _SHORTEST = (2_000, 64_000)  # proposals a node: many short annealings on one th
 _FIRST = 4_000  # of the first: soon over, and then the pace is known
 _ROUND = 15  # annealings until their lengths come again, once to eight times the shortest
 _LONGEST = 1_000_000  # proposals a node of the last annealing at most
+_LEAST_LAST = 10_000  # and at least, if there is time for so many
+_ALL = 0.99  # of the budget
 _NEAR = 8  # by cost, and as many by reduced cost
 
 
@@ -139,13 +141,13 @@ class AnnealThread:
     They are once, twice, four and eight times as long as the shortest, and each length
     gets as much time (Luby's sequence). Small problems need many short ones, large ones
     a long one. So once little of the budget is left for the problem's size, a last, long
-    annealing takes `last_share` of it.
+    annealing takes `last_share` of it, or more where that would be short for the size.
     """
 
     sequence: AnnealedSequence
     scale: float  # of temperatures
     long: bool  # whether its annealings are long ones
-    last_share: float = 0.99  # 0: no annealing is the last
+    last_share: float = _ALL  # 0: no annealing is the last
     first_cost: float = np.inf  # at the end of the first annealing
     _count: int = 0  # annealings ended
     _began: float = 0.0  # budget spent when the last annealing began
@@ -201,7 +203,8 @@ class AnnealThread:
         left = sequence.pace * (1.0 - spent)
         if self.last_share and left < max(_LONGEST * n, sequence.length):
             sequence.length, self._began = 0, spent
-            self._ends = spent + self.last_share * (1.0 - spent)
+            share = max(self.last_share, min(_LEAST_LAST * n / left, _ALL))
+            self._ends = spent + share * (1.0 - spent)
 
 
 def quenched(schedule: TemperatureSchedule, share: float) -> float:

@@ -39,7 +39,6 @@ _CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may 
 _NEAR_ENOUGH = 0.08  # share by which the first annealing may lie above beams
 _ELITE_LEAD = 8  # times the lead, where elites are made of what beams found too
 _BEFORE_WINDOWS = 0.5  # share of what is left of the budget for a last, long annealing
-_ALL_THAT_IS_LEFT = 0.99  # without windows
 _LARGEST_TREE = 1500  # nodes; beyond, one assignment takes seconds
 
 
@@ -297,8 +296,9 @@ class TwoThreads:
 
         thread: AnnealThread | EliteThread | TurnsThread
         if not by_elites:
-            last = _BEFORE_WINDOWS if self.parts.windows else _ALL_THAT_IS_LEFT
-            thread = AnnealThread(sequence(), steps.scale, long, last)
+            thread = AnnealThread(sequence(), steps.scale, long)
+            if self.parts.windows:
+                thread.last_share = _BEFORE_WINDOWS
         elif long or not self.parts.luby:
             thread = EliteThread(sequence(), steps, self.least_gain, long)
         else:
