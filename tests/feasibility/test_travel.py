@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.travel import HeightField, travel_height
+from decmcts._kernels.geometry.travel import HeightField
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.packed_head import pack_head
@@ -17,7 +17,12 @@ from decmcts.feasibility.travel import new_height_field
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
 from decmcts.print.toolpath import Toolpath
-from tests.feasibility.travels import deposit_contour, safe_travel_path, toolpath_heights
+from tests.feasibility.travels import (
+    deposit_contour,
+    safe_travel_path,
+    toolpath_heights,
+    travel_height,
+)
 
 CLEARANCE_MM = 0.3
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.geometry.clearance import PackedHead
 from decmcts._kernels.geometry.travel import (
+    EMPTY,
     HeightField,
     deposit,
-    order_heights,
     travel_height_above,
 )
 from decmcts.feasibility.packed_head import pack_contours, pack_head
@@ -31,6 +31,13 @@ def deposit_contour(
         int(contours.offsets[contour + 1]),
         clearance_mm + float(contours.width[contour]) / 2,
     )
+
+
+def travel_height(
+    field: HeightField, head: PackedHead, x0: float, y0: float, x1: float, y1: float
+) -> float:
+    """Return the lowest z at which the nozzle may go straight, -inf where any is safe."""
+    return float(travel_height_above(field, head, x0, y0, x1, y1, EMPTY))
 
 
 def safe_travel_path(
@@ -91,16 +98,11 @@ def toolpath_heights(
     running = enter_at(contours, entries_by_contour([toolpath], len(contours)))
     beads = pack_contours(running, clearance_mm)
     entries, exits = endpoints(contours, toolpath)
+    packed = pack_head(head)
     heights = np.empty(max(0, len(toolpath) - 1))
-    order_heights(
-        field,
-        pack_head(head),
-        beads.points,
-        beads.offsets,
-        beads.radius,
-        toolpath.order,
-        entries,
-        exits,
-        heights,
-    )
+    for i, c in enumerate(toolpath.order[:-1]):
+        deposit(field, beads.points, beads.offsets[c], beads.offsets[c + 1], beads.radius[c])
+        start, end = exits[i], entries[i + 1]
+        z = max(start[2], end[2])
+        heights[i] = travel_height_above(field, packed, *start[:2], *end[:2], z)
     return heights

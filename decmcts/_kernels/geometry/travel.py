@@ -184,14 +184,6 @@ def highest_under(
 
 
 @kernel
-def travel_height(
-    field: HeightField, head: PackedHead, x0: float, y0: float, x1: float, y1: float
-) -> float:
-    """Return the lowest nozzle z at which the straight move is safe, -inf if any is."""
-    return travel_height_above(field, head, x0, y0, x1, y1, EMPTY)
-
-
-@kernel
 def travel_height_above(
     field: HeightField,
     head: PackedHead,
@@ -201,9 +193,10 @@ def travel_height_above(
     y1: float,
     z: float,
 ) -> float:
-    """Return the lowest safe nozzle z of the move that is at least z.
+    """Return the lowest nozzle z, at least `z`, at which the straight move is safe.
 
-    Cheaper than `travel_height` where z already clears most of the print.
+    With `z` EMPTY that is -inf where nothing is in the way. The higher `z`, the fewer cells
+    are opened.
     """
     summit = field.top[field.offsets[-1]]
     move = np.array([x0, y0, x1, y1])
@@ -216,33 +209,3 @@ def travel_height_above(
         if found > floor:
             z = found - head.heights[k]
     return z
-
-
-@kernel
-def order_heights(
-    field: HeightField,
-    head: PackedHead,
-    points: NDArray[np.float64],
-    offsets: NDArray[np.int64],
-    radius: NDArray[np.float64],
-    order: NDArray[np.int32],
-    entries: NDArray[np.float64],
-    exits: NDArray[np.float64],
-    heights: NDArray[np.float64],
-) -> None:
-    """Write the safe z of each travel of an order; deposits all its contours in place.
-
-    heights[i] belongs to the travel from contour order[i] to order[i + 1].
-    """
-    for i in range(len(order) - 1):
-        c = order[i]
-        deposit(field, points, offsets[c], offsets[c + 1], radius[c])
-        heights[i] = travel_height_above(
-            field,
-            head,
-            exits[i, 0],
-            exits[i, 1],
-            entries[i + 1, 0],
-            entries[i + 1, 1],
-            max(exits[i, 2], entries[i + 1, 2]),
-        )
