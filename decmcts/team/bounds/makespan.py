@@ -68,7 +68,6 @@ def makespan_bound(
     machine: Machine,
     graph: DependencyGraph,
     *,
-    seconds: NDArray[np.float64] | None = None,
     entries: SeamEntries | None = None,
     travel: bool = True,
 ) -> Bound:
@@ -76,8 +75,6 @@ def makespan_bound(
 
     Parameters
     ----------
-    seconds : (n,) or None
-        Printing time of each contour, whoever prints it; None: by the time model.
     entries : SeamEntries | None
         Where loops may be entered besides as sliced; None: nowhere.
     travel : bool
@@ -87,8 +84,6 @@ def makespan_bound(
     least = least_times(job, machine, eligible, entries)
     saved = saved_by_running_on(job, machine, entries)
     time, parts = np.maximum(least.contour - saved, 0.0), least.segment
-    if seconds is not None:
-        time, parts = seconds, _scaled(job.contours, parts, seconds)
     serial, heads = float(time.sum()), len(machine.heads)
     shares = no_shares(len(time))
     if travel and heads > 1:
@@ -257,12 +252,3 @@ def _whole_from_any(held: Held, contours: Contours, axis: int, entries: SeamEntr
         np.maximum(low, np.minimum.reduceat(at, offsets[:-1]), out=low)
         np.minimum(high, np.maximum.reduceat(at, offsets[:-1]), out=high)
     return held._replace(low=low, high=high)
-
-
-def _scaled(
-    contours: Contours, parts: NDArray[np.float64], seconds: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the seconds of segments in proportion, so that contours take what is given."""
-    modelled = np.add.reduceat(parts, contours.offsets[:-1])
-    factor = seconds / np.maximum(modelled, 1e-300)
-    return np.asarray(parts * np.repeat(factor, np.diff(contours.offsets)))

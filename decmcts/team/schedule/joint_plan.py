@@ -32,7 +32,7 @@ def schedule(
     machine: Machine,
     graph: DependencyGraph,
     toolpaths: Sequence[Toolpath],
-    live: Sequence[int] | None = None,
+    *,
     lags: Lags | None = None,
 ) -> JointPlan:
     """Make the exact plan in which each head prints its toolpath in order.
@@ -45,8 +45,6 @@ def schedule(
         One per head of the machine, in the machine's order; together every
         contour once. A head may get none. If all but one get none, that one is
         an order for everything: contours its head can not print go to one that can.
-    live : Sequence[int] | None
-        Heads that may move; the others stay parked. None: all.
     lags : Lags | None
         How long what is printed over must cool: heads rest where nothing else takes that
         long, to a quarter of a second. None: nothing has to.
@@ -62,12 +60,12 @@ def schedule(
         A contour is missing, doubled, out of every head's reach or given to a
         head that can not print it, or the sequences contradict the precedence.
     """
-    space = build_space(job, machine, live)
+    space = build_space(job, machine)
     toolpaths = hand_over(toolpaths, space.eligible)
     require_complete(job, machine, space, toolpaths)
     entry = entries_by_contour(toolpaths, len(job.contours))
     entered = enter_at(job.contours, entry)
-    fleet = fleet_of(job, machine, live)
+    fleet = fleet_of(job, machine)
     cooling = no_lags(len(job.contours)) if lags is None else lags
     order = order_of_job(job, graph, machine, fleet, entered, toolpaths, cooling)
     running = replace(job, contours=entered, acceleration=None)
