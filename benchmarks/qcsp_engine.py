@@ -24,7 +24,7 @@ from decmcts._kernels.engine.lags import no_lags
 from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
 from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.geometry.pieces import Pieces
-from decmcts._kernels.refine.qcsp import decode, weigh
+from decmcts._kernels.refine.qcsp import decode, find_loads
 from decmcts.formats.bare.qcsp import QcspProblem, read_qcsp
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.qcsp.solver import _threads_of, search_qcsp
@@ -104,9 +104,12 @@ def by_engine(
 def by_own_kernel(problem: QcspProblem, order: list[int], crane: list[int]) -> float:
     """Return the µs that the cranes' own kernel takes to time the order."""
     thread = next(iter(_threads_of(problem, 0)))
-    thread.crew.order[:], thread.crew.crane[:] = order, crane
+    thread.schedule.order[:], thread.schedule.crane[:] = order, crane
     return microseconds(
-        lambda: (weigh(thread.yard, thread.crew), decode(thread.yard, thread.crew, np.inf))
+        lambda: (
+            find_loads(thread.problem, thread.schedule),
+            decode(thread.problem, thread.schedule, np.inf),
+        )
     )
 
 

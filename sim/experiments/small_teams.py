@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.engine.aside import print_next, return_all
 from decmcts._kernels.engine.joint import NONE, Heads, Units, Visits, all_parked, new_units
-from decmcts._kernels.engine.replay import Marks, mark, recall
+from decmcts._kernels.engine.replay import Marks, mark, restore
 from decmcts._kernels.engine.rooms import Fleet, travel_seconds
 from decmcts.errors import InputError
 from decmcts.feasibility.build import build_graph
@@ -172,7 +172,7 @@ def search(
     n, depth, tried, filled = len(path.done), 0, 0, 0
     mark(0, units, heads, marks)
     while depth >= 0:
-        recall(depth, units, heads, marks)
+        restore(depth, units, heads, marks)
         if not next_choice(depth, visits, limits, path):
             depth -= 1
             continue

@@ -35,11 +35,11 @@ def cooling(problem: TeamProblem) -> TeamProblem:
 
 
 def rouse(r: int, start: float, *given: Any) -> None:
-    """Let all other heads look again, whatever head r has put."""
+    """Let all other heads decide again, whatever head r has put."""
     pool = given[-1]
-    for s in range(len(pool.now)):
+    for s in range(len(pool.decides_at)):
         if s != r:
-            pool.now[s] = min(pool.now[s], start)
+            pool.decides_at[s] = min(pool.decides_at[s], start)
 
 
 def digests() -> list[str]:

@@ -40,7 +40,7 @@ from decmcts._kernels.jit import apart, inlined, kernel
 
 
 @kernel
-def beyond(
+def clear_position(
     room: Room,
     rest: Room,
     r: int,
@@ -82,7 +82,7 @@ def push(
     """Write to `goals` and `goes` where s must go, and all it pushes on; False: too far."""
     heads = len(at)
     goals[:], goes[:] = at, False
-    goals[s, axis] = beyond(room, room_at(rest, s), r, s, axis, sign, fleet)
+    goals[s, axis] = clear_position(room, room_at(rest, s), r, s, axis, sign, fleet)
     goes[s] = True
     for _ in range(heads):
         for u in range(heads):
@@ -93,7 +93,7 @@ def push(
                 if t in (u, r):
                     continue
                 resting = room_at(rest, t)
-                far = beyond(path, resting, u, t, axis, sign, fleet)
+                far = clear_position(path, resting, u, t, axis, sign, fleet)
                 if too_near(path, resting, u, t, fleet) and (far - goals[t, axis]) * sign > TOUCH:
                     goals[t, axis], goes[t] = far, True
     for t in range(heads):
@@ -155,7 +155,7 @@ def try_push(
 
 
 @kernel
-def make_way(
+def find_steps_aside(
     room: Room,
     r: int,
     at: NDArray[np.float64],
@@ -255,7 +255,7 @@ def way_from_parks(r: int, c: int, visits: Visits, fleet: Fleet) -> bool:
     for t in range(heads):
         keep_room(room_of_point(at[t], -np.inf), rest, t)
     room = room_for(r, c, False, at, visits, fleet)
-    if make_way(room, r, at, rest, fleet, np.empty((heads * heads, 4))) < 0:
+    if find_steps_aside(room, r, at, rest, fleet, np.empty((heads * heads, 4))) < 0:
         return False
     for end in range(2):
         at[r] = visits.ends[c, end]
@@ -275,14 +275,14 @@ def is_in_way(r: int, room: Room, rest: NDArray[np.float64], fleet: Fleet) -> bo
 
 
 @kernel
-def clear_way(
+def step_aside(
     r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
     """Let heads step aside so that r can print c (mutates units, heads); False: no safe way."""
     room = room_for(r, c, is_reversed, heads.at, visits, fleet)
     at, rest = heads.at.copy(), heads.rest.copy()
     steps = np.empty((len(at) * len(at), 4))
-    count = make_way(room, r, at, rest, fleet, steps)
+    count = find_steps_aside(room, r, at, rest, fleet, steps)
     if count < 0:
         return False
     if not fleet.lined:
@@ -304,7 +304,7 @@ def print_next(
     False: not even with all others parked. All that c rests on must have been put.
     """
     room = room_for(r, c, is_reversed, heads.at, visits, fleet)
-    possible = (fleet.lined and not is_in_way(r, room, heads.rest, fleet)) or make_room(
+    possible = (fleet.lined and not is_in_way(r, room, heads.rest, fleet)) or step_aside_or_park(
         r, c, is_reversed, visits, fleet, units, heads
     )
     if possible:
@@ -313,12 +313,12 @@ def print_next(
 
 
 @apart
-def make_room(
+def step_aside_or_park(
     r: int, c: int, is_reversed: bool, visits: Visits, fleet: Fleet, units: Units, heads: Heads
 ) -> bool:
     """Let others step aside, or all return first, so that r can print c (mutates units, heads)."""
-    if clear_way(r, c, is_reversed, visits, fleet, units, heads):
+    if step_aside(r, c, is_reversed, visits, fleet, units, heads):
         return True
     if not return_all(visits, fleet, units, heads):
         return False
-    return clear_way(r, c, is_reversed, visits, fleet, units, heads)
+    return step_aside(r, c, is_reversed, visits, fleet, units, heads)

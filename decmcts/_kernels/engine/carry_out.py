@@ -30,8 +30,8 @@ class Sequences(NamedTuple):
 
 
 @kernel
-def room_enough(units: Units, heads: int) -> Units:
-    """Return units with room for all that one more contour can need."""
+def with_capacity(units: Units, heads: int) -> Units:
+    """Return units with rows free for all that one more contour can need."""
     used, most = units.used[0], len(units.head)
     if used + heads * (heads + 2) + 2 <= most:
         return units
@@ -48,7 +48,7 @@ def room_enough(units: Units, heads: int) -> Units:
 
 @kernel
 def units_for(n: int, heads: int) -> Units:
-    """Room for units of n contours, to begin with."""
+    """Return empty units with rows for n contours, to begin with."""
     return new_units(3 * n + 2 * heads * (heads + 2) + 16)
 
 
@@ -82,11 +82,11 @@ def carry_out(sequences: Sequences, visits: Visits, fleet: Fleet) -> tuple[Units
         c = sequences.order[row]
         if not is_ready(c, put, visits):
             return units, CONTRADICTED
-        units = room_enough(units, heads)
+        units = with_capacity(units, heads)
         if not print_next(r, c, sequences.reversed[row], visits, fleet, units, state):
             return units, SHUT_IN
         put[c] = True
-    units = room_enough(units, heads)
+    units = with_capacity(units, heads)
     return units, OK if return_all(visits, fleet, units, state) else SHUT_IN
 
 

@@ -29,11 +29,11 @@ class Progress(NamedTuple):
     """How far a sequence is printed; all arrays are written as it goes on."""
 
     ended: NDArray[np.float64]  # (n,) end of each contour, NEVER: not ended
-    cool: NDArray[np.float64]  # (n,) soonest begin of each contour that is free
-    waiting: NDArray[np.int64]  # (n,) predecessors not yet printed
-    free: NDArray[np.int32]  # (n,) contours that could be next: the first n_free
-    place: NDArray[np.int64]  # (n,) place of each in `free`, NONE if not there
-    n_free: NDArray[np.int64]  # (1,)
+    ready: NDArray[np.float64]  # (n,) soonest begin of each available contour, when all has cooled
+    missing: NDArray[np.int64]  # (n,) predecessors not yet printed
+    available: NDArray[np.int32]  # (n,) contours that could be next: the first n_available
+    place: NDArray[np.int64]  # (n,) place of each in `available`, NONE if not there
+    n_available: NDArray[np.int64]  # (1,)
 
 
 @kernel
@@ -73,15 +73,15 @@ def printed_over(
 
 
 @kernel
-def set_free(c: int, lags: Lags, progress: Progress) -> None:
+def make_available(c: int, lags: Lags, progress: Progress) -> None:
     """Add a contour whose predecessors are printed to those that could be next."""
     soonest = 0.0
     for e in range(lags.offsets[c], lags.offsets[c + 1]):
         soonest = max(soonest, progress.ended[lags.below[e]] + lags.seconds[e])
-    progress.cool[c] = soonest
-    progress.free[progress.n_free[0]] = c
-    progress.place[c] = progress.n_free[0]
-    progress.n_free[0] += 1
+    progress.ready[c] = soonest
+    progress.available[progress.n_available[0]] = c
+    progress.place[c] = progress.n_available[0]
+    progress.n_available[0] += 1
 
 
 @kernel
@@ -96,15 +96,15 @@ def take(
     """Count a contour as printed and free those that waited for it."""
     progress.ended[c] = ended
     hole = progress.place[c]
-    progress.n_free[0] -= 1
-    moved = progress.free[progress.n_free[0]]
-    progress.free[hole] = moved
+    progress.n_available[0] -= 1
+    moved = progress.available[progress.n_available[0]]
+    progress.available[hole] = moved
     progress.place[moved] = hole
     progress.place[c] = NONE
     for e in range(succ_offsets[c], succ_offsets[c + 1]):
-        progress.waiting[succs[e]] -= 1
-        if progress.waiting[succs[e]] == 0:
-            set_free(succs[e], lags, progress)
+        progress.missing[succs[e]] -= 1
+        if progress.missing[succs[e]] == 0:
+            make_available(succs[e], lags, progress)
 
 
 @kernel
@@ -117,18 +117,18 @@ def filler(
     progress: Progress,
 ) -> int:
     """Return the contour to print while c cools, the soonest there, or c if none saves time."""
-    begin = max(now + travel_seconds(at, visits.ends[c, 0], travel), progress.cool[c])
+    begin = max(now + travel_seconds(at, visits.ends[c, 0], travel), progress.ready[c])
     best, least = c, begin
-    for k in range(progress.n_free[0]):
-        d = progress.free[k]
-        if d == c or progress.cool[d] >= least:
+    for k in range(progress.n_available[0]):
+        d = progress.available[k]
+        if d == c or progress.ready[d] >= least:
             continue
-        there = max(now + travel_seconds(at, visits.ends[d, 0], travel), progress.cool[d])
+        there = max(now + travel_seconds(at, visits.ends[d, 0], travel), progress.ready[d])
         if there >= least:
             continue
         back = travel_seconds(visits.ends[d, 1], visits.ends[c, 0], travel)
         if (
-            max(there + visits.seconds[0, d] + back, progress.cool[c]) - visits.seconds[0, d]
+            max(there + visits.seconds[0, d] + back, progress.ready[c]) - visits.seconds[0, d]
             < begin
         ):
             best, least = d, there
@@ -157,8 +157,8 @@ def follow(
         np.full(n, NONE, np.int64), np.zeros(1, np.int64),
     )  # fmt: skip
     for c in range(n):
-        if progress.waiting[c] == 0:
-            set_free(c, lags, progress)
+        if progress.missing[c] == 0:
+            make_available(c, lags, progress)
     made = np.empty(n, np.int32)
     now, waited, head = 0.0, 0.0, 0
     at = start.copy()
@@ -167,10 +167,10 @@ def follow(
             head += 1
         c = order[head]
         arrival = now + travel_seconds(at, visits.ends[c, 0], travel)
-        if fill and progress.cool[c] > arrival + SHORT_S:
+        if fill and progress.ready[c] > arrival + SHORT_S:
             c = filler(c, now, at, visits, travel, progress)
             arrival = now + travel_seconds(at, visits.ends[c, 0], travel)
-        wait = progress.cool[c] - arrival
+        wait = progress.ready[c] - arrival
         if wait <= SHORT_S:
             wait = 0.0
         waited += wait

@@ -1,9 +1,9 @@
 """List scheduling for several heads: who prints what next, on bare arrays.
 
 The head that is free first takes, of the contours it can begin at once, the one of
-least score; where there is none it sleeps until it may begin one. Contours are looked
-at by column (those of one part and one place along the machine): of each only the
-first that is left, if all it rests on was put.
+least score. Where there is none it sleeps until it may begin one. Contours are grouped
+in columns, those of one part and one place along the machine. Of each column only the
+first contour left is a candidate, if all it rests on was put.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.aside import print_next, return_all
-from decmcts._kernels.engine.carry_out import OK, SHUT_IN, room_enough, units_for
+from decmcts._kernels.engine.carry_out import OK, SHUT_IN, units_for, with_capacity
 from decmcts._kernels.engine.joint import (
     NONE,
     Heads,
@@ -23,19 +23,19 @@ from decmcts._kernels.engine.joint import (
     all_parked,
     clear_from,
     end_of,
-    rests_on,
+    ready_at,
 )
 from decmcts._kernels.engine.rooms import Fleet, Point, room_at, room_of_travel, travel_seconds
 from decmcts._kernels.jit import inlined, kernel
 
 LATER = 1e-9  # seconds; what is nearer is now
-OPEN, NEWS = 0, 1  # of `Pool.counts`
+OPEN, NEWLY_READY = 0, 1  # of `Pool.counts`
 URGENCY, BOTTLENECK, OTHERS = 3, 4, 5  # columns of `POLICIES` that make the key
 PATIENCE = 0.003  # share of its printing time that a contour may be waited for
 
 
-class Wishes(NamedTuple):
-    """What a policy makes its keys of, contour by contour; see `decmcts.team.engine.problem`."""
+class KeyTerms(NamedTuple):
+    """What `write_keys` makes a policy's keys of; see `decmcts.team.engine.problem`."""
 
     progress: NDArray[np.float64]  # (n,)
     urgency: NDArray[np.float64]  # (n,)
@@ -66,18 +66,18 @@ class Pool(NamedTuple):
     column_of: NDArray[np.int32]  # (n,)
     open: NDArray[np.int64]  # (columns,) those whose first may be ready, in no order
     is_open: NDArray[np.bool_]  # (columns,) whether among these
-    news: NDArray[np.int64]  # (columns,) contours that the last one put made ready
-    counts: NDArray[np.int64]  # (2,) how many `open` and `news` there are
-    now: NDArray[np.float64]  # (heads,) when each head looks next, once it is free
-    about: NDArray[np.int64]  # (heads,) contour it printed last; NONE
-    shut: NDArray[np.float64]  # (heads, columns) when at the soonest a head may begin the first
-    looked: NDArray[np.int64]  # (heads, columns) row of `column` that `shut` is about
-    stood: NDArray[np.int64]  # (heads,) unit after which `shut` was written
+    newly_ready: NDArray[np.int64]  # (columns,) contours that the last one put made ready
+    counts: NDArray[np.int64]  # (2,) how many `open` and `newly_ready` there are
+    decides_at: NDArray[np.float64]  # (heads,) each head decides no sooner, even if it is free
+    last_contour: NDArray[np.int64]  # (heads,) contour it printed last; NONE
+    earliest: NDArray[np.float64]  # (heads, columns) a head begins the first left no sooner
+    earliest_row: NDArray[np.int64]  # (heads, columns) row of `column` that `earliest` is for
+    earliest_unit: NDArray[np.int64]  # (heads,) the head's last unit when `earliest` was written
 
 
 @kernel
 def write_keys(
-    r: int, row: NDArray[np.float64], contours: NDArray[np.int64], wishes: Wishes,
+    r: int, row: NDArray[np.float64], contours: NDArray[np.int64], terms: KeyTerms,
     keys: NDArray[np.float64],
 ) -> None:  # fmt: skip
     """Write when head r wants to print contours by a row of `POLICIES`, in progress of a part.
@@ -85,10 +85,10 @@ def write_keys(
     What lies in the others' share of the machine comes later, the bottleneck sooner.
     """
     for c in contours:
-        key = wishes.progress[c] + row[URGENCY] * (wishes.urgency[c] - wishes.progress[c])
-        if wishes.side[c] != r:
+        key = terms.progress[c] + row[URGENCY] * (terms.urgency[c] - terms.progress[c])
+        if terms.side[c] != r:
             key += row[OTHERS]
-        if wishes.bottleneck[c]:
+        if terms.bottleneck[c]:
             key -= row[BOTTLENECK]
         keys[r, c] = key
 
@@ -128,8 +128,8 @@ def new_pool(visits: Visits, policy: Policy, heads: int) -> Pool:
 def next_head(heads: Heads, pool: Pool) -> tuple[int, float]:
     """Return the head that decides next, and when."""
     first, start = 0, np.inf
-    for r in range(len(pool.now)):
-        at = max(heads.free[r], pool.now[r])
+    for r in range(len(pool.decides_at)):
+        at = max(heads.free[r], pool.decides_at[r])
         if at < start:
             first, start = r, at
     return first, start
@@ -140,7 +140,7 @@ def next_decision(r: int, start: float, heads: Heads, pool: Pool) -> float:
     """When another head than r decides next, after `start`; infinite: none does."""
     until = np.inf
     for s in range(len(heads.free)):
-        decides = max(heads.free[s], pool.now[s])
+        decides = max(heads.free[s], pool.decides_at[s])
         if s != r and decides > start + LATER:
             until = min(until, decides)
     return until
@@ -149,13 +149,13 @@ def next_decision(r: int, start: float, heads: Heads, pool: Pool) -> float:
 @inlined
 def out_of_step(
     r: int, u: int, start: float, place: NDArray[np.float64], free: NDArray[np.float64],
-    about: NDArray[np.int64],
+    last_contour: NDArray[np.int64],
 ) -> float:  # fmt: skip
     """How far u is from where head r's sweep should be beside the others' contours."""
     off = 0.0
-    for s in range(len(about)):
-        if s != r and about[s] != NONE and free[s] > start:
-            off += abs(place[r, u] - place[s, about[s]])
+    for s in range(len(last_contour)):
+        if s != r and last_contour[s] != NONE and free[s] > start:
+            off += abs(place[r, u] - place[s, last_contour[s]])
     return off
 
 
@@ -186,9 +186,9 @@ def room_free_from(
     r: int, u: int, back: bool, at: Point, start: float, visits: Visits, fleet: Fleet,
     units: Units, heads: Heads,
 ) -> float:  # fmt: skip
-    """When at the soonest, from `start` on, head r may have contour u's room and the way there.
+    """When head r may at the earliest, from `start` on, have contour u's room and the way there.
 
-    By the units put so far; more that are put open nothing.
+    By the units put so far; units put later can only make it later.
     """
     side = 1 if back else 0
     way = room_of_travel(at, end_of(u, side, visits), fleet.ceiling)
@@ -199,10 +199,10 @@ def room_free_from(
 
 
 @inlined
-def look_anew(r: int, heads: Heads, pool: Pool) -> None:
-    """Forget what was shut to head r where it stood before (mutates pool)."""
-    if pool.stood[r] != heads.last[r]:
-        pool.looked[r], pool.stood[r] = NONE, heads.last[r]
+def drop_outdated(r: int, heads: Heads, pool: Pool) -> None:
+    """Drop the begins that were found for head r where it stood before (mutates pool)."""
+    if pool.earliest_unit[r] != heads.last[r]:
+        pool.earliest_row[r], pool.earliest_unit[r] = NONE, heads.last[r]
 
 
 @inlined
@@ -224,12 +224,14 @@ def choose(
 ) -> tuple[int, bool, float]:  # fmt: skip
     """Return the contour head r should print next, and whether reversed; NONE: wait until when.
 
-    What is shut till some time is not looked at sooner (`Pool.shut`), unless this head moves.
+    A contour that can not begin before some time (`Pool.earliest`) is passed over until then,
+    unless this head moves.
     """
     at = (heads.at[r, 0], heads.at[r, 1], heads.at[r, 2])
-    look_anew(r, heads, pool)
+    drop_outdated(r, heads, pool)
     best, chosen, is_reversed, wakes = np.inf, NONE, False, np.inf
-    by_key, by_waste, by_step = policy.weights[r, 0], policy.weights[r, 1], policy.weights[r, 2]
+    key_weight, waste_weight = policy.weights[r, 0], policy.weights[r, 1]
+    step_weight = policy.weights[r, 2]
     i = 0
     while i < pool.counts[OPEN]:
         column = pool.open[i]
@@ -240,28 +242,29 @@ def choose(
         if not policy.eligible[u, r]:
             continue
         row = pool.first[column]
-        if pool.looked[r, column] == row and start + LATER < pool.shut[r, column]:
-            wakes = min(wakes, pool.shut[r, column])
+        if pool.earliest_row[r, column] == row and start + LATER < pool.earliest[r, column]:
+            wakes = min(wakes, pool.earliest[r, column])
             continue
-        score = by_key * policy.key[r, u]
+        score = key_weight * policy.key[r, u]
         if score > best:
             continue
-        if by_step > 0.0:
-            score += by_step * out_of_step(r, u, start, policy.place, heads.free, pool.about)
+        if step_weight > 0.0:
+            off = out_of_step(r, u, start, policy.place, heads.free, pool.last_contour)
+            score += step_weight * off
         there, back = nearer_end(at, u, visits, fleet.travel[r])
         lost, seconds = max(there, pool.ready[u] - start), visits.seconds[r, u]
-        score += by_waste * lost / (seconds + lost + LATER)
+        score += waste_weight * lost / (seconds + lost + LATER)
         if score > best or (score == best and chosen != NONE and u > chosen):
             continue
-        opens = max(start, pool.ready[u] - there - PATIENCE * seconds)
-        if opens <= start + LATER:
-            opens = room_free_from(r, u, back, at, start, visits, fleet, units, heads)
-        if opens > start + LATER:
-            pool.shut[r, column], pool.looked[r, column] = opens, row
-            wakes = min(wakes, opens)
+        earliest = max(start, pool.ready[u] - there - PATIENCE * seconds)
+        if earliest <= start + LATER:
+            earliest = room_free_from(r, u, back, at, start, visits, fleet, units, heads)
+        if earliest > start + LATER:
+            pool.earliest[r, column], pool.earliest_row[r, column] = earliest, row
+            wakes = min(wakes, earliest)
         else:
             best, chosen, is_reversed = score, u, back
-            # what was good is looked at first from now on, so that others are passed over sooner
+            # the best so far goes to the front: a good score early rules others out by key alone
             pool.open[i - 1], pool.open[0] = pool.open[0], pool.open[i - 1]
     return chosen, is_reversed, wakes if wakes < np.inf else next_decision(r, start, heads, pool)
 
@@ -283,23 +286,23 @@ def open_first(column: int, policy: Policy, pool: Pool) -> None:
     if not pool.is_open[column]:
         pool.open[pool.counts[OPEN]], pool.is_open[column] = column, True
         pool.counts[OPEN] += 1
-    for k in range(pool.counts[NEWS]):
-        if pool.news[k] == u:
+    for k in range(pool.counts[NEWLY_READY]):
+        if pool.newly_ready[k] == u:
             return
-    pool.news[pool.counts[NEWS]] = u
-    pool.counts[NEWS] += 1
+    pool.newly_ready[pool.counts[NEWLY_READY]] = u
+    pool.counts[NEWLY_READY] += 1
 
 
 @inlined
 def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Pool) -> None:
     """Note that head r prints c (mutates pool)."""
-    pool.put[c], pool.about[r] = True, c
-    pool.counts[NEWS] = 0
+    pool.put[c], pool.last_contour[r] = True, c
+    pool.counts[NEWLY_READY] = 0
     for k in range(policy.succ_offsets[c], policy.succ_offsets[c + 1]):
         s = policy.succs[k]
         pool.missing[s] -= 1
         if pool.missing[s] == 0:
-            pool.ready[s] = rests_on(s, visits, heads)
+            pool.ready[s] = ready_at(s, visits, heads)
             open_first(pool.column_of[s], policy, pool)
     open_first(pool.column_of[c], policy, pool)
 
@@ -308,20 +311,20 @@ def take(r: int, c: int, visits: Visits, policy: Policy, heads: Heads, pool: Poo
 def wake(
     r: int, start: float, visits: Visits, fleet: Fleet, policy: Policy, heads: Heads, pool: Pool
 ) -> None:
-    """Let heads that sleep look sooner, where what head r put opens something (mutates pool)."""
+    """Let sleeping heads decide sooner, where head r made contours ready (mutates pool)."""
     for s in range(len(heads.free)):
-        if s == r or pool.now[s] <= start:
+        if s == r or pool.decides_at[s] <= start:
             continue
-        if heads.last[s] != pool.stood[s]:  # it had to step aside
-            pool.now[s] = start
+        if heads.last[s] != pool.earliest_unit[s]:  # it had to step aside
+            pool.decides_at[s] = start
             continue
         at = (heads.at[s, 0], heads.at[s, 1], heads.at[s, 2])
-        for k in range(pool.counts[NEWS]):
-            u = pool.news[k]
+        for k in range(pool.counts[NEWLY_READY]):
+            u = pool.newly_ready[k]
             if policy.eligible[u, s]:
                 there, _ = nearer_end(at, u, visits, fleet.travel[s])
                 soonest = pool.ready[u] - there - PATIENCE * visits.seconds[s, u]
-                pool.now[s] = min(pool.now[s], max(start, soonest))
+                pool.decides_at[s] = min(pool.decides_at[s], max(start, soonest))
 
 
 @inlined
@@ -330,15 +333,15 @@ def next_print(
 ) -> tuple[int, int, bool, float]:  # fmt: skip
     """Return which head prints next, what, whether reversed, and when it decides.
 
-    NONE as the contour: no head finds any, now or later. Heads that must wait sleep (mutates
-    pool).
+    NONE as the contour: no head finds any, now or later. Mutates pool: heads that find none
+    now sleep.
     """
     while True:
         r, start = next_head(heads, pool)
         c, back, until = choose(r, start, visits, fleet, policy, units, heads, pool)
         if c != NONE or until == np.inf:
             return r, c, back, start
-        pool.now[r] = until
+        pool.decides_at[r] = until
 
 
 @kernel
@@ -354,11 +357,11 @@ def dispatch(visits: Visits, fleet: Fleet, policy: Policy) -> tuple[Units, int]:
             c = lowest = first_left(lowest, pool)
             while not policy.eligible[c, r]:
                 r = (r + 1) % heads
-        units = room_enough(units, heads)
+        units = with_capacity(units, heads)
         if not print_next(r, c, back, visits, fleet, units, state):
             return units, SHUT_IN
         take(r, c, visits, policy, state, pool)
         wake(r, start, visits, fleet, policy, state, pool)
         left -= 1
-    units = room_enough(units, heads)
+    units = with_capacity(units, heads)
     return units, OK if return_all(visits, fleet, units, state) else SHUT_IN

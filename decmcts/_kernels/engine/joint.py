@@ -76,7 +76,7 @@ class Heads(NamedTuple):
 
 @kernel
 def new_units(most: int) -> Units:
-    """Room for `most` units."""
+    """Return empty units with `most` rows."""
     return Units(
         np.empty(most, np.int32),
         np.empty(most, np.int8),
@@ -102,7 +102,9 @@ def all_parked(n: int, fleet: Fleet) -> Heads:
 
 
 @inlined
-def passed(u: int, room: Room, r: int, visits: Visits, fleet: Fleet, units: Units) -> int:
+def first_clear_piece(
+    u: int, room: Room, r: int, visits: Visits, fleet: Fleet, units: Units
+) -> int:
     """First piece of unit u that is clear of `room` of head r; NONE: only its end is."""
     c = units.contour[u]
     if c != NONE:
@@ -132,7 +134,7 @@ def clear_from(
         u = heads.last[s] if s != r else NONE
         while u != NONE and units.end[u] > begin:
             if too_near(room, room_at(units.room, u), r, s, fleet):
-                k = passed(u, room, r, visits, fleet, units)
+                k = first_clear_piece(u, room, r, visits, fleet, units)
                 clear = units.end[u]
                 if k != NONE:
                     share = visits.pieces.share[k]
@@ -194,8 +196,11 @@ def put_travel(
 
 
 @inlined
-def rests_on(c: int, visits: Visits, heads: Heads) -> float:
-    """When all a contour rests on is printed and has cooled; all of it must have been put."""
+def ready_at(c: int, visits: Visits, heads: Heads) -> float:
+    """When a contour may begin: all it rests on is printed and has cooled.
+
+    All it rests on must have been put.
+    """
     ready, lags = 0.0, visits.lags
     for k in range(visits.pred_offsets[c], visits.pred_offsets[c + 1]):
         ready = max(ready, heads.ended[visits.preds[k]])
@@ -218,7 +223,7 @@ def put_print(
     side = 1 if is_reversed else 0
     put_travel(r, UNIT_TRAVEL, end_of(c, side, visits), visits, fleet, units, heads)
     room = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])
-    begin = max(heads.free[r], rests_on(c, visits, heads))
+    begin = max(heads.free[r], ready_at(c, visits, heads))
     begin = clear_from(r, room, begin, visits, fleet, units, heads)
     end = begin + visits.seconds[r, c]
     exit_ = end_of(c, 1 - side, visits)

@@ -53,7 +53,7 @@ def mark(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
 
 
 @inlined
-def recall(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
+def restore(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
     """Go back to what held before a turn (mutates units, heads)."""
     units.used[0] = marks.used[turn]
     for r in range(len(heads.free)):
@@ -65,8 +65,8 @@ def recall(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
 
 
 @inlined
-def has_room(units: Units, heads: Heads) -> bool:
-    """Whether all that one more contour can need finds room among the units."""
+def has_capacity(units: Units, heads: Heads) -> bool:
+    """Whether `units` has rows free for all that one more contour can need."""
     count = len(heads.free)
     return bool(units.used[0] + count * (count + 2) + 2 <= len(units.head))
 
@@ -93,13 +93,14 @@ def put_turns(
     """Print `contours`, by turn, at turns begin..end - 1 (mutates units, heads, marks).
 
     Turns up to `marks_to` are marked. Returns by how much later than by the marks the print
-    then ends, judged from turn `top` on; infinite if there is no room, or as soon as it is more
-    than `most`. The only copy of the engine in what calls it, which else takes minutes to compile.
+    then ends, judged from turn `top` on; infinite if heads shut each other in, if `units` is
+    full, or as soon as it is more than `most`. Callers share this one compiled copy of the
+    engine, which else takes minutes to compile.
     """
     later = 0.0
     for turn in range(begin, end):
         c = contours[turn]
-        if not has_room(units, heads) or not print_next(
+        if not has_capacity(units, heads) or not print_next(
             joint.head[c], c, joint.reversed[c], visits, fleet, units, heads
         ):
             return np.inf
@@ -118,11 +119,11 @@ def replay(
     end: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
     marks: Marks,
 ) -> bool:  # fmt: skip
-    """Mark all turns up to `end` (mutates units, heads, marks); False: the order has no room."""
+    """Mark all turns up to `end` (mutates units, heads, marks); False: they cannot be printed."""
     begin, n = marks.known[0], len(joint.order)
     if begin >= end:
         return True
-    recall(begin, units, heads, marks)
+    restore(begin, units, heads, marks)
     later = put_turns(
         joint.order, begin, end, end, n + 1, np.inf, joint, visits, fleet, units, heads,
         marks,
@@ -135,20 +136,21 @@ def finish(
     begin: int, joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads,
     marks: Marks,
 ) -> float:  # fmt: skip
-    """Return when all heads are at their parks (mutates units, heads, marks); inf: no room.
+    """Return when all heads are at their parks (mutates units, heads, marks).
 
-    All turns up to `begin` are marked, or already were; nothing is marked behind.
+    Infinite if the order cannot be carried out. All turns up to `begin` are marked, or
+    already were; those behind it are not.
     """
     n = len(joint.order)
     if not replay(begin, joint, visits, fleet, units, heads, marks):
         return np.inf
-    recall(begin, units, heads, marks)
+    restore(begin, units, heads, marks)
     marks.known[0] = begin
     later = put_turns(
         joint.order, begin, n, begin, n + 1, np.inf, joint, visits, fleet, units, heads,
         marks,
     )  # fmt: skip
-    if later == np.inf or not has_room(units, heads):
+    if later == np.inf or not has_capacity(units, heads):
         return np.inf
     if not return_all(visits, fleet, units, heads):
         return np.inf

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.joint import NONE, UNIT_PRINT, Units, Visits, passed
+from decmcts._kernels.engine.joint import NONE, UNIT_PRINT, Units, Visits, first_clear_piece
 from decmcts._kernels.engine.lags import Lags
 from decmcts._kernels.engine.rooms import Fleet, join_rooms, keep_room, room_at, too_near
 from decmcts._kernels.jit import kernel
@@ -86,7 +86,9 @@ def need_of(
     lowest = known[0] if known[1] != AT_END else known[0] + 1
     k = latest_in_the_way(row, s, max(lowest, 0), count, rows, joined, fleet, units)
     if k >= max(lowest, 0):
-        piece = passed(rows[k], room_at(units.room, row), units.head[row], visits, fleet, units)
+        piece = first_clear_piece(
+            rows[k], room_at(units.room, row), units.head[row], visits, fleet, units
+        )
         unit, point = k, AT_END if piece == NONE else visits.pieces.point[piece]
     pred = latest_pred(row, s, own, place, visits, units)
     if pred >= unit and pred != NONE:
@@ -216,7 +218,7 @@ class Rests(NamedTuple):
 
 
 @kernel
-def hottest_below(
+def last_below(
     c: int, s: int, place: NDArray[np.int64], units: Rows, lags: Lags
 ) -> tuple[int, float]:
     """Index within head s of the last unit that prints what lies below c, and its lag; or NONE."""
@@ -308,7 +310,7 @@ def let_cool(
         rests.begin[row] = free
         if units.kind[row] == UNIT_PRINT:
             for s in range(heads):
-                last, lag = hottest_below(c, s, place, units, lags)
+                last, lag = last_below(c, s, place, units, lags)
                 if last == NONE:
                     continue
                 other = units.rows[s, last]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.aside import print_next, return_all
-from decmcts._kernels.engine.carry_out import OK, SHUT_IN, room_enough, units_for
+from decmcts._kernels.engine.carry_out import OK, SHUT_IN, units_for, with_capacity
 from decmcts._kernels.engine.dispatch import Policy, Pool, first_of, nearer_end, new_pool, take
 from decmcts._kernels.engine.joint import (
     NONE,
@@ -20,7 +20,7 @@ from decmcts._kernels.engine.joint import (
     all_parked,
     clear_from,
     end_of,
-    rests_on,
+    ready_at,
 )
 from decmcts._kernels.engine.rooms import Fleet, room_at, room_of_travel, travel_seconds
 from decmcts._kernels.jit import inlined, kernel
@@ -37,7 +37,7 @@ def bid(
     begin = clear_from(r, way, heads.free[r], visits, fleet, units, heads)
     begin += travel_seconds(at, there, fleet.travel[r])
     held = room_at(visits.pieces.room, visits.pieces.offsets[2 * c + side])
-    begin = max(begin, rests_on(c, visits, heads))
+    begin = max(begin, ready_at(c, visits, heads))
     begin = clear_from(r, held, begin, visits, fleet, units, heads)
     ended: float = begin + visits.seconds[r, c]
     return ended
@@ -95,9 +95,9 @@ def auction(visits: Visits, fleet: Fleet, policy: Policy, on_offer: int) -> tupl
     for _ in range(n):
         count = offer(policy, pool, offered)
         r, c, back = winner(offered[:count], visits, fleet, policy, units, state)
-        units = room_enough(units, heads)
+        units = with_capacity(units, heads)
         if not print_next(r, c, back, visits, fleet, units, state):
             return units, SHUT_IN
         take(r, c, visits, policy, state, pool)
-    units = room_enough(units, heads)
+    units = with_capacity(units, heads)
     return units, OK if return_all(visits, fleet, units, state) else SHUT_IN

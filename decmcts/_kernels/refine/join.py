@@ -15,20 +15,20 @@ from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link, repl
 from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.refine.windows import (
-    EVEN,
+    LATENESS_WEIGHT,
     Window,
-    keep,
-    know_tails,
+    copy_window,
     latest_end,
     put_window,
-    take_back,
+    undo,
+    update_tails,
 )
 
 
 @inlined
 def lateness(turn: int, fleet: Fleet, marks: Marks) -> float:
     """When the print ends by what is marked at a turn, and a little of when each head is free."""
-    late: float = latest_end(turn, fleet, marks) + EVEN * marks.free[turn].sum()
+    late: float = latest_end(turn, fleet, marks) + LATENESS_WEIGHT * marks.free[turn].sum()
     return late
 
 
@@ -43,15 +43,15 @@ def join(
     Mutates all but visits, fleet. `windows` (k, 2) are the first turns and ends of where the
     other order differs, ascending; it is `order`, `head` and `is_reversed`, all by turn.
     """
-    if not know_tails(joint, visits, fleet, units, heads, marks):
+    if not update_tails(joint, visits, fleet, units, heads, marks):
         return np.inf
-    kept, there = keep(0, len(joint.order), joint), True
+    kept, there = copy_window(0, len(joint.order), joint), True
     for begin, end in windows:
         there = there and replay(end, joint, visits, fleet, units, heads, marks)
         if not there:
             break
         before = lateness(end, fleet, marks)
-        mine = keep(begin, end, joint)
+        mine = copy_window(begin, end, joint)
         other = Window(order[begin:end], head[begin:end], is_reversed[begin:end])
         put_window(begin, other, joint, marks)
         better = replay(end, joint, visits, fleet, units, heads, marks)
@@ -63,5 +63,5 @@ def join(
         found = finish(marks.known[0], joint, visits, fleet, units, heads, marks)
     if found <= makespan:
         return found
-    take_back(0, kept, joint, marks)
+    undo(0, kept, joint, marks)
     return makespan

@@ -23,11 +23,11 @@ from decmcts._kernels.refine.windows import (
     GIVEN_UP,
     batch_of,
     begin_trial,
+    copy_window,
     draw_windows,
-    keep,
-    know_tails,
     latest_end,
-    take_back,
+    undo,
+    update_tails,
     with_lateness,
 )
 
@@ -41,17 +41,17 @@ BLIND = 0.1  # share tried whatever their travels
 REVERSED = 0.1  # share of single contours that are entered at the end farther away
 
 
-class Mood(NamedTuple):
-    """What worse orders are taken for the sake of better ones."""
+class Annealing(NamedTuple):
+    """Which worse orders are taken, and where: the settings of simulated annealing."""
 
     temperature: float  # seconds, of a move
-    slack: float  # seconds, of what a window does to the makespan
-    even: float  # weight of all heads' lateness beside that of the print
+    slack: float  # seconds, the temperature of what a window as a whole does to the makespan
+    lateness_weight: float  # weight of all heads' lateness beside that of the print
     shortest: int  # turns of a window, at least; all of an order that has fewer
 
 
 class Moves(NamedTuple):
-    """What moves there are, and room to try them; the last two are scratch."""
+    """What moves may draw from; the last two are scratch."""
 
     near: NDArray[np.int32]  # (2 n, k) contours near where contour c begins, 2 c, and ends
     eligible: NDArray[np.bool_]  # (n, heads)
@@ -62,7 +62,7 @@ class Moves(NamedTuple):
 
 
 @inlined
-def gather(c: int, end: int, joint: JointOrder, moves: Moves, state: NDArray[np.uint64]) -> int:
+def draw_run(c: int, end: int, joint: JointOrder, moves: Moves, state: NDArray[np.uint64]) -> int:
     """Write to `moves.run` a run of c's head from c on, before turn `end`; how long it is."""
     wanted = 1 if uniform(state) < 0.5 else length_up_to(state, RUN)
     count = 0
@@ -74,7 +74,7 @@ def gather(c: int, end: int, joint: JointOrder, moves: Moves, state: NDArray[np.
 
 
 @inlined
-def way(
+def seconds_between(
     r: int, c: int, c_back: bool, d: int, d_back: bool, visits: Visits, fleet: Fleet
 ) -> float:  # fmt: skip
     """Seconds of head r from the end of contour c to the begin of d; 0 if either is NONE."""
@@ -85,31 +85,33 @@ def way(
 
 
 @inlined
-def saved(count: int, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet) -> float:
+def travel_saved(
+    count: int, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet
+) -> float:
     """Seconds of travel that its head saves without the run."""
     first, last, back = moves.run[0], moves.run[count - 1], joint.reversed
     r, p, q = joint.head[first], joint.before[first], joint.behind[last]
     return (
-        way(r, p, back[p], first, back[first], visits, fleet)
-        + way(r, last, back[last], q, back[q], visits, fleet)
-        - way(r, p, back[p], q, back[q], visits, fleet)
+        seconds_between(r, p, back[p], first, back[first], visits, fleet)
+        + seconds_between(r, last, back[last], q, back[q], visits, fleet)
+        - seconds_between(r, p, back[p], q, back[q], visits, fleet)
     )
 
 
 @inlined
-def spent(
+def travel_added(
     count: int, p: int, q: int, r: int, joint: JointOrder, moves: Moves, visits: Visits,
     fleet: Fleet,
 ) -> tuple[float, bool]:  # fmt: skip
     """Return the seconds of travel the run costs head r, and whether a run of one is reversed."""
     first, last, back = moves.run[0], moves.run[count - 1], joint.reversed
-    old = way(r, p, back[p], q, back[q], visits, fleet)
+    old = seconds_between(r, p, back[p], q, back[q], visits, fleet)
     is_reversed = back[first]
-    new = way(r, p, back[p], first, is_reversed, visits, fleet)
-    new += way(r, last, back[last], q, back[q], visits, fleet)
+    new = seconds_between(r, p, back[p], first, is_reversed, visits, fleet)
+    new += seconds_between(r, last, back[last], q, back[q], visits, fleet)
     if count == 1 and visits.reversible[first]:
-        other = way(r, p, back[p], first, not is_reversed, visits, fleet)
-        other += way(r, first, not is_reversed, q, back[q], visits, fleet)
+        other = seconds_between(r, p, back[p], first, not is_reversed, visits, fleet)
+        other += seconds_between(r, first, not is_reversed, q, back[q], visits, fleet)
         if other < new:
             return other - old, not is_reversed
     return new - old, is_reversed
@@ -124,7 +126,7 @@ def in_run(c: int, count: int, joint: JointOrder, moves: Moves) -> bool:
 
 
 @inlined
-def leeway(
+def allowed_turns(
     low: int, high: int, count: int, joint: JointOrder, moves: Moves, visits: Visits
 ) -> tuple[int, int]:
     """First and last turn of low..high before which precedence lets the run come."""
@@ -178,11 +180,14 @@ def rearrange(begin: int, end: int, count: int, goal: int, joint: JointOrder, mo
 
 
 @inlined
-def outlook(
+def estimate_delay(
     count: int, new: int, gain: float, cost: float, at: int, joint: JointOrder, moves: Moves,
-    visits: Visits, marks: Marks, mood: Mood,
+    visits: Visits, marks: Marks, annealing: Annealing,
 ) -> float:  # fmt: skip
-    """How much later the print would end if nobody waited, after `gain` and `cost` in travels."""
+    """Estimate how much later the print ends after a move, as if no head had to wait.
+
+    `gain` and `cost` are the seconds of travel saved where the run was, and added where it goes.
+    """
     old, lost, added = joint.head[moves.run[0]], gain, cost
     if old != new:
         for k in range(count):
@@ -197,12 +202,12 @@ def outlook(
         if r == new:
             end += added
         later = max(later, end)
-    outcome: float = later - latest + mood.even * (added - lost)
+    outcome: float = later - latest + annealing.lateness_weight * (added - lost)
     return outcome
 
 
 @inlined
-def hand_over(count: int, r: int, is_reversed: bool, joint: JointOrder, moves: Moves) -> None:
+def assign_run(count: int, r: int, is_reversed: bool, joint: JointOrder, moves: Moves) -> None:
     """Let head r print the run; a run of one is reversed as told (mutates joint)."""
     for k in range(count):
         joint.head[moves.run[k]] = r
@@ -211,14 +216,14 @@ def hand_over(count: int, r: int, is_reversed: bool, joint: JointOrder, moves: M
 
 
 @apart
-def try_out(
+def evaluate_trial(
     begin: int, top: int, end: int, most: float, joint: JointOrder, moves: Moves, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks, mood: Mood,
+    fleet: Fleet, units: Units, heads: Heads, marks: Marks, annealing: Annealing,
 ) -> float:  # fmt: skip
     """Return by how much `moves.trial` makes the print later, judged at turn `end`.
 
-    Infinite if there is no room, or as soon as it is more than `most` at a turn from `top` on.
-    Its units are written behind those of the marks and left to be overwritten.
+    Infinite if it cannot be carried out, or as soon as it is more than `most` at a turn from
+    `top` on. Its units are written behind those of the marks and left to be overwritten.
     """
     ended = np.empty(end - begin)
     for k in range(end - begin):
@@ -227,7 +232,7 @@ def try_out(
     change = put_turns(
         moves.trial, begin, end, begin, top, most, joint, visits, fleet, units, heads, marks
     )
-    change = with_lateness(change, mood.even, end, heads, marks)
+    change = with_lateness(change, annealing.lateness_weight, end, heads, marks)
     for k in range(end - begin):
         heads.ended[moves.trial[begin + k]] = ended[k]
     return change
@@ -235,7 +240,7 @@ def try_out(
 
 @inlined
 def relink(begin: int, top: int, r: int, joint: JointOrder) -> None:
-    """Find again what head r prints before and after its contours of turns begin..top - 1."""
+    """Set what head r prints before and after its contours of turns begin..top - 1."""
     n = len(joint.order)
     turn = begin - 1
     while turn >= 0 and joint.head[joint.order[turn]] != r:
@@ -259,7 +264,7 @@ def relink(begin: int, top: int, r: int, joint: JointOrder) -> None:
 
 
 @inlined
-def aim(
+def draw_goal(
     low: int, high: int, count: int, joint: JointOrder, moves: Moves, state: NDArray[np.uint64]
 ) -> tuple[int, int]:
     """Draw the turn before which the run is to come, and its head; NONE: no such turn."""
@@ -281,17 +286,20 @@ def aim(
 @apart
 def move_run(
     low: int, high: int, reach: int, joint: JointOrder, moves: Moves, visits: Visits,
-    fleet: Fleet, units: Units, heads: Heads, marks: Marks, mood: Mood,
+    fleet: Fleet, units: Units, heads: Heads, marks: Marks, annealing: Annealing,
     state: NDArray[np.uint64],
 ) -> bool:  # fmt: skip
-    """Propose one move within turns low..high - 1 and make it if it is good; False: no room."""
+    """Propose one move within turns low..high - 1 and make it if accepted.
+
+    False: the order with it cannot be carried out.
+    """
     c = joint.order[low + below(state, high - low)]
-    count = gather(c, high, joint, moves, state)
+    count = draw_run(c, high, joint, moves, state)
     first, last = moves.run[0], moves.run[count - 1]
-    soonest, latest = leeway(low, high, count, joint, moves, visits)
+    soonest, latest = allowed_turns(low, high, count, joint, moves, visits)
     if soonest > latest:
         return True
-    goal, new = aim(soonest, latest, count, joint, moves, state)
+    goal, new = draw_goal(soonest, latest, count, joint, moves, state)
     if goal == NONE:
         return True
     old, before = joint.head[first], joint.reversed[first]
@@ -300,7 +308,7 @@ def move_run(
             if not moves.eligible[moves.run[k], new]:
                 return True
     p, q = neighbours(goal, new, count, joint, moves)
-    cost, is_reversed = spent(count, p, q, new, joint, moves, visits, fleet)
+    cost, is_reversed = travel_added(count, p, q, new, joint, moves, visits, fleet)
     if count == 1 and visits.reversible[first] and uniform(state) < REVERSED:
         is_reversed = not is_reversed
     alike = new == old and p == joint.before[first] and is_reversed == before
@@ -311,18 +319,31 @@ def move_run(
     end = min(reach, top + MARGIN)
     if marks.known[0] < end and not replay(end, joint, visits, fleet, units, heads, marks):
         return False
-    limit = -np.log(uniform(state)) * mood.temperature
-    gain = saved(count, joint, moves, visits, fleet)
-    hopeless = outlook(count, new, gain, cost, end, joint, moves, visits, marks, mood) > limit
+    limit = -np.log(uniform(state)) * annealing.temperature
+    gain = travel_saved(count, joint, moves, visits, fleet)
+    hopeless = (
+        estimate_delay(count, new, gain, cost, end, joint, moves, visits, marks, annealing) > limit
+    )
     if hopeless and uniform(state) > BLIND:
         return True
     rearrange(begin, end, count, goal, joint, moves)
-    hand_over(count, new, is_reversed, joint, moves)
-    change = try_out(
-        begin, top, end, limit + GIVEN_UP, joint, moves, visits, fleet, units, heads, marks, mood
+    assign_run(count, new, is_reversed, joint, moves)
+    change = evaluate_trial(
+        begin,
+        top,
+        end,
+        limit + GIVEN_UP,
+        joint,
+        moves,
+        visits,
+        fleet,
+        units,
+        heads,
+        marks,
+        annealing,
     )
     if change > limit:
-        hand_over(count, old, before, joint, moves)
+        assign_run(count, old, before, joint, moves)
         return True
     for turn in range(begin, top):
         joint.order[turn] = moves.trial[turn]
@@ -336,33 +357,34 @@ def move_run(
 
 @inlined
 def polish_window(
-    low: int, high: int, mood: Mood, joint: JointOrder, moves: Moves, visits: Visits, fleet: Fleet,
-    units: Units, heads: Heads, marks: Marks, state: NDArray[np.uint64],
+    low: int, high: int, annealing: Annealing, joint: JointOrder, moves: Moves, visits: Visits,
+    fleet: Fleet, units: Units, heads: Heads, marks: Marks, state: NDArray[np.uint64],
 ) -> tuple[bool, float]:  # fmt: skip
-    """Polish turns low..high - 1, judged a little behind; False: no room.
+    """Polish turns low..high - 1, judged at the end of turns a little behind.
 
-    Returns how much later the print may be for it, too; what makes it later than that is undone.
+    Returns False if the order cannot be carried out, and how much later the print may end
+    for it; what makes it later than that is undone.
     """
     reach = min(len(joint.order), high + MARGIN)
     if not replay(reach, joint, visits, fleet, units, heads, marks):
         return False, 0.0
     before = latest_end(reach, fleet, marks)
-    kept, there = keep(low, high, joint), True
+    kept, there = copy_window(low, high, joint), True
     for _ in range(PROPOSALS * (high - low)):
         there = there and move_run(
-            low, high, reach, joint, moves, visits, fleet, units, heads, marks, mood, state
+            low, high, reach, joint, moves, visits, fleet, units, heads, marks, annealing, state
         )
-    allowed = -mood.slack * np.log(uniform(state))
+    allowed = -annealing.slack * np.log(uniform(state))
     there = there and replay(reach, joint, visits, fleet, units, heads, marks)
     if not there or latest_end(reach, fleet, marks) > before + allowed:
-        take_back(low, kept, joint, marks)
+        undo(low, kept, joint, marks)
         return True, 0.0
     return True, allowed
 
 
 @kernel
 def polish(
-    makespan: float, windows: int, mood: Mood, joint: JointOrder,
+    makespan: float, windows: int, annealing: Annealing, joint: JointOrder,
     moves: Moves, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks,
     state: NDArray[np.uint64],
 ) -> float:  # fmt: skip
@@ -372,17 +394,17 @@ def polish(
     """
     n, left = len(joint.order), windows
     while left > 0:
-        if not know_tails(joint, visits, fleet, units, heads, marks):
+        if not update_tails(joint, visits, fleet, units, heads, marks):
             return np.inf
         count = batch_of(n, left)
         left -= count
-        drawn = draw_windows(count, n, SHORTEST, LONGEST, mood.shortest, state)
+        drawn = draw_windows(count, n, SHORTEST, LONGEST, annealing.shortest, state)
         first = drawn[:, 0].min()
-        kept, allowed, there = keep(first, n, joint), 0.0, True
+        kept, allowed, there = copy_window(first, n, joint), 0.0, True
         for k in range(count):
             if there:
                 there, more = polish_window(
-                    drawn[k, 0], drawn[k, 1], mood, joint, moves, visits, fleet, units, heads,
+                    drawn[k, 0], drawn[k, 1], annealing, joint, moves, visits, fleet, units, heads,
                     marks, state,
                 )  # fmt: skip
                 allowed += more
@@ -392,5 +414,5 @@ def polish(
         if found < np.inf and found <= makespan + allowed:
             makespan = found
         else:
-            take_back(first, kept, joint, marks)
+            undo(first, kept, joint, marks)
     return makespan

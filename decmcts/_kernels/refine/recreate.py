@@ -21,20 +21,20 @@ from numpy.typing import NDArray
 from decmcts._kernels.engine.aside import print_next
 from decmcts._kernels.engine.dispatch import (
     OPEN,
+    KeyTerms,
     Policy,
     Pool,
-    Wishes,
     next_print,
     take,
     wake,
     write_keys,
 )
-from decmcts._kernels.engine.joint import NONE, Heads, Units, Visits, rests_on
+from decmcts._kernels.engine.joint import NONE, Heads, Units, Visits, ready_at
 from decmcts._kernels.engine.replay import (
     JointOrder,
     Marks,
     finish,
-    has_room,
+    has_capacity,
     later_by,
     link,
     replay,
@@ -43,14 +43,14 @@ from decmcts._kernels.engine.rooms import Fleet
 from decmcts._kernels.jit import apart, inlined, kernel
 from decmcts._kernels.random import below, uniform
 from decmcts._kernels.refine.windows import (
-    EVEN,
     GIVEN_UP,
+    LATENESS_WEIGHT,
     batch_of,
     begin_trial,
+    copy_window,
     draw_windows,
-    keep,
-    know_tails,
-    take_back,
+    undo,
+    update_tails,
     with_lateness,
 )
 
@@ -63,7 +63,7 @@ class Guide(NamedTuple):
     """By what windows are dispatched; the last three are scratch."""
 
     policies: NDArray[np.float64]  # (k, 6) see `decmcts.team.engine.plans.POLICIES`
-    wishes: Wishes
+    key_terms: KeyTerms
     row: NDArray[np.int64]  # (n,) place of each contour in `Policy.column`
     policy: Policy  # its keys and weights are written
     pool: Pool
@@ -81,7 +81,7 @@ def draw_policy(contours: NDArray[np.int64], guide: Guide, state: NDArray[np.uin
         chosen = guide.policies[row]
         for k in range(guide.policy.weights.shape[1]):
             guide.policy.weights[r, k] = chosen[k]
-        write_keys(r, chosen, contours, guide.wishes, guide.policy.key)
+        write_keys(r, chosen, contours, guide.key_terms, guide.policy.key)
 
 
 @inlined
@@ -91,11 +91,11 @@ def open_window(
     """Say that these contours, and no others, are left to do (mutates guide)."""
     pool, policy = guide.pool, guide.policy
     pool.first[:], pool.is_open[:], pool.counts[:] = policy.column_offsets[1:], False, 0
-    pool.now[:], pool.looked[:] = 0.0, NONE
+    pool.decides_at[:], pool.earliest_row[:] = 0.0, NONE
     for r in range(len(heads.last)):
-        pool.stood[r], pool.about[r] = NONE, NONE
+        pool.earliest_unit[r], pool.last_contour[r] = NONE, NONE
         if heads.last[r] != NONE:
-            pool.about[r] = units.contour[heads.last[r]]
+            pool.last_contour[r] = units.contour[heads.last[r]]
     for c in contours:
         pool.put[c] = False
     for c in contours:
@@ -104,7 +104,7 @@ def open_window(
             if not pool.put[visits.preds[e]]:
                 pool.missing[c] += 1
         if pool.missing[c] == 0:
-            pool.ready[c] = rests_on(c, visits, heads)
+            pool.ready[c] = ready_at(c, visits, heads)
         column = pool.column_of[c]
         pool.first[column] = min(pool.first[column], guide.row[c])
         if not pool.is_open[column]:
@@ -119,8 +119,8 @@ def dispatch_window(
 ) -> float:  # fmt: skip
     """Dispatch the contours of a window that begins at turn `begin` (mutates units, heads, guide).
 
-    Returns by how much later than by the marks the print then ends; infinite if there is no
-    room, or as soon as some head makes it `most` later.
+    Returns by how much later than by the marks the print then ends; infinite if that cannot
+    be carried out, or as soon as some head makes it `most` later.
     """
     count, end, pool = len(heads.free), begin + len(contours), guide.pool
     begin_trial(begin, units, heads, marks)
@@ -128,7 +128,7 @@ def dispatch_window(
     usual = -np.inf
     for r in range(count):
         usual = max(usual, marks.free[end, r] + marks.tail[end, r])
-    left = 0  # in the order as it was, where no head finds anything
+    left = 0  # of `contours`: where no head finds anything, the order as it was decides
     for turn in range(begin, end):
         r, c, back, start = next_print(visits, fleet, guide.policy, units, heads, pool)
         if c == NONE:
@@ -137,7 +137,9 @@ def dispatch_window(
             c = contours[left]
             while not guide.policy.eligible[c, r]:
                 r = (r + 1) % count
-        if not has_room(units, heads) or not print_next(r, c, back, visits, fleet, units, heads):
+        if not has_capacity(units, heads) or not print_next(
+            r, c, back, visits, fleet, units, heads
+        ):
             return np.inf
         if heads.free[r] + marks.tail[end, r] > usual + most:
             return np.inf
@@ -145,7 +147,7 @@ def dispatch_window(
         wake(r, start, visits, fleet, guide.policy, heads, pool)
         guide.found[0, turn] = (2 * c + back) * count + r
     later = later_by(end, fleet, heads, marks)
-    late: float = with_lateness(later, EVEN, end, heads, marks)
+    late: float = with_lateness(later, LATENESS_WEIGHT, end, heads, marks)
     return late
 
 
@@ -198,7 +200,7 @@ def recreate(
     n, left = len(joint.order), windows
     guide.pool.put[:] = True
     while left > 0:
-        if not know_tails(joint, visits, fleet, units, heads, marks):
+        if not update_tails(joint, visits, fleet, units, heads, marks):
             return np.inf
         drawn = draw_windows(batch_of(n, left), n, SHORTEST, LONGEST, SHORTEST, state)
         left -= len(drawn)
@@ -206,7 +208,7 @@ def recreate(
             begin, end = drawn[k]
             if not replay(end, joint, visits, fleet, units, heads, marks):
                 return np.inf
-            kept = keep(begin, end, joint)
+            kept = copy_window(begin, end, joint)
             if not best_of_tries(
                 begin, kept.order, visits, fleet, units, heads, marks, guide, state
             ):
@@ -216,5 +218,5 @@ def recreate(
             if found <= makespan:
                 makespan = found
             else:
-                take_back(begin, kept, joint, marks)
+                undo(begin, kept, joint, marks)
     return makespan

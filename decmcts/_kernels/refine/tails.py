@@ -1,9 +1,9 @@
 """How much must still come after each turn of a joint order, head by head, on bare arrays.
 
-The *tail* of a head at a turn is the longest way through the partial order from the end of
-its last unit before that turn to the end of the print, the way to its park included. So
-a head that is free at `free` there delays the print exactly if `free` + tail is more than
-the makespan. Heads with less have slack.
+The *tail* of a head at a turn is the longest path through the partial order from the end of
+its last unit before that turn to the end of the print, the travel to its park included. A
+head that is free at `free` there delays the print exactly if `free` + tail is more than the
+makespan. Where it is less the head has slack.
 
 References
 ----------
@@ -35,8 +35,8 @@ def share_at(unit: int, point: int, visits: Visits, units: Units) -> float:
 
 
 @kernel
-def longest_ways(visits: Visits, fleet: Fleet, units: Units) -> NDArray[np.float64]:
-    """Return the longest way from the end of each unit to the end of all, (m,) seconds."""
+def longest_paths(visits: Visits, fleet: Fleet, units: Units) -> NDArray[np.float64]:
+    """Return the longest path from the end of each unit to the end of all, (m,) seconds."""
     m, heads = units.used[0], len(fleet.parks)
     own, place = np.empty(m, np.int64), np.empty(len(visits.ends), np.int64)
     rows, counts = np.empty((heads, m), np.int64), np.zeros(heads, np.int64)
@@ -76,7 +76,7 @@ def longest_ways(visits: Visits, fleet: Fleet, units: Units) -> NDArray[np.float
 @kernel
 def find_tails(visits: Visits, fleet: Fleet, units: Units, marks: Marks) -> None:
     """Write the tail of every head at every turn to `marks.tail`; all turns must be known."""
-    behind = longest_ways(visits, fleet, units)
+    behind = longest_paths(visits, fleet, units)
     for turn in range(len(marks.used)):
         for r in range(len(fleet.parks)):
             u = marks.last[turn, r]

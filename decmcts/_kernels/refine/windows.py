@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.joint import Heads, Units, Visits
-from decmcts._kernels.engine.replay import JointOrder, Marks, link, recall, replay
+from decmcts._kernels.engine.replay import JointOrder, Marks, link, replay, restore
 from decmcts._kernels.engine.rooms import Fleet, travel_seconds
 from decmcts._kernels.jit import inlined, kernel
 from decmcts._kernels.random import below, uniform
 from decmcts._kernels.refine.tails import find_tails
 
 GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
-TOGETHER = 1_000  # contours of an order for each window of a batch
+CONTOURS_A_WINDOW = 1_000  # contours of an order for each window of a batch
 LEAST, MOST = 4, 32  # windows of a batch
-EVEN = 0.1  # weight of all heads' lateness beside that of the print
+LATENESS_WEIGHT = 0.1  # weight of all heads' lateness beside that of the print
 
 
 class Window(NamedTuple):
@@ -37,7 +37,7 @@ def batch_of(n: int, windows: int) -> int:
 
     Tails and makespan are found once a batch, which takes longer the longer the order is.
     """
-    return int(min(windows, max(LEAST, min(MOST, n // TOGETHER))))
+    return int(min(windows, max(LEAST, min(MOST, n // CONTOURS_A_WINDOW))))
 
 
 @kernel
@@ -64,17 +64,18 @@ def draw_windows(
 
 
 @inlined
-def know_tails(
+def update_tails(
     joint: JointOrder, visits: Visits, fleet: Fleet, units: Units, heads: Heads, marks: Marks
 ) -> bool:
-    """Mark all turns and find their tails (mutates units, heads, marks); False: no room.
+    """Mark all turns and find their tails (mutates units, heads, marks).
 
-    Units that a trial left behind those of the marks are no part of the order.
+    False: the order cannot be carried out. Units that a trial left behind those of the marks
+    are no part of the order.
     """
     n = len(joint.order)
     if not replay(n, joint, visits, fleet, units, heads, marks):
         return False
-    recall(n, units, heads, marks)
+    restore(n, units, heads, marks)
     find_tails(visits, fleet, units, marks)
     return True
 
@@ -92,7 +93,7 @@ def latest_end(turn: int, fleet: Fleet, marks: Marks) -> float:
 
 
 @inlined
-def keep(begin: int, end: int, joint: JointOrder) -> Window:
+def copy_window(begin: int, end: int, joint: JointOrder) -> Window:
     """Return turns begin..end - 1 as they are."""
     order = joint.order[begin:end].copy()
     return Window(order, joint.head[order], joint.reversed[order])
@@ -112,7 +113,7 @@ def put_window(begin: int, window: Window, joint: JointOrder, marks: Marks) -> N
 
 
 @inlined
-def take_back(begin: int, kept: Window, joint: JointOrder, marks: Marks) -> None:
+def undo(begin: int, kept: Window, joint: JointOrder, marks: Marks) -> None:
     """Let turns from `begin` on be as they were (mutates joint, marks)."""
     put_window(begin, kept, joint, marks)
     link(joint, marks.free.shape[1])
@@ -124,7 +125,7 @@ def begin_trial(turn: int, units: Units, heads: Heads, marks: Marks) -> None:
 
     There they are left to be overwritten (mutates units, heads).
     """
-    recall(turn, units, heads, marks)
+    restore(turn, units, heads, marks)
     units.used[0] = marks.used[marks.known[0]]
 
 

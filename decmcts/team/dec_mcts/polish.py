@@ -20,7 +20,7 @@ from decmcts._kernels.engine.joint import NONE, Heads, all_parked, new_units
 from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
 from decmcts._kernels.random import seeded, uniform
 from decmcts._kernels.refine.join import join
-from decmcts._kernels.refine.polish import RUN, SHORTEST, Mood, Moves, polish
+from decmcts._kernels.refine.polish import RUN, SHORTEST, Annealing, Moves, polish
 from decmcts._kernels.refine.recreate import Guide, recreate
 from decmcts.team.engine.plans import POLICIES, StatedOrder
 from decmcts.team.engine.policy import policy_of
@@ -28,13 +28,14 @@ from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import room_of
 
 NEAR = 10  # contours near each end of one
-LEVEL_MM = 20.0  # millimetres beside count as much as one upwards
+LEVEL_MM = 20.0  # to find what is near, 1 mm upwards counts as so many along the bed
 FEW = 40  # contours of an order that is annealed as a whole
 SMALL = 8  # contours up to which all sweeps are done; fewer beyond, for as much work
 LEAST_SWEEPS = 6
 SWEEPS = 10  # of one annealing, about; the next begins hot again
-COOLEST, HOTTEST = 0.3, 3.0  # temperature at first, in mean contours; each time another
-COLD_S, SLACK_S = 0.003, 0.3  # of a move and of a window, in large orders always
+COOLEST, HOTTEST = 0.3, 3.0  # first temperature of an annealing, in mean times of a contour
+COLD_S = 0.003  # temperature of moves: the last one in small orders, the only one in large ones
+SLACK_S = 0.3  # temperature of windows, in large orders
 
 
 class Polish:
@@ -70,7 +71,7 @@ class Polish:
         if len(self._joint.order) <= FEW:
             self._anneal(windows)
         else:
-            self._polish(windows, Mood(COLD_S, SLACK_S, 1.0, SHORTEST))
+            self._polish(windows, Annealing(COLD_S, SLACK_S, 1.0, SHORTEST))
 
     def recreate(self, windows: int) -> None:
         """Ruin and recreate some random windows; the order never gets worse."""
@@ -103,11 +104,11 @@ class Polish:
         hot = max(COLD_S, first * float(self._problem.visits.seconds.mean()))
         for sweep in range(sweeps):
             temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)
-            self._polish(1, Mood(temperature, np.inf, 0.01, FEW))
+            self._polish(1, Annealing(temperature, np.inf, 0.01, FEW))
 
-    def _polish(self, windows: int, mood: Mood) -> None:
+    def _polish(self, windows: int, annealing: Annealing) -> None:
         self.makespan_s = polish(
-            self.makespan_s, windows, mood, self._joint, self._moves,
+            self.makespan_s, windows, annealing, self._joint, self._moves,
             self._problem.visits, self._fleet, self._units, self._heads, self._marks,
             self._state,
         )  # fmt: skip
@@ -185,7 +186,7 @@ def _guide(problem: TeamProblem, eligible: NDArray[np.bool_]) -> Guide:
     keys = np.zeros((heads, n))
     policy = policy_of(problem, POLICIES[np.zeros(heads, np.int64)], keys, eligible)
     pool = new_pool(problem.visits, policy, heads)
-    return Guide(POLICIES, problem.wishes(), row, policy, pool, np.zeros((2, n), np.int64))
+    return Guide(POLICIES, problem.key_terms(), row, policy, pool, np.zeros((2, n), np.int64))
 
 
 def _differences(mine: StatedOrder, other: StatedOrder) -> NDArray[np.int64]:

@@ -17,10 +17,10 @@ def keys_of(problem: TeamProblem, weights: Floats) -> Floats:
 
     `weights` (heads, 6) are rows of `POLICIES`, or like them.
     """
-    everything, wishes = np.arange(len(problem.macro)), problem.wishes()
+    everything, terms = np.arange(len(problem.macro)), problem.key_terms()
     keys = np.empty((len(weights), len(everything)))
     for r, row in enumerate(weights):
-        write_keys(r, row, everything, wishes, keys)
+        write_keys(r, row, everything, terms, keys)
     return keys
 
 

@@ -12,7 +12,7 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.dispatch import Wishes
+from decmcts._kernels.engine.dispatch import KeyTerms
 from decmcts._kernels.engine.joint import Visits
 from decmcts._kernels.engine.lags import Lags
 from decmcts._kernels.engine.rooms import Fleet
@@ -70,14 +70,15 @@ class TeamProblem:
         heads = len(self.machine.heads)
         return np.minimum((self.quantile * heads).astype(np.int64), heads - 1)
 
-    def wishes(self) -> Wishes:
+    def key_terms(self) -> KeyTerms:
         """Return what a policy makes its keys of."""
-        return Wishes(self.progress, self.urgency, self.side_of(), self.bottleneck)
+        return KeyTerms(self.progress, self.urgency, self.side_of(), self.bottleneck)
 
     def places(self) -> NDArray[np.float64]:
         """Return where each contour comes in each head's sweep, 0..1, (heads, n).
 
-        In step means equal places: heads that sweep alike stay apart.
+        Heads are in step where their places are equal; then they stay a share of the machine
+        apart.
         """
         heads = len(self.machine.heads)
         return np.clip(self.quantile[None] * heads - np.arange(heads)[:, None], 0.0, 1.0)

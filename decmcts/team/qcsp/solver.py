@@ -4,10 +4,10 @@ Two threads anneal, in rounds. In most rounds all cranes sweep along the rail on
 way, and tasks are only handed from crane to crane. Such unidirectional schedules are
 optimal or nearly so on all published instances, and few enough to be searched well.
 One such round is hot, since small steps at low temperatures do not lead away from a
-schedule in which cranes wait for each other in turn; the next is warm. In every
-other three rounds both threads sweep in the direction that did better, else one in
-each direction. Every third round anneals order and cranes of the best schedule
-freely. Rounds grow longer, so that little is lost where the time is short.
+schedule in which cranes wait for each other in turn; the next is warm. Every third
+round anneals order and cranes of the best schedule freely. In every other cycle of three
+rounds both threads sweep in the direction that did better, else one in each direction.
+Rounds grow longer, so that little is lost where the time is short.
 
 References
 ----------
@@ -26,7 +26,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.refine.qcsp import Crew, Yard, anneal_crews, copied, decode, weigh
+from decmcts._kernels.refine.qcsp import (
+    CraneProblem,
+    CraneSchedule,
+    anneal_schedule,
+    copied,
+    decode,
+    find_loads,
+)
 from decmcts.formats.bare.qcsp import QcspProblem, QcspSchedule
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.team.qcsp.bound import least_makespan
@@ -34,7 +41,7 @@ from decmcts.team.qcsp.paths import paths_of
 
 _HOT, _WARM, _COLD = 0.03, 0.008, 0.0005  # temperatures, shares of the makespan
 _FIRST_ROUND = 20_000  # proposals of each thread
-_LONGEST_ROUND = 4_000  # for each task: several rounds end nearer than one that is longer
+_LONGEST_ROUND = 4_000  # for each task: several such end in better schedules than a longer one
 _SLICE = 10_000  # proposals between looks at the clock, at most
 _SLICE_WORK = 10_000_000  # tasks times cranes of them
 _ROUNDS = 3  # of one length: a hot sweep, a warm one, and one that moves tasks in the order too
@@ -79,10 +86,10 @@ class _Thread:
     """One thread's schedules."""
 
     number: int
-    yard: Yard
+    problem: CraneProblem
     sweep: NDArray[np.int32]  # (n,) tasks along the rail
     rightward: bool
-    crew: Crew
+    schedule: CraneSchedule
     best: tuple[NDArray[np.int32], NDArray[np.int32]]  # order and cranes
     state: NDArray[np.uint64]  # (1,) mutated
     slice: int  # proposals between looks at the clock
@@ -92,7 +99,7 @@ class _Thread:
         self, proposals: int, warmest: float, coldest: float, *, free: bool,
         go_on: Callable[[], bool], goal: _Goal,
     ) -> int:  # fmt: skip
-        """Anneal once, from the crew at hand; return how many proposals were made.
+        """Anneal once, from the schedule at hand; return how many proposals were made.
 
         Ends early, and tells the others so, once a schedule reaches the goal.
         """
@@ -101,12 +108,12 @@ class _Thread:
         made = 0
         while made < proposals and goal.is_open(made) and go_on():
             more = min(self.slice, proposals - made)
-            heats = tuple(
+            temperatures = tuple(
                 warmest * (coldest / warmest) ** (at / proposals) for at in (made, made + more)
             )
-            anneal_crews(
-                self.yard, self.crew, self.best, costs, sweep, self.rightward, self.state,
-                (heats[0], heats[1]), more,
+            anneal_schedule(
+                self.problem, self.schedule, self.best, costs, sweep, self.rightward, self.state,
+                (temperatures[0], temperatures[1]), more,
             )  # fmt: skip
             made += more
             if costs[1] <= goal.makespan:
@@ -114,11 +121,11 @@ class _Thread:
         return made
 
     def makespan(self) -> float:
-        """Return the makespan of the best schedule of the last round, which the crew becomes."""
-        self.crew.order[:], self.crew.crane[:] = self.best
-        weigh(self.yard, self.crew)
-        decode(self.yard, self.crew, np.inf)
-        return float(self.crew.end.max())
+        """Return the makespan of the last round's best schedule, which `schedule` becomes."""
+        self.schedule.order[:], self.schedule.crane[:] = self.best
+        find_loads(self.problem, self.schedule)
+        decode(self.problem, self.schedule, np.inf)
+        return float(self.schedule.end.max())
 
 
 def search_qcsp(
@@ -169,7 +176,7 @@ class _Search:
         self._bound = least_makespan(problem)
         self._goal = max(target, self._bound)
         self._threads = list(_threads_of(problem, seed))
-        self._best = self._threads[0].crew
+        self._best = self._threads[0].schedule
         self._makespan = np.inf if len(problem) else 0.0
         self._proposals = 0
         self._history: list[tuple[float, int, float]] = []
@@ -217,10 +224,13 @@ class _Search:
     ) -> None:  # fmt: skip
         """Let threads anneal once, side by side, and keep what is better."""
         scale = float(self._makespan)
-        own = [(thread.crew.order.copy(), thread.crew.crane.copy()) for thread in threads]
+        own = [(thread.schedule.order.copy(), thread.schedule.crane.copy()) for thread in threads]
         if free:
             for thread in threads:
-                thread.crew.order[:], thread.crew.crane[:] = self._best.order, self._best.crane
+                thread.schedule.order[:], thread.schedule.crane[:] = (
+                    self._best.order,
+                    self._best.crane,
+                )
         goal = _Goal(self._goal)
         works = [
             pool.submit(
@@ -253,14 +263,14 @@ class _Search:
             if not free:
                 thread.least = min(thread.least, makespan)
             else:
-                thread.crew.order[:], thread.crew.crane[:] = order, crane
+                thread.schedule.order[:], thread.schedule.crane[:] = order, crane
 
     def _offer(self, thread: _Thread) -> float:
         """Take the thread's last result if it is better; return its makespan."""
         makespan = thread.makespan()
         if makespan < self._makespan:
             self._makespan = makespan
-            self._best = copied(thread.crew)
+            self._best = copied(thread.schedule)
             self._history.append((self._seconds(), self._proposals, makespan))
         return makespan
 
@@ -291,21 +301,21 @@ class _Search:
 
 def _threads_of(problem: QcspProblem, seed: int) -> Iterator[_Thread]:
     """Yield threads to the right and left in turn, the work shared out evenly along the rail."""
-    yard, depth = _yard(problem)
+    arrays, depth = _arrays_of(problem)
     n, q = len(problem), problem.cranes
     for thread in range(2 * _THREADS):
         rightward = thread % 2 == 0
-        along = yard.bay if rightward else -yard.bay
+        along = arrays.bay if rightward else -arrays.bay
         sweep = np.lexsort((np.arange(n), depth, along)).astype(np.int32)
         work = problem.duration[sweep]
         share = (np.cumsum(work) - work / 2) * q / max(float(work.sum()), 1e-300)
         rank = np.minimum(share.astype(np.int32), q - 1)
-        crew = _crew(n, q, yard.bays)
-        crew.order[:] = sweep
-        crew.crane[sweep] = rank if rightward else q - 1 - rank
-        best = crew.order.copy(), crew.crane.copy()
+        schedule = _empty_schedule(n, q, arrays.bays)
+        schedule.order[:] = sweep
+        schedule.crane[sweep] = rank if rightward else q - 1 - rank
+        best = schedule.order.copy(), schedule.crane.copy()
         state = seeded(seed * 2 * _THREADS + thread)
-        yield _Thread(thread, yard, sweep, rightward, crew, best, state, _slice_of(n, q))
+        yield _Thread(thread, arrays, sweep, rightward, schedule, best, state, _slice_of(n, q))
 
 
 def _slice_of(tasks: int, cranes: int) -> int:
@@ -313,9 +323,9 @@ def _slice_of(tasks: int, cranes: int) -> int:
     return max(1, min(_SLICE, _SLICE_WORK // max(1, tasks * cranes)))
 
 
-def _crew(n: int, q: int, bays: int) -> Crew:
+def _empty_schedule(n: int, q: int, bays: int) -> CraneSchedule:
     """Return arrays for one schedule."""
-    return Crew(
+    return CraneSchedule(
         np.zeros(n, np.int32),
         np.zeros(n, np.int32),
         np.zeros(n),
@@ -329,7 +339,7 @@ def _crew(n: int, q: int, bays: int) -> Crew:
     )
 
 
-def _yard(problem: QcspProblem) -> tuple[Yard, NDArray[np.int64]]:
+def _arrays_of(problem: QcspProblem) -> tuple[CraneProblem, NDArray[np.int64]]:
     """Return the problem as kernels take it, and how many tasks come before each."""
     n = len(problem)
     before = np.zeros((n, n), np.bool_)
@@ -341,7 +351,7 @@ def _yard(problem: QcspProblem) -> tuple[Yard, NDArray[np.int64]]:
     preds, succs = np.nonzero(direct.T), np.nonzero(direct)
     lowest = int(min(problem.bay.min(initial=problem.start[0]), problem.start.min()))
     bays = int(max(problem.bay.max(initial=0), problem.start.max())) - lowest + 1
-    yard = Yard(
+    arrays = CraneProblem(
         problem.duration,
         problem.bay - np.int32(lowest),
         np.append(0, np.cumsum(direct.sum(axis=0))).astype(np.int32),
@@ -355,4 +365,4 @@ def _yard(problem: QcspProblem) -> tuple[Yard, NDArray[np.int64]]:
         problem.spacing,
         bays,
     )
-    return yard, before.sum(axis=0)
+    return arrays, before.sum(axis=0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts._kernels.refine.qcsp import SPREAD, decode, weigh
+from decmcts._kernels.refine.qcsp import SPREAD, decode, find_loads
 from decmcts.formats.bare.qcsp import QcspProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.qcsp.bound import least_makespan
@@ -203,15 +203,15 @@ def test_schedules_are_given_up_only_above_the_limit(seed: int) -> None:
     """What is skipped as too dear must be so, or good schedules are missed without a word."""
     problem = random_qcsp(seed, 20, 4, 12, late=seed % 2 == 1)
     thread = next(iter(_threads_of(problem, seed)))
-    crew = thread.crew
-    crew.crane[:] = np.random.default_rng(seed).integers(0, 4, 20)
-    least = weigh(thread.yard, crew)
-    cost, makespan = decode(thread.yard, crew, np.inf)
+    schedule = thread.schedule
+    schedule.crane[:] = np.random.default_rng(seed).integers(0, 4, 20)
+    least = find_loads(thread.problem, schedule)
+    cost, makespan = decode(thread.problem, schedule, np.inf)
     assert least <= cost + 1e-9
-    assert makespan == crew.end.max()
-    assert cost == pytest.approx(makespan + SPREAD * crew.free.mean())
-    assert decode(thread.yard, crew, cost + 1e-6) == (cost, makespan)
-    assert decode(thread.yard, crew, cost - 1e-6) == (np.inf, np.inf)
+    assert makespan == schedule.end.max()
+    assert cost == pytest.approx(makespan + SPREAD * schedule.free.mean())
+    assert decode(thread.problem, schedule, cost + 1e-6) == (cost, makespan)
+    assert decode(thread.problem, schedule, cost - 1e-6) == (np.inf, np.inf)
 
 
 def test_without_tasks_or_time_there_is_a_schedule() -> None:
