@@ -28,7 +28,8 @@ PLATES = (
 SPEED_MM_S = 50.0
 FAST = (1e9,) * 4
 AT_ONCE = MotionLimits(max_acceleration=FAST, acceleration=1e9, travel_acceleration=1e9)
-POSSIBLE = {  # at this speed at once, whole contours, heads 70 mm apart; measured outside this project
+# At this speed from the first, whole contours, heads 70 mm apart; measured outside this project.
+POSSIBLE = {
     "same_9": 1.55,
     "same_4_far": 1.47,
     "mix_1": 1.50,

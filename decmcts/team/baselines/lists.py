@@ -23,7 +23,7 @@ def dispatched(
     keys: Floats | None = None,
     eligible: NDArray[np.bool_] | None = None,
 ) -> Units:
-    """Let the heads choose by these weights; keys and who may print what are the problem's."""
+    """Dispatch by these weights; `keys` and `eligible` are the problem's if None."""
     keys = keys_of(problem, weights) if keys is None else keys
     eligible = problem.space.eligible if eligible is None else eligible
     policy = policy_of(problem, weights, keys, eligible)

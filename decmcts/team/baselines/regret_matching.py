@@ -3,8 +3,8 @@
 Every head has candidate plans, drawn as Dec-MCTS draws them: each policy once, then
 exchanges. In each step all heads draw a plan by their regrets, which gives a joint plan.
 One head, each in turn, compares its plan with another candidate of its own, and adds the
-difference in makespan to that candidate's regret. The candidate that is regretted least
-is replaced by an exchange of the best joint plan's.
+difference in makespan to that candidate's regret. After RENEWED comparisons of a head the
+candidate regretted least is replaced by its plan in the best joint plan, changed by one move.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""The least time printing takes: by the fastest head that may, entered at the best vertex.
+"""The least time to print each contour: by the fastest eligible head, from the best vertex.
 
 For bounds. Travel is `decmcts.team.bounds.least_travel`'s. Times are those of
 `decmcts.print.motion`, from rest to rest (a head alone may run on: `decmcts.team.bounds.run_on`).

@@ -129,4 +129,4 @@ def cover_prices(clear: Bools, work: Floats) -> Floats:
     reached[breadth_first_order(rest, 2 * k, return_predecessors=False)] = True
     price = (np.where(reached[:k], 0.0, 1.0) + np.where(reached[k : 2 * k], 1.0, 0.0)) / 2.0
     least = float((price[row] + price[column]).min(initial=1.0))
-    return price if least >= 1.0 else np.full(k, 0.5)  # shared evenly is always dear enough
+    return price if least >= 1.0 else np.full(k, 0.5)  # half for each is always enough

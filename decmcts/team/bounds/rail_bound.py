@@ -10,9 +10,9 @@ Of two heads that print side by side one began later. A head that prints never w
 began only when the other held nothing any more of the room of its *whole* contour. So of
 two neighbours one is as wide as what it still holds, and one as wide as its whole contour.
 
-A head that travels is as narrow as the place it is at. Between contours it may be anywhere
-it can have got to, so only what it holds at each of these places is sure, which may be less
-than nothing. No whole contour counts for it.
+A head that travels holds only the place it is at, and may be anywhere within reach of the
+contour it left, or is to enter. So what counts is the interval that it holds at all of these
+places. That may have negative width, `low` above `high`. Whole contours do not count for it.
 
 Positions are rounded to cells so that heads fit more easily than in truth. Work is the
 pieces of contours, each with the room its head still holds while it prints the piece. Where
@@ -30,8 +30,8 @@ from scipy.optimize import linprog
 
 CELLS = 100  # of a separation; more are tighter and slower
 MOST_CELLS = 960  # along the rail
-MOST_PLACES = 20_000  # different ones; cells double until there are no more
-COARSEST = 16  # cells that those of travels grow to before
+MOST_PLACES = 20_000  # different ones; cells double until there are no more than this
+COARSEST = 16  # cells of travels grow first, up to so many times as large as those of prints
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -100,7 +100,7 @@ def _edges(held: Held, travels: NDArray[np.bool_]) -> Floats:
     prints = ~travels
     whole = whole_of(held.way[prints], held.low[prints], held.high[prints])
     edges[prints, 2], edges[prints, 3] = whole
-    return np.asarray(edges - edges.min())  # loops may hold less than nothing: any is the least
+    return np.asarray(edges - edges.min())  # widths may be negative, so any side may be least
 
 
 def whole_of(way: Ints, low: Floats, high: Floats) -> tuple[Floats, Floats]:

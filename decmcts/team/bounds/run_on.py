@@ -97,7 +97,7 @@ def _seconds(
 def _run_ups(
     run: Rotated, offsets: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Floats]]:
-    """Yield contours, their first moves, and how often these fit a run-up; then the last moves."""
+    """Yield contours, their first moves, and how many of these make a run-up; then the last."""
     length = np.linalg.norm(np.diff(run.points, axis=0, prepend=run.points[:1]), axis=1)
     length = np.where(length > 0.0, length, np.abs(run.extrusion))
     moving = (run.feed > 0.0) & (length > 0.0)

@@ -29,7 +29,8 @@ class PairValues:
     chain : Sequence[int]
         The heads, each next to its neighbours.
     optimism : float
-        What a pair never seen is thought better, in standard deviations of all values.
+        How much better than its estimate a pair never seen is taken to be, in standard
+        deviations of all values.
     """
 
     def __init__(self, chain: Sequence[int], *, optimism: float = 1.0) -> None:

@@ -31,7 +31,7 @@ class Parameters:
 
     gamma: float = 0.9  # discount of old rewards
     exploration: float = 0.7071067811865476  # C_p
-    policy: str = "d-uct"  # how the tree is gone down
+    policy: str = "d-uct"  # by which the tree is descended
     temperature: float = 0.3  # of the Boltzmann policy at first, in rewards
     decay: float = 0.5  # of that temperature, by visits
     distribution: str = "gradient"  # how q moves
@@ -70,7 +70,7 @@ class Parameters:
         return replace(made, share=SMALL_SHARE) if n <= FEW else made
 
 
-# Least and most of each parameter; those with whole limits are whole numbers.
+# Least and most of each parameter; where these are integers the parameter is one, too.
 RANGES: Mapping[str, tuple[float, float] | tuple[int, int]] = {
     "gamma": (0.5, 1.0),
     "exploration": (0.0, 10.0),

@@ -47,10 +47,11 @@ AT_ONCE = 200_000  # contours put when policies are tried, about a second's work
 UNPOLISHED = 100_000  # contours put in a round without polishing
 WINDOW = 3_000  # contours put that a window of polishing counts for
 ROOT_POLICIES = 8  # with which the tree begins
-# A better start is worth polishing anew if it is better by this share of what polishing has
-# gained: in as long again the old one would gain about so much more, the new one all of it.
+# Polishing begins anew from a better start if that is better by this share of what polishing
+# has gained. In as long again the order polished now would gain about this share more; the new
+# one would first gain as much as this one has.
 ANEW = 0.4
-BEHIND = 0.998  # share of its own makespan at which a head goes on with another's order
+BEHIND = 0.998  # a head goes on with an order that is shorter than this share of its own
 NOTHING = np.empty(0, np.int32)  # the plan of a head that leaves all to the others
 
 

@@ -21,9 +21,10 @@ from decmcts.team.engine.space import Space, build_space
 def share_out(
     order: NDArray[np.int32], eligible: NDArray[np.bool_], live: Sequence[int]
 ) -> NDArray[np.int64]:
-    """Return which head prints each contour of `order`: it changes only where it must, (n,).
+    """Return which head prints each contour of `order`, (n,).
 
-    Of heads that can do as much the first of `live` does it.
+    Begins with the head of `live` that may print most, of equal ones the first. Another
+    takes over only where the one at work may not print a contour.
     """
     head = np.empty(len(order), np.int64)
     now = max(live, key=lambda r: int(eligible[:, r].sum()))

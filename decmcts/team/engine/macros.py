@@ -15,7 +15,7 @@ from scipy import ndimage
 from decmcts.print.contours import Contours
 
 CELL_MM = 1.0  # of the footprint's grid; also the gap that still joins two beads
-COLUMN_MM = 25.0  # contours that begin and end in the same cells are alike
+COLUMN_MM = 25.0  # cells of columns: contours of one column begin and end in the same ones
 MACROS = 120  # wanted pieces of one print
 
 

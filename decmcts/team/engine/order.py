@@ -27,7 +27,7 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.space import Space, printing_times
 
-PIECE_MM = 4.0  # a piece of a contour begins where the room still needed has shrunk so far
+PIECE_MM = 4.0  # a contour's next piece begins where the room still needed has shrunk by this
 MOST_PIECES = 16  # of one contour
 
 
@@ -63,7 +63,7 @@ def visits_of(
     contours : Contours
         As they are entered.
     seconds : (heads, n) printing times
-    reversible : (n,) which may be run from their last point, or are
+    reversible : (n,) contours that may be reversed, or that are
     in_pieces : bool
         Whether a print gives its room back piece by piece.
     lags : Lags | None

@@ -26,10 +26,14 @@ from numpy.typing import NDArray
 
 from decmcts.print.toolpath import Toolpath
 
-# Columns of POLICIES: weights of the key, of waste and of being out of step
-# (`decmcts._kernels.engine.dispatch`); how far the key is the chain that must come after (1) rather
-# than the progress of the part (0); how much sooner the bottleneck comes; how much later
-# what another head owns. The last three are in progress of a part and make the key, there.
+# Columns of POLICIES; `decmcts._kernels.engine.dispatch` has the score they weigh, and the key.
+# 0: weight of the key.
+# 1: weight of waste, the share of the time until a contour's end in which nothing is printed.
+# 2: weight of being out of step with the other heads.
+# 3: what the key is: the progress of the part (0), the urgency (1; it falls with the length of
+#    the chain that must come after), or a mix of both.
+# 4: how much sooner contours in the bottleneck come, in progress of a part.
+# 5: how much later contours in another head's share of the machine come, likewise.
 STEP = 2
 
 _TUNED = np.array(
@@ -58,9 +62,9 @@ _SPREAD = 498  # policies spread evenly over all that make sense
 
 
 def _spread() -> NDArray[np.float64]:
-    """Return policies of an additive recurrence, which fills the space evenly."""
+    """Return policies of an additive recurrence, a quasirandom sequence in six dimensions."""
     root = 1.0
-    for _ in range(40):  # of x^7 = x + 1, which is the best step for six numbers
+    for _ in range(40):  # of x^7 = x + 1: what the golden ratio is to one dimension
         root = (1.0 + root) ** (1.0 / 7.0)
     share = np.modf(0.5 + np.arange(1, _SPREAD + 1)[:, None] / root ** np.arange(1, 7))[0]
     weights = 10.0 ** (share[:, :3] * [2.5, 2.5, 2.0] - [0.5, 1.0, 1.0])

@@ -1,10 +1,10 @@
 """From the heads' plans to one joint order: the function all agents share.
 
 Deterministic: the same problem, plans and live heads give the same joint order
-bit for bit, and agents compare its digest. A contour that several plans name goes
-to one head, and one that no plan names to whoever is free. Conflicts between heads
-are ordered, and heads in the way step aside (`decmcts._kernels.engine.dispatch`,
-`.aside`).
+bit for bit, and agents compare its digest. A plan that orders all contours, serial or
+stated, holds for all heads, if these can carry it out. Else the heads dispatch: each
+takes contours by its own plan's policy and shifts. Conflicts between heads are ordered,
+and heads in the way step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def resolve(
     ----------
     plans : Mapping[int, NDArray[np.int32]]
         Plan of each head, see `decmcts.team.engine.plans`; plans of heads that are
-        not live, and symbols that mean nothing, are ignored. A head without a
-        plan does what is left.
+        not live are ignored. A head without a plan, or with one that means
+        nothing, follows policy 0.
     live : Sequence[int]
         Heads that print; the others stay parked.
 

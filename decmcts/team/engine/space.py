@@ -1,9 +1,9 @@
 """The room heads need: who may print what, and how far apart two heads must stay.
 
-Each body of a head, and each slice, is taken as its bounding box and each action
-as the bounding box of its nozzle's path, so a pair found clear here is clear in
-space, but a pair found too near may be clear in truth. Heads on one rail are kept in order along it
-(rule J3 of ARCHITECTURE.md). No times here.
+Each body of a head, and each slice, is taken as its bounding box, and each action as
+the bounding box of its nozzle's path. So a pair found clear here is clear in space, but
+a pair found too near may be clear in truth. Heads on one rail are kept in order along it
+(rule J3 of ARCHITECTURE.md).
 """
 
 from __future__ import annotations
@@ -142,6 +142,7 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
     low[still] = high[still] = parks[still, :2]
     top = float(job.contours.top.max(initial=0.0))
     rises = max(machine.lift_mm, job.settings.hop_mm)
+    # pairs that nothing but their order along a rail keeps apart: one half-space each
     halves = sum(int(np.isinf(pair[:, :4]).sum() == 3 and len(pair) == 1) for pair in pairs)
     return Fleet(
         relation=np.concatenate(pairs),

@@ -21,7 +21,7 @@ from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
 
 REMEMBERED = 50_000  # makespans of joint plans kept
-EACH = 200  # contours for which the rest of an evaluation counts
+EACH = 200  # contours whose work all else in an evaluation is counted as
 
 Plan = NDArray[np.int32]
 Team = tuple[int, ...]  # heads, in order
@@ -39,8 +39,8 @@ class JointValues:
     """Makespans of joint plans.
 
     `best` has the best joint plan of each team and `starts` the best without a stated
-    order, `start_paths` what that resolves to; `put` counts the contours that all
-    evaluations together have put, EACH for the rest of each.
+    order, `start_paths` what that resolves to. `put` is the work of all evaluations so far:
+    for each the contours it put, and EACH more.
     """
 
     def __init__(self, problem: TeamProblem) -> None:

@@ -31,8 +31,8 @@ from decmcts.search.sequence.timed_lags import TimedLags
 from decmcts.team.engine.order import visits_of
 from decmcts.team.engine.space import travel_row
 
-LEAST_LAG_S = 0.05  # what the source gives less than this is nothing to keep
-TRAVEL_SHARE = 0.7  # of the source's mean travel: what a search's takes, for `timed_lags_of`
+LEAST_LAG_S = 0.05  # shorter lags are dropped
+TRAVEL_SHARE = 0.7  # mean travel of a search's orders, as a share of the source's
 
 
 @dataclass(frozen=True, slots=True)

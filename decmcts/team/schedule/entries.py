@@ -36,7 +36,7 @@ SHORTEST = 8  # contours of a window that is not halved any more
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What a head's own order is free to do, and what it saves."""
+    """What a search may choose in one head's order besides the sequence, and what it minimises."""
 
     freedom: str = "reversible"  # "fixed", "reversible" or "seam"
     seam: str = "nearest"  # with freedom "seam"
@@ -44,7 +44,7 @@ class Orders:
 
     @property
     def names_seams(self) -> bool:
-        """Whether a policy names one vertex of each loop."""
+        """Whether a seam policy names one vertex of each loop."""
         return self.freedom == "seam" and self.seam != "nearest"
 
 
@@ -119,7 +119,8 @@ def best_entries(
     """Return agreed sequences with other entries and directions where the makespan falls.
 
     All that `choose_entries` changes is tried first, then halves of the joint order where
-    that was no gain, and so on: a policy's seams stay, and nothing is tried if all is fixed.
+    that was no gain, and so on. Seams that a seam policy names stay, and nothing is tried if
+    all is fixed.
 
     Parameters
     ----------
@@ -170,7 +171,7 @@ def _most_trials(n: int) -> int:
 
 
 class Engine:
-    """What joint orders of one print take by the clock that heads agree by."""
+    """Makespans of joint orders by the estimate that heads agree by."""
 
     def __init__(self, job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags) -> None:
         self._job, self._graph, self._lags = job, graph, lags

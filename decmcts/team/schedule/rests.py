@@ -1,4 +1,4 @@
-"""Where heads of several rest so that what is below can cool, as actions of a plan.
+"""Where the heads of a team rest so that what is below can cool, as actions of a plan.
 
 Heads have no common clock. So only the time counts that a head spends itself after
 another head's contour has surely ended. If that is too short, the head rests for what

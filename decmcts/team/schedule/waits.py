@@ -36,13 +36,14 @@ class _Row:
 def add_waits(job: PrintJob, machine: Machine, plan: JointPlan, lags: Lags) -> JointPlan:
     """Return the plan with every wait its lags ask for, to a quarter of a second.
 
-    Each wait is a travel straight up, the wait, if that travel leaves more than a quarter
-    of a second of it, and the travel to the next contour from there.
+    Each becomes a travel straight up, a wait for what is then left if that is more than a
+    quarter of a second, and the travel from there to the next contour.
 
     Raises
     ------
     ValueError
-        If the plan has several heads: across heads no wait is enough, for heads keep no time.
+        If the plan has several heads: these have no common clock, so no wait is surely
+        long enough for what another head printed (`decmcts.team.schedule.rests`).
     """
     if len(plan.heads) != 1:
         raise ValueError(f"waits for cooling are for one head, the plan has {len(plan.heads)}")
