@@ -22,6 +22,7 @@ from sop_prints import print_like
 
 from decmcts._kernels.sequence.bare import Shares
 from decmcts.formats.bare.sop import read_sop
+from decmcts.planning.bare import compile_sop
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.solver import search_sop
 from decmcts.search.sop.threads import Parts
@@ -142,6 +143,7 @@ def main() -> None:
         for variant in options.variants
     ]
     if not options.table_only:
+        compile_sop()
         run_missing(rows, keys, run)
     rows.read()
     write_results(rows.rows, options)

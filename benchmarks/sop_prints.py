@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.planning.bare import compile_sop
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sop.annealing import NearSteps
 from decmcts.search.sop.precedence import Precedence
@@ -155,6 +156,7 @@ def main() -> None:
         for solver in SOLVERS
     ]
     if not options.table_only:
+        compile_sop()
         run_missing(rows, keys, run)
     rows.read()
     write_results(rows.rows, options)
