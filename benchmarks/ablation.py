@@ -157,7 +157,8 @@ out pays. `hybrid` is the mean of two runs, itself and its twin. After ± stands
 variant that changes nothing would mostly stay: two standard errors, from how far twins are
 apart. Bold is what lies beyond. A variant is run only where it is another search than
 `hybrid`. Where both solve a print exactly there is nothing to compare; such runs are left out
-of the means. The runs are from when `hybrid` still had trees, and at first the best of four Γ.
+of the means. The runs of so100_plate_part1 are of today's `hybrid`, all others of one that still
+had trees, and at first the best of four Γ.
 """
 KEY = ("model", "machine", "process", "freedom", "variant", "limit_s", "seed")
 ROW = ("machine", "freedom", "process", "model")
