@@ -116,16 +116,18 @@ class AnnealedSequence:
         """Whether the present annealing has made all its proposals."""
         return self.done == self.length
 
-    def take(self, order: NDArray[np.int32], cost: float) -> None:
-        """Go on from another sequence."""
-        self.bare.order[:] = order
-        self.bare.position[order] = np.arange(len(order))
+    def take(self, order: NDArray[np.int32], cost: float, *, at: int = 0) -> None:
+        """Go on from another sequence, or with its nodes from position `at` on."""
+        self.bare.order[at : at + len(order)] = order
+        self.bare.position[order] = np.arange(at, at + len(order))
         self.cost = cost
 
-    def begin(self, incumbent: Incumbent, proposals: int) -> None:
-        """Begin with the incumbent, and an annealing of so many proposals a node."""
-        self.take(incumbent.order, incumbent.cost)
-        self.length = proposals * len(incumbent.order)
+    def meet(self, incumbent: Incumbent, first: int) -> None:
+        """Begin with the incumbent, if not begun, by `first` proposals a node; offer the best."""
+        if self.cost == np.inf:
+            self.take(incumbent.order, incumbent.cost)
+            self.length = first * len(incumbent.order)
+        self.offer_to(incumbent)
 
     def offer_to(self, incumbent: Incumbent) -> None:
         """Offer the best found since the last time."""
@@ -179,9 +181,7 @@ class AnnealThread:
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting."""
-        if self.sequence.cost == np.inf:
-            self.sequence.begin(incumbent, _FIRST)
-        self.sequence.offer_to(incumbent)
+        self.sequence.meet(incumbent, _FIRST)
 
     def _temperature(self, spent: float) -> float:
         """Return the temperature at which the present annealing goes on."""
@@ -203,7 +203,7 @@ class AnnealThread:
         left = sequence.pace * (1.0 - spent)
         if self.last_share and left < max(_LONGEST * n, sequence.length):
             sequence.length, self._began = 0, spent
-            share = max(self.last_share, min(_LEAST_LAST * n / left, _ALL))
+            share = max(self.last_share, min(_LEAST_LAST * n / max(left, 1.0), _ALL))
             self._ends = spent + share * (1.0 - spent)
 
 

@@ -103,9 +103,7 @@ class EliteThread:
 
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best sequence seen since the last meeting; hear of a better one."""
-        if self.sequence.cost == np.inf:
-            self.sequence.begin(incumbent, _LEAST)
-        self.sequence.offer_to(incumbent)
+        self.sequence.meet(incumbent, _LEAST)
         if self._elites.full and incumbent.cost < self.best - self.least_gain:
             self._elites.add(incumbent.cost, incumbent.order, least_gain=self.least_gain)
             self.sequence.best = incumbent.cost

@@ -93,7 +93,5 @@ class WindowThread:
         self._schedule = None
         rise = sequence.cost - self._cost
         if rise > 0.0 and rise >= -self._worse * math.log(uniform(sequence.state)):
-            sequence.bare.order[sequence.first : sequence.last + 1] = nodes
-            sequence.bare.position[nodes] = np.arange(sequence.first, sequence.last + 1)
-            sequence.cost = self._cost
+            sequence.take(nodes, self._cost, at=sequence.first)
         self._cost = sequence.cost

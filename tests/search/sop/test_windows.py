@@ -15,6 +15,7 @@ from decmcts.search.sop.solver import search_sop
 from decmcts.search.sop.threads import Parts
 from decmcts.search.sop.windows import WindowThread
 from tests.search.sop.test_annealing import layered
+from tests.search.sop.test_elites import cost_of
 
 
 def thread(layers: int, contours: int, seed: int) -> tuple[WindowThread, Incumbent]:
@@ -33,20 +34,17 @@ def thread(layers: int, contours: int, seed: int) -> tuple[WindowThread, Incumbe
     return WindowThread.of(sequence, steps.scale, incumbent), incumbent
 
 
-def cost_of(costs: np.ndarray, order: np.ndarray) -> float:
-    return float(costs[order[:-1], order[1:]].sum())
-
-
 @pytest.mark.parametrize(("layers", "contours"), [(1, 2), (4, 9), (12, 40)])
 def test_costs_and_precedence_hold_however_slices_cut_windows(layers: int, contours: int) -> None:
     windows, incumbent = thread(layers, contours, seed=5)
     sequence, began = windows.sequence, incumbent.cost
-    bare = sequence.bare
+    bare, pairs = sequence.bare, layered(layers, contours, seed=5)[0].pairs
     for slice_ in range(60):
         assert windows.work(7_777, slice_ / 60) == 7_777
         assert sequence.cost == pytest.approx(cost_of(bare.costs, bare.order), abs=1e-6)
         assert sorted(bare.order) == list(range(len(bare.order)))
         np.testing.assert_array_equal(bare.position[bare.order], np.arange(len(bare.order)))
+        assert (bare.position[pairs[:, 0]] < bare.position[pairs[:, 1]]).all()
         windows.meet(incumbent)
     assert incumbent.cost == pytest.approx(windows.best)
     assert incumbent.cost < (0.9 if contours > 2 else 1.1) * began
