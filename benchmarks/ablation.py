@@ -31,7 +31,7 @@ from cpu_time import WorkClock
 from effects import Effect, against_twins, told
 from in_process import less_percent, loaded, searched
 
-from decmcts.search.hybrid.blocks import Sequence
+from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.neighbourhoods import Neighbourhoods

@@ -42,6 +42,12 @@ def below(state: NDArray[np.uint64], n: int) -> int:
 
 
 @kernel
+def log_uniform(state: NDArray[np.uint64], least: float, most: float) -> float:
+    """Mutate `state`; return a number in (least, most] whose logarithm is uniform."""
+    return least * (most / least) ** uniform(state)
+
+
+@kernel
 def length_up_to(state: NDArray[np.uint64], longest: int) -> int:
     """Mutate `state`; return a length in 1..longest, about log-uniform."""
     bits = 0

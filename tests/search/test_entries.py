@@ -16,7 +16,7 @@ from decmcts._kernels.sequence.descent import descend
 from decmcts._kernels.sequence.entries import choose_visits, slide_entries, visits_cost
 from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid.blocks import Sequence, cut
+from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports

@@ -14,7 +14,7 @@ from decmcts._kernels.engine.joint import Heads, Units, Visits
 from decmcts._kernels.engine.replay import JointOrder, Marks, link, replay, restore
 from decmcts._kernels.engine.rooms import Fleet, travel_seconds
 from decmcts._kernels.jit import inlined, kernel
-from decmcts._kernels.random import below, uniform
+from decmcts._kernels.random import below, log_uniform
 from decmcts._kernels.refine.tails import find_tails
 
 GIVEN_UP = 1.0  # seconds too late, at which a move is not carried out to its end
@@ -52,7 +52,7 @@ def draw_windows(
     """
     drawn = np.empty((count, 2), np.int64)
     for k in range(count):
-        length = int(shortest * (longest / shortest) ** uniform(state))
+        length = int(log_uniform(state, shortest, longest))
         width = min(n, max(least, length))
         low = min(max(0, below(state, n + width) - width), n - width)
         at = k

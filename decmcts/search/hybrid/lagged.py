@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from decmcts.search.decomposition.threads import anneal_sequences
 from decmcts.search.hybrid.search import END, Search
-from decmcts.search.hybrid.threads import anneal_sequences
 from decmcts.search.sequence.annealing import descend_fully, tour_of
 
 

@@ -12,7 +12,7 @@ results would be like that of the first. They begin:
   and the first begins at the lower temperature.
 
 After each round the results of all rounds so far are crossed (partition crossover,
-`decmcts.search.hybrid.crossover`). Where layers follow each other strictly this takes the
+`decmcts.search.decomposition.crossover`). Where layers follow each other strictly this takes the
 best result of each layer. Then the places where the best result and the next best still
 differ are annealed, and the rest is contracted to runs.
 """
@@ -25,10 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.hybrid.blocks import Sequence
-from decmcts.search.hybrid.contraction import merge
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.contraction import merge
+from decmcts.search.decomposition.threads import anneal_sequences
 from decmcts.search.hybrid.search import Search
-from decmcts.search.hybrid.threads import anneal_sequences
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.starts.layerwise import layer_runs
 

@@ -1,7 +1,7 @@
 """Large neighbourhood search: a few contours at a time are annealed anew.
 
 A neighbourhood is some dozens of contours that lie near each other, in space or along
-the sequence. All else is contracted to runs (`decmcts.search.hybrid.contraction`), so
+the sequence. All else is contracted to runs (`decmcts.search.decomposition.contraction`), so
 that annealing it, from a temperature drawn at random, takes a fraction of a second and may
 move whole runs elsewhere. A result that is no worse is kept. One annealing of a whole
 sequence leaves each place about as good as annealing does on average; this keeps the best
@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from decmcts._kernels.random import below, uniform
+from decmcts._kernels.random import below, log_uniform
 from decmcts._kernels.sequence.anneal import anneal
-from decmcts.search.hybrid.blocks import Sequence, cut
-from decmcts.search.hybrid.contraction import Contraction, contract
+from decmcts.search.decomposition.blocks import Sequence, cut
+from decmcts.search.decomposition.contraction import Contraction, contract
+from decmcts.search.decomposition.threads import ROUND_S, Threads
 from decmcts.search.hybrid.search import END, Search
-from decmcts.search.hybrid.threads import ROUND_S, Threads
 from decmcts.search.hybrid.windows import WindowSolver
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
@@ -188,9 +188,10 @@ class _Trial:
         n, made, cost, began = len(sequence.order), 0, sequence.cost, self.incumbent.seconds
         longest = min(max(self.steps / (_PASSES * n), _STEPS[1]), _STEPS[2])
         while cost > 0.0:
-            free = self.places.draw(sequence, min(n, round(_between(*_SIZE, state))), state)
-            schedule = TemperatureSchedule(cost / n * _between(*_HOT, state), cost / n * _COLD)
-            steps, most = _between(_STEPS[0], longest, state), self._most()
+            free = self.places.draw(sequence, min(n, round(log_uniform(state, *_SIZE))), state)
+            hot = log_uniform(state, *_HOT)
+            schedule = TemperatureSchedule(cost / n * hot, cost / n * _COLD)
+            steps, most = log_uniform(state, _STEPS[0], longest), self._most()
             found, number = _annealed(sequence, free, state, schedule, steps, most)
             made += number
             if (now := found.cost) <= cost:
@@ -251,8 +252,3 @@ def _all_but(sequence: Sequence, free: NDArray[np.bool_]) -> Contraction:
     """Return the problem in which all but the free contours is contracted."""
     loose = free[sequence.order]
     return contract(sequence, ~(loose[:-1] | loose[1:]))
-
-
-def _between(least: float, most: float, state: NDArray[np.uint64]) -> float:
-    """Mutate the generator; return a number between two, log-uniform."""
-    return float(least * (most / least) ** uniform(state))

@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from decmcts.search.hybrid.blocks import Sequence
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.threads import anneal_blocks, anneal_sequences
 from decmcts.search.hybrid.search import END, Search
-from decmcts.search.hybrid.threads import anneal_blocks, anneal_sequences
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.starts.layerwise import layer_runs
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.lagged import Lagged
 from decmcts.search.hybrid.multistart import Multistart
@@ -25,7 +26,6 @@ from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.search import Phase, Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
-from decmcts.search.hybrid.threads import open_threads
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.hybrid.windows import Windows
 from decmcts.search.sequence.annealing import descend_fully, tour_of

@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.search.hybrid.blocks import Sequence
-from decmcts.search.hybrid.threads import Threads
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.threads import Threads
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent

@@ -26,8 +26,8 @@ from decmcts._kernels.trees.guided import block_ranks, explore
 from decmcts._kernels.trees.rollout import Clustered, Rollout
 from decmcts._kernels.trees.tree import Tree, new_tree
 from decmcts.feasibility.clustering import cluster_contours
-from decmcts.search.hybrid.blocks import Sequence
-from decmcts.search.hybrid.threads import Threads
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.threads import Threads
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from decmcts._kernels.exact.ideals import Ideals
 from decmcts._kernels.exact.window import solve_windows
 from decmcts.search.bounds.exact import Room, slack_of
-from decmcts.search.hybrid.blocks import Sequence, cut
+from decmcts.search.decomposition.blocks import Sequence, cut
+from decmcts.search.decomposition.threads import ROUND_S, Threads
 from decmcts.search.hybrid.search import END, Search
-from decmcts.search.hybrid.threads import ROUND_S, Threads
 from decmcts.search.sequence.incumbent import Incumbent
 
 _ROOM = Room(100_000, 400_000, 2_000_000, 40_009)  # 25 MiB, if all is used

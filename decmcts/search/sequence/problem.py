@@ -192,6 +192,13 @@ class OrderProblem:
             seams=seams,
         )
 
+    @staticmethod
+    def of_costs(costs: NDArray[np.float64], graph: DependencyGraph) -> OrderProblem:
+        """Take bare costs, (n, n): nodes that lie nowhere and are never reversed."""
+        n = graph.n
+        nowhere, layer = np.zeros((n, 3)), np.zeros(n, np.int32)
+        return OrderProblem(nowhere, nowhere, np.zeros(n, np.bool_), layer, graph, costs=costs)
+
     @property
     def unit(self) -> str:
         """Unit of costs: "mm", "s", or "" for bare costs."""

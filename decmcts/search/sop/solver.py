@@ -103,8 +103,9 @@ def search_sop(
     full = np.ascontiguousarray(full[np.ix_(numbered.original, numbered.original)])
     np.fill_diagonal(full, 0.0)
     assignment = assign(full, numbered.possible)
+    graph = DependencyGraph.from_pairs(len(full), numbered.pairs)
     incumbent = Incumbent(
-        _problem(full, numbered),
+        OrderProblem.of_costs(full, graph),
         clock=_since(clock, started),
         stopping=stopping,
         report=progress,
@@ -159,15 +160,6 @@ def _with_ends(n: int, pairs: NDArray[np.int32]) -> tuple[int, NDArray[np.int32]
     first = np.stack([np.full(n + 1, n), np.append(nodes, n + 1)], axis=1)
     last = np.stack([nodes, np.full(n, n + 1)], axis=1)
     return n + 2, np.concatenate([pairs, first, last]).astype(np.int32)
-
-
-def _problem(costs: NDArray[np.float64], precedence: Precedence) -> OrderProblem:
-    """Return the problem the planners' moves work on."""
-    n = len(costs)
-    nowhere = np.zeros((n, 3))
-    graph = DependencyGraph.from_pairs(n, precedence.pairs)
-    layer = np.zeros(n, np.int32)
-    return OrderProblem(nowhere, nowhere, np.zeros(n, np.bool_), layer, graph, costs=costs)
 
 
 def _search(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.random import below, uniform
+from decmcts._kernels.random import below, log_uniform, uniform
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sop.annealing import AnnealedSequence, quenched
@@ -76,15 +76,14 @@ class WindowThread:
         """Choose the next window; return its temperatures."""
         sequence, state = self.sequence, self.sequence.state
         order = sequence.bare.order
-        least, most = _NODES
-        nodes = min(int(least * (most / least) ** uniform(state)), len(order) - 1)
+        nodes = min(int(log_uniform(state, *_NODES)), len(order) - 1)
         sequence.first = int(below(state, len(order) - nodes))
         sequence.last = sequence.first + nodes
         sequence.length, sequence.done = _LENGTH * nodes, 0
         self._nodes = order[sequence.first : sequence.last + 1].copy()
         self._cost = sequence.cost
-        hot = self.scale * _HOT[0] * (_HOT[1] / _HOT[0]) ** uniform(state)
-        return TemperatureSchedule(hot, _COLD * self.scale)
+        hot = log_uniform(state, *_HOT)
+        return TemperatureSchedule(hot * self.scale, _COLD * self.scale)
 
     def _end(self) -> None:
         """Keep what the window has become, or put it back."""

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from decmcts._kernels.engine.dispatch import new_pool
 from decmcts._kernels.engine.joint import NONE, Heads, all_parked, new_units
 from decmcts._kernels.engine.replay import JointOrder, Marks, finish, link
-from decmcts._kernels.random import seeded, uniform
+from decmcts._kernels.random import log_uniform, seeded
 from decmcts._kernels.refine.join import join
 from decmcts._kernels.refine.polish import RUN, SHORTEST, Annealing, Moves, polish
 from decmcts._kernels.refine.recreate import Guide, recreate
@@ -100,7 +100,7 @@ class Polish:
 
     def _anneal_once(self, sweeps: int) -> None:
         """Anneal a small order as a whole, from a temperature drawn at random down to cold."""
-        first = COOLEST * (HOTTEST / COOLEST) ** uniform(self._state)
+        first = log_uniform(self._state, COOLEST, HOTTEST)
         hot = max(COLD_S, first * float(self._problem.visits.seconds.mean()))
         for sweep in range(sweeps):
             temperature = hot * (COLD_S / hot) ** ((sweep + 1) / sweeps)

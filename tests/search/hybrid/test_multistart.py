@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from decmcts.search.hybrid.blocks import Sequence
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.threads import Threads, anneal_sequences, open_threads
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart
-from decmcts.search.hybrid.threads import Threads, anneal_sequences, open_threads
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent

@@ -9,11 +9,11 @@ import pytest
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
+from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.neighbourhoods import Neighbourhoods, Places
-from decmcts.search.hybrid.threads import open_threads
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
-from tests.search.hybrid.test_contraction import found, varied
+from tests.search.decomposition.test_contraction import found, varied
 from tests.search.problems import random_problem
 
 TO_THE_END = Neighbourhoods(until=1.0)

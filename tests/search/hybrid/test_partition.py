@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from decmcts.search.hybrid.blocks import Sequence
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.threads import anneal_blocks
 from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.threads import anneal_blocks
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.incumbent import Incumbent

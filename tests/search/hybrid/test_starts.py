@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.entries import visits_cost
-from decmcts.search.hybrid.blocks import Sequence
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.starts import LayeredStart, Starts
-from decmcts.search.hybrid.threads import open_threads
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.starts.layerwise import layer_runs
 from tests.search.problems import random_problem, started, with_loops

@@ -11,8 +11,8 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts._kernels.trees.guided import block_ranks, explore
 from decmcts._kernels.trees.tree import new_tree
-from decmcts.search.hybrid.blocks import Sequence
-from decmcts.search.hybrid.threads import open_threads
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports

@@ -12,14 +12,14 @@ from decmcts._kernels.exact.window import solve_window
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
 from decmcts.search.bounds.exact import Room, slack_of
-from decmcts.search.hybrid.blocks import Sequence, cut
-from decmcts.search.hybrid.threads import open_threads
+from decmcts.search.decomposition.blocks import Sequence, cut
+from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.windows import WindowSolver, improve_windows
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.bounds.test_exact import kinds
-from tests.search.hybrid.test_contraction import found, varied
+from tests.search.decomposition.test_contraction import found, varied
 from tests.search.problems import choices, price, random_problem
 
 

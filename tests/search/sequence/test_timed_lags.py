@@ -23,7 +23,7 @@ from decmcts._kernels.sequence.moves import (
     swap_allowed,
 )
 from decmcts._kernels.sequence.tour import respects, tour_cost
-from decmcts.search.hybrid.blocks import Sequence, cut
+from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.planners import KEEP_LAGS, PLANNERS, plan_order, toolpath_cost
 from decmcts.search.sequence.annealing import tour_of
 from decmcts.search.sequence.neighbours import near_ports

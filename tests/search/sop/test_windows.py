@@ -21,14 +21,10 @@ from tests.search.sop.test_elites import cost_of
 def thread(layers: int, contours: int, seed: int) -> tuple[WindowThread, Incumbent]:
     """Return a thread that begins with the nodes by number, and who keeps the best."""
     precedence, costs = layered(layers, contours, seed)
-    n = len(costs)
-    graph = DependencyGraph.from_pairs(n, precedence.pairs)
-    problem = OrderProblem(
-        np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n, np.bool_), np.zeros(n, np.int32),
-        graph, costs=costs,
-    )  # fmt: skip
+    graph = DependencyGraph.from_pairs(len(costs), precedence.pairs)
+    problem = OrderProblem.of_costs(costs, graph)
     incumbent = Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(None, 10), report=None)
-    incumbent.offer(np.arange(n, dtype=np.int32), incumbent.reversed)
+    incumbent.offer(np.arange(len(costs), dtype=np.int32), incumbent.reversed)
     steps = NearSteps.of(costs, costs, precedence.possible)
     sequence = AnnealedSequence(steps.bare(costs, graph), SHARES, seeded(seed))
     return WindowThread.of(sequence, steps.scale, incumbent), incumbent

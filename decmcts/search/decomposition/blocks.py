@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.sequence.block import block_edges, block_ports
+from decmcts._kernels.decomposition.block import block_edges, block_ports
 from decmcts._kernels.sequence.entries import use_entries, visits_cost
 from decmcts._kernels.sequence.metric import Metric, points_of, restricted, with_points
 from decmcts._kernels.sequence.moves import Tour, refresh

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from decmcts._kernels.sequence.crossover import crossed
-from decmcts.search.hybrid.blocks import Sequence
+from decmcts._kernels.decomposition.crossover import crossed
+from decmcts.search.decomposition.blocks import Sequence
 
 
 def crossover(sequences: list[Sequence]) -> Sequence:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.hybrid.blocks import Sequence
-from decmcts.search.hybrid.contraction import contract, merge
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.contraction import contract, merge
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem

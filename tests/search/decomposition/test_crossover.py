@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.hybrid.blocks import Sequence
-from decmcts.search.hybrid.crossover import crossover
-from tests.search.hybrid.test_contraction import found, varied
+from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.crossover import crossover
+from tests.search.decomposition.test_contraction import found, varied
 
 CASES = [0, 1, 2, 3, 4, 5, 6, 7]  # points, loops, seconds, bare costs, twice; see `varied`
 

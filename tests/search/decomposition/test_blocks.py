@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts._kernels.sequence.tour import respects, tour_cost
-from decmcts.search.hybrid.blocks import Sequence, cut
+from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
 from tests.search.problems import random_problem

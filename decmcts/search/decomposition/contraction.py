@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.sequence.metric import points_of
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.hybrid.blocks import Sequence
+from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem, Seams
 

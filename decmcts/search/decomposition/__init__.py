@@ -1,0 +1,1 @@
+"""A sequence in parts: cut into blocks, contracted, annealed on threads, put together."""
