@@ -1,4 +1,4 @@
-"""What each wish costs: shells and anchors, cooling, and a limit to layers ahead.
+"""What each rule costs: shells and anchors, cooling, and a limit to layers ahead.
 
     python benchmarks/quality.py [--time-limit 20] [--models a,b]
 
@@ -36,7 +36,7 @@ MODELS = (
     "teaset_chess_7 benchy_lowpoly six_cylinders spool_mount_4 odri_pulleys_rollers_9"
 )
 MACHINE = "mk4s"
-WISHES = {  # name: (what it says in the table, options)
+RULES = {  # name: (what it says in the table, options)
     "none": ("geometry and process order only", ["--no-quality"]),
     "shells": ("shells and anchors", ["--quality", "--min-layer-time", "0"]),
     "cool 10": ("and 10 s for each spot", ["--quality", "--min-layer-time", "10"]),
@@ -45,13 +45,13 @@ WISHES = {  # name: (what it says in the table, options)
         ["--quality", "--min-layer-time", "0", "--max-layers-ahead", "4"],
     ),
 }
-KEY = ("model", "wish", "machine", "limit_s", "seed")
+KEY = ("model", "rules", "machine", "limit_s", "seed")
 
 
 def run(key: dict[str, Any]) -> dict[str, Any]:
     arguments = ["plan", str(print_path(key["model"])), "--machine", key["machine"]]
     arguments += ["--time-limit", f"{key['limit_s']:g}", "--seed", str(key["seed"])]
-    arguments += ["--no-certificate", *WISHES[key["wish"]][1]]
+    arguments += ["--no-certificate", *RULES[key["rules"]][1]]
     result = measured(arguments, timeout_s=1800.0 + 8.0 * key["limit_s"], cpu_time=True)
     after = result.get("after", {})
     waits = {name: after.get(name, "") for name in ("waits", "waits_s")}
@@ -68,25 +68,25 @@ def cell(runs: list[dict[str, str]]) -> str:
 
 
 def table(rows: list[dict[str, str]]) -> str:
-    found = grouped(rows, "model", "wish")
+    found = grouped(rows, "model", "rules")
     models = dict.fromkeys(row["model"] for row in rows)
-    lines = [[name, *(cell(found.get((name, wish), [])) for wish in WISHES)] for name in models]
-    by_wish = grouped(rows, "wish")
+    lines = [[name, *(cell(found.get((name, rules), [])) for rules in RULES)] for name in models]
+    by_rules = grouped(rows, "rules")
     lines.append(
         ["median (quartiles)"]
         + [
             f"{spread(gains_of(mine))} / {spread([time_saved(row) for row in mine])}"
-            for mine in (by_wish.get((wish,), []) for wish in WISHES)
+            for mine in (by_rules.get((rules,), []) for rules in RULES)
         ]
     )
-    return markdown(lines, ["model", *(text for text, _ in WISHES.values())])
+    return markdown(lines, ["model", *(text for text, _ in RULES.values())])
 
 
 def plot(rows: list[dict[str, str]], path: Path) -> None:
     import matplotlib.pyplot as plt
 
-    by_wish = grouped(rows, "wish")
-    there = [wish for wish in WISHES if (wish,) in by_wish]
+    by_rules = grouped(rows, "rules")
+    there = [rules for rules in RULES if (rules,) in by_rules]
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.5), layout="constrained")
     for axis, of, label in (
         (axes[0], gains_of, "travel less than in the source, %"),
@@ -94,8 +94,8 @@ def plot(rows: list[dict[str, str]], path: Path) -> None:
     ):
         axis.axhline(0.0, color="grey")
         axis.boxplot(
-            [of(by_wish[wish,]) for wish in there],
-            tick_labels=[textwrap.fill(WISHES[wish][0], 16) for wish in there],
+            [of(by_rules[rules,]) for rules in there],
+            tick_labels=[textwrap.fill(RULES[rules][0], 16) for rules in there],
             widths=0.5,
         )
         axis.set(ylabel=label)
@@ -126,8 +126,8 @@ def main() -> None:
     options = arguments(__doc__, time_limit=20.0, models=MODELS).parse_args()
     rows = Rows(options.results / "quality.csv", KEY)
     keys = [
-        dict(zip(KEY, (model, wish, MACHINE, options.time_limit, seed), strict=True))
-        for seed, model, wish in itertools.product(options.seeds, options.models, WISHES)
+        dict(zip(KEY, (model, rules, MACHINE, options.time_limit, seed), strict=True))
+        for seed, model, rules in itertools.product(options.seeds, options.models, RULES)
     ]
     if not options.table_only:
         run_missing(rows, keys, run)

@@ -1,1 +1,1 @@
-"""Shapes: what a head hits, walls, seams, safe ways."""
+"""Shapes: what a head hits, walls, seams, safe travels."""

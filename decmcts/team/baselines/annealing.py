@@ -135,8 +135,8 @@ class Moves:
             if k and visits.reversible[c]:
                 before = mine[k - 1]
                 here = visits.ends[before, 0 if is_reversed[before] else 1]
-                ways = np.linalg.norm(visits.ends[c] - here, axis=1)
-                is_reversed[c] = bool(ways[1] < ways[0])
+                travels = np.linalg.norm(visits.ends[c] - here, axis=1)
+                is_reversed[c] = bool(travels[1] < travels[0])
         return is_reversed
 
 

@@ -171,15 +171,15 @@ def _with_travels(
 
     A head is no farther from where it ended a contour, or begins one, than it gets in that time.
     """
-    way = np.unique(held.way)
-    contour, back = way // 2, way % 2 == 1
-    reversible = np.isin(contour, contour[back])  # others are left, or entered, at any end
+    choice = np.unique(held.choice)
+    contour, is_reversed = choice // 2, choice % 2 == 1
+    reversible = np.isin(contour, contour[is_reversed])  # others are left, or entered, at any end
     first, last = contours.start[contour, axis], contours.end[contour, axis]
     outs, ins = ends_of(contours, entries)
     low, high, seconds = [held.low], [held.high], [held.seconds]
     for share, ends, own in (
-        (shares.leaving, outs, np.where(back, first, last)),
-        (shares.entering, ins, np.where(back, last, first)),
+        (shares.leaving, outs, np.where(is_reversed, first, last)),
+        (shares.entering, ins, np.where(is_reversed, last, first)),
     ):
         least, most = np.full(len(contours), np.inf), np.full(len(contours), -np.inf)
         np.minimum.at(least, ends.contour, ends.points[:, axis])
@@ -188,9 +188,9 @@ def _with_travels(
         low.append(np.where(reversible, own, most[contour]) + reach)
         high.append(np.where(reversible, own, least[contour]) - reach)
         seconds.append(share[contour])
-    travels = np.arange(len(held.way) + 2 * len(way)) >= len(held.way)
-    ways = np.concatenate([held.way, way, way])
-    return Held(np.concatenate(low), np.concatenate(high), np.concatenate(seconds), ways, travels)
+    choice = np.concatenate([held.choice, choice, choice])
+    travels = np.arange(len(choice)) >= len(held.choice)
+    return Held(np.concatenate(low), np.concatenate(high), np.concatenate(seconds), choice, travels)
 
 
 def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int) -> Held:
@@ -201,24 +201,24 @@ def _held(job: PrintJob, machine: Machine, parts: NDArray[np.float64], axis: int
     contours = job.contours
     reversible = contours.reversible & ~contours.closed
     most = MOST_PIECES if machine.release == "point" else 1
-    reversible &= most > 1  # whole contours hold the same either way
+    reversible &= most > 1  # whole contours hold the same in both directions
     pieces = cut_pieces(contours.points, contours.offsets, reversible, PIECE_MM, most)
-    way = np.repeat(np.arange(2 * len(contours)), np.diff(pieces.offsets))
-    contour, back = way // 2, way % 2 == 1
+    choice = np.repeat(np.arange(2 * len(contours)), np.diff(pieces.offsets))
+    contour, is_reversed = choice // 2, choice % 2 == 1
     first, last = contours.offsets[contour], contours.offsets[contour + 1] - 1
     spent = np.cumsum(parts)
-    vertex = np.where(back, last - pieces.point, first + pieces.point)
-    begin = np.where(back, spent[last] - spent[vertex], spent[vertex] - spent[first])
-    ends_way = np.diff(way, append=-1) != 0
-    end = np.where(ends_way, spent[last] - spent[first], np.roll(begin, -1))
+    vertex = np.where(is_reversed, last - pieces.point, first + pieces.point)
+    begin = np.where(is_reversed, spent[last] - spent[vertex], spent[vertex] - spent[first])
+    is_last = np.diff(choice, append=-1) != 0
+    end = np.where(is_last, spent[last] - spent[first], np.roll(begin, -1))
     low, high = pieces.room[:, 2 * axis], pieces.room[:, 2 * axis + 1]
-    return Held(low, high, end - begin, way)
+    return Held(low, high, end - begin, choice)
 
 
 def _entered_anywhere(
     held: Held, contours: Contours, parts: NDArray[np.float64], axis: int, entries: SeamEntries
 ) -> Held:
-    """Return what is held if loops may be entered at `entries`, and run either way from there.
+    """Return what is held if loops may be entered at `entries`, and run in either direction.
 
     Of such a loop a head holds at least the segment it prints, less the seam's gap, which may
     be at either end of it.
@@ -231,12 +231,12 @@ def _entered_anywhere(
     before[ends] = at[ends]  # what is printed through the old gap counts there
     gap = np.linalg.norm(contours.end - contours.start, axis=1)[owner] + SLIVER_MM
     rows = moved[owner]
-    stays = ~moved[held.way // 2]
+    stays = ~moved[held.choice // 2]
     return Held(
         np.concatenate([held.low[stays], (np.minimum(before, at) + gap)[rows]]),
         np.concatenate([held.high[stays], (np.maximum(before, at) - gap)[rows]]),
         np.concatenate([held.seconds[stays], parts[rows]]),
-        np.concatenate([held.way[stays], 2 * owner[rows]]),
+        np.concatenate([held.choice[stays], 2 * owner[rows]]),
     )
 
 

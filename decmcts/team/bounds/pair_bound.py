@@ -53,7 +53,7 @@ def pair_bound(
     most_rooms : int
         Different rooms that are told apart; with fewer the bound is lower at most.
     """
-    seconds, way = along_x.seconds, along_x.way
+    seconds, choice = along_x.seconds, along_x.choice
     if not len(seconds) or not float(seconds.sum()) > 0.0:
         return 0.0
     rooms, room = _rooms(along_x, along_y, most_rooms)
@@ -63,14 +63,14 @@ def pair_bound(
         always = (relation[:, 4] <= -height_mm) & (relation[:, 5] >= height_mm)
         clear |= _clear(rooms[:, :4], rooms[:, 4:], relation[always])
     clear |= clear.T
-    contour, back = way // 2, way % 2 == 1
-    shared = np.isin(contour, contour[back])  # half of it either way, to find prices
-    work = _sums(room, seconds * np.where(shared, 0.5, 1.0))
+    contour, is_reversed = choice // 2, choice % 2 == 1
+    both = np.isin(contour, contour[is_reversed])  # half of it in each direction, to find prices
+    work = _sums(room, seconds * np.where(both, 0.5, 1.0))
     worth = seconds * (1.0 - cover_prices(clear, work)[room])
-    ways, kind = np.unique(way, return_inverse=True)
-    of_way = _sums(kind.reshape(-1), worth)
-    begins = np.flatnonzero(np.diff(ways // 2, prepend=-1))
-    return float(np.minimum.reduceat(of_way, begins).sum())
+    choices, kind = np.unique(choice, return_inverse=True)
+    of_choice = _sums(kind.reshape(-1), worth)
+    begins = np.flatnonzero(np.diff(choices // 2, prepend=-1))
+    return float(np.minimum.reduceat(of_choice, begins).sum())
 
 
 def _sums(group: Ints, values: Floats) -> Floats:
@@ -84,7 +84,7 @@ def _rooms(along_x: Held, along_y: Held, most: int) -> tuple[Floats, Ints]:
     """
     both = (along_x, along_y)
     sides = [side for held in both for side in (held.low, held.high)]
-    sides += [side for held in both for side in whole_of(held.way, held.low, held.high)]
+    sides += [side for held in both for side in whole_of(held.choice, held.low, held.high)]
     rooms = np.column_stack(sides)
     room, cell = np.arange(len(rooms)), CELL_MM
     while True:  # what was rounded to a cell rounds to two of them as it would have at once

@@ -42,7 +42,7 @@ class Held(NamedTuple):
     low: Floats  # (k,) mm
     high: Floats  # (k,)
     seconds: Floats  # (k,)
-    way: Ints  # (k,) the way through a contour it belongs to: 2 c along contour c, 2 c + 1 back
+    choice: Ints  # (k,) it belongs to: 2 c is contour c as sliced, 2 c + 1 reversed
     travels: NDArray[np.bool_] | None = None  # (k,) what is no print; None: nothing
 
 
@@ -76,7 +76,7 @@ class _Places(NamedTuple):
 
 def _places(held: Held, separation_mm: float) -> tuple[_Places, Ints, int]:
     """Return the different places, the place of each piece, and the separation in cells."""
-    travels = np.zeros(len(held.way), np.bool_) if held.travels is None else held.travels
+    travels = np.zeros(len(held.choice), np.bool_) if held.travels is None else held.travels
     edges = _edges(held, travels)
     cell = max(separation_mm / CELLS, float(np.ptp(edges)) / MOST_CELLS) or 1.0
     coarse = 1  # travels are less of the work: theirs is the first room to be rounded more
@@ -98,16 +98,16 @@ def _edges(held: Held, travels: NDArray[np.bool_]) -> Floats:
     """Return where each piece and its whole contour begin and end, mm from the least, (k, 4)."""
     edges = np.column_stack([held.low, held.high, held.low, held.high])
     prints = ~travels
-    whole = whole_of(held.way[prints], held.low[prints], held.high[prints])
+    whole = whole_of(held.choice[prints], held.low[prints], held.high[prints])
     edges[prints, 2], edges[prints, 3] = whole
     return np.asarray(edges - edges.min())  # widths may be negative, so any side may be least
 
 
-def whole_of(way: Ints, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Return where the whole contour of each piece begins and ends, run the same way, (k,) each."""
-    ways, kind = np.unique(way, return_inverse=True)
+def whole_of(choice: Ints, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """Return where the whole contour of each piece begins and ends, in its choice, (k,) each."""
+    choices, kind = np.unique(choice, return_inverse=True)
     kind = kind.reshape(-1)
-    whole_low, whole_high = np.full(len(ways), np.inf), np.full(len(ways), -np.inf)
+    whole_low, whole_high = np.full(len(choices), np.inf), np.full(len(choices), -np.inf)
     np.minimum.at(whole_low, kind, low)
     np.maximum.at(whole_high, kind, high)
     return whole_low[kind], whole_high[kind]
@@ -116,20 +116,21 @@ def whole_of(way: Ints, low: Floats, high: Floats) -> tuple[Floats, Floats]:
 class _Worth(NamedTuple):
     """How the worth of contours follows from the prices of places."""
 
-    matrix: sparse.csr_matrix  # (ways, places) seconds a way holds each place
-    contour: Ints  # (ways,) ascending
-    begins: Ints  # (contours,) first way of each
+    matrix: sparse.csr_matrix  # (choices, places) seconds a choice holds each place
+    contour: Ints  # (choices,) ascending
+    begins: Ints  # (contours,) first choice of each
 
 
 def _worth(held: Held, place: Ints, places: int) -> _Worth:
-    """Return the worth of all contours; those with one way through are put together."""
-    contours = int(held.way.max()) // 2 + 1
+    """Return the worth of all contours; those with one choice are put together."""
+    contours = int(held.choice.max()) // 2 + 1
     both = np.zeros(contours, np.bool_)
-    both[held.way[held.way % 2 == 1] // 2] = True
-    free = both[held.way // 2]
-    ways, way = np.unique(np.where(free, held.way, -1), return_inverse=True)
-    matrix = sparse.csr_matrix((held.seconds, (way.reshape(-1), place)), shape=(len(ways), places))
-    contour = ways // 2
+    both[held.choice[held.choice % 2 == 1] // 2] = True
+    free = both[held.choice // 2]
+    choices, row = np.unique(np.where(free, held.choice, -1), return_inverse=True)
+    shape = (len(choices), places)
+    matrix = sparse.csr_matrix((held.seconds, (row.reshape(-1), place)), shape=shape)
+    contour = choices // 2
     return _Worth(matrix, contour, np.flatnonzero(np.diff(contour, prepend=contour[0] - 1)))
 
 
@@ -151,9 +152,9 @@ def _prices(places: _Places, worth: _Worth, heads: int, apart: int) -> Floats:
         for before, low in enumerate((places.low, places.whole_low)):
             ends = [(dearest[before, low], 1.0), (dearest[side, high + apart], -1.0)]
             matrix.append(_rows(n, *each, *ends))
-    ways = len(worth.contour)
+    choices = len(worth.contour)
     item = k + np.searchsorted(worth.contour[worth.begins], worth.contour)
-    values = sparse.hstack([-worth.matrix, sparse.csr_matrix((ways, n - k))])
+    values = sparse.hstack([-worth.matrix, sparse.csr_matrix((choices, n - k))])
     matrix.append(_rows(n, (item, 1.0)) + values)
     aim = np.zeros(n)
     aim[k:fee] = -1.0

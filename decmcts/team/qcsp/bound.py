@@ -32,8 +32,8 @@ def least_makespan(problem: QcspProblem) -> float:
 
 def _longest_chain(problem: QcspProblem) -> float:
     """Return when the last of a chain of tasks can end, each reached from the last or a start."""
-    ways = np.abs(problem.bay[:, None] - problem.start[None, :]) * problem.travel
-    end = (problem.ready[None, :] + ways).min(axis=1) + problem.duration
+    travel = np.abs(problem.bay[:, None] - problem.start[None, :]) * problem.travel
+    end = (problem.ready[None, :] + travel).min(axis=1) + problem.duration
     for _ in range(len(problem)):
         before = end.copy()
         i, j = problem.precedence.T

@@ -109,16 +109,16 @@ def test_work_in_one_place(separation: float, wanted: float) -> None:
     assert rail_bound(held, separation_mm=separation, heads=2) == pytest.approx(wanted)
 
 
-def test_the_way_that_is_worth_less_counts() -> None:
-    """A contour that may run either way is only worth what its cheaper way is."""
-    one_way = Held(
+def test_the_direction_that_is_worth_less_counts() -> None:
+    """A contour that may be reversed is only worth what its cheaper direction is."""
+    fixed = Held(
         *np.array([[0.0, 60.0, 0.0], [60.0, 60.0, 0.0], [5.0, 1.0, 9.0]]), np.array([0, 0, 2])
     )
     either = Held(
-        np.append(one_way.low, 0.0), np.append(one_way.high, 0.0),
-        np.append(one_way.seconds, 6.0), np.append(one_way.way, 1),
+        np.append(fixed.low, 0.0), np.append(fixed.high, 0.0),
+        np.append(fixed.seconds, 6.0), np.append(fixed.choice, 1),
     )  # fmt: skip
-    bounds = [rail_bound(held, separation_mm=50.0, heads=2) for held in (one_way, either)]
+    bounds = [rail_bound(held, separation_mm=50.0, heads=2) for held in (fixed, either)]
     assert bounds[0] == pytest.approx(15.0 - 1.0, rel=0.02) and bounds[1] <= bounds[0] + 1e-9
 
 
