@@ -30,7 +30,7 @@ from agents.planners.pack import read_pack
 from agents.planners.team_planner import TeamPlanner
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.plans import encode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
@@ -113,7 +113,7 @@ def size(message: Message) -> int:
 def search(problem: TeamProblem, seed: int, seconds: float) -> Figures:
     """Let all heads plan in turn, so many seconds a head; tell whenever the best fell."""
     heads = len(problem.machine.heads)
-    plan_team(problem, stopping=Stopping(0.0), seed=seed)  # loads its kernels
+    plan_in_turn(problem, stopping=Stopping(0.0), seed=seed)  # loads its kernels
     history: list[tuple[float, float]] = []
     began = time.process_time()
 
@@ -123,7 +123,7 @@ def search(problem: TeamProblem, seed: int, seconds: float) -> Figures:
             history.append((round(at, 2), round(makespan_s, 2)))
 
     found, spent = timed(
-        lambda: plan_team(
+        lambda: plan_in_turn(
             problem,
             stopping=Stopping(seconds * heads),
             seed=seed,

@@ -29,7 +29,7 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import PlanDocument
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
@@ -60,7 +60,7 @@ def rehearsal_of(name: str, rounds: int) -> Rehearsal:
     problem = problem_named(name)
     heads, plans = range(len(problem.machine.heads)), {}
     if rounds and not name.startswith("random"):
-        planned = plan_team(problem, stopping=Stopping(iterations=rounds), seed=0)
+        planned = plan_in_turn(problem, stopping=Stopping(iterations=rounds), seed=0)
         plans = dict(planned.plans)
     found = resolve(problem, plans, heads)
     job, machine, graph = problem.job, problem.machine, problem.graph

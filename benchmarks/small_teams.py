@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from common import Rows, arguments, grouped, markdown, median, run_missing, setting
 
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.plans import encode_stated
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
@@ -46,7 +46,7 @@ def run(key: dict[str, Any]) -> dict[str, Any]:
     heads = range(key["heads"])
     began = time.process_time()
     rounds = [0]
-    ours = plan_team(
+    ours = plan_in_turn(
         problem,
         stopping=Stopping(key["limit_s"]),
         seed=key["seed"],

@@ -181,7 +181,7 @@ def by_variant(
 def one_round(
     team: list[DecMcts], spent: float, best: Proposal | None, *, messages: bool
 ) -> Proposal:
-    """Let every head take a turn, as in `plan_team`; return the best joint plan so far."""
+    """Let every head take a turn, as in `plan_in_turn`; return the best joint plan so far."""
     live = range(len(team))
     if not messages:
         for agent in team:

@@ -80,8 +80,8 @@ class AgentProcess:
             self._process.kill()
         self._process.wait()
 
-    def reap(self) -> str:
-        """Wait shortly, kill if needed, free the pipes; return its last words."""
+    def reap(self) -> None:
+        """Wait shortly, kill if needed, free the pipes."""
         if self._process.stdin is not None:
             with suppress(BrokenPipeError):
                 self._process.stdin.close()
@@ -92,9 +92,7 @@ class AgentProcess:
         self._reader.join(_STOP_S)
         if self._process.stdout is not None:
             self._process.stdout.close()
-        words = self.last_words()
         self._errors.close()
-        return words
 
     def last_words(self) -> str:
         """Return the last line it wrote to stderr, without the program's name."""

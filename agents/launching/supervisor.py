@@ -230,7 +230,7 @@ class Supervisor:
             "stuck",
             "entropy",
         )
-        told = {name: line[name] for name in (*named, "entropy")} | line["traffic"]
+        told = {name: line[name] for name in named} | line["traffic"]
         self._update(head, live=tuple(line["live"]), history=history, **told)
 
     def _update(self, head: int, **changes: Any) -> None:

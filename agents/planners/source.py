@@ -16,6 +16,7 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+from decmcts.formats.mesh.options import Bed
 from decmcts.print.machine_fit import check_fits
 
 
@@ -34,11 +35,12 @@ def load_source(
     """
     if not path.exists():
         raise InputError("no such file", path=path)
+    chosen = load_machine(machine)
     if path.suffix.lower() in MESH_SUFFIXES:
-        job, _ = slice_mesh(path, SliceOptions())
+        bed = Bed.of(chosen)
+        job, _ = slice_mesh(path, SliceOptions(bed=bed, center=bed.center))
     else:
         job, _ = read_gcode(path)
-    chosen = load_machine(machine)
     chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     check_fits(job.contours, chosen)
     graph = order_rules(

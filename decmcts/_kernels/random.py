@@ -44,7 +44,7 @@ def below(state: NDArray[np.uint64], n: int) -> int:
 @kernel
 def log_uniform(state: NDArray[np.uint64], least: float, most: float) -> float:
     """Mutate `state`; return a number in (least, most] whose logarithm is uniform."""
-    return least * (most / least) ** uniform(state)
+    return least * float((most / least) ** uniform(state))
 
 
 @kernel

@@ -19,17 +19,17 @@ def main() -> None:
     """Run the command line; every failure is one line on standard error."""
     streams.forgive()
     signals.end_on_signals()
-    gc.disable()  # what modules make stays: looking for garbage in it takes a seventh of the start
+    gc.disable()  # imports make no garbage, and looking for it takes a seventh of the start
     try:
         from decmcts.cli.run import run  # takes a second: Ctrl-C may come in it
 
-        gc.freeze()  # nor later, whenever there is something else to look through
+        gc.freeze()  # later collections leave out what the modules made
         gc.enable()
         code = run(sys.argv[1:])
     except KeyboardInterrupt:  # here, or while commands are still being built
         sys.stderr.write("decmcts: stopped; nothing was written\n")
         code = signals.exit_code()
     signals.ignore_signals()  # what is done is done: nothing changes the exit code any more
-    gc.freeze()  # nor on the way out, where it takes half a second
+    gc.freeze()  # at exit there is nothing to look through: half a second saved
     sys.stdout.flush()
     sys.exit(code)

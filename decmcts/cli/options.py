@@ -49,7 +49,7 @@ PlannerOption = Annotated[
         "--planner",
         rich_help_panel=SEARCH,
         metavar="PLANNER",
-        help="How the order is found: hybrid, local, greedy, layerwise, slicer or mcts",
+        help=f"How the order is found: {', '.join(PlannerName)}",
     ),
 ]
 FreedomOption = Annotated[
@@ -85,7 +85,7 @@ QualityOption = Annotated[
     typer.Option(
         "--quality/--no-quality",
         rich_help_panel=QUALITY,
-        help="Shells and what is anchored in them as sliced, and cooling (not in `launch`); "
+        help="Shells and what is anchored in them as sliced, and cooling; "
         "default: on but for the paper's machine",
         show_default=False,
     ),

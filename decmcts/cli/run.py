@@ -14,7 +14,6 @@ from unicodedata import category
 
 from typer.exceptions import TyperException
 
-from agents.launching.supervisor import LaunchError
 from decmcts.cli import (
     commands,  # noqa: F401 - it registers them
     signals,
@@ -34,7 +33,7 @@ def run(arguments: list[str], *, program: Callable[..., object] = app) -> int:
     except TyperException as error:
         usage = _usage(error)
         return _failed(usage, 2) if usage else 2
-    except (InputError, VerificationError, LaunchError) as error:
+    except (InputError, VerificationError) as error:
         return _failed(error, 2 if isinstance(error, InputError) else 1)
     except OSError as error:
         return _failed(_in_words(error), 2)

@@ -94,7 +94,8 @@ class Rules:
     Raises
     ------
     InputError
-        For a limit below zero, or a seam policy without the freedom it needs.
+        For a limit below zero, a name that is none, or a seam policy without the freedom it
+        needs.
 
     Examples
     --------
@@ -115,10 +116,13 @@ class Rules:
     seam: Seam = Seam.NEAREST
 
     def __post_init__(self) -> None:
+        of_enum(self, "process_order", ProcessOrder)
+        of_enum(self, "freedom", Freedom)
+        of_enum(self, "seam", Seam)
         if self.seam != Seam.NEAREST and self.freedom != Freedom.SEAM:
             raise InputError(f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}")
-        _at_least_zero("min_layer_time_s", self.min_layer_time_s)
-        _at_least_zero("max_layers_ahead", self.max_layers_ahead)
+        at_least_zero("min_layer_time_s", self.min_layer_time_s)
+        at_least_zero("max_layers_ahead", self.max_layers_ahead)
 
     def holds(self, machine: Machine) -> bool:
         """Tell whether `quality` holds on this machine: the paper's has no such rule."""
@@ -159,7 +163,7 @@ class Search:
     Raises
     ------
     InputError
-        For a limit or a seed below zero.
+        For a limit or a seed below zero, or a name that is none.
 
     Examples
     --------
@@ -176,9 +180,12 @@ class Search:
     certificate: bool = True
 
     def __post_init__(self) -> None:
-        _at_least_zero("time_limit_s", self.time_limit_s)
-        _at_least_zero("seed", self.seed)
-        _at_least_zero("max_iterations", self.max_iterations)
+        if isinstance(self.planner, str):
+            of_enum(self, "planner", PlannerName)
+        of_enum(self, "objective", Objective)
+        at_least_zero("time_limit_s", self.time_limit_s)
+        at_least_zero("seed", self.seed)
+        at_least_zero("max_iterations", self.max_iterations)
 
     @property
     def name(self) -> str:
@@ -211,7 +218,7 @@ class TeamSearch:
     Raises
     ------
     InputError
-        For a limit or a seed below zero.
+        For a limit or a seed below zero, a name that is none, or a parameter out of its range.
 
     Examples
     --------
@@ -226,11 +233,32 @@ class TeamSearch:
     parameters: Mapping[str, float | str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _at_least_zero("time_limit_s", self.time_limit_s)
-        _at_least_zero("seed", self.seed)
+        of_enum(self, "objective", Objective)
+        at_least_zero("time_limit_s", self.time_limit_s)
+        at_least_zero("seed", self.seed)
+        if self.parameters:
+            from decmcts.team.dec_mcts.parameters import Parameters, changed  # loads much
+
+            changed(Parameters(), self.parameters)
 
 
-def _at_least_zero(name: str, value: float | None) -> None:
+def of_enum(options: object, name: str, enum: type[StrEnum]) -> None:
+    """Let a field of new options be a member of an enum, given as one or by its value.
+
+    Raises
+    ------
+    InputError
+        If it is no such value.
+    """
+    value = getattr(options, name)
+    try:
+        object.__setattr__(options, name, enum(value))  # the dataclass is frozen
+    except ValueError:
+        raise InputError(f"{name} is {value!r}, must be one of {', '.join(enum)}") from None
+
+
+def at_least_zero(name: str, value: float | None) -> None:
+    """Raise InputError for a limit below zero or infinite; None: no limit was given."""
     if value is not None and not 0 <= value < math.inf:
         raise InputError(f"{name} is {value}, must be at least 0 and finite")
 

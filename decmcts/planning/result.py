@@ -126,7 +126,7 @@ class Result:
             Write it even if the whole file takes longer than its source. With several heads
             it always is.
         report, stop
-            As in `plan`.
+            As in `plan`; for one head alone.
 
         Returns
         -------

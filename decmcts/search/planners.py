@@ -21,6 +21,7 @@ from decmcts.search.baselines.local import Local
 from decmcts.search.baselines.mcts import Mcts
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.trees import Trees
+from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
@@ -51,6 +52,13 @@ PLANNERS: Mapping[str, Planner] = MappingProxyType(
 
 KEEP_LAGS = ("layerwise", "local", "hybrid", "hybrid-mcts")
 """Planners that find orders which keep a problem's time lags."""
+
+
+def keeps_lags(planner: str | Planner) -> bool:
+    """Tell whether a planner, by name or not, finds orders that keep a problem's time lags."""
+    if isinstance(planner, Meanwhile):
+        return keeps_lags(planner.first) and keeps_lags(planner.then)
+    return planner in KEEP_LAGS or planner in [PLANNERS[name] for name in KEEP_LAGS]
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,7 +31,7 @@ from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
@@ -108,7 +108,7 @@ def plan_together(
 ) -> PlanDocument:
     """Return the team's joint plan."""
     problem = build_team_problem(job, machine, graph)
-    proposal = plan_team(problem, stopping=Stopping(seconds=time_limit_s), seed=seed)
+    proposal = plan_in_turn(problem, stopping=Stopping(seconds=time_limit_s), seed=seed)
     found = resolve(problem, proposal.plans, range(len(machine.heads)))
     return _document(job, machine, graph, schedule(job, machine, graph, found.toolpaths))
 

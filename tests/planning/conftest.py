@@ -12,7 +12,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 
@@ -29,7 +29,7 @@ class Agents:
         self.given.append((job, machine))
         problem = build_team_problem(job, machine, graph, lags)
         live = tuple(range(len(machine.heads)))
-        best = plan_team(problem, stopping=Stopping(iterations=1), seed=0)
+        best = plan_in_turn(problem, stopping=Stopping(iterations=1), seed=0)
         found = resolve(problem, best.plans, live)
         agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
         return LaunchResult(agreement, found.toolpaths, problem.digest)

@@ -10,6 +10,7 @@ from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.options import (
     Freedom,
+    Objective,
     PlannerName,
     ProcessOrder,
     Rules,
@@ -17,6 +18,7 @@ from decmcts.planning.options import (
     Search,
     TeamSearch,
 )
+from decmcts.planning.verifying.held import Held
 from decmcts.search.planners import PLANNERS
 from decmcts.search.sequence.incumbent import Incumbent
 
@@ -41,12 +43,42 @@ class Mine:
         lambda: TeamSearch(seed=-1),
         lambda: Rules(min_layer_time_s=-1.0),
         lambda: Rules(max_layers_ahead=-1),
+        lambda: Held(max_layers_ahead=-1),
+        lambda: Held(min_layer_time_s=-1.0),
     ],
 )
 def test_a_limit_below_zero_is_refused(made) -> None:
     """Minutes later nobody knows where it came from."""
     with pytest.raises(InputError, match="must be at least 0"):
         made()
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda: Search(objective="speed"), "objective is 'speed', must be one of travel, time"),
+        (lambda: Search(planner="fast"), "planner is 'fast', must be one of slicer, "),
+        (lambda: Rules(freedom="some"), "freedom is 'some', must be one of fixed, "),
+        (lambda: Rules(process_order=None), "process_order is None, must be one of keep, free"),
+        (lambda: TeamSearch(objective="speed"), "objective is 'speed'"),
+        (lambda: TeamSearch(parameters={"gama": 1.0}), "gama"),
+        (lambda: Held(freedom="some"), "freedom is 'some'"),
+    ],
+)
+def test_a_name_that_is_none_is_refused(made, said) -> None:
+    """It used to be found when the search was over, as an internal error."""
+    with pytest.raises(InputError, match=said):
+        made()
+
+
+def test_names_stand_for_what_they_name() -> None:
+    """Who writes a script writes words."""
+    assert Search(objective="time", planner="greedy") == Search(
+        objective=Objective.TIME, planner=PlannerName.GREEDY
+    )
+    assert Search(planner="greedy").name == "greedy" and Search(objective="time").unit == "s"
+    assert Rules(freedom="seam", seam="rear") == Rules(freedom=Freedom.SEAM, seam=Seam.REAR)
+    assert Held(freedom="fixed").freedom is Freedom.FIXED
 
 
 def test_a_seam_policy_needs_its_freedom() -> None:

@@ -9,7 +9,7 @@ import pytest
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.bound import bound
-from decmcts.planning.options import PlannerName, Search
+from decmcts.planning.options import Freedom, PlannerName, Rules, Seam, Search
 from decmcts.planning.plan import plan
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
@@ -38,7 +38,7 @@ def test_it_says_what_was_gained_and_what_is_left(result: Result) -> None:
     assert result.bound is not None and result.bound.bound is not None
     assert result.bound.bound == pytest.approx(result.after.travel_mm)
     assert bound(result) == result.bound
-    with pytest.raises(ValueError, match="must be finite and at least 0"):
+    with pytest.raises(InputError, match="must be at least 0 and finite"):
         bound(result, time_limit_s=-1.0)
     assert result.bound_s is None
 
@@ -73,3 +73,18 @@ def test_a_folder_that_is_not_there_is_refused(result: Result, tmp_path: Path) -
     """In the words of the command line, not in the system's."""
     with pytest.raises(InputError, match="no such folder"):
         result.write_plan(tmp_path / "no" / "plan.json")
+
+
+def test_a_bound_that_was_proven_is_kept(result: Result) -> None:
+    """No time is too short for what `plan` has proven already."""
+    assert result.bound is not None
+    assert bound(result, time_limit_s=0.0) == result.bound
+
+
+def test_a_kept_source_has_no_bound_where_its_entries_are_not_allowed(source: Path) -> None:
+    """It was an error of the program."""
+    search, rear = Search(1.0), Rules(freedom=Freedom.SEAM, seam=Seam.REAR)
+    written = plan(read(source, "paper"), search, rear).write_gcode(source.with_name("o.gcode"))
+    assert written.times is not None and written.times.kept
+    with pytest.raises(InputError, match="the seam policy does not"):
+        bound(written.result)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.resolve import resolve
 from sim.experiments.random_teams import problem_of
 
@@ -14,7 +14,7 @@ def digest(seed: int) -> str:
     """Return the digest of the joint order that is planned on a random machine, and its time."""
     problem = problem_of(seed)
     heads = range(len(problem.machine.heads))
-    found = plan_team(problem, stopping=Stopping(iterations=3), seed=1)
+    found = plan_in_turn(problem, stopping=Stopping(iterations=3), seed=1)
     joint = resolve(problem, found.plans, heads)
     return f"{problem.digest} {joint.digest} {joint.makespan_s.hex()}"
 

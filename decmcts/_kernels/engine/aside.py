@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.joint import (
+    UNIT_ASIDE,
     UNIT_PARK,
-    UNIT_YIELD,
     Heads,
     Units,
     Visits,
@@ -291,7 +291,7 @@ def step_aside(
         if not is_safe(at, rest, fleet):
             return False
     for k in range(count):
-        put_travel(int(steps[k, 0]), UNIT_YIELD, steps[k, 1:], visits, fleet, units, heads)
+        put_travel(int(steps[k, 0]), UNIT_ASIDE, steps[k, 1:], visits, fleet, units, heads)
     return True
 
 

@@ -1,8 +1,8 @@
 """Carries out given sequences of several heads as one joint order, on bare arrays.
 
 Sequences with turns are one order of everything, put as it stands. Without turns
-the heads are merged: of those whose next contour may be printed, the one that can
-begin soonest goes first.
+the heads are merged: of those whose next contour may be printed, the one that is
+there first goes first.
 """
 
 from __future__ import annotations

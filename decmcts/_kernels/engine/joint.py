@@ -34,7 +34,7 @@ from decmcts._kernels.geometry.pieces import Pieces
 from decmcts._kernels.jit import inlined, kernel
 
 NONE = -1
-UNIT_PRINT, UNIT_TRAVEL, UNIT_YIELD, UNIT_PARK = 0, 1, 2, 3
+UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK = 0, 1, 2, 3
 
 
 class Visits(NamedTuple):
@@ -191,7 +191,7 @@ def put_travel(
     begin = clear_from(r, room, heads.free[r], visits, fleet, units, heads)
     end = begin + travel_seconds(at, target, fleet.travel[r])
     # one that steps aside may stay as high as it crossed
-    top = fleet.ceiling if kind == UNIT_YIELD else -np.inf
+    top = fleet.ceiling if kind == UNIT_ASIDE else -np.inf
     put(r, kind, NONE, False, begin, end, room, target, top, units, heads)
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.joint import UNIT_PRINT, UNIT_YIELD
+from decmcts._kernels.engine.joint import UNIT_ASIDE, UNIT_PRINT
 from decmcts._kernels.geometry.clearance import PackedHead
 from decmcts._kernels.geometry.travel import HeightField, deposit, travel_height_above
 from decmcts._kernels.jit import kernel
@@ -73,7 +73,7 @@ def travel_levels(
             last = i if s == r else units.later[row, s]
             deposit_until(s, seen[s], last, units, beads, field)
             seen[s] = max(seen[s], last)
-        stays_up = units.kind[row] == UNIT_YIELD
+        stays_up = units.kind[row] == UNIT_ASIDE
         level[row] = crossing(starts[row], goals[row], stays_up, field, head, lift_mm)
         if stays_up:
             goals[row, 2] = level[row]

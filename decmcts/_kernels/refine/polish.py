@@ -1,10 +1,10 @@
 """Local search on one order of everything that several heads do, on bare arrays.
 
 A move takes a run of contours that one head prints one after the other and puts it
-before or behind another contour: on that contour's head, or on its own head at another
-turn. Moves are judged within a window of turns: by heads and tails a little behind it
-(`decmcts._kernels.refine.tails`). What the window gained is kept if the whole print does not end
-much later (simulated annealing, within windows and over them).
+before or behind another contour: on that contour's head, on its own at another turn, or
+on any head at any turn. Moves are judged within a window of turns: by heads and tails a
+little behind it (`decmcts._kernels.refine.tails`). What the window gained is kept if the whole
+print does not end much later (simulated annealing, within windows and over them).
 """
 
 from __future__ import annotations

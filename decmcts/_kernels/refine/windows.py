@@ -1,4 +1,4 @@
-"""What all searches in windows of a joint order share (`polish`, `recreate`).
+"""What all searches in windows of a joint order share (`polish`, `recreate`, `join`).
 
 Where they look, how what they try is judged, and how it is taken back.
 """

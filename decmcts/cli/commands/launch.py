@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -20,7 +21,6 @@ from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import is_qcsp
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Event, Heads, Step
@@ -33,13 +33,14 @@ from decmcts.planning.options import (
     Rules,
     TeamSearch,
 )
+from decmcts.planning.problem.slicing import PRINTED, Chosen, Slicing
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.parameters import read_parameters
 from decmcts.planning.writing.file_times import is_longer
 from decmcts.planning.writing.heads import head_files, stem_of
 from decmcts.planning.writing.lines import cooling_line
-from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.samples import sample_path
 from decmcts.team.engine.space import eligibility
 
@@ -56,7 +57,10 @@ StemOption = Annotated[
 HeadsOption = Annotated[
     str,
     typer.Option(
-        "--machine", rich_help_panel=opt.BASICS, metavar="NAME|FILE", help="A machine with heads"
+        "--machine",
+        rich_help_panel=opt.BASICS,
+        metavar="NAME|FILE",
+        help="A machine with several heads, such as dual-gantry or rail-3",
     ),
 ]
 
@@ -127,6 +131,7 @@ def launch(
     outputs = [*heads, plan_file, report, picture, record]
     refuse_unwritable(outputs, source, *([] if team is None else [team]))
     refuse_other_suffixes(plan_file, report, picture)
+    refuse_stdout(record, "--record")
     only_shown = not (as_json or stem or plan_file or report or picture or record)
     search = TeamSearch(time_limit, seed, objective, {} if team is None else read_parameters(team))
     result = run_team(
@@ -170,7 +175,7 @@ def run_team(
                 keep(event)
             show(event)
 
-        mesh = SliceOptions(center=(150.0, 150.0))
+        mesh = Slicing(Chosen(None), replace(PRINTED, skirts=0))  # start code primes the heads
         found = read(source, machine, limits=limits, mesh=mesh, report=told)
         return launch_heads(found, search, rules, writes=writes, report=told, stop=stop)
 

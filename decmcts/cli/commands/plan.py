@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -32,7 +33,7 @@ from decmcts.planning.options import (
     Search,
 )
 from decmcts.planning.plan import plan as find_order
-from decmcts.planning.problem.slicing import AUTO, Chosen, Slicing, choose_slicer
+from decmcts.planning.problem.slicing import AUTO, PRINTED, Chosen, Slicing, choose_slicer
 from decmcts.planning.read import read
 from decmcts.planning.result import Result, Written
 from decmcts.planning.writing.lines import cooling_line, layers_line
@@ -40,6 +41,7 @@ from decmcts.planning.writing.places import (
     STDOUT,
     name_of,
     refuse_other_suffixes,
+    refuse_stdout,
     refuse_two_on_stdout,
     refuse_unpackable,
     refuse_unwritable,
@@ -100,6 +102,7 @@ def plan(
     refuse_unpackable(output, source)
     refuse_other_suffixes(plan_file, report, picture)
     refuse_two_on_stdout(output, as_json=as_json)
+    refuse_stdout(sliced, "--sliced")
     rules = opt.rules_of(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
     )  # fmt: skip
@@ -107,9 +110,9 @@ def plan(
     slicing = slicing_of(
         context,
         choose_slicer(slicer, slicer_config),
-        SliceOptions(
-            layer_height=layer_height, nozzle=nozzle, density=density, perimeters=perimeters,
-            temperature=temperature, bed_temperature=bed_temperature, skirts=2, fan_percent=100.0,
+        replace(
+            PRINTED, layer_height=layer_height, nozzle=nozzle, density=density,
+            perimeters=perimeters, temperature=temperature, bed_temperature=bed_temperature,
         ),
     )  # fmt: skip
     search = Search(time_limit, seed, planner, objective, certificate=certificate)

@@ -29,7 +29,7 @@ from decmcts.planning.options import (
 )
 from decmcts.planning.result import Written
 from decmcts.planning.writing.lines import layers_line
-from decmcts.planning.writing.places import refuse_unwritable
+from decmcts.planning.writing.places import refuse_place, refuse_unwritable
 
 
 @app.command()
@@ -52,6 +52,7 @@ def post(
 ) -> None:
     """Reorder a G-code file in place, as a slicer's post-processing script."""
     refuse_unwritable([], path)
+    refuse_place(path, advice="it is edited in place: make it and its folder writable")
     if path.suffix.lower() in MESH_SUFFIXES:
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
     rules = opt.rules_of(

@@ -16,7 +16,13 @@ from decmcts.formats.bare.sop import SopInstance, read_sop, tour_text
 from decmcts.jit.kernel import at_work
 from decmcts.planning.bare import compile_sop, require_sound, solve_sop
 from decmcts.planning.events import Step
-from decmcts.planning.writing.places import STDOUT, name_of, put, refuse_unwritable
+from decmcts.planning.writing.places import (
+    STDOUT,
+    name_of,
+    put,
+    refuse_two_on_stdout,
+    refuse_unwritable,
+)
 from decmcts.search.sop.solver import SopResult
 
 
@@ -33,6 +39,7 @@ def plan_sop(
     if output is None:
         target = target.with_name(target.name + ".tour")
     refuse_unwritable([target], source)
+    refuse_two_on_stdout(output, as_json=as_json)
     seconds: dict[str, float] = {}
     with (
         interrupt_stops(at_work) as stop,

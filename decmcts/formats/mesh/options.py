@@ -6,12 +6,14 @@ import math
 from dataclasses import dataclass, field
 
 from decmcts.errors import InputError
+from decmcts.print.machine import Machine
 
 MESH_SUFFIXES = (".stl", ".3mf", ".obj")
 _WIDTH_PER_NOZZLE = 1.125  # what PrusaSlicer takes for a 0.4 mm nozzle: 0.45 mm
 
 
 _PARK_MM = 5.0  # from the edge of the bed
+_NO_LIMIT_MM = 1e5  # a reach beyond this is no limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +23,16 @@ class Bed:
     low: tuple[float, float] = (0.0, 0.0)
     high: tuple[float, float] = (250.0, 210.0)
     height: float = 200.0
+
+    @staticmethod
+    def of(machine: Machine) -> Bed:
+        """Take a machine's bed: a common one for the paper's machine, whose own is not real."""
+        if not machine.bead_width:
+            return Bed()
+        height = machine.heads[0].reach_max[2]
+        return Bed(
+            machine.bed_min, machine.bed_max, height if height < _NO_LIMIT_MM else Bed().height
+        )
 
     @property
     def center(self) -> tuple[float, float]:

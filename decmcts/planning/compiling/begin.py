@@ -35,16 +35,18 @@ def compile_search(problem: OrderProblem, planner: str | Planner, stop: Stop = n
         mark_compiled(part_of(problem, planner))
 
 
-def begin_with(problem: OrderProblem, planner: str | Planner, stop: Stop) -> str | Planner:
+def begin_with(
+    problem: OrderProblem, planner: str | Planner, stop: Stop, *, at_once: bool
+) -> str | Planner:
     """Compile what a search needs; return the planner to begin with.
 
     While the kernels of `hybrid` are still being compiled in another process, that is one which
-    begins with `FIRST` and changes over when they are ready. Once `stop` returns True it is
+    begins with `FIRST` and changes over when they are ready; not so `at_once`. Once `stop` returns True it is
     `slicer`, which does not search. A user's own planner is returned as it is.
     """
     if not isinstance(planner, str):
         return "slicer" if stop() else planner
-    first = first_planner(problem, planner)
+    first = first_planner(problem, planner, at_once=at_once)
     compile_search(problem, first, stop)
     if stop():
         return "slicer"
@@ -54,15 +56,20 @@ def begin_with(problem: OrderProblem, planner: str | Planner, stop: Stop) -> str
     return Meanwhile(PLANNERS[first], PLANNERS[planner], lambda: is_compiled(part))
 
 
-def can_begin(problem: OrderProblem, planner: str | Planner) -> bool:
+def can_begin(problem: OrderProblem, planner: str | Planner, *, at_once: bool) -> bool:
     """Say whether what a search begins with is compiled."""
     if not isinstance(planner, str):
         return True
-    return is_compiled(part_of(problem, first_planner(problem, planner)))
+    return is_compiled(part_of(problem, first_planner(problem, planner, at_once=at_once)))
 
 
-def first_planner(problem: OrderProblem, planner: str) -> str:
-    """Name the planner a search begins with while other kernels are compiled beside it."""
+def first_planner(problem: OrderProblem, planner: str, *, at_once: bool) -> str:
+    """Name the planner a search begins with while other kernels are compiled beside it.
+
+    `at_once` it is the planner itself: then results repeat, whatever is compiled.
+    """
     part = part_of(problem, planner)
-    unready = planner == "hybrid" and compiled_beside(part) and not is_compiled(part)
+    unready = (
+        not at_once and planner == "hybrid" and compiled_beside(part) and not is_compiled(part)
+    )
     return FIRST if unready else planner

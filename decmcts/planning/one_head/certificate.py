@@ -14,7 +14,7 @@ from decmcts.search.bounds.certificate import EXACT_UP_TO, lower_bound
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 
-MOST_S = 10.0  # for the bound
+MOST_S = 10.0  # for the bound of a plan
 MOST_EARLY_S = 3.0  # for the bound shown while searching
 EARLY_SHARE = 0.05  # of the search time, for that one
 EARLY_FROM_S = 3.0  # a shorter search ends before one could read it, and making it takes 0.2 s
@@ -64,6 +64,7 @@ def certify(
     *,
     stopping: Stopping,
     known: float | None = None,
+    most_s: float = MOST_S,
 ) -> Certificate:
     """Prove how far from optimal a result is at most, or say why that is not known.
 
@@ -74,12 +75,12 @@ def certify(
     travel : float
         What the result's travels cost, in that unit.
     stopping : Stopping
-        What ends the proof, with what is proven by then; `MOST_S` end it at the latest.
+        What ends the proof, with what is proven by then; `most_s` end it at the latest.
     known : float | None
         A bound that the search itself has proven; the one returned is no lower. If it equals
         the travel, the result is optimal and nothing else is tried.
     """
-    allowed_s, unit = stopping.seconds_up_to(MOST_S), problem.unit
+    allowed_s, unit = stopping.seconds_up_to(most_s), problem.unit
     if known is not None and travel <= known * (1.0 + ROUNDING):
         return Certificate(travel, known, 0.0, unit, "exact")
     asked = "stopped before one was proven" if stopping.is_asked() else ""

@@ -21,9 +21,11 @@ from decmcts.planning.options import Objective, Search
 from decmcts.planning.problem.planned import Planned, check
 from decmcts.planning.writing.file_times import FileTimes, compared_with, with_whole_files
 from decmcts.planning.writing.one_head import draft_single
-from decmcts.planning.writing.places import name_of, put
+from decmcts.planning.writing.places import STDOUT, name_of, put
 
 AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the first search's time, and at most so many s
+DraftOf = Callable[[Planned, Path, Path], FileTimes]
+"""Writes a plan's G-code to the second argument, to be named as the third; returns its times."""
 
 
 def write_no_slower(
@@ -34,7 +36,7 @@ def write_no_slower(
     allow_slower: bool,
     report: Report = unheard,
     stop: Stop = never,
-    draft_of: Callable[[Planned, Path, Path], FileTimes] = draft_single,
+    draft_of: DraftOf = draft_single,
 ) -> tuple[Planned, FileTimes]:
     """Write the G-code of one head to `path`; returns what was written and its times.
 
@@ -51,7 +53,7 @@ def write_no_slower(
         report(Step(f"writing {name_of(path)}, reading it back and judging it"))
         times = draft_of(planned, draft, path)
         if times.longer and not allow_slower:
-            planned, times = _again(planned, search, times, draft, path, report, stop)
+            planned, times = _again(planned, search, times, draft, path, draft_of, report, stop)
         if times.longer and not allow_slower:
             planned, times = _kept(planned, times, path, report)
         else:
@@ -66,6 +68,7 @@ def _again(
     times: FileTimes,
     draft: Path,
     path: Path,
+    draft_of: DraftOf,
     report: Report,
     stop: Stop,
 ) -> tuple[Planned, FileTimes]:
@@ -79,7 +82,7 @@ def _again(
     )  # fmt: skip
     other = plan_judged(planned.problem, for_time, before=planned.before, report=report, stop=stop)
     first = draft.read_bytes()
-    found = draft_single(other, draft, path)
+    found = draft_of(other, draft, path)
     if found.after_s < times.after_s:
         return other, found
     draft.write_bytes(first)
@@ -102,7 +105,7 @@ def _kept(
 
 def copy_source(source: Path, path: Path) -> None:
     """Write a file as it is; packed or unpacked only where the names say so."""
-    if path.suffix == source.suffix:
+    if path != STDOUT and path.suffix == source.suffix:
         write_whole(path, source.read_bytes())
     else:
         put(packed_text(load_text(source), path, source), path, packed=True)

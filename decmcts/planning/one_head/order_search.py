@@ -12,7 +12,7 @@ from decmcts.planning.one_head.cooling import Run, search_cooled
 from decmcts.planning.options import Search
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.planners import KEEP_LAGS, Planner, SearchResult, plan_order
+from decmcts.search.planners import Planner, SearchResult, keeps_lags, plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags
@@ -33,7 +33,7 @@ class OrderSearch:
 
     def ready(self) -> bool:
         """Say whether what it begins with is compiled."""
-        return can_begin(self.problem, self.asked.planner)
+        return can_begin(self.problem, self.asked.planner, at_once=self._repeats)
 
     def compile_cooling(self) -> None:
         """Compile what times orders with cooling, so that it takes none of the search time."""
@@ -44,7 +44,12 @@ class OrderSearch:
 
     def begin(self, stop: Stop) -> str | Planner:
         """Return the planner to begin with, compiled."""
-        return begin_with(self.problem, self.asked.planner, stop)
+        return begin_with(self.problem, self.asked.planner, stop, at_once=self._repeats)
+
+    @property
+    def _repeats(self) -> bool:
+        """Whether equal seeds are to give equal orders, whatever is compiled."""
+        return self.asked.max_iterations is not None
 
     def search(self, chosen: str | Planner, stopping: Stopping) -> SearchResult:
         """Search, for an order whose spots cool in time where there is such a rule."""
@@ -58,7 +63,7 @@ class OrderSearch:
             return self._run(chosen)(None, stopping)
         return search_cooled(
             given.job, given.machine, given.graph, self.lags,
-            self.timed_lags if chosen in KEEP_LAGS else None, self._run(chosen),
+            self.timed_lags if keeps_lags(chosen) else None, self._run(chosen),
             source_toolpath(self.problem), stopping=stopping, report=self.report,
         )  # fmt: skip
 

@@ -82,14 +82,18 @@ def plan_one_head(
 
 
 def search_order(
-    problem: PrintProblem, search: Search, *, clock: Callable[[], float] = time.monotonic
+    problem: PrintProblem,
+    search: Search,
+    *,
+    stop: Stop = never,
+    clock: Callable[[], float] = time.monotonic,
 ) -> SearchResult:
     """Find an order for one head; never worse than the source in what it minimises."""
     order_problem = problem.for_one_head(search.objective)
-    compile_search(order_problem, search.planner)
+    compile_search(order_problem, search.planner, stop)
     return plan_order(
         order_problem, planner=search.planner, seed=search.seed, clock=clock,
-        stopping=Stopping(search.time_limit_s, search.max_iterations),
+        stopping=Stopping(search.time_limit_s, search.max_iterations, stop),
     )  # fmt: skip
 
 

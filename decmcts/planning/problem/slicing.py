@@ -31,7 +31,6 @@ from decmcts.print.machine import Machine
 AUTO, BUILTIN = "auto", "builtin"
 TIMEOUT_S = 1800.0
 TAIL_BYTES = 20_000  # of what a slicer printed, enough to find why it failed
-NO_LIMIT_MM = 1e5  # a reach beyond this is no limit
 EXPERIMENTS = "the built-in slicer (for experiments: no bridges, gap fill or supports)"
 PRINTED = SliceOptions(skirts=2, fan_percent=100.0)  # of a mesh that will be printed
 CURA_SHARED = ("/usr/share/cura", "/usr/local/share/cura")
@@ -140,14 +139,6 @@ def cura_definition(shared: Sequence[str] = CURA_SHARED) -> tuple[Path, ...]:
     return next(((place,) for place in places if place.is_file()), ())
 
 
-def bed_of(machine: Machine) -> Bed:
-    """Return the bed to slice for: a common one for the paper's machine, whose own is not real."""
-    if not machine.bead_width:
-        return Bed()
-    height = machine.heads[0].reach_max[2]
-    return Bed(machine.bed_min, machine.bed_max, height if height < NO_LIMIT_MM else Bed().height)
-
-
 class SlicedFolder:
     """A temporary folder that is deleted with this object."""
 
@@ -184,7 +175,7 @@ class Slicing:
 
     def slice_for(self, mesh: Path, machine: Machine, folder: Path) -> Path:
         """Slice a mesh for a machine and return the G-code file, in a folder."""
-        bed = bed_of(machine)
+        bed = Bed.of(machine)
         options = replace(self.options, bed=bed, center=bed.center)
         if self.chosen.slicer is None or self.chosen.program is None:
             sliced = folder / "sliced.gcode"

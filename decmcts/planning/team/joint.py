@@ -26,7 +26,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound
 from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
-from decmcts.team.schedule.entries import Orders, best_entries, with_entries
+from decmcts.team.schedule.entries import OrderChoices, best_entries, with_entries
 from decmcts.team.schedule.joint_plan import schedule
 
 
@@ -37,7 +37,7 @@ class Prepared:
     problem: PrintProblem
     before: PlanDocument  # the source's own order, one head
     lags: Lags  # that cooling demands
-    orders: Orders  # what orders may choose
+    orders: OrderChoices  # what orders may choose
     lone_order: Toolpath  # the best order found for one head alone
     entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
     bound: Bound  # on the makespan
@@ -53,7 +53,11 @@ def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
     problem = ready.problem
     paths = one_head_toolpaths(problem.job, problem.machine, ready.lone_order, live=live)
     shared = "one head" if sum(len(path) > 0 for path in paths) < 2 else "one order"
-    return document_of(problem, ready.schedule(paths), {"planner": f"local, {shared}"})
+    try:
+        plan = ready.schedule(paths)
+    except InputError:  # entered elsewhere, a loop may be where another head cannot pass
+        plan = ready.schedule(with_entries(paths, np.zeros(len(problem.job.contours), np.int32)))
+    return document_of(problem, plan, {"planner": f"local, {shared}"})
 
 
 def best_of(
@@ -107,7 +111,7 @@ def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan |
     return min(plans, key=lambda plan: plan.makespan_s, default=None)
 
 
-def _freedom_metrics(orders: Orders) -> Metrics:
+def _freedom_metrics(orders: OrderChoices) -> Metrics:
     """Return what a plan's metrics say of its freedom and objective."""
     said: Metrics = {"freedom": orders.freedom}
     if orders.freedom == "seam":

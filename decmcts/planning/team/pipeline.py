@@ -35,7 +35,7 @@ from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
-from decmcts.team.schedule.entries import Orders, agreed_job, entries_of, first_entries
+from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
 from decmcts.team.schedule.leaning import lean
 
 ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
@@ -81,7 +81,7 @@ def plan_team(
     VerificationError
         When the judge refuses the plan.
     """
-    ready = _prepared(problem, search, writes=writes, report=report)
+    ready = _prepared(problem, search, writes=writes, report=report, stop=stop)
     finish_beside(TEAM, report)  # so that agents load compiled kernels from the start
     started = time.perf_counter()
     report(Begun())
@@ -93,10 +93,12 @@ def plan_team(
 
 
 def _prepared(
-    problem: PrintProblem, search: TeamSearch, *, writes: bool, report: Report
+    problem: PrintProblem, search: TeamSearch, *, writes: bool, report: Report, stop: Stop
 ) -> Prepared:
     """Have the source's own order judged, and find all that must be known before agents plan."""
-    orders = Orders(problem.rules.freedom.value, problem.rules.seam.value, search.objective.value)
+    orders = OrderChoices(
+        problem.rules.freedom.value, problem.rules.seam.value, search.objective.value
+    )
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
     if writes:
@@ -109,7 +111,7 @@ def _prepared(
     job, machine, graph = problem.job, problem.machine, problem.graph
     lags = lags_of(problem, before)
     report(Step("an order for one head alone"))
-    lone = _lone_order(problem, search, lags)
+    lone = _lone_order(problem, search, lags, stop)
     entry, entries = first_entries(job, orders, lone), entries_of(job, orders)
     if entries is not None:
         report(Step("where loops begin"))
@@ -119,11 +121,11 @@ def _prepared(
     return Prepared(problem, before, lags, orders, lone, entry, bound)
 
 
-def _lone_order(problem: PrintProblem, search: TeamSearch, lags: Lags) -> Toolpath:
+def _lone_order(problem: PrintProblem, search: TeamSearch, lags: Lags, stop: Stop) -> Toolpath:
     """Return an order for one head, with contours moved so that it waits less for cooling."""
     limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
     local = Search(limit_s, search.seed, PlannerName.LOCAL, search.objective)
-    found = search_order(problem, local).toolpath
+    found = search_order(problem, local, stop=stop).toolpath
     return cooled(problem.job, problem.machine, problem.graph, lags, found).toolpath
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from decmcts.planning.options import Freedom, ProcessOrder
+from decmcts.planning.options import Freedom, ProcessOrder, at_least_zero, of_enum
 from decmcts.print.plan import OrderRules
 
 
@@ -16,6 +16,11 @@ class Held:
     ----------
     process_order, quality, max_layers_ahead, freedom, min_layer_time_s
         As in `decmcts.Rules`.
+
+    Raises
+    ------
+    InputError
+        For a limit below zero, or a name that is none.
 
     Examples
     --------
@@ -29,6 +34,14 @@ class Held:
     max_layers_ahead: int | None = None
     freedom: Freedom | None = None
     min_layer_time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.process_order is not None:
+            of_enum(self, "process_order", ProcessOrder)
+        if self.freedom is not None:
+            of_enum(self, "freedom", Freedom)
+        at_least_zero("max_layers_ahead", self.max_layers_ahead)
+        at_least_zero("min_layer_time_s", self.min_layer_time_s)
 
     def names(self) -> list[str]:
         """Return the names of the rules that are not None."""

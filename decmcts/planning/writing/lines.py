@@ -12,11 +12,12 @@ from decmcts.version import __version__
 def header_lines(planned: Planned) -> list[str]:
     """Return the comment lines that say what was done to the file."""
     was, now = planned.before.metrics, planned.after.metrics
+    several = len(planned.after.plan.heads) > 1
     machine = planned.after.machine
     seam = f" ({now['seam']})" if "seam" in now else ""
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
-        f"planner {now['planner']} for {now.get('objective', 'makespan')},"
+        f"planner {now['planner']} for {'makespan' if several else now['objective']},"
         f" freedom {now['freedom']}{seam}, seed {now['seed']}",
         f"extrusionless travel {was['extrusionless_travel_mm']:.1f} mm -> "
         f"{now['extrusionless_travel_mm']:.1f} mm",

@@ -30,7 +30,7 @@ def refuse_unwritable(
     taken: set[Path] = set()
     for path in (p for p in paths if p is not None and p != STDOUT):
         place = Path(os.path.realpath(path))
-        _refuse_place(path)
+        refuse_place(path)
         if _same(path, source):
             raise InputError(
                 "the output is the input",
@@ -49,7 +49,7 @@ def _same(path: Path, other: Path) -> bool:
     return path.exists() and other.exists() and path.samefile(other)
 
 
-def _refuse_place(path: Path) -> None:
+def refuse_place(path: Path, *, advice: str = "name another output") -> None:
     """Raise InputError where no file can be written under this name."""
     folder = Path(os.path.realpath(path)).parent
     if not folder.is_dir():
@@ -58,7 +58,13 @@ def _refuse_place(path: Path) -> None:
         raise InputError("the output is a folder", path=path, advice="name a file")
     refuse_special(path)
     if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
-        raise InputError("cannot write here", path=path, advice="name another output")
+        raise InputError("cannot write here", path=path, advice=advice)
+
+
+def refuse_stdout(path: Path | None, option: str) -> None:
+    """Raise InputError where an option that takes a file names standard output."""
+    if path == STDOUT:
+        raise InputError(f"{option} - is no file", advice=f"name one with {option} FILE")
 
 
 def refuse_two_on_stdout(output: Path | None, *, as_json: bool) -> None:

@@ -14,7 +14,7 @@ from decmcts.team.baselines import (
     static_split,
 )
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
 
@@ -35,7 +35,7 @@ def in_one_process(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
     """Return what all heads' Dec-MCTS find in turn; its iterations are rounds."""
     heads = range(len(problem.machine.heads))
     best = Incumbent(budget, len(heads))
-    proposal = plan_team(problem, stopping=budget.stopping, seed=seed, clock=budget.clock)
+    proposal = plan_in_turn(problem, stopping=budget.stopping, seed=seed, clock=budget.clock)
     found = resolve(problem, proposal.plans, heads)
     best.offer_toolpaths(found.toolpaths, found.makespan_s)
     return best.found

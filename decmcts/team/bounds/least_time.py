@@ -26,8 +26,9 @@ class LeastTimes:
     """No plan spends less on printing, in seconds."""
 
     contour: Floats  # (n,)
-    segment: Floats  # (n_points,) of the segment ending at each point, 0 at a start; their sum
-    # over a contour may be less than its own least: each is of the head, or entry, best for it
+    segment: Floats
+    """(n_points,) of the segment ending at each point, 0 at a start. Those of a contour may sum
+    to less than the contour's, since each is by the head and entry that are best for it."""
 
 
 def least_times(

@@ -11,7 +11,7 @@ Travels to near contours are listed; for all others there is a limit to each sha
 of the shortest travel, or more where the contours it leads to have less: 2 to 7 % below the best
 such shares, the dual of an assignment problem.
 
-No travel of a head that rests between contours takes less than `Pace.seconds`, by the times of
+No travel of a head that rests between contours takes less than `FastestTravel.seconds`, by the times of
 `decmcts.team.schedule.timing`. Two contours may have others that must be printed between them.
 Then some head prints these meanwhile, and the time this takes counts as well.
 """
@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class FastestTravel:
     """How fast the fastest head of a machine travels, or faster."""
 
     speed: float  # mm/s along the path
@@ -53,7 +53,7 @@ class Pace:
     retraction_s: float
 
     @staticmethod
-    def of(job: PrintJob, machine: Machine) -> Pace:
+    def of(job: PrintJob, machine: Machine) -> FastestTravel:
         """Return the pace of a machine's heads with this print."""
         settings, speed, rate, corner, retraction = job.settings, 0.0, 0.0, 0.0, np.inf
         for limits in {machine.limits_of(head) for head in machine.heads}:
@@ -69,7 +69,7 @@ class Pace:
         inside = settings.bare_inside_mm
         inside = float(np.hypot(inside, settings.bare_climb_mm + SAME_Z_MM)) if inside > 0 else 0.0
         bare = max(settings.retract_min_travel_mm, inside)
-        return Pace(speed, rate, min(corner, speed), bare, retraction)
+        return FastestTravel(speed, rate, min(corner, speed), bare, retraction)
 
     def seconds(self, length: Floats) -> Floats:
         """Return what a head takes at least to get so far, mm, with stops on the way or without.
@@ -105,7 +105,7 @@ class TravelShares:
 
     leaving: Floats  # (n,) after each contour, before its head begins another
     entering: Floats  # (n,) before it, since its head ended another
-    pace: Pace
+    pace: FastestTravel
 
     def without(self, heads: int) -> float:
         """Return what the first and the last contours of so many heads may go without."""
@@ -120,7 +120,7 @@ class TravelShares:
 def no_shares(contours: int) -> TravelShares:
     """Return shares of nothing."""
     nothing = np.zeros(contours)
-    return TravelShares(nothing, nothing, Pace(1.0, 1.0, 0.0, 0.0, 0.0))
+    return TravelShares(nothing, nothing, FastestTravel(1.0, 1.0, 0.0, 0.0, 0.0))
 
 
 def travel_shares(
@@ -141,7 +141,7 @@ def travel_shares(
     entries : SeamEntries | None
         Where loops may be entered besides as sliced; None: nowhere.
     """
-    n, pace, heads = len(job.contours), Pace.of(job, machine), len(machine.heads)
+    n, pace, heads = len(job.contours), FastestTravel.of(job, machine), len(machine.heads)
     if n < 2:
         return no_shares(n)
     outs, ins = ends_of(job.contours, entries)
@@ -189,7 +189,7 @@ class _Pairs:
     entering: Floats  # (n,) to contours that are not listed
 
 
-def _near_pairs(outs: Ends, ins: Ends, n: int, pace: Pace) -> _Pairs:
+def _near_pairs(outs: Ends, ins: Ends, n: int, pace: FastestTravel) -> _Pairs:
     """Return the pairs whose travel takes less than what is left for its two ends.
 
     To a contour not listed it is as far as to the last that was looked at, or farther, seen from

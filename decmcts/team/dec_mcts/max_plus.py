@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+OPTIMISM = 1.0  # how much more than expected a pair never seen is worth, in deviations of values
 Plan = NDArray[np.int32]
 
 
@@ -28,13 +29,10 @@ class PairValues:
     ----------
     chain : Sequence[int]
         The heads, each next to its neighbours.
-    optimism : float
-        How much better than its estimate a pair never seen is taken to be, in standard
-        deviations of all values.
     """
 
-    def __init__(self, chain: Sequence[int], *, optimism: float = 1.0) -> None:
-        self._chain, self._optimism = tuple(chain), optimism
+    def __init__(self, chain: Sequence[int]) -> None:
+        self._chain = tuple(chain)
         self._sums: dict[tuple[int, bytes, bytes], tuple[int, float]] = {}
         self._all: list[float] = []
 
@@ -66,7 +64,7 @@ class PairValues:
     def _pairs(self, head: int, mine: Sequence[Plan], next_: Sequence[Plan]) -> NDArray[np.float64]:
         """Return what each pair is thought to be worth, (len(mine), len(next_))."""
         mean = float(np.mean(self._all)) if self._all else 0.0
-        bonus = self._optimism * float(np.std(self._all)) if self._all else 0.0
+        bonus = OPTIMISM * float(np.std(self._all)) if self._all else 0.0
         after = self._chain[self._chain.index(head) + 1]
         single = np.array([self._mean((head, plan.tobytes(), b""), mean) for plan in mine])
         other = np.array([self._mean((after, plan.tobytes(), b""), mean) for plan in next_])

@@ -38,7 +38,7 @@ from decmcts.team.dec_mcts.polish import FEW, Polish
 from decmcts.team.dec_mcts.tree import ROOT, Boltzmann, Tree
 from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.engine.resolve import is_allowed, resolve, room_of
+from decmcts.team.engine.resolve import fleet_for, is_allowed, resolve
 from decmcts.team.engine.values import EACH, JointValues, Plan, Proposal, Team
 
 __all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
@@ -117,7 +117,7 @@ class DecMcts:
         received = {r: plans.get(r, NOTHING) for r in team}
         self._values.makespan(received, team)
         stated = self._values.stated(received)
-        if stated is None or not is_allowed(self.problem, stated, room_of(self.problem, team)[1]):
+        if stated is None or not is_allowed(self.problem, stated, fleet_for(self.problem, team)[1]):
             return
         if self._polishing is not None and self._polishing.team == team:
             self._polishing.polish.take(stated)
@@ -178,7 +178,7 @@ class DecMcts:
     def _try_policies(self, team: Team) -> bool:
         """Try some policies for all heads at once; False when this head has tried all its own."""
         if team not in self._trials:
-            eligible = room_of(self.problem, team)[1]
+            eligible = fleet_for(self.problem, team)[1]
             require_printable(self.problem.job.contours, self.problem.machine, eligible, live=team)
             p = self.parameters
             turn = team.index(self.head)

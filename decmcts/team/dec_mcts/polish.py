@@ -25,7 +25,7 @@ from decmcts._kernels.refine.recreate import Guide, recreate
 from decmcts.team.engine.plans import POLICIES, StatedOrder
 from decmcts.team.engine.policy import policy_of
 from decmcts.team.engine.problem import TeamProblem
-from decmcts.team.engine.resolve import room_of
+from decmcts.team.engine.resolve import fleet_for
 
 NEAR = 10  # contours near each end of one
 LEVEL_MM = 20.0  # to find what is near, 1 mm upwards counts as so many along the bed
@@ -55,7 +55,7 @@ class Polish:
         """Begin with an order that `live` heads can carry out; None: all heads."""
         n, heads = len(problem.macro), len(problem.machine.heads)
         self._problem, self._state = problem, seeded(seed)
-        self._fleet, self._eligible = room_of(problem, range(heads) if live is None else live)
+        self._fleet, self._eligible = fleet_for(problem, range(heads) if live is None else live)
         self._moves = _moves(problem, self._eligible)
         self._joint = _joint_of(stated, heads)
         self._heads = all_parked(n, self._fleet)

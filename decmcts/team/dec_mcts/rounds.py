@@ -13,7 +13,7 @@ from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
 from decmcts.team.engine.problem import TeamProblem
 
 
-def plan_team(
+def plan_in_turn(
     problem: TeamProblem,
     *,
     stopping: Stopping,

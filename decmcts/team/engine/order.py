@@ -36,7 +36,7 @@ class UnitOrder:
     """Units of all heads in the order they were put, with their waits."""
 
     head: NDArray[np.int32]  # (m,)
-    kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_YIELD, UNIT_PARK
+    kind: NDArray[np.int8]  # (m,) UNIT_PRINT, UNIT_TRAVEL, UNIT_ASIDE, UNIT_PARK
     contour: NDArray[np.int32]  # (m,) -1 unless printed
     target: NDArray[np.float64]  # (m, 3) where it ends
     own: NDArray[np.int64]  # (m,) index within the head's units

@@ -55,8 +55,8 @@ class TeamProblem:
     macro_part: NDArray[np.int64]  # (n_macros,)
     n_macros: int
     digest: str
-    # of teams of some heads only, as `decmcts.team.engine.resolve.room_of` finds them
-    rooms: dict[tuple[int, ...], tuple[Fleet, NDArray[np.bool_]]] = field(
+    # of teams of some heads only, as `decmcts.team.engine.resolve.fleet_for` finds them
+    fleets: dict[tuple[int, ...], tuple[Fleet, NDArray[np.bool_]]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )
 

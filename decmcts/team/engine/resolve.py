@@ -69,7 +69,7 @@ def resolve(
     heads = len(problem.machine.heads)
     if not team or team[0] < 0 or team[-1] >= heads:
         raise InputError(f"live heads {list(live)}, expected some of 0..{heads - 1}")
-    fleet, eligible = room_of(problem, team)
+    fleet, eligible = fleet_for(problem, team)
     require_printable(problem.job.contours, problem.machine, eligible, live=team)
     n = len(problem.job.contours)
     intents = {
@@ -84,15 +84,15 @@ def resolve(
     return _dispatched(problem, intents, fleet, eligible)
 
 
-def room_of(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray[np.bool_]]:
+def fleet_for(problem: TeamProblem, team: Sequence[int]) -> tuple[Fleet, NDArray[np.bool_]]:
     """Return the machine where only these heads move, and which of them may print what."""
     if len(team) == len(problem.machine.heads):
         return problem.fleet, problem.space.eligible
     key = tuple(team)
-    if key not in problem.rooms:
+    if key not in problem.fleets:
         space = build_space(problem.job, problem.machine, team)
-        problem.rooms[key] = fleet_of(problem.job, problem.machine, team), space.eligible
-    return problem.rooms[key]
+        problem.fleets[key] = fleet_of(problem.job, problem.machine, team), space.eligible
+    return problem.fleets[key]
 
 
 def _dispatched(

@@ -35,7 +35,7 @@ SHORTEST = 8  # contours of a window that is not halved any more
 
 
 @dataclass(frozen=True, slots=True)
-class Orders:
+class OrderChoices:
     """What a search may choose in one head's order besides the sequence, and what it minimises."""
 
     freedom: str = "reversible"  # "fixed", "reversible" or "seam"
@@ -48,7 +48,7 @@ class Orders:
         return self.freedom == "seam" and self.seam != "nearest"
 
 
-def first_entries(job: PrintJob, orders: Orders, alone: Toolpath) -> NDArray[np.int32]:
+def first_entries(job: PrintJob, orders: OrderChoices, alone: Toolpath) -> NDArray[np.int32]:
     """Return where each loop is entered while heads plan, (n,).
 
     A seam policy may name the vertex. With seam `nearest` it is where the order for one head
@@ -60,14 +60,14 @@ def first_entries(job: PrintJob, orders: Orders, alone: Toolpath) -> NDArray[np.
     return entries_by_contour([alone], len(job.contours))
 
 
-def entries_of(job: PrintJob, orders: Orders) -> SeamEntries | None:
+def entries_of(job: PrintJob, orders: OrderChoices) -> SeamEntries | None:
     """Return where loops may be entered; None: as sliced."""
     if orders.freedom != "seam":
         return None
     return seam_entries(job.contours, orders.seam)  # type: ignore[arg-type]
 
 
-def agreed_job(job: PrintJob, orders: Orders, entry: NDArray[np.int32]) -> PrintJob:
+def agreed_job(job: PrintJob, orders: OrderChoices, entry: NDArray[np.int32]) -> PrintJob:
     """Return the print as heads plan it: loops entered there, nothing reversed if all is fixed."""
     contours = job.contours
     if orders.freedom == "fixed":
@@ -93,7 +93,7 @@ def choose_entries(
     machine: Machine,
     graph: DependencyGraph,
     toolpaths: Sequence[Toolpath],
-    orders: Orders,
+    orders: OrderChoices,
 ) -> list[Toolpath]:
     """Return the same sequences with the entries and directions for which travels cost least.
 
@@ -113,7 +113,7 @@ def best_entries(
     machine: Machine,
     graph: DependencyGraph,
     toolpaths: Sequence[Toolpath],
-    orders: Orders,
+    orders: OrderChoices,
     lags: Lags,
 ) -> list[Toolpath]:
     """Return agreed sequences with other entries and directions where the makespan falls.
@@ -133,7 +133,7 @@ def best_entries(
     if orders.freedom == "fixed" or not len(job.contours):
         return best
     chosen = choose_entries(job, machine, graph, best, orders)
-    engine = Engine(job, machine, graph, lags)
+    engine = MakespanEstimate(job, machine, graph, lags)
     return window_by_window(best, chosen, len(job.contours), engine.makespan)
 
 
@@ -170,7 +170,7 @@ def _most_trials(n: int) -> int:
     return int(np.clip(500_000 // n, 15, 127))
 
 
-class Engine:
+class MakespanEstimate:
     """Makespans of joint orders by the estimate that heads agree by."""
 
     def __init__(self, job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags) -> None:

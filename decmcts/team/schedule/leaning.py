@@ -21,7 +21,7 @@ from decmcts.print.seam import SeamEntries
 from decmcts.team.engine.plans import TUNED, encode
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.schedule.entries import Orders, agreed_job
+from decmcts.team.schedule.entries import OrderChoices, agreed_job
 
 PUT = 100_000  # contours put to judge one way to enter all loops, about half a second's work
 LEAST = 4  # policies tried at least, the first ones
@@ -33,7 +33,7 @@ def lean(
     job: PrintJob,
     machine: Machine,
     graph: DependencyGraph,
-    orders: Orders,
+    orders: OrderChoices,
     entry: Ints,
     entries: SeamEntries | None,
     lags: Lags,

@@ -16,11 +16,11 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.mesh.options import Bed
 from decmcts.formats.mesh.slicers import CURA_DEFINITION, Slicer
 from decmcts.planning.problem.slicing import (
     BUILTIN,
     Chosen,
-    bed_of,
     choose_slicer,
     run_slicer,
     usable,
@@ -203,8 +203,8 @@ def test_the_part_lies_in_the_middle_of_the_machines_bed(path, cube, capsys):
     machine = load_machine("mini")
     assert run(["plan", str(cube), *PLAN[2:], "--machine", "mini", "--json"]) == 0
     capsys.readouterr()
-    assert bed_of(machine).center == (90.0, 90.0)
-    assert bed_of(load_machine("paper")).center == (125.0, 105.0)
+    assert Bed.of(machine).center == (90.0, 90.0)
+    assert Bed.of(load_machine("paper")).center == (125.0, 105.0)
 
 
 @pytest.mark.slow
@@ -249,7 +249,7 @@ def test_real_prints_stand_up_to_the_judge(cube, tmp_path, capsys, scratch, slic
     assert list(scratch.iterdir()) == []
     assert run(["verify", str(out), "--source", str(sliced), "--machine", machine]) == 0
     job, _ = read_gcode(sliced)
-    middle = bed_of(load_machine(machine)).center
+    middle = Bed.of(load_machine(machine)).center
     points = job.contours.points[:, :2]
     assert (points.min(axis=0) + points.max(axis=0)) / 2 == pytest.approx(middle, abs=0.5)
     assert np.median(np.diff(np.unique(job.contours.top.round(3)))) == pytest.approx(0.25)

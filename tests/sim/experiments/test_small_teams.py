@@ -9,7 +9,7 @@ import pytest
 
 from decmcts._kernels.engine.carry_out import OK, carry_out
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.order import sequences_of
 from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem
@@ -80,5 +80,5 @@ def test_planning_leaves_a_place_where_long_runs_of_annealing_end(seed: int) -> 
     """From half a mean contour's time they stayed 10 % above the least, whatever the time."""
     problem = small_problem(255, 2, 2, 2)
     assert problem is not None
-    found = plan_team(problem, stopping=Stopping(iterations=3), seed=seed)
+    found = plan_in_turn(problem, stopping=Stopping(iterations=3), seed=seed)
     assert found.makespan_s == pytest.approx(least_makespan(problem).makespan_s, rel=1e-6)

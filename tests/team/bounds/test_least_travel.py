@@ -17,7 +17,7 @@ from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind
 from decmcts.print.seam import seam_entries
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.bounds.least_travel import Pace, travel_shares
+from decmcts.team.bounds.least_travel import FastestTravel, travel_shares
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.timing import action_times
@@ -65,7 +65,7 @@ def test_no_travel_takes_less(case_of: Callable[..., Any], habit: str, limits: s
     square = [(-30, -30, 0.2), (30, -30, 0.2), (30, 30, 0.2), (-30, 30, 0.2), (-30, -30, 0.2)]
     job = replace(case_of(line, square).job, settings=HABITS[habit])
     machine = replace(make_machine(), limits=LIMITS[limits])
-    pace, ratios = Pace.of(job, machine), []
+    pace, ratios = FastestTravel.of(job, machine), []
     for _ in range(300):
         legs = paths_of(rng)
         offsets = np.cumsum([0, 2, *map(len, legs)])
@@ -163,7 +163,7 @@ def test_a_row_of_strokes_in_one_place(case_of: Callable[..., Any]) -> None:
     job = replace(chosen.job, settings=settings)
     bound = makespan_bound(job, chosen.machine, chosen.graph)
     bare = makespan_bound(job, chosen.machine, chosen.graph, travel=False)
-    one = float(Pace.of(job, chosen.machine).seconds(np.array([5.0]))[0])
+    one = float(FastestTravel.of(job, chosen.machine).seconds(np.array([5.0]))[0])
     assert bare.bound_s == pytest.approx(bare.serial_s, rel=1e-4)
     assert bound.serial_s == bare.serial_s and bare.travel_s == 0.0
     assert 6 * one * 0.999 <= bound.travel_s <= 9 * one

@@ -15,7 +15,7 @@ from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts import planner as dec_mcts
 from decmcts.team.dec_mcts.candidates import REGRET
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.alone import one_head_toolpaths
 from decmcts.team.engine.plans import decode
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
@@ -105,7 +105,7 @@ def test_alone_it_prints_everything(problem: TeamProblem) -> None:
 @pytest.mark.slow
 def test_a_team_is_faster_than_one(problem: TeamProblem) -> None:
     """The point of it all, on a print with room for two."""
-    joint = plan_team(problem, stopping=Stopping(iterations=2), seed=0, parameters=FEW)
+    joint = plan_in_turn(problem, stopping=Stopping(iterations=2), seed=0, parameters=FEW)
     one = DecMcts(problem, 0, seed=0)
     one.iterate([0])
     assert joint.makespan_s < 0.8 * one.best([0]).makespan_s

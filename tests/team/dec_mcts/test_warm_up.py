@@ -16,7 +16,7 @@ AHEAD = """
 import sys
 from decmcts.feasibility.build import build_graph
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.dec_mcts.rounds import plan_team
+from decmcts.team.dec_mcts.rounds import plan_in_turn
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from tests.team.conftest import make_job, make_machine
@@ -27,7 +27,7 @@ problem = build_team_problem(job, machine, graph)
 if sys.argv[1] == "yes":
     compile_rounds()
 """
-SEARCH = "plan_team(problem, stopping=Stopping(iterations=6), seed=0)"
+SEARCH = "plan_in_turn(problem, stopping=Stopping(iterations=6), seed=0)"
 
 
 def late(ahead: str) -> list[str]:

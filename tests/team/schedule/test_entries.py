@@ -25,7 +25,7 @@ from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.entries import (
     Engine,
-    Orders,
+    OrderChoices,
     agreed_job,
     best_entries,
     choose_entries,
@@ -98,7 +98,7 @@ def test_entries_cost_least_along_a_sequence(
     paths = [Toolpath.of(part, np.zeros(5, np.bool_)) for part in (few[:5], few[5:])]
     entries = seam_entries(case.job.contours)
     chosen = choose_entries(
-        case.job, machine, case.graph, paths, Orders("seam", "nearest", objective)
+        case.job, machine, case.graph, paths, OrderChoices("seam", "nearest", objective)
     )
     for r, (path, found) in enumerate(zip(paths, chosen, strict=True)):
         assert (found.order == path.order).all()
@@ -127,7 +127,7 @@ def test_other_entries_are_kept_where_the_print_ends_sooner(
         case = seamy(seed)
         paths, none = agreed(case), no_lags(len(case.job.contours))
         timed = Engine(case.job, case.machine, case.graph, none)
-        found = best_entries(case.job, case.machine, case.graph, paths, Orders(freedom), none)
+        found = best_entries(case.job, case.machine, case.graph, paths, OrderChoices(freedom), none)
         assert [path.order.tolist() for path in found] == [path.order.tolist() for path in paths]
         before, after = timed.makespan(paths), timed.makespan(found)
         assert after <= before
@@ -156,7 +156,7 @@ def test_windows_find_what_all_at_once_would_lose(seamy: Callable[[int], Any]) -
         soon = sum(int((path.entry[path.turn < n // 2] > 0).sum()) for path in tried)
         return float(100 * late - soon)
 
-    chosen = choose_entries(case.job, case.machine, case.graph, paths, Orders("seam"))
+    chosen = choose_entries(case.job, case.machine, case.graph, paths, OrderChoices("seam"))
     found = window_by_window(paths, chosen, n, makespan)
     for path, want in zip(found, chosen, strict=True):
         assert path.turn is not None
@@ -167,7 +167,7 @@ def test_windows_find_what_all_at_once_would_lose(seamy: Callable[[int], Any]) -
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_policy_s_seams_stay(seed: int, policy: Any, seamy: Callable[[int], Any]) -> None:
     """However much sooner the print ended with others."""
-    case, orders = seamy(seed), Orders("seam", policy)
+    case, orders = seamy(seed), OrderChoices("seam", policy)
     entry = first_entries(case.job, orders, Toolpath.as_sliced(len(case.job.contours)))
     paths = with_entries(agreed(case, agreed_job(case.job, orders, entry)), entry)
     none = no_lags(len(case.job.contours))
@@ -180,7 +180,7 @@ def test_loops_are_first_entered_as_one_head_alone_would(seamy: Callable[[int], 
     case = seamy(3)
     alone = Toolpath.as_sliced(len(case.job.contours))
     alone = replace(alone, entry=np.where(case.job.contours.closed, 2, 0).astype(np.int32))
-    assert first_entries(case.job, Orders("seam"), alone).tolist() == alone.entry.tolist()
+    assert first_entries(case.job, OrderChoices("seam"), alone).tolist() == alone.entry.tolist()
 
 
 @pytest.mark.parametrize("policy", NAMED)
@@ -189,7 +189,7 @@ def test_loops_begin_where_a_policy_says_and_agents_plan_them_so(
     seed: int, policy: Any, seamy: Callable[[int], Any]
 ) -> None:
     """All of them, on whichever head; the makespan agents agree on is the plan's own."""
-    case, orders = seamy(seed), Orders("seam", policy)
+    case, orders = seamy(seed), OrderChoices("seam", policy)
     alone = Toolpath.as_sliced(len(case.job.contours))
     planned = agreed_job(case.job, orders, first_entries(case.job, orders, alone))
     paths = with_entries(agreed(case, planned), first_entries(case.job, orders, alone))
@@ -204,7 +204,7 @@ def test_loops_begin_where_a_policy_says_and_agents_plan_them_so(
 
 def test_accelerations_follow_the_points_of_a_loop(seamy: Callable[[int], Any]) -> None:
     """A source may set one for a corner; it stays with that segment."""
-    case, orders = seamy(2), Orders("seam", "rear")
+    case, orders = seamy(2), OrderChoices("seam", "rear")
     alone = Toolpath.as_sliced(len(case.job.contours))
     points = case.job.contours.points
     job = replace(case.job, acceleration=np.arange(len(points), dtype=float))
@@ -221,7 +221,7 @@ def test_fixed_reverses_nothing(seed: int, seamy: Callable[[int], Any]) -> None:
     """Even a head whose plan says so."""
     case = seamy(seed)
     never = np.zeros(len(case.job.contours), np.int32)
-    orders, none = Orders("fixed"), no_lags(len(case.job.contours))
+    orders, none = OrderChoices("fixed"), no_lags(len(case.job.contours))
     paths = agreed(case, agreed_job(case.job, orders, never))
     assert not any(path.reversed.any() for path in paths)
     assert any(path.reversed.any() for path in agreed(case))

@@ -15,7 +15,7 @@ from decmcts.print.seam import seam_entries
 from decmcts.team.engine.plans import TUNED, encode
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.schedule.entries import Orders, agreed_job, entries_of
+from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of
 from decmcts.team.schedule.leaning import lean
 
 LEFT = [(50, 10), (50, 50), (30, 50), (10, 50), (10, 10), (30, 10), (50, 10)]
@@ -26,7 +26,7 @@ def giving_back(case: Any) -> Any:
     return replace(case, machine=replace(case.machine, release="point"))
 
 
-def leaning(case: Any, orders: Orders, entry: np.ndarray) -> np.ndarray:
+def leaning(case: Any, orders: OrderChoices, entry: np.ndarray) -> np.ndarray:
     """Where loops are entered while heads plan."""
     entries, none = entries_of(case.job, orders), no_lags(len(entry))
     return lean(case.job, case.machine, case.graph, orders, entry, entries, none)
@@ -34,7 +34,7 @@ def leaning(case: Any, orders: Orders, entry: np.ndarray) -> np.ndarray:
 
 def makespan(case: Any, entry: np.ndarray) -> float:
     """What two heads take by the best of the first policies, with loops entered there."""
-    job = agreed_job(case.job, Orders("seam"), entry)
+    job = agreed_job(case.job, OrderChoices("seam"), entry)
     problem = build_team_problem(job, case.machine, case.graph)
     plans = [encode(policy, problem.n_macros) for policy in range(TUNED)]
     return min(resolve(problem, {0: plan, 1: plan}, (0, 1)).makespan_s for plan in plans)
@@ -45,7 +45,7 @@ def test_loops_that_face_each_other_lean_apart(case_of: Callable[..., Any]) -> N
     sides = [[(x, y, 0.5) for x, y in LEFT], [(110 - x, y, 0.5) for x, y in LEFT]]
     case = giving_back(case_of(*sides))
     sliced = np.zeros(2, np.int32)
-    found = leaning(case, Orders("seam"), sliced)
+    found = leaning(case, OrderChoices("seam"), sliced)
     at = case.job.contours.points[case.job.contours.offsets[:-1] + found, 0]
     assert at[0] == 10.0 or at[1] == 100.0
     assert makespan(case, found) < 0.9 * makespan(case, sliced)
@@ -58,7 +58,7 @@ def test_they_lean_only_where_that_is_sooner(case: Callable[..., Any], seed: int
     made = replace(made, graph=order_rules(made.job, made.machine, free_seams=True))
     entries = seam_entries(made.job.contours)
     entry = entries.vertices[entries.offsets[1:] - 1]
-    found = leaning(made, Orders("seam"), entry)
+    found = leaning(made, OrderChoices("seam"), entry)
     for c, vertex in enumerate(found):
         assert vertex in entries.vertices[entries.offsets[c] : entries.offsets[c + 1]]
     assert makespan(made, found) <= makespan(made, entry)
@@ -66,9 +66,13 @@ def test_they_lean_only_where_that_is_sooner(case: Callable[..., Any], seed: int
 
 @pytest.mark.parametrize(
     ("orders", "release"),
-    [(Orders(), "point"), (Orders("seam", "rear"), "point"), (Orders("seam"), "action")],
+    [
+        (OrderChoices(), "point"),
+        (OrderChoices("seam", "rear"), "point"),
+        (OrderChoices("seam"), "action"),
+    ],
 )
-def test_else_loops_stay(case: Callable[..., Any], orders: Orders, release: Any) -> None:
+def test_else_loops_stay(case: Callable[..., Any], orders: OrderChoices, release: Any) -> None:
     """Where they may not move, a policy names their seams, or room is given back at the end."""
     made = case(1, reach=11.0)
     made = replace(made, machine=replace(made.machine, release=release))
