@@ -41,8 +41,8 @@ def begin_with(
     """Compile what a search needs; return the planner to begin with.
 
     While the kernels of `hybrid` are still being compiled in another process, that is one which
-    begins with `FIRST` and changes over when they are ready; not so `at_once`. Once `stop` returns True it is
-    `slicer`, which does not search. A user's own planner is returned as it is.
+    begins with `FIRST` and changes over when they are ready, but not `at_once`. Once `stop`
+    returns True it is `slicer`, which does not search. A user's own planner is returned as it is.
     """
     if not isinstance(planner, str):
         return "slicer" if stop() else planner
@@ -68,8 +68,7 @@ def first_planner(problem: OrderProblem, planner: str, *, at_once: bool) -> str:
 
     `at_once` it is the planner itself: then results repeat, whatever is compiled.
     """
+    if at_once or planner != "hybrid":
+        return planner
     part = part_of(problem, planner)
-    unready = (
-        not at_once and planner == "hybrid" and compiled_beside(part) and not is_compiled(part)
-    )
-    return FIRST if unready else planner
+    return FIRST if compiled_beside(part) and not is_compiled(part) else planner

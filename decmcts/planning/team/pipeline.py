@@ -96,9 +96,8 @@ def _prepared(
     problem: PrintProblem, search: TeamSearch, *, writes: bool, report: Report, stop: Stop
 ) -> Prepared:
     """Have the source's own order judged, and find all that must be known before agents plan."""
-    orders = OrderChoices(
-        problem.rules.freedom.value, problem.rules.seam.value, search.objective.value
-    )
+    rules, objective = problem.rules, search.objective
+    orders = OrderChoices(rules.freedom.value, rules.seam.value, objective.value)
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
     if writes:

@@ -11,9 +11,9 @@ Travels to near contours are listed; for all others there is a limit to each sha
 of the shortest travel, or more where the contours it leads to have less: 2 to 7 % below the best
 such shares, the dual of an assignment problem.
 
-No travel of a head that rests between contours takes less than `FastestTravel.seconds`, by the times of
-`decmcts.team.schedule.timing`. Two contours may have others that must be printed between them.
-Then some head prints these meanwhile, and the time this takes counts as well.
+No travel of a head that rests between contours takes less than `FastestTravel.seconds`, by the
+times of `decmcts.team.schedule.timing`. Two contours may have others that must be printed between
+them. Then some head prints these meanwhile, and the time this takes counts as well.
 """
 
 from __future__ import annotations

@@ -80,9 +80,8 @@ def makespan_bound(
     travel : bool
         Whether to count travel.
     """
-    eligible = eligibility(
-        job.contours, machine.heads
-    )  # tool and reach alone: by boxes some head that fits would count as one that does not
+    # by tool and reach alone: by boxes some head that fits would count as one that does not
+    eligible = eligibility(job.contours, machine.heads)
     least = least_times(job, machine, eligible, entries)
     saved = saved_by_running_on(job, machine, entries)
     time, parts = np.maximum(least.contour - saved, 0.0), least.segment
