@@ -37,10 +37,10 @@ from decmcts.search.hybrid.multistart import Multistart
 from decmcts.search.hybrid.neighbourhoods import Neighbourhoods
 from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
-from decmcts.search.hybrid.search import END
 from decmcts.search.hybrid.starts import LayeredStart
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.planners import Planner
+from decmcts.search.sequence.annealing import DESCENT_FROM
 
 MODELS = (  # sizes in turn, so that a part of the runs has something of each
     "teaset_chess_7 mozc_arms_6 spiral_cup moveo_covers_4 odri_spacers_6 so100_plate_part1 "
@@ -56,7 +56,7 @@ ALONE = Partition(for_neighbourhoods=math.inf, for_windows=math.inf)
 BARE = Hybrid(
     exact=NO_EXACT,
     layered=NO_LAYERS,
-    multistart=Multistart(always=10**9, until=END, merge_share=0.0),
+    multistart=Multistart(always=10**9, until=DESCENT_FROM, merge_share=0.0),
     crosses=False,
 )
 BARE_SEARCHED = replace(BARE, multistart=replace(BARE.multistart, until=SEVERAL.until))
@@ -116,7 +116,7 @@ VARIANTS = {
     ),
     "no-neighbourhoods": Variant(
         "without neighbourhoods and windows",
-        replace(HYBRID, multistart=Multistart(until=END), partition=ALONE),
+        replace(HYBRID, multistart=Multistart(until=DESCENT_FROM), partition=ALONE),
     ),
     "no-windows": Variant(
         "without windows",

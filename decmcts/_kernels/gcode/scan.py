@@ -20,7 +20,7 @@ OTHER = 63  # '?': a line that is no G, M or T command (a macro)
 
 FINE = 0
 NO_NUMBER = 1  # a parameter without its number
-BAD_NUMBER = 2  # 1.2.3, or more digits than a number can have
+BAD_NUMBER = 2  # 1.2.3
 EXTRA_AXIS = 3  # A, B, C, U, V, W on a move
 BAD_CHARACTER = 4
 

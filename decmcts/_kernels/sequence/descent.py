@@ -1,4 +1,4 @@
-"""Steepest of the nearby moves, position by position: the deterministic end of a search."""
+"""Descent, the deterministic end of a search: at each position nearby moves that gain are made."""
 
 from __future__ import annotations
 

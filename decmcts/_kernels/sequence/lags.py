@@ -1,10 +1,10 @@
 """Whether moves on a sequence leave enough time between contours that lie on each other.
 
 A contour takes as long wherever it is printed, so a move changes when the contours it
-moves begin and nothing else. A path of edges leads from each contour to those over it,
-so the two never pass each other, and what an exchange or a reversal brings too near to
-each other is one that moved and one that did not, next to an end of the window that is
-rearranged: only what begins or ends within the longest lag of it is looked at.
+moves begin and nothing else. A path of edges leads from each contour to those over it, so
+no move puts one past the other. An exchange or a reversal can break a lag only between a
+contour that moved and one that did not. Such a pair lies on both sides of an end of the
+rearranged window, so only contours within the longest lag of that end are looked at.
 """
 
 from __future__ import annotations

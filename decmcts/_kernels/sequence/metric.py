@@ -23,7 +23,7 @@ from decmcts._kernels.geometry.walls import SAME_Z_MM, Walls, bare
 class Timed(NamedTuple):
     """Travels priced in seconds: upright and across, each from rest to rest, and what is extra."""
 
-    points: NDArray[np.float64]  # (2n, 3) mm
+    points: NDArray[np.float64]  # (2n + 2m, 3) mm: the ends of n contours, then of m entries
     speed: float  # mm/s, level
     acceleration: float  # mm/s²
     z_speed: float  # mm/s, upright
@@ -35,7 +35,7 @@ class Timed(NamedTuple):
 class TimedBare(NamedTuple):
     """Travels priced as `Timed`, but for those that the source leaves bare inside the part."""
 
-    points: NDArray[np.float64]  # (2n, 3) mm
+    points: NDArray[np.float64]  # (2n + 2m, 3) mm: the ends of n contours, then of m entries
     speed: float  # mm/s, level
     acceleration: float  # mm/s²
     z_speed: float  # mm/s, upright
@@ -54,7 +54,7 @@ class Matrix(NamedTuple):
 
 
 Metric = NDArray[np.float64] | Timed | TimedBare | Matrix
-# an array is (2n, 3) points, priced in mm
+# an array is (2n + 2m, 3) points, priced in mm
 
 
 @register_jitable
@@ -205,12 +205,12 @@ def restricted(metric: Metric, contours: NDArray[np.int32]) -> Metric:
 
 
 def with_points(metric: Metric, points: NDArray[np.float64]) -> Metric:
-    """Return the same price for other points, (2n, 3)."""
+    """Return the same price for other points, (2n + 2m, 3)."""
     return metric._replace(points=points) if isinstance(metric, (Timed, TimedBare)) else points
 
 
 def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
-    """Return the price for other points, (2n, 3), as if no travel stayed inside the part."""
+    """Return the price for other points, (2n + 2m, 3), as if no travel stayed inside the part."""
     if isinstance(metric, TimedBare):
         return Timed(
             points, metric.speed, metric.acceleration, metric.z_speed, metric.z_acceleration,
@@ -220,7 +220,7 @@ def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
 
 
 def points_of(metric: Metric) -> NDArray[np.float64]:
-    """Return the metric's points, (2n, 3); empty for a matrix."""
+    """Return the metric's points, (2n + 2m, 3); empty for a matrix."""
     if isinstance(metric, (Timed, TimedBare)):
         return metric.points
     if isinstance(metric, Matrix):

@@ -1,1 +1,1 @@
-"""Trees and beams over orders, and how they are begun."""
+"""Trees and beams over orders, and greedy starts."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
 from decmcts.search.sequence.annealing import (
+    DESCENT_FROM,
     TemperatureSchedule,
     anneal_until,
     descend_fully,
@@ -32,8 +33,8 @@ class Local:
     within a factor of three either way results hardly change.
     """
 
-    rounds: tuple[float, ...] = (0.1, 0.97)  # shares of the budget at which rounds end
-    rounds_if_small: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, 0.97)
+    rounds: tuple[float, ...] = (0.1, DESCENT_FROM)  # shares of the budget at which rounds end
+    rounds_if_small: tuple[float, ...] = (0.1, 0.3, 0.5, 0.7, DESCENT_FROM)
     small: int = 400  # contours up to which several rounds beat one long one
     hot: float = 1.5
     cold: float = 0.03

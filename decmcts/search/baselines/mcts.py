@@ -22,11 +22,12 @@ from decmcts._kernels.trees.tree import grown, new_tree, simulate_many
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import POLL_S, next_chunk
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
-_POLL_S = 0.1  # how often a search looks whether it is to end
 _MOST_NODES = 4_000_000  # about 150 MB; a full tree goes on without growing
 _CHUNK = 200  # iterations between looks at the clock when iterations are limited
+_LARGEST_CHUNK = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class Mcts:
         tree, chunk = new_tree(1024), 1
         order, is_reversed, best = rollout.order.copy(), rollout.reversed.copy(), math.inf
         while not incumbent.over and not self._has_lost_patience(incumbent):
-            if tree.size[0] + chunk > len(tree.parent):
+            if len(tree.parent) < _MOST_NODES and tree.size[0] + chunk > len(tree.parent):
                 tree = grown(tree, min(2 * len(tree.parent) + chunk, _MOST_NODES))
             before, was = incumbent.seconds, best
             best = simulate_many(
@@ -72,4 +73,4 @@ def _next_chunk(incumbent: Incumbent, chunk: int, took_s: float) -> int:
     """Return how many iterations to do before looking at the clock again."""
     if incumbent.stopping.iterations is not None:
         return max(1, min(_CHUNK, incumbent.stopping.iterations - incumbent.iterations))
-    return int(min(max(1.0, chunk * _POLL_S / max(took_s, 1e-6)), 4.0 * chunk, 100_000.0))
+    return next_chunk(chunk, took_s, POLL_S, least=1, most=_LARGEST_CHUNK)

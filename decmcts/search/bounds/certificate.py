@@ -1,4 +1,4 @@
-"""The certificate: a proven lower bound on extrusionless travel.
+"""The certificate: a proven lower bound on extrusionless travel, or on its time.
 
 Problems whose layers have few contours are solved exactly (`decmcts.search.bounds.exact`);
 for others good prices of the relaxation (`decmcts.search.bounds.relaxation`) are looked for.
@@ -66,8 +66,8 @@ def lower_bound(
 
     Up to `EXACT_UP_TO` contours the bound is the optimum (rounded down), and beyond
     where the time suffices for it. Else it is the best value of a Lagrangian
-    relaxation at the prices that were tried. More time, or more iterations, never
-    gives a lower bound.
+    relaxation at the prices that were tried. More iterations never give a smaller bound; more
+    seconds may, where an exact solution takes longer to be given up.
 
     **Why it holds.** Take any order with directions that is allowed. Its travels,
     with one of length zero from a root to the first contour, are an arborescence

@@ -28,7 +28,7 @@ from decmcts.search.sequence.problem import OrderProblem
 
 _QUOTA = 20_000  # steps between two questions, while they are being found
 EFFORT = 2e7  # travels looked at between two questions, at most, while they are priced
-_ROUNDING = 1e-12  # of the cost
+_ROUNDING = 2.0**-52  # of the cost, for each travel that is summed
 WIDEST = 500_000  # steps from a level: with more there is no hope
 
 
@@ -76,7 +76,7 @@ class Patience:
     spent: Callable[[], float]
     finding: float  # share for finding the steps
     pricing: float  # share for pricing them
-    probe: float = 0.05  # share of it that pricing has before its pace counts
+    probe: float = 0.05  # share that pricing may use before its pace is judged
     _began: float = field(init=False)
     _found: float = field(init=False)  # share used by then
 
@@ -109,9 +109,9 @@ def solve_exactly(
     Parameters
     ----------
     go_on : Callable[[int, float], bool]
-        Asked after every piece of work: with how many steps, from a set of printed
-        contours to one with another, were made since the last time, and the share of
-        the work of pricing them that is done, 0 while they are still being found. False gives up.
+        Asked after every piece of work: with the number of steps made since it was last asked,
+        and the share of all steps that are priced, 0 while they are still being found. A step
+        leads from a set of printed contours to one with one more. False gives up.
     widest : int
         Steps from all sets of equally many contours beyond which to give up.
     effort : float
@@ -149,7 +149,7 @@ def solve_exactly(
     if problem.seams is not None:
         entry_id[entries > 1] = (problem.seams.offsets[:-1] + choice)[entries > 1]
     is_reversed = np.where(entries > 1, 0, choice)
-    bound = min(cost * (1.0 - _ROUNDING), cost * (1.0 + _ROUNDING))  # costs may be negative
+    bound = cost - _ROUNDING * n * abs(cost)  # costs may be negative
     return Optimum(order, is_reversed.astype(np.uint8), entry_id.astype(np.int32), cost, bound)
 
 

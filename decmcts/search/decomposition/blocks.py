@@ -112,7 +112,9 @@ class Block:
 
 
 def cut(sequence: Sequence, first: int, last: int) -> Block:
-    """Return positions [first, last) as a block. O(contours and edges of the block).
+    """Return positions [first, last) as a block.
+
+    Takes time in proportion to all contours and entries, and to the edges of the block.
 
     Raises
     ------

@@ -34,11 +34,11 @@ from decmcts.search.decomposition.contraction import Contraction
 from decmcts.search.decomposition.crossover import crossover
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sequence.stopping import Stopping
+from decmcts.search.sequence.stopping import Stopping, next_chunk
 
 ROUND_S = 0.4  # how long threads work before they meet, where the slowest keeps all waiting
 _CHUNK_S = 0.02  # how often a thread looks at the clock
-_LARGEST_CHUNK = 4_000_000
+_LEAST_CHUNK, _LARGEST_CHUNK = 1000, 4_000_000  # proposals
 _ROUNDS = 400  # of a search that is limited by iterations
 _CUT_A_ROUND = 1_000_000  # a cut lasts a round for so many contours and edges: cutting takes time
 _LEAST_BLOCK = 100  # contours
@@ -151,10 +151,10 @@ def anneal_blocks(
     def work(thread: int, chunks: Chunks) -> None:
         contours = sum(len(block.ids) for block in shares[thread])
         for share, proposals in chunks:
-            heat = schedule.at(share)
+            temperature = schedule.at(share)
             for block in shares[thread]:
                 steps = max(1, proposals * len(block.ids) // contours)
-                anneal(block.tour, threads.states[thread], heat, steps)
+                anneal(block.tour, threads.states[thread], temperature, steps)
 
     def meet() -> None:
         found = [sequence.copy() if whole else sequence for _ in shares]
@@ -219,9 +219,10 @@ class _Round:
             before = incumbent.seconds
             yield (spent - self.began) / length, self.size
             self.made += self.size
-            speed = self.size / max(incumbent.seconds - before, 1e-6)
-            most = min(4.0 * self.size, _LARGEST_CHUNK)
-            self.size = int(min(max(_CHUNK_S * speed, 1000.0), most))
+            took_s = incumbent.seconds - before
+            self.size = next_chunk(
+                self.size, took_s, _CHUNK_S, least=_LEAST_CHUNK, most=_LARGEST_CHUNK
+            )
 
 
 def _whole(sequence: Sequence, count: int) -> list[list[Block]]:
@@ -231,7 +232,11 @@ def _whole(sequence: Sequence, count: int) -> list[list[Block]]:
 
 
 def _parted(sequence: Sequence, threads: Threads, most: int) -> list[list[Block]]:
-    """Return the blocks of each thread, `most` at the most, about as many contours for each."""
+    """Return the blocks of each thread, about as many contours for each.
+
+    There are `most` for each thread and one more in all, fewer where they would be too small.
+    Those at the two ends may be short.
+    """
     n, count = len(sequence.order), len(threads.states)
     parts = min(n // (_LEAST_BLOCK * count), most) * count  # at least `count`
     shift = uniform(threads.cutting)

@@ -11,15 +11,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from decmcts.search.decomposition.threads import anneal_sequences
-from decmcts.search.hybrid.search import END, Search
-from decmcts.search.sequence.annealing import descend_fully, tour_of
+from decmcts.search.hybrid.search import Search
+from decmcts.search.sequence.annealing import DESCENT_FROM, descend_fully, tour_of
 
 
 @dataclass(frozen=True, slots=True)
 class Lagged:
     """Rounds of annealing, each from the best so far; temperatures in mean travels."""
 
-    rounds: tuple[float, ...] = (0.1, END)  # shares at which rounds end
+    rounds: tuple[float, ...] = (0.1, DESCENT_FROM)  # shares at which rounds end
     hot: float = 0.5
     cold: float = 0.03
 

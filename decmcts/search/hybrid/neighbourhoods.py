@@ -30,9 +30,9 @@ from decmcts._kernels.sequence.anneal import anneal
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.decomposition.contraction import Contraction, contract
 from decmcts.search.decomposition.threads import ROUND_S, Threads
-from decmcts.search.hybrid.search import END, Search
+from decmcts.search.hybrid.search import Search
 from decmcts.search.hybrid.windows import WindowSolver
-from decmcts.search.sequence.annealing import TemperatureSchedule
+from decmcts.search.sequence.annealing import DESCENT_FROM, TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 
 _SIZE = (15.0, 200.0)  # contours of a neighbourhood
@@ -65,8 +65,8 @@ class Places:
     def draw(self, sequence: Sequence, size: int, state: NDArray[np.uint64]) -> NDArray[np.bool_]:
         """Mutate the generator; return which contours are set free, (n,) by contour.
 
-        Either a ball, or what is printed before and after one or some contours of it; of
-        bare costs, which have no places, before and after any.
+        Either a ball around a random contour, or windows of the sequence around one or three
+        contours of such a ball. Bare costs have no places: there the windows are anywhere.
         """
         n, bare = len(sequence.order), sequence.problem.costs is not None
         free = np.ones(n, np.bool_) if bare else self.ball(size, state)
@@ -98,10 +98,14 @@ class Places:
 class Neighbourhoods:
     """Until when the best sequence is improved, and how its time is shared out."""
 
-    until: float = END  # share
+    until: float = DESCENT_FROM  # share
     windows: float = 0.3  # of the time between two meetings: windows solved exactly
     whole: int = 6000  # contours up to which they are taken of the whole print
     part: int = 1500  # contours set free in a part of a larger one
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.windows < 1.0:
+            raise ValueError(f"windows are {self.windows} of the time, must be 0 or more, below 1")
 
     def run(self, search: Search) -> Iterator[None]:
         """Improve the best sequence."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import anneal_blocks, anneal_sequences
-from decmcts.search.hybrid.search import END, Search
-from decmcts.search.sequence.annealing import TemperatureSchedule
+from decmcts.search.hybrid.search import Search
+from decmcts.search.sequence.annealing import DESCENT_FROM, TemperatureSchedule
 from decmcts.search.starts.layerwise import layer_runs
 
 
@@ -32,7 +32,7 @@ class Partition:
     for_neighbourhoods: float = 15_000.0  # if there are so many steps for each contour in all
     windows_from: float = 0.85  # else share at which windows begin,
     for_windows: float = 2000.0  # if there are so many
-    until: float = END  # else share at which the long annealing ends
+    until: float = DESCENT_FROM  # else share at which the long annealing ends
     blocks: tuple[int, int] = (1, 4)  # of each thread, hot and cold; 0: whole sequences alone
     hot: float = 1.5
     warm: float = 0.2  # below this the large structure stays

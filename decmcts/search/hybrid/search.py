@@ -16,8 +16,6 @@ from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 
-END = 0.97  # share at which random search ends, for the descent
-
 
 @dataclass(slots=True)
 class Search:

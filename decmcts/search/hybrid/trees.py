@@ -29,10 +29,10 @@ from decmcts.feasibility.clustering import cluster_contours
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import Threads
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import POLL_S, next_chunk
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
 _CLUSTERING_S = 0.6e-6  # an edge, about
-_POLL_S = 0.1  # how often a search looks whether it is to end
 _CAPACITY = 20_000  # nodes of a tree; a full one goes on without growing
 _ROUNDS = 5  # slices of a call that is limited by iterations
 _MOST_ROLLOUTS = 1000  # a slice
@@ -103,7 +103,7 @@ def grow_until(
 ) -> Iterator[None]:
     """Grow the tree until the share `until` is spent or the search is over.
 
-    A rollout counts an iteration a contour. At least one is made.
+    A rollout counts as many iterations as there are contours. At least one is made.
     """
     n, rollouts, limit = len(incumbent.problem), 1, incumbent.stopping.iterations
     if limit is not None:
@@ -117,6 +117,6 @@ def grow_until(
         if incumbent.over or incumbent.spent >= until:
             return
         if limit is None:
-            speed = step / max(incumbent.seconds - before, 1e-6)
-            rollouts = int(min(max(_POLL_S * speed, 1.0), 4.0 * step, _MOST_ROLLOUTS))
+            took_s = incumbent.seconds - before
+            rollouts = next_chunk(step, took_s, POLL_S, least=1, most=_MOST_ROLLOUTS)
         yield

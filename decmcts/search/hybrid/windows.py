@@ -18,8 +18,10 @@ from decmcts._kernels.exact.window import solve_windows
 from decmcts.search.bounds.exact import Room, slack_of
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.decomposition.threads import ROUND_S, Threads
-from decmcts.search.hybrid.search import END, Search
+from decmcts.search.hybrid.search import Search
+from decmcts.search.sequence.annealing import DESCENT_FROM
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import next_chunk
 
 _ROOM = Room(100_000, 400_000, 2_000_000, 40_009)  # 25 MiB, if all is used
 _WIDEST = 20_000  # steps from all ideals of a level
@@ -56,8 +58,10 @@ class WindowSolver:
             made += steps
             if limit is not None or steps < self.chunk:  # all is in its best order
                 break
-            speed = steps / max(incumbent.seconds - before, 1e-6)
-            self.chunk = int(min(max(_CHUNK_S * speed, _LEAST_CHUNK), _LARGEST_CHUNK))
+            took_s = incumbent.seconds - before
+            self.chunk = next_chunk(
+                steps, took_s, _CHUNK_S, least=_LEAST_CHUNK, most=_LARGEST_CHUNK
+            )
             spent = incumbent.spent
         block.put_back(sequence)
         return made
@@ -94,7 +98,7 @@ def improve_windows(
 class Windows:
     """Windows of the best sequence, where there is no time for neighbourhoods."""
 
-    until: float = END  # share
+    until: float = DESCENT_FROM  # share
 
     def run(self, search: Search) -> Iterator[None]:
         """Improve the best sequence."""

@@ -16,10 +16,12 @@ from decmcts._kernels.sequence.entries import use_entries
 from decmcts._kernels.sequence.metric import points_of
 from decmcts._kernels.sequence.moves import Tour, refresh
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import POLL_S, next_chunk
 from decmcts.search.sequence.timed_lags import no_lag_state
 
-_POLL_S = 0.1  # how often a search looks whether it is to end
-_LARGEST_CHUNK = 1_000_000
+DESCENT_FROM = 0.97  # share of a search at which what is drawn at random ends
+
+_LEAST_CHUNK, _LARGEST_CHUNK = 1000, 1_000_000  # proposals
 _CHUNKS = 400  # parts of a run that is limited by iterations
 _POSITIONS = 500  # positions between looks at the clock in a descent
 _LONGEST_SWAP = 50  # segments tried exhaustively; longer ones are left to annealing
@@ -85,7 +87,7 @@ def anneal_until(
     Mutates the tour and the generator state. The sequence is offered to the incumbent
     after each chunk of proposals.
     """
-    began, chunk = incumbent.spent, 1000
+    began, chunk = incumbent.spent, _LEAST_CHUNK
     limit = incumbent.stopping.iterations
     if limit is not None:
         left = (until - began) * limit
@@ -98,8 +100,8 @@ def anneal_until(
         incumbent.offer(tour.order, tour.reversed, tour.entry_id)
         incumbent.tick()
         if limit is None:
-            speed = chunk / max(incumbent.seconds - before, 1e-6)
-            chunk = int(min(max(_POLL_S * speed, 1000.0), 4.0 * chunk, _LARGEST_CHUNK))
+            took_s = incumbent.seconds - before
+            chunk = next_chunk(chunk, took_s, POLL_S, least=_LEAST_CHUNK, most=_LARGEST_CHUNK)
 
 
 def descend_fully(incumbent: Incumbent, tour: Tour) -> None:

@@ -33,6 +33,8 @@ class Incumbent:
         Called with the progress after every piece of work.
     bound : float | None
         A cost that no sequence is below, if known; part of the progress.
+    started : float | None
+        When the search began by the clock, if preparations count; None: now.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class Incumbent:
         stopping: Stopping,
         report: Callable[[Progress], None] | None = None,
         bound: float | None = None,
+        started: float | None = None,
     ) -> None:
         self.problem = problem
         self.stopping = stopping
@@ -56,12 +59,12 @@ class Incumbent:
         self.source_cost = visits_cost(self.metric, self.order, self.reversed, self.entry_id)
         self.cost = self.source_cost
         self.iterations = 0
-        self.notes: dict[str, float] = {}  # what a planner chose, by name
+        self.found_by = ""  # which part of the planner found the best sequence, if it says so
         self._clock, self._report = clock, report
         self._ended = False  # as `stopping` says
         self._finished = False  # as the planner says
         self.bound = bound  # a cost that no sequence is below, if known
-        self._started, self._improved_at_s = clock(), 0.0
+        self._started, self._improved_at_s = clock() if started is None else started, 0.0
         self._history: list[tuple[float, int, float]] = [(0.0, 0, self.cost)]
 
     @property
@@ -94,10 +97,13 @@ class Incumbent:
         order: NDArray[np.int32],
         is_reversed: NDArray[np.uint8],
         entry_id: NDArray[np.int32] | None = None,
+        *,
+        by: str = "",
     ) -> bool:
         """Take the sequence if it is better; `is_reversed` is by contour. Returns whether it was.
 
-        `entry_id` is the entry each contour is entered by, see `Seams`; None: as sliced. A
+        `entry_id` is the entry each contour is entered by, see `Seams`; None: as sliced. `by`
+        names the part of the planner that found it. A
         sequence that does not keep the problem's time lags is not taken, and that is no
         fault: not all planners look at lags.
 
@@ -122,7 +128,7 @@ class Incumbent:
         if seams is not None and not _allowed(entry_id, seams):
             raise RuntimeError("a planner entered a contour where it may not")
         self.order, self.reversed, self.entry_id = order.copy(), is_reversed.copy(), entry_id.copy()
-        self.cost = cost
+        self.cost, self.found_by = cost, by
         self._improved_at_s = self.seconds
         self._history.append((self._improved_at_s, self.iterations, cost))
         return True

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+POLL_S = 0.1  # how often a search looks whether it is to end
+
 
 @dataclass(frozen=True, slots=True)
 class Progress:
@@ -84,3 +86,12 @@ class Stopping:
     def shortened(self, share: float) -> Stopping:
         """Return the same with a share of the seconds; a limit of iterations stays."""
         return self if self.seconds is None else replace(self, seconds=share * self.seconds)
+
+
+def next_chunk(size: int, took_s: float, goal_s: float, *, least: int, most: int) -> int:
+    """Return how much work takes about `goal_s`, where `size` of it `took_s`.
+
+    At most four times as much, since one measurement may be off.
+    """
+    speed = size / max(took_s, 1e-6)
+    return int(min(max(goal_s * speed, least), max(4.0 * size, least), most))

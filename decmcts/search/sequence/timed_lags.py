@@ -1,8 +1,8 @@
 """How much time a sequence must leave between contours that lie on each other.
 
-A search reckons with a fixed time for each contour: its print time and a fixed share of
-that for travel. Such times are cheap to keep up to date in every move, and exact enough to
-find orders that wait little or not at all.
+A search reckons with a fixed time for each contour: its print time and a share of the
+source's mean travel, the same for all. Such times are cheap to keep up to date in every
+move, and exact enough to find orders that wait little or not at all.
 """
 
 from __future__ import annotations

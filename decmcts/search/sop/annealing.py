@@ -16,7 +16,6 @@ from decmcts._kernels.sequence.bare import Bare, Shares, anneal_bare
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
-from decmcts.search.sop.found import offer
 
 SHARES = Shares(follow=0.7, reverse=0.12)
 
@@ -132,7 +131,7 @@ class AnnealedSequence:
     def offer_to(self, incumbent: Incumbent) -> None:
         """Offer the best found since the last time."""
         if self._found is not None:
-            offer(incumbent, self._found, "annealing")
+            incumbent.offer(self._found, incumbent.reversed, by="annealing")
             self._found = None
 
 

@@ -25,7 +25,7 @@ MOST_BYTES = 2**30  # of one beam
 _FRESH = Stand(0, 0, np.inf, 0)
 _TIES = 1e-6  # of the mean reduced cost: breaks ties only
 _NOISE = 0.1  # of the mean reduced cost: changes what is kept
-_ROOM = 4  # children kept before they are thinned out, in widths
+_CAPACITY = 4  # children kept before they are thinned out, in widths
 
 
 @dataclass(slots=True)
@@ -33,14 +33,13 @@ class Beam:
     """Beam searches through one problem, whose node 0 is first and n − 1 last; mutable.
 
     `costs` are reduced, never negative. With `backward` sequences are built from
-    their end. `noisy` from the start makes a second beam differ from a first one.
+    their end.
     """
 
     costs: NDArray[np.float64]  # (n, n)
     precedence: Precedence
     seed: int
     backward: bool = False
-    noisy: bool = False
     width: int = 1
     found: NDArray[np.int64] | None = None  # cheapest sequence of the last finished run
     found_cost: float = np.inf  # reduced
@@ -67,9 +66,9 @@ class Beam:
             np.nonzero(precedence.direct)[1].astype(np.int32),
             rng.integers(0, 2**64, (n, 2), dtype=np.uint64),
         )
-        state = 8 * n + 64 * self._rules.needed.shape[1] + 64 * _ROOM + 64
+        state = 8 * n + 64 * self._rules.needed.shape[1] + 64 * _CAPACITY + 64
         self._widest = 1 << max(int(np.log2(MOST_BYTES / state)), 0)
-        self._noise = (_NOISE if self.noisy else _TIES) * float(costs.mean())
+        self._noise = _TIES * float(costs.mean())
         self._begin()
 
     def step(self, quota: int, below: float) -> int:
@@ -99,7 +98,7 @@ class Beam:
 
     def _begin(self) -> None:
         """Start a run of the present width at the first node."""
-        words, room = self._rules.needed.shape[1], _ROOM * self.width + 1000
+        words, room = self._rules.needed.shape[1], _CAPACITY * self.width + 1000
         slots = 1 << int(np.ceil(np.log2(2 * room)))
         self._children = Children(
             np.zeros(room, np.int32),
@@ -108,7 +107,7 @@ class Beam:
             np.zeros(room, np.uint64),
             np.full(slots, -1, np.int64),
         )
-        nothing, self._level = _room_for(1, words), _room_for(1, words)
+        nothing, self._level = _new_level(1, words), _new_level(1, words)
         nothing.ready[0, 0] = 1
         nothing.mixed[0] = 0
         nothing.placed[0] = 0
@@ -121,7 +120,7 @@ class Beam:
         self._dropped |= self._stand.limit < np.inf
         count, limit = keep_best(children, self._stand.kept, self.width, self._noise)
         self._dropped |= limit < np.inf
-        following = _room_for(count, self._rules.needed.shape[1])
+        following = _new_level(count, self._rules.needed.shape[1])
         descend_to(self._rules, self._level, children, count, following)
         self._trail.append((children.parent[:count].copy(), children.node[:count].copy()))
         children.table[:] = -1
@@ -155,7 +154,7 @@ class Beam:
         return len(sequence) - 1 - sequence[::-1] if self.backward else sequence
 
 
-def _room_for(count: int, words: int) -> Level:
+def _new_level(count: int, words: int) -> Level:
     """Return a level of so many states, not filled in."""
     return Level(
         np.zeros(count, np.int32),

@@ -4,7 +4,7 @@ Three searches share the best sequence, and each is strong where the others are 
 
 - beam search from both ends, where precedence is dense, and on prints;
 - branch and bound over assignments, where there is next to no precedence;
-- annealing by exchanges of segments, between the two.
+- annealing by exchanges and reversals of segments, between the two.
 
 The first two often prove that no sequence is cheaper. Reduced costs (`.assignment`) make
 partial sequences comparable in the first, and successors in the last. The searches run on
@@ -31,7 +31,6 @@ from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.sop.assignment import Assignment, assign, patched
-from decmcts.search.sop.found import FOUND_BY
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.threads import ALL_PARTS, Parts, TwoThreads
 
@@ -43,7 +42,7 @@ class SopResult:
     order: NDArray[np.int32]  # (n,) nodes as the caller numbers them, from 0
     cost: float
     bound: float  # no sequence costs less; equals `cost` where that is proven optimal
-    iterations: int  # partial sequences looked at and moves proposed
+    iterations: int  # partial sequences looked at, moves proposed; an assignment counts n² / 4
     history: NDArray[np.float64]  # (k, 3) seconds, iterations, cost at each improvement
     found_by: str  # "start", "beam", "annealing" or "assignments"
     seed: int
@@ -106,9 +105,10 @@ def search_sop(
     graph = DependencyGraph.from_pairs(len(full), numbered.pairs)
     incumbent = Incumbent(
         OrderProblem.of_costs(full, graph),
-        clock=_since(clock, started),
+        clock=clock,
         stopping=stopping,
         report=progress,
+        started=started,
     )
     bound = _search(incumbent, numbered, assignment, seed, parts)
     order = numbered.original[incumbent.order]
@@ -118,15 +118,9 @@ def search_sop(
         min(bound, incumbent.cost),
         incumbent.iterations,
         incumbent.history,
-        FOUND_BY[int(incumbent.notes.get("found_by", 0))],
+        incumbent.found_by or "start",
         seed,
     )
-
-
-def _since(clock: Callable[[], float], started: float) -> Callable[[], float]:
-    """Return a clock that first says `started`, so that preparations count."""
-    readings = iter((started,))
-    return lambda: next(readings, None) or clock()
 
 
 def _checked(

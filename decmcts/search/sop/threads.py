@@ -18,19 +18,19 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.bare import Shares
 from decmcts._kernels.sequence.metric import Matrix
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.stopping import next_chunk
 from decmcts.search.sop.annealing import SHARES, AnnealedSequence, AnnealThread, NearSteps
 from decmcts.search.sop.assignment import Assignment, assign
 from decmcts.search.sop.assignment_tree import AssignmentTree
 from decmcts.search.sop.beam import Beam
 from decmcts.search.sop.elites import EliteThread
-from decmcts.search.sop.found import offer
 from decmcts.search.sop.precedence import Precedence
 from decmcts.search.sop.windows import WindowThread
 
 _SLICE_S = 0.15
 _SLICES = 400  # of a search that is limited by iterations
-_LARGEST_SLICE = 4_000_000
-_LAG = 4  # the beam from the worse end is so many times narrower
+_LEAST_SLICE, _LARGEST_SLICE = 1000, 4_000_000  # iterations
+_HANDICAP = 4  # the beam from the worse end is so many times narrower
 _CHANGES = (  # shares spent; lead annealing needs over beams; gap the tree may keep working on
     (0.08, np.inf, 0.02),
     (0.2, 0.005, 0.005),
@@ -68,7 +68,6 @@ class BeamThread:
     best: float = np.inf  # cost of the best sequence this thread has found
     exhausted: bool = False  # nothing better is left
     below: float = np.inf  # sequences have to cost less
-    name: str = "beam"
     _found: list[NDArray[np.int64]] = field(default_factory=list)  # since the last meeting
     _bests: list[float] = field(default_factory=list)  # by beam
 
@@ -93,7 +92,7 @@ class BeamThread:
     def meet(self, incumbent: Incumbent) -> None:
         """Offer what runs have found; from now on look below the incumbent only."""
         for order in self._found:
-            offer(incumbent, order.astype(np.int32), self.name)
+            incumbent.offer(order.astype(np.int32), incumbent.reversed, by="beam")
         self._found = []
         self.below = min(self.below, incumbent.cost)
 
@@ -101,7 +100,7 @@ class BeamThread:
         """Return which beam goes on: the narrowest, with a handicap for the worse."""
         least = min(self._bests)
         widths = [
-            beam.width * (_LAG if best > least else 1)
+            beam.width * (_HANDICAP if best > least else 1)
             for beam, best in zip(self.beams, self._bests, strict=True)
         ]
         return int(np.argmin(widths))
@@ -116,7 +115,6 @@ class TreeThread:
     bound: float  # what to add to reduced costs
     least_gain: float
     below: float = np.inf
-    name: str = "assignments"
     _found: NDArray[np.int32] | None = None
 
     @property
@@ -140,14 +138,14 @@ class TreeThread:
     def meet(self, incumbent: Incumbent) -> None:
         """Offer the best repaired sequence; from now on look below the incumbent only."""
         if self._found is not None:
-            offer(incumbent, self._found, self.name)
+            incumbent.offer(self._found, incumbent.reversed, by="assignments")
             self._found = None
         self.below = min(self.below, incumbent.cost)
 
 
 @dataclass(slots=True)
 class TurnsThread:
-    """Annealing by Luby's lengths and annealing by elites, slice about.
+    """Annealing by Luby's lengths and annealing by elites, in alternate slices.
 
     Elites find more on most problems without distances, but may all lie beside the best
     sequence; on small ones annealings that know nothing of each other then find it.
@@ -333,9 +331,10 @@ class _Pace:
             began = incumbent.seconds
             made = threads[thread].work(self.quotas[thread], spent)
             if self.timed:
-                speed = made / max(incumbent.seconds - began, 1e-6)
-                most = min(4.0 * self.quotas[thread], _LARGEST_SLICE)
-                self.quotas[thread] = int(min(max(_SLICE_S * speed, 1000.0), most))
+                self.quotas[thread] = next_chunk(
+                    made, incumbent.seconds - began, _SLICE_S,
+                    least=_LEAST_SLICE, most=_LARGEST_SLICE,
+                )  # fmt: skip
             return made
 
         return sum(pool.map(work, range(len(threads))))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
 from decmcts.search.sequence.annealing import (
+    DESCENT_FROM,
     TemperatureSchedule,
     anneal_until,
     descend_fully,
@@ -43,7 +44,7 @@ class Layerwise:
         tour = tour_of(incumbent, near_ports(incumbent.problem), group)
         mean = incumbent.cost / len(incumbent.problem)
         schedule = TemperatureSchedule(self.hot * mean, self.cold * mean)
-        anneal_until(incumbent, tour, seeded(seed), schedule, 0.97)
+        anneal_until(incumbent, tour, seeded(seed), schedule, DESCENT_FROM)
         if incumbent.over:
             return
         descend_fully(incumbent, tour)
