@@ -17,8 +17,8 @@ from decmcts._kernels.geometry.clearance import Beads, PackedHead
 from decmcts._kernels.geometry.closure import (
     NO_EDGE,
     WORD,
+    ClosureRules,
     Edges,
-    Rules,
     Words,
     bound_words,
     close,
@@ -110,7 +110,7 @@ def _build(
     words = Words(np.empty((-(-n // WORD), 6)), np.empty((-(-n // WORD), 2), np.int32))
     bound_words(beads, contours.layer, words)
     _refuse_violation(contours, beads, words, head)
-    rules = Rules(
+    rules = ClosureRules(
         contours.layer,
         contours.role,
         contours.epoch,
@@ -121,7 +121,9 @@ def _build(
     return _graph_of(_walk(beads, rules, words, head, rows_bytes))
 
 
-def _walk(beads: Beads, rules: Rules, words: Words, head: PackedHead, rows_bytes: int) -> Edges:
+def _walk(
+    beads: Beads, rules: ClosureRules, words: Words, head: PackedHead, rows_bytes: int
+) -> Edges:
     n, n_words = len(beads.radius), len(words.boxes)
     edges = Edges(
         np.full(n, NO_EDGE, np.int64),

@@ -67,11 +67,11 @@ def test_summed_changes_equal_the_recomputed_cost(
     assert respects(tour.order, tour.succ_offsets, tour.succs)
 
 
-@pytest.mark.parametrize("ahead", [True, False])
+@pytest.mark.parametrize("forward", [True, False])
 @settings(max_examples=40, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), slack=st.floats(-20.0, 20.0))
 def test_sliding_costs_what_it_says_or_leaves_no_trace(
-    ahead: bool, seed: int, slack: float
+    forward: bool, seed: int, slack: float
 ) -> None:
     """Never more than the slack; refused, every loop is entered as before."""
     problem, rng = loops(seed, 12), np.random.default_rng(seed)
@@ -82,7 +82,7 @@ def test_sliding_costs_what_it_says_or_leaves_no_trace(
     p = int(rng.choice(chosen))
     entry = int(rng.integers(*tour.entry_offsets[tour.order[p] : tour.order[p] + 2]))
     before, cost = tour.entry_id.copy(), tour.after.sum()
-    change = slide_entries(tour, p, entry, ahead, slack)
+    change = slide_entries(tour, p, entry, forward, slack)
     after = visits_cost(problem.metric(), tour.order, tour.reversed, tour.entry_id)
     assert after == pytest.approx(cost + change, abs=1e-9)
     assert tour.after.sum() == pytest.approx(after, abs=1e-9)

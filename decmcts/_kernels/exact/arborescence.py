@@ -114,7 +114,7 @@ def join(groups: Groups, one: int, other: int) -> bool:
 
 
 @kernel
-def part(groups: Groups, joins: int) -> None:
+def undo_joins(groups: Groups, joins: int) -> None:
     """Mutate `groups`: undo all joins but the first `joins`."""
     while groups.used[0] > joins:
         groups.used[0] -= 1
@@ -202,7 +202,7 @@ def expand(
 ) -> None:
     """Mutate `into`: resolve the arcs into contracted groups to arcs into each node."""
     for at in range(cycles.used[0] - 1, -1, -1):
-        part(groups, cycles.joins[at])
+        undo_joins(groups, cycles.joins[at])
         entered = into[cycles.group[at]]
         for x in range(cycles.first[at], cycles.first[at + 1]):
             arc = cycles.arcs[x]

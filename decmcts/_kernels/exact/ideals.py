@@ -37,7 +37,7 @@ NOWHERE = np.uint64(2**64 - 1)
 """Bits of an ideal that is given up; no other has them all, as its first contour is lacking."""
 
 
-class Rules(NamedTuple):
+class IdealRules(NamedTuple):
     """Which contour may follow on an ideal."""
 
     reach: NDArray[np.int64]  # (n,) last contour that may be printed before each, or itself
@@ -63,7 +63,7 @@ class Ideals(NamedTuple):
     slots: NDArray[np.int32]  # hash table of ideals of the level in the making; others are free
 
 
-class Stand(NamedTuple):
+class Frontier(NamedTuple):
     """How far the ideals have been made."""
 
     level: int  # contours printed in the newest ideals
@@ -74,12 +74,12 @@ class Stand(NamedTuple):
 
 
 @kernel
-def empty(ideals: Ideals) -> Stand:
+def reset(ideals: Ideals) -> Frontier:
     """Mutate the ideals: nothing but the one with nothing printed; return where that stands."""
     ideals.slots[:] = -1
     ideals.lacks[0] = ideals.begin[0] = ideals.ports[0] = ideals.base[0] = 0
     ideals.bits[0], ideals.newest[0] = 0, NONE
-    return Stand(0, 0, 1, 0, False)
+    return Frontier(0, 0, 1, 0, False)
 
 
 @kernel
@@ -141,7 +141,9 @@ def _slot_of(ideals: Ideals, oldest: int, lacks: int, bits: np.uint64) -> int:
 
 
 @kernel
-def extend(ideals: Ideals, choices: Choices, rules: Rules, at: Stand, widest: int) -> Stand:
+def extend(
+    ideals: Ideals, choices: Choices, rules: IdealRules, at: Frontier, widest: int
+) -> Frontier:
     """Mutate the ideals: add those of the next level, and the steps to them."""
     top, travels, step = at.ideals, at.travels, ideals.begin[at.first]
     most = min(len(ideals.lacks), at.ideals + len(ideals.slots) // 2)
@@ -162,14 +164,14 @@ def extend(ideals: Ideals, choices: Choices, rules: Rules, at: Stand, widest: in
             slot = _slot_of(ideals, at.ideals, following, then)
             if ideals.slots[slot] < at.ideals:
                 if top == most:
-                    return Stand(at.level, at.first, at.ideals, at.travels, True)
+                    return Frontier(at.level, at.first, at.ideals, at.travels, True)
                 ideals.slots[slot] = top
                 ideals.lacks[top], ideals.bits[top] = following, then
                 ideals.newest[top], ideals.ports[top] = NONE, 0
                 top += 1
             count = choices.offsets[j + 1] - choices.offsets[j]
             if step == room or travels + count > len(ideals.travel):
-                return Stand(at.level, at.first, at.ideals, at.travels, True)
+                return Frontier(at.level, at.first, at.ideals, at.travels, True)
             child = ideals.slots[slot]
             ideals.contour[step], ideals.base[step] = j, travels
             ideals.older[step], ideals.newest[child] = ideals.newest[child], step
@@ -178,13 +180,13 @@ def extend(ideals: Ideals, choices: Choices, rules: Rules, at: Stand, widest: in
             travels += count
             ideals.base[step] = travels
         ideals.begin[i + 1] = step
-    return Stand(at.level + 1, at.ideals, top, travels, False)
+    return Frontier(at.level + 1, at.ideals, top, travels, False)
 
 
 @kernel
 def make_ideals(
-    ideals: Ideals, choices: Choices, rules: Rules, at: Stand, quota: int, widest: int
-) -> Stand:
+    ideals: Ideals, choices: Choices, rules: IdealRules, at: Frontier, quota: int, widest: int
+) -> Frontier:
     """Mutate the ideals: make level after level, until about `quota` steps or the last level.
 
     A level has `widest` steps at most.
@@ -236,7 +238,7 @@ def _gather(
 
 
 @kernel
-def price_steps(ideals: Ideals, choices: Choices, rules: Rules, first: int, last: int) -> None:
+def price_steps(ideals: Ideals, choices: Choices, rules: IdealRules, first: int, last: int) -> None:
     """Mutate the ideals: give the steps from ideals first:last their travel, all before known."""
     port, travel = np.empty(len(choices.into), np.int64), np.empty(len(choices.into))
     for i in range(first, last):

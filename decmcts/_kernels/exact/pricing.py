@@ -42,7 +42,7 @@ class Boxes(NamedTuple):
     words: NDArray[np.float64]  # (ceil(n / 64), 6) of `leave` of 64 contours
 
 
-class Precedence(NamedTuple):
+class PossibleTravels(NamedTuple):
     """Which contours may be neighbours in an order."""
 
     related: NDArray[np.uint64]  # (n, ceil(n / 64)) bits: itself, before, after, or no contour
@@ -220,7 +220,7 @@ def offer(
 def cheapest_tails(
     choices: Choices,
     boxes: Boxes,
-    rule: Precedence,
+    rule: PossibleTravels,
     prices: Prices,
     extremes: Extremes,
     j: int,
@@ -251,7 +251,7 @@ def cheapest_tails(
 
 @kernel
 def price_travels(
-    choices: Choices, boxes: Boxes, rule: Precedence, prices: Prices, width: int
+    choices: Choices, boxes: Boxes, rule: PossibleTravels, prices: Prices, width: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return from where the `width` cheapest travels lead to each contour, and the rest's least.
 

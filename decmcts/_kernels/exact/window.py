@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from decmcts._kernels.exact.ideals import (
     NOWHERE,
     WINDOW,
+    Frontier,
+    IdealRules,
     Ideals,
-    Rules,
-    Stand,
-    empty,
     extend,
     price_steps,
+    reset,
     trace,
 )
 from decmcts._kernels.exact.pricing import NONE, Choices
@@ -86,7 +86,7 @@ def _before(tour: Tour, first: int, last: int) -> NDArray[np.uint64]:
 
 
 @kernel
-def _rules_of(before: NDArray[np.uint64], slack: float) -> Rules:
+def _rules_of(before: NDArray[np.uint64], slack: float) -> IdealRules:
     """Return which contour may follow on an ideal."""
     k = len(before)
     reach, needed = np.empty(k, np.int64), np.zeros(k, np.uint64)
@@ -96,7 +96,7 @@ def _rules_of(before: NDArray[np.uint64], slack: float) -> Rules:
         for i in range(j):
             if not (before[j] >> np.uint64(i)) & _ONE:
                 reach[i] = j
-    return Rules(reach, needed, slack)
+    return IdealRules(reach, needed, slack)
 
 
 class Potentials(NamedTuple):
@@ -214,7 +214,9 @@ def _bounded(
 
 
 @kernel
-def _give_up(ideals: Ideals, choices: Choices, at: Stand, bounds: Potentials, most: float) -> int:
+def _give_up(
+    ideals: Ideals, choices: Choices, at: Frontier, bounds: Potentials, most: float
+) -> int:
     """Mutate the newest ideals: drop what cannot end below `most`; return how many are left."""
     alive = 0
     for i in range(at.first, at.ideals):
@@ -241,7 +243,7 @@ def _give_up(ideals: Ideals, choices: Choices, at: Stand, bounds: Potentials, mo
 
 
 @kernel
-def _print_so(
+def _apply_order(
     tour: Tour, first: int, choices: Choices, order: NDArray[np.int32], choice: NDArray[np.int64]
 ) -> None:
     """Mutate the tour: positions from `first` on in this order, in these choices."""
@@ -279,7 +281,7 @@ def solve_window(
     work = looks // _LOOKS
     if bound >= most:
         return True, work
-    at = empty(ideals)
+    at = reset(ideals)
     while at.level < last - first:
         then = extend(ideals, choices, rules, at, widest)
         if then.full or then.travels > limit:
@@ -289,7 +291,7 @@ def solve_window(
         if _give_up(ideals, choices, at, bounds, most) == 0:
             return True, at.travels + work
     _, order, choice = trace(ideals, choices, at.first)
-    _print_so(tour, first, choices, order, choice)
+    _apply_order(tour, first, choices, order, choice)
     return True, at.travels + work
 
 

@@ -34,7 +34,7 @@ NO_EDGE = -1
 ALL = np.uint64(2**64 - 1)
 
 
-class Rules(NamedTuple):
+class ClosureRules(NamedTuple):
     """What besides geometry orders contours."""
 
     layer: NDArray[np.int32]  # (n,)
@@ -143,7 +143,7 @@ def touches(beads: Beads, a: int, b: int, gap: float) -> bool:
 
 @kernel
 def required(
-    beads: Beads, rules: Rules, head: PackedHead, a: int, b: int, quad: NDArray[np.float64]
+    beads: Beads, rules: ClosureRules, head: PackedHead, a: int, b: int, quad: NDArray[np.float64]
 ) -> int:
     """Return the kind of the edge (a, b), the least negotiable if several, or 0."""
     if rules.epoch[a] < rules.epoch[b]:
@@ -186,7 +186,9 @@ def in_reach(boxes: NDArray[np.float64], i: int, reach: NDArray[np.float64]) -> 
 
 
 @kernel
-def word_concerns(rules: Rules, words: Words, reach: NDArray[np.float64], w: int, b: int) -> bool:
+def word_concerns(
+    rules: ClosureRules, words: Words, reach: NDArray[np.float64], w: int, b: int
+) -> bool:
     """Tell whether any contour of run w may have to precede b."""
     return bool(
         rules.epoch[w * WORD] < rules.epoch[b]
@@ -228,7 +230,7 @@ def walk_contour(
     first: int,
     b: int,
     beads: Beads,
-    rules: Rules,
+    rules: ClosureRules,
     words: Words,
     head: PackedHead,
     edges: Edges,
@@ -268,7 +270,7 @@ def walk_columns(
     rows: NDArray[np.uint64],
     first: int,
     beads: Beads,
-    rules: Rules,
+    rules: ClosureRules,
     words: Words,
     head: PackedHead,
     edges: Edges,

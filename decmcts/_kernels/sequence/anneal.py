@@ -246,9 +246,9 @@ def anneal(
                 total += choose_entry(tour, i)
             elif entry_id[order[i]] >= 0:
                 first, last = tour.entry_offsets[order[i]], tour.entry_offsets[order[i] + 1]
-                entry, ahead = first + below(state, last - first), below(state, 2) == 0
+                entry, forward = first + below(state, last - first), below(state, 2) == 0
                 slack = -temperature * math.log(uniform(state))
-                total += slide_entries(tour, i, entry, ahead, slack)
+                total += slide_entries(tour, i, entry, forward, slack)
             continue
         else:
             kind, i, j, k, entry = propose_follow(

@@ -87,14 +87,14 @@ def choose_entry(tour: Tour, p: int) -> float:
 
 
 @kernel
-def nearest_entry(tour: Tour, q: int, ahead: bool) -> int:
-    """Return the entry of the contour at q nearest to the one before (ahead) or behind it."""
+def nearest_entry(tour: Tour, q: int, forward: bool) -> int:
+    """Return the entry of the contour at q nearest to the one before (forward) or behind it."""
     n, d, best, least = len(tour.order), tour.order[q], -1, np.inf
-    c = tour.order[q - 1 if ahead else q + 1]
-    other = port_out(tour.reversed, c) if ahead else port_in(tour.reversed, c)
+    c = tour.order[q - 1 if forward else q + 1]
+    other = port_out(tour.reversed, c) if forward else port_in(tour.reversed, c)
     for entry in range(tour.entry_offsets[d], tour.entry_offsets[d + 1]):
         door = 2 * n + 2 * entry
-        if ahead:
+        if forward:
             length = distance(tour.metric, other, door)
         else:
             length = distance(tour.metric, door + 1, other)
@@ -104,13 +104,13 @@ def nearest_entry(tour: Tour, q: int, ahead: bool) -> int:
 
 
 @kernel
-def slide_entries(tour: Tour, p: int, entry: int, ahead: bool, slack: float) -> float:
+def slide_entries(tour: Tour, p: int, entry: int, forward: bool, slack: float) -> float:
     """Mutate the tour: the contour at p takes an entry, and loops behind (or before) it follow.
 
     Each takes what is nearest to the last one, until all together costs no more than
     `slack`. Returns the change; 0 if that never is, then nothing has changed.
     """
-    n, q, made, total, step = len(tour.order), p, 0, 0.0, 1 if ahead else -1
+    n, q, made, total, step = len(tour.order), p, 0, 0.0, 1 if forward else -1
     while True:
         tour.scratch[made] = tour.entry_id[tour.order[q]]
         made += 1
@@ -121,7 +121,7 @@ def slide_entries(tour: Tour, p: int, entry: int, ahead: bool, slack: float) -> 
         q += step
         if made == LONGEST_SLIDE or q < 0 or q >= n or tour.entry_id[tour.order[q]] < 0:
             break
-        entry = nearest_entry(tour, q, ahead)
+        entry = nearest_entry(tour, q, forward)
         if entry == tour.entry_id[tour.order[q]]:
             break
     for x in range(made):

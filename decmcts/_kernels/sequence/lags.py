@@ -73,7 +73,7 @@ def begins_at(lags: LagState, order: NDArray[np.int32], p: int) -> float:
 def follows_too_soon(
     lags: LagState, position: NDArray[np.int32], c: int, begin: float, first: int
 ) -> bool:
-    """Say whether c, beginning then, comes too soon after something ahead of position `first`."""
+    """Say whether c, beginning then, comes too soon after something before position `first`."""
     for e in range(lags.under_offsets[c], lags.under_offsets[c + 1]):
         a = lags.under[e]
         ended = lags.begin[a] + lags.seconds[a]

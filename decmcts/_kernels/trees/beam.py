@@ -26,7 +26,7 @@ _ONE = np.uint64(1)
 _UNIT = 2.0**-53
 
 
-class Rules(NamedTuple):
+class BeamProblem(NamedTuple):
     """The problem as the beam needs it."""
 
     costs: NDArray[np.float64]  # (n, n) reduced costs, >= 0
@@ -56,7 +56,7 @@ class Children(NamedTuple):
     table: NDArray[np.int64]  # (slots,) hash table of children, a power of two
 
 
-class Stand(NamedTuple):
+class Expansion(NamedTuple):
     """How far the children of a level have been made."""
 
     state: int  # the next one to make children of
@@ -144,15 +144,15 @@ def keep_best(children: Children, count: int, width: int, noise: float) -> tuple
 
 @kernel
 def breed(
-    rules: Rules,
+    rules: BeamProblem,
     level: Level,
     children: Children,
-    at: Stand,
+    at: Expansion,
     width: int,
     below: float,
     noise: float,
     quota: int,
-) -> Stand:
+) -> Expansion:
     """Mutate `children`: go on with the children of a level that cost less than `below`.
 
     Begins where `at` stands and ends after about `quota` children, or with the last state.
@@ -177,12 +177,12 @@ def breed(
                 if count == room:
                     count, limit = keep_best(children, count, width, noise)
         p += 1
-    return Stand(p, count, limit, at.seen + seen)
+    return Expansion(p, count, limit, at.seen + seen)
 
 
 @kernel
 def descend_to(
-    rules: Rules, level: Level, children: Children, count: int, following: Level
+    rules: BeamProblem, level: Level, children: Children, count: int, following: Level
 ) -> None:
     """Mutate `following`: the states that the first `count` children stand for."""
     for c in range(count):

@@ -1,4 +1,4 @@
-"""Tree search over clusters that leans on the block order of a good sequence.
+"""Tree search over clusters that leans on the order of clusters in a good sequence.
 
 Where the paper's rollouts draw the next cluster at random, these take the one
 the guide prints first, and stray from it now and then; nodes get children in the
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below, uniform
-from decmcts._kernels.trees.rollout import Clustered, Rollout, print_cluster, restart
+from decmcts._kernels.trees.rollout import Clustered, Rollout, print_cluster, reset
 from decmcts._kernels.trees.tree import NO_CLUSTER, NO_NODE, ROOT, Tree, backup, expand, select
 
 
 @kernel
-def block_ranks(
+def cluster_ranks(
     position: NDArray[np.int32], label: NDArray[np.int32], n_clusters: int
 ) -> NDArray[np.float64]:
     """Return the mean position of each cluster's contours in a sequence, (n_clusters,)."""
@@ -99,7 +99,7 @@ def guided_rollout(
 
     The reward is reference / T for the travel T, at most 1. `tried` is all False.
     """
-    restart(clustered, rollout)
+    reset(clustered, rollout)
     node = ROOT
     while rollout.tally[1] > 0:
         children = tree.n_children[node]

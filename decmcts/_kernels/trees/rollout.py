@@ -51,7 +51,7 @@ class Rollout(NamedTuple):
 
 
 @kernel
-def restart(clustered: Clustered, rollout: Rollout) -> None:
+def reset(clustered: Clustered, rollout: Rollout) -> None:
     """Mutate the rollout: nothing is printed yet."""
     n_ready = 0
     for c in range(len(rollout.waiting)):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below
-from decmcts._kernels.trees.rollout import Clustered, Rollout, print_cluster, restart
+from decmcts._kernels.trees.rollout import Clustered, Rollout, print_cluster, reset
 
 ROOT = 0
 NO_NODE = -1
@@ -143,7 +143,7 @@ def simulate(
 
     The reward is (longest - T) / longest for the travel T of the sequence.
     """
-    restart(clustered, rollout)
+    reset(clustered, rollout)
     node = ROOT
     while rollout.tally[1] > 0 and tree.n_children[node] == rollout.tally[1]:
         node = select(tree, node, exploration)

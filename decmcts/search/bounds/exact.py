@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.exact.ideals import (
+    IdealRules,
     Ideals,
-    Rules,
-    empty,
     make_ideals,
     needs,
     price_steps,
     reaches,
+    reset,
     trace,
 )
 from decmcts.search.bounds.choices import choices_of
@@ -33,7 +33,7 @@ WIDEST = 500_000  # steps from a level: with more there is no hope
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class Capacity:
     """How much is kept of the order ideals at most; 0.4 GiB, if all is used."""
 
     ideals: int = 2_000_000
@@ -41,8 +41,8 @@ class Room:
     travels: int = 32_000_000
     slots: int = 1_000_003  # a prime
 
-    def empty(self) -> Ideals:
-        """Return room for ideals, to be emptied first; what is not used takes no memory."""
+    def allocate(self) -> Ideals:
+        """Return room for ideals, to be reset first; what is not used takes no memory."""
         most, steps = self.ideals, self.steps
         return Ideals(
             np.empty(most, np.int32), np.empty(most, np.uint64), np.empty(most + 1, np.int32),
@@ -52,7 +52,7 @@ class Room:
         )  # fmt: skip
 
 
-ROOM = Room()
+CAPACITY = Capacity()
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def solve_exactly(
     *,
     widest: int = WIDEST,
     effort: float = EFFORT,
-    room: Room = ROOM,
+    capacity: Capacity = CAPACITY,
 ) -> Optimum | None:
     """Return an optimal sequence, or None if that takes too much.
 
@@ -116,7 +116,7 @@ def solve_exactly(
         Steps from all sets of equally many contours beyond which to give up.
     effort : float
         Travels looked at between two questions, at most, while steps are priced.
-    room : Room
+    capacity : Capacity
         What the sets and steps must fit into; where they do not, this gives up.
     """
     n, graph = len(problem), problem.graph
@@ -124,9 +124,9 @@ def solve_exactly(
     if n == 0 or not near:
         return None
     choices = choices_of(problem, apart=True)
-    rules = Rules(reach, needs(graph.pred_offsets, graph.preds), slack_of(problem))
-    ideals, steps = room.empty(), 0
-    at = empty(ideals)
+    rules = IdealRules(reach, needs(graph.pred_offsets, graph.preds), slack_of(problem))
+    ideals, steps = capacity.allocate(), 0
+    at = reset(ideals)
     while at.level < n:
         at = make_ideals(ideals, choices, rules, at, max(1, min(_QUOTA, widest)), widest)
         made, steps = int(ideals.begin[at.first]) - steps, int(ideals.begin[at.first])

@@ -17,7 +17,7 @@ from decmcts._kernels.exact.arborescence import cheapest_arborescence
 from decmcts._kernels.exact.pricing import (
     WORD,
     Boxes,
-    Precedence,
+    PossibleTravels,
     Prices,
     add_descendants,
     arc_weights,
@@ -182,7 +182,7 @@ class Relaxation:
         self._exclusive = place[self._priced]
 
 
-def _precedence(problem: OrderProblem) -> tuple[Precedence, ExclusiveTravels]:
+def _precedence(problem: OrderProblem) -> tuple[PossibleTravels, ExclusiveTravels]:
     """Return the rule for pricing, and the travels to direct successors that it leaves out."""
     graph = problem.graph
     rows = closure_of(graph)
@@ -194,7 +194,7 @@ def _precedence(problem: OrderProblem) -> tuple[Precedence, ExclusiveTravels]:
     exclusive = find_exclusive_travels(rows, _offsets(heads, graph.n), covers)
     add_descendants(graph.succ_offsets, graph.succs, rows)
     priced = ~np.isin(covers.astype(np.int64) * graph.n + heads, exclusive.keys)
-    rule = Precedence(
+    rule = PossibleTravels(
         rows, _offsets(heads[priced], graph.n), np.ascontiguousarray(covers[priced], np.int32)
     )
     return rule, exclusive

@@ -63,31 +63,25 @@ class Multistart:
     def run(self, search: Search) -> Iterator[None]:
         """Anneal all starts, round by round; offer what is found."""
         incumbent, threads = search.incumbent, search.threads
-        plain, layered, ahead = (
-            search.best(),
-            search.layered,
-            False,
-        )  # ahead: the layered sequence won a round
-        layers = layer_runs(incumbent.problem.layer)
+        plain, layered = search.best(), search.layered
+        layers, layered_won = layer_runs(incumbent.problem.layer), False
         began, rounds = incumbent.spent, self.rounds(search)
         length = (self.until - began) / rounds
-        mean = incumbent.cost / len(
-            incumbent.problem
-        )  # the same in all rounds, so that all begin equally hot
+        mean = incumbent.cost / len(incumbent.problem)  # the same in all rounds
         ends: list[Sequence] = []  # results of all threads in all rounds,
         in_layers: list[Sequence] = []  # and of those that stayed within layers
         for number in range(rounds):
             other, best = plain if layered is None else layered, search.best()
             sequences = [
-                other.copy() if ahead else best,
+                other.copy() if layered_won else best,
                 *(other.copy() for _ in threads.states[1:]),
             ]
-            if number in (0, rounds // 2) and not ahead:
+            if number in (0, rounds // 2) and not layered_won:
                 yield from search.propose(sequences[0])
             until = began + length * (number + 1)
-            heats = self._heats(number, layered is not None, ahead, len(sequences))
-            groups = _groups(layers, layered is not None, ahead, len(sequences))
-            schedules = [TemperatureSchedule(heat * mean, self.cold * mean) for heat in heats]
+            hot = self._first_temperatures(number, layered is not None, layered_won, len(sequences))
+            groups = _groups(layers, layered is not None, layered_won, len(sequences))
+            schedules = [TemperatureSchedule(first * mean, self.cold * mean) for first in hot]
             annealed = until - self.merge_share * length
             yield from anneal_sequences(
                 incumbent, sequences, threads, schedules, annealed, groups=groups
@@ -97,11 +91,11 @@ class Multistart:
             found.choose_entries()
             incumbent.offer(found.order, found.reversed, found.entry_id)
             if layered is not None and len(sequences) > 1:
-                in_layers += sequences[0 if ahead else 1 :]
+                in_layers += sequences[0 if layered_won else 1 :]
                 layered = threads.join([layered, *in_layers])
                 layered.choose_entries()
                 incumbent.offer(layered.order, layered.reversed, layered.entry_id)
-                ahead = ahead or sequences[-1].cost < sequences[0].cost
+                layered_won = layered_won or sequences[-1].cost < sequences[0].cost
             yield from self._merge(search, sequences, until)
 
     def rounds(self, search: Search) -> int:
@@ -113,10 +107,12 @@ class Multistart:
         steps = search.threads.steps(incumbent.stopping) * (self.until - incumbent.spent)
         return int(min(max(1.0, steps / (self.steps * choices)), self.most))
 
-    def _heats(self, number: int, has_layered: bool, ahead: bool, count: int) -> list[float]:
+    def _first_temperatures(
+        self, number: int, has_layered: bool, layered_won: bool, count: int
+    ) -> list[float]:
         """Return how hot each of `count` threads begins, in mean travels."""
         other = self.mild if number % 2 and not has_layered else self.hot
-        return [self.mild if ahead else self.hot, *[other] * (count - 1)]
+        return [self.mild if layered_won else self.hot, *[other] * (count - 1)]
 
     def _merge(self, search: Search, sequences: list[Sequence], until: float) -> Iterator[None]:
         """Anneal what the best sequence and the next best differ in."""
@@ -137,8 +133,8 @@ class Multistart:
 
 
 def _groups(
-    layers: NDArray[np.int32], has_layered: bool, ahead: bool, count: int
+    layers: NDArray[np.int32], has_layered: bool, layered_won: bool, count: int
 ) -> list[NDArray[np.int32]]:
     """Return what the moves of each of `count` threads stay within: layers, or the whole."""
     whole = np.zeros_like(layers)
-    return [layers if ahead else whole, *[layers if has_layered else whole] * (count - 1)]
+    return [layers if layered_won else whole, *[layers if has_layered else whole] * (count - 1)]

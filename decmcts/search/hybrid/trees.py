@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.trees.guided import block_ranks, explore
+from decmcts._kernels.trees.guided import cluster_ranks, explore
 from decmcts._kernels.trees.rollout import Clustered, Rollout
 from decmcts._kernels.trees.tree import Tree, new_tree
 from decmcts.feasibility.clustering import cluster_contours
@@ -92,7 +92,7 @@ def guided_search(incumbent: Incumbent, gamma: float, state: NDArray[np.uint64])
     position[incumbent.order] = np.arange(n, dtype=np.int32)
     labels = cluster_contours(incumbent.problem.graph, threshold=gamma)
     clustered = clustered_problem(incumbent.problem, labels)
-    rank = block_ranks(position, clustered.label, len(clustered.outer_preds))
+    rank = cluster_ranks(position, clustered.label, len(clustered.outer_preds))
     order, is_reversed = incumbent.order.copy(), incumbent.reversed.copy()
     rollout, tree = fresh_rollout(clustered), new_tree(_CAPACITY)
     return GuidedSearch(clustered, rollout, tree, rank, state, order, is_reversed)

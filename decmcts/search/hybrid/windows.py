@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.exact.ideals import Ideals
 from decmcts._kernels.exact.window import solve_windows
-from decmcts.search.bounds.exact import Room, slack_of
+from decmcts.search.bounds.exact import Capacity, slack_of
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.decomposition.threads import ROUND_S, Threads
 from decmcts.search.hybrid.search import Search
@@ -23,7 +23,7 @@ from decmcts.search.sequence.annealing import DESCENT_FROM
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import next_chunk
 
-_ROOM = Room(100_000, 400_000, 2_000_000, 40_009)  # 25 MiB, if all is used
+_CAPACITY = Capacity(100_000, 400_000, 2_000_000, 40_009)  # 25 MiB, if all is used
 _WIDEST = 20_000  # steps from all ideals of a level
 _CHUNK_S = 0.03  # how often the clock is looked at
 _LEAST_CHUNK, _LARGEST_CHUNK = 1_000, 4_000_000  # travels priced
@@ -35,7 +35,7 @@ class WindowSolver:
 
     length: float = 8.0  # positions
     chunk: int = _LEAST_CHUNK  # travels
-    _ideals: Ideals = field(default_factory=_ROOM.empty)
+    _ideals: Ideals = field(default_factory=_CAPACITY.allocate)
 
     def improve(
         self, incumbent: Incumbent, sequence: Sequence, state: NDArray[np.uint64], until: float
@@ -47,7 +47,7 @@ class WindowSolver:
         if len(sequence.order) <= 2:
             return 0
         block, slack, made = cut(sequence, 0, len(sequence.order)), slack_of(sequence.problem), 0
-        limit, spent, most = incumbent.stopping.iterations, incumbent.spent, _ROOM.travels
+        limit, spent, most = incumbent.stopping.iterations, incumbent.spent, _CAPACITY.travels
         if limit is not None:
             self.chunk = most = int((until - spent) * limit)
         while spent < until:

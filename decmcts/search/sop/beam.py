@@ -18,11 +18,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.trees.beam import Children, Level, Rules, Stand, breed, descend_to, keep_best
+from decmcts._kernels.trees.beam import (
+    BeamProblem,
+    Children,
+    Expansion,
+    Level,
+    breed,
+    descend_to,
+    keep_best,
+)
 from decmcts.search.sop.precedence import Precedence
 
 MOST_BYTES = 2**30  # of one beam
-_FRESH = Stand(0, 0, np.inf, 0)
+_FRESH = Expansion(0, 0, np.inf, 0)
 _TIES = 1e-6  # of the mean reduced cost: breaks ties only
 _NOISE = 0.1  # of the mean reduced cost: changes what is kept
 _CAPACITY = 4  # children kept before they are thinned out, in widths
@@ -44,12 +52,12 @@ class Beam:
     found: NDArray[np.int64] | None = None  # cheapest sequence of the last finished run
     found_cost: float = np.inf  # reduced
     exhausted: bool = False  # a run has dropped nothing: there is nothing below its limit
-    _rules: Rules = field(init=False)
+    _rules: BeamProblem = field(init=False)
     _widest: int = field(init=False)
     _noise: float = field(init=False)
     _level: Level = field(init=False)
     _children: Children = field(init=False)
-    _stand: Stand = field(init=False)
+    _stand: Expansion = field(init=False)
     _trail: list[tuple[NDArray[np.int32], NDArray[np.int32]]] = field(init=False)
     _dropped: bool = field(init=False)
 
@@ -59,7 +67,7 @@ class Beam:
             costs, precedence = costs.T[::-1, ::-1], precedence.reversed()
         n, rng = len(costs), np.random.default_rng(self.seed)
         counts = precedence.direct.sum(axis=1)
-        self._rules = Rules(
+        self._rules = BeamProblem(
             np.ascontiguousarray(costs),
             _bit_rows(precedence.before.T),
             np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),

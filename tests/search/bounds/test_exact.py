@@ -12,7 +12,7 @@ from decmcts._kernels.exact.ideals import WINDOW
 from decmcts._kernels.sequence.entries import visits_cost
 from decmcts._kernels.sequence.tour import respects
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.search.bounds.exact import Optimum, Patience, Room, solve_exactly
+from decmcts.search.bounds.exact import Capacity, Optimum, Patience, solve_exactly
 from decmcts.search.hybrid.exact import Exact
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.planners import plan_order
@@ -146,8 +146,13 @@ def test_given_up_when_asked_or_too_wide() -> None:
     assert (asked[0], asked[-1]) == (0.0, 1.0)
     assert 0.0 < asked[len(asked) // 2 + 1] < 1.0
     assert solve_exactly(problem, widest=100) is None
-    for small in (Room(ideals=1000), Room(steps=1000), Room(travels=1000), Room(slots=101)):
-        assert solve_exactly(problem, room=small) is None
+    for small in (
+        Capacity(ideals=1000),
+        Capacity(steps=1000),
+        Capacity(travels=1000),
+        Capacity(slots=101),
+    ):
+        assert solve_exactly(problem, capacity=small) is None
     assert solve_exactly(problem) is not None
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects, tour_cost
-from decmcts._kernels.trees.guided import block_ranks, explore
+from decmcts._kernels.trees.guided import cluster_ranks, explore
 from decmcts._kernels.trees.tree import new_tree
 from decmcts.search.decomposition.blocks import Sequence
 from decmcts.search.decomposition.threads import open_threads
@@ -70,7 +70,7 @@ def test_a_full_tree_goes_on() -> None:
 def test_ranks_are_mean_positions() -> None:
     """A cluster that is printed in two visits counts as between them."""
     position, label = np.array([0, 3, 1, 2], np.int32), np.array([0, 0, 1, 1], np.int32)
-    assert block_ranks(position, label, 2).tolist() == [1.5, 1.5]
+    assert cluster_ranks(position, label, 2).tolist() == [1.5, 1.5]
 
 
 @pytest.mark.parametrize(

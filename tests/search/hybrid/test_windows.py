@@ -11,7 +11,7 @@ import pytest
 from decmcts._kernels.exact.window import solve_window
 from decmcts._kernels.random import seeded
 from decmcts._kernels.sequence.tour import respects
-from decmcts.search.bounds.exact import Room, slack_of
+from decmcts.search.bounds.exact import Capacity, slack_of
 from decmcts.search.decomposition.blocks import Sequence, cut
 from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.windows import WindowSolver, improve_windows
@@ -34,7 +34,7 @@ def solved(
 ) -> bool:
     """Mutate the sequence: positions [first, last) in their best order, if that is not too much."""
     block = cut(sequence, 0, len(sequence.order))
-    ideals = Room(room, 4 * room, 20 * room, 20_011).empty()
+    ideals = Capacity(room, 4 * room, 20 * room, 20_011).allocate()
     slack = slack_of(sequence.problem)
     done, _ = solve_window(block.tour, ideals, first, last, slack, widest, limit)
     block.put_back(sequence)
