@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -144,6 +145,35 @@ def test_unwritable_output_is_refused_before_the_search(
     source.write_text(gcode(SQUARE))
     said = refused(["plan", str(source), "-o", str(tmp_path / "no" / "out.gcode")], capsys)
     assert "no such folder" in said
+
+
+@pytest.mark.parametrize(
+    "words", [["plan", "--sliced", "-"], ["launch", "--record", "-"]], ids=lambda words: words[1]
+)
+def test_standard_output_is_no_file(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    """A file of that name would be hard to delete."""
+    monkeypatch.chdir(tmp_path)
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    assert f"{words[1]} - is no file" in refused([words[0], str(source), *words[1:]], capsys)
+    assert list(tmp_path.iterdir()) == [source]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_post_looks_first_whether_it_may_write(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """After half a minute of search is too late; and a file that is read-only stays."""
+    source = tmp_path / "part.gcode"
+    source.write_text(gcode(SQUARE))
+    source.chmod(0o444)
+    assert "cannot write here" in refused(["post", str(source), "--machine", "paper"], capsys)
+    source.chmod(0o644)
+    tmp_path.chmod(0o555)
+    assert "cannot write here" in refused(["post", str(source), "--machine", "paper"], capsys)
+    tmp_path.chmod(0o755)
 
 
 def test_output_onto_the_input_is_refused(

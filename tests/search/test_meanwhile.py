@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from decmcts.search.meanwhile import Meanwhile
-from decmcts.search.planners import plan_order
+from decmcts.search.planners import PLANNERS, keeps_lags, plan_order
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
 from tests.search.problems import random_problem
@@ -49,3 +49,12 @@ def test_the_second_takes_over_when_it_is_ready() -> None:
 def test_never_ready_the_first_has_all_the_time() -> None:
     """A search shorter than compiling takes still searches."""
     assert searched(ready_after=10**6) == (10, 0)
+
+
+def test_lags_are_kept_where_both_planners_keep_them() -> None:
+    """A first run on a machine forgot cooling for all its time."""
+    local, hybrid, greedy = (PLANNERS[name] for name in ("local", "hybrid", "greedy"))
+    assert keeps_lags("hybrid") and keeps_lags(hybrid) and not keeps_lags("greedy")
+    assert keeps_lags(Meanwhile(local, hybrid, lambda: False))
+    assert not keeps_lags(Meanwhile(greedy, hybrid, lambda: False))
+    assert not keeps_lags(Recorded())

@@ -57,9 +57,15 @@ def new_tree(capacity: int) -> Tree:
     )
 
 
-def grown(tree: Tree, capacity: int) -> Tree:
-    """Return a copy with room for `capacity` nodes."""
-    larger, size = new_tree(capacity), int(tree.size[0])
+def with_room(tree: Tree, more: int, most: int) -> Tree:
+    """Return a tree with room for so many `more` nodes: itself, or a larger copy.
+
+    It never gets larger than `most` nodes; a full one goes on without growing.
+    """
+    size, capacity = int(tree.size[0]), len(tree.parent)
+    if capacity >= most or size + more <= capacity:
+        return tree
+    larger = new_tree(min(2 * capacity + more, most))
     for name in Tree._fields[:-1]:
         getattr(larger, name)[:size] = getattr(tree, name)[:size]
     larger.size[0] = size

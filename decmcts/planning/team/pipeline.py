@@ -81,7 +81,7 @@ def plan_team(
     VerificationError
         When the judge refuses the plan.
     """
-    ready = _prepared(problem, search, writes=writes, report=report, stop=stop)
+    ready = prepared(problem, search, writes=writes, report=report, stop=stop)
     finish_beside(TEAM, report)  # so that agents load compiled kernels from the start
     started = time.perf_counter()
     report(Begun())
@@ -92,8 +92,13 @@ def plan_team(
     return check(ready.problem, ready.before, after, _history(result), seconds, report)
 
 
-def _prepared(
-    problem: PrintProblem, search: TeamSearch, *, writes: bool, report: Report, stop: Stop
+def prepared(
+    problem: PrintProblem,
+    search: TeamSearch,
+    *,
+    writes: bool,
+    report: Report = unheard,
+    stop: Stop = never,
 ) -> Prepared:
     """Have the source's own order judged, and find all that must be known before agents plan."""
     rules, objective = problem.rules, search.objective

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.random import seeded
-from decmcts._kernels.trees.tree import grown, new_tree, simulate_many
+from decmcts._kernels.trees.tree import new_tree, simulate_many, with_room
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import POLL_S, next_chunk
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
-_MOST_NODES = 4_000_000  # about 150 MB; a full tree goes on without growing
+_MOST_NODES = 4_000_000  # about 150 MB
 _CHUNK = 200  # iterations between looks at the clock when iterations are limited
 _LARGEST_CHUNK = 100_000
 
@@ -49,8 +49,7 @@ class Mcts:
         tree, chunk = new_tree(1024), 1
         order, is_reversed, best = rollout.order.copy(), rollout.reversed.copy(), math.inf
         while not incumbent.over and not self._has_lost_patience(incumbent):
-            if len(tree.parent) < _MOST_NODES and tree.size[0] + chunk > len(tree.parent):
-                tree = grown(tree, min(2 * len(tree.parent) + chunk, _MOST_NODES))
+            tree = with_room(tree, chunk, _MOST_NODES)
             before, was = incumbent.seconds, best
             best = simulate_many(
                 tree, clustered, rollout, tried, state, self.exploration, longest, chunk,

@@ -54,6 +54,7 @@ def test_a_bound_of_nothing_is_told_without_a_share(
     [
         (HEAD + "0 4 7\n", [], "tiny.sop:8: 3 costs instead of"),
         (HEAD + "0 -1 -1\n-1 0 2\n-1 -1 0\n", [], "cycle"),
+        (HEAD + ROWS, ["-o", "-", "--json"], "both want standard output"),
         (HEAD + ROWS, ["--machine", "mk4s"], "--machine"),
         (HEAD + ROWS, ["--report", "r.html"], "--report"),
         (HEAD + ROWS, ["--no-quality"], "--no-quality"),

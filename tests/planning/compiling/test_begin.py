@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
 import pytest
 
+from decmcts.planning.compiling.begin import can_begin, first_planner
+from decmcts.planning.compiling.child import compiling_beside
+from decmcts.planning.compiling.parts import FIRST, part_of
+from decmcts.planning.events import unheard
 from tests.late_kernels import late_kernels
+from tests.search.problems import random_problem
 
 AHEAD = """
 import sys
@@ -67,3 +77,20 @@ def test_without_searches_ahead_kernels_come_late() -> None:
     """What the tests above count is counted."""
     assert "anneal" in late("hybrid", "paths", ahead=False)
     assert "trace" in late("hybrid", "narrow", ahead=False)
+
+
+def test_a_search_limited_by_iterations_begins_with_what_was_asked_for(fresh: Path) -> None:
+    """Equal seeds give equal orders, whatever is compiled."""
+    problem = random_problem(0, 30)
+    part = part_of(problem, "hybrid")
+    with compiling_beside([part], unheard, start=NeverDone()):
+        assert first_planner(problem, "hybrid", at_once=False) == FIRST
+        assert first_planner(problem, "hybrid", at_once=True) == "hybrid"
+        assert not can_begin(problem, "hybrid", at_once=True)
+
+
+class NeverDone:
+    """Starts a process that compiles nothing, in the place of one that compiles."""
+
+    def __call__(self, parts: Sequence[str]) -> subprocess.Popen[bytes]:
+        return subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)

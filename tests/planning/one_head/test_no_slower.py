@@ -98,6 +98,17 @@ def test_a_packed_source_is_unpacked_where_the_output_is_not_packed(source, tmp_
     assert out.read_bytes() == source.read_bytes()
 
 
+def test_a_kept_source_without_a_suffix_goes_to_standard_output(
+    source, tmp_path, monkeypatch, capfdbinary
+):
+    """It went to a file named `-`."""
+    monkeypatch.chdir(tmp_path)
+    plain = source.rename(tmp_path / "part")
+    assert run(["plan", str(plain), "-o", "-", *WORDS]) == 0
+    assert plain.read_bytes() in capfdbinary.readouterr().out
+    assert not (tmp_path / "-").exists()
+
+
 def test_a_slower_file_is_written_when_asked_for(source, tmp_path, capsys):
     """Less travel may be worth more than time, to its owner."""
     out = tmp_path / "out.gcode"

@@ -18,6 +18,7 @@ from decmcts.formats.gcode import read_gcode, read_motions
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh.options import Bed
 from decmcts.formats.mesh.slicers import CURA_DEFINITION, Slicer
+from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.problem.slicing import (
     BUILTIN,
     Chosen,
@@ -256,3 +257,15 @@ def test_real_prints_stand_up_to_the_judge(cube, tmp_path, capsys, scratch, slic
     assert b"S222" in sliced.read_bytes()
     walls = np.isin(job.contours.role, (Role.PERIMETER, Role.EXTERNAL_PERIMETER))
     assert walls[job.contours.layer == 3].sum() == 3
+
+
+@pytest.mark.slow
+def test_launch_puts_a_part_in_the_middle_of_its_machine_s_bed(cube, tmp_path, capsys):
+    """It lay at (150, 150) on every machine, and off the bed of a small one."""
+    plan = tmp_path / "plan.json"
+    words = ["--machine", "dueling-zero", "--time-limit", "1", "--plan", str(plan)]
+    assert run(["launch", str(cube), *words]) == 0
+    document = read_plan(plan)
+    points = document.contours.points[:, :2]
+    middle = Bed.of(load_machine("dueling-zero")).center
+    assert (points.min(axis=0) + points.max(axis=0)) / 2 == pytest.approx(middle, abs=0.5)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -10,16 +12,19 @@ import numpy as np
 import pytest
 
 from agents.launching.supervisor import LaunchError
+from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.events import Begun, Event, Heads, Note, Sound, unheard
 from decmcts.planning.options import Freedom, Limits, Objective, Rules, Seam, TeamSearch
 from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
-from decmcts.planning.team.pipeline import Launch, plan_team
+from decmcts.planning.team.joint import Prepared, plan_alone
+from decmcts.planning.team.pipeline import Launch, plan_team, prepared
 from decmcts.planning.verify import verify
 from decmcts.print.plan import PlanDocument
 from decmcts.print.seam import seam_entries
+from decmcts.print.toolpath import Toolpath
 from decmcts.samples import sample_path
 from sim.verify import verify_plan
 from tests.planning.conftest import Agents
@@ -162,3 +167,47 @@ def test_limits_of_the_machine_go_before_the_source_s(agents: Agents, tmp_path: 
     assert first.limits == limits.under(job.limits) != limits
     assert second.limits == limits
     assert own != theirs
+
+
+def test_asked_to_stop_nothing_is_searched(tmp_path: Path) -> None:
+    """Not even for one head alone, which took up to ten seconds."""
+    problem = load(Path(print_of_parts(tmp_path)), "dual-gantry")
+    plan_team(problem, SEARCH, writes=False, agents=none)  # what is compiled once is compiled
+    search, began = TeamSearch(30.0), time.monotonic()
+    document = plan_team(problem, search, writes=False, agents=none, stop=lambda: True).after
+    assert time.monotonic() - began < 5.0
+    assert not verify_plan(document).faults
+
+
+@pytest.mark.slow
+def test_files_of_heads_say_that_the_makespan_came_first(agents: Agents, tmp_path: Path) -> None:
+    """The objective of one head's own order stood there."""
+    launched(tmp_path, agents)
+    for path in tmp_path.glob("head_*.gcode"):
+        assert "planner dec-mcts for makespan" in path.read_text()
+
+
+class ShutIn:
+    """Stands for `Prepared.schedule` where loops that are entered elsewhere shut heads in."""
+
+    def __init__(self, ready: Prepared) -> None:
+        self.ready = ready
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.ready, name)
+
+    def schedule(self, toolpaths: Sequence[Toolpath]) -> Any:
+        if any(path.entry.any() for path in toolpaths):
+            raise InputError("heads shut each other in")
+        return self.ready.schedule(toolpaths)
+
+
+def test_one_head_alone_may_enter_loops_as_sliced(tmp_path: Path) -> None:
+    """As sliced they can be printed; elsewhere one may be where another head cannot pass."""
+    path, rules = print_of_parts(tmp_path), Rules(freedom=Freedom.SEAM)
+    problem = problem_of(read(path, "dual-gantry"), rules, unheard)
+    ready = prepared(problem, SEARCH, writes=False)
+    assert ready.lone_order.entry.any()
+    found = plan_alone(ShutIn(ready), [0, 1])  # type: ignore[arg-type]  # is one in all it has
+    assert not any(head.entry.any() for head in found.plan.heads)
+    assert not verify_plan(found).faults

@@ -14,11 +14,11 @@ from decmcts._kernels.sequence.tour import longest_hop, respects, tour_cost
 from decmcts._kernels.trees.tree import (
     NO_NODE,
     ROOT,
-    grown,
     new_tree,
     select,
     simulate,
     simulate_many,
+    with_room,
 )
 from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 from tests.search.problems import random_problem
@@ -76,8 +76,8 @@ def test_growing_keeps_the_tree() -> None:
     """The tree moves to larger arrays while it is searched."""
     tree = new_tree(4)
     tree.visits[ROOT], tree.cluster[ROOT] = 7, 3
-    larger = grown(tree, 9)
-    assert len(larger.parent) == 9
+    larger = with_room(tree, 9, 100)
+    assert len(larger.parent) == 17
     assert larger.visits[ROOT] == 7
     assert larger.size[0] == 1
     assert (larger.first_child == NO_NODE).all()
@@ -116,3 +116,15 @@ def test_a_full_tree_goes_on() -> None:
     assert np.isfinite(best)
     assert tree.size[0] == 5
     assert tree.visits[ROOT] == 200
+
+
+def test_a_tree_grows_until_it_has_most_nodes() -> None:
+    """A full one was copied in every slice of the search, 150 MB each."""
+    tree = new_tree(16)
+    assert with_room(tree, 10, 100) is tree
+    larger = with_room(tree, 20, 100)
+    assert len(larger.parent) == 52
+    assert larger.size[0] == tree.size[0]
+    assert larger.parent[0] == tree.parent[0]
+    assert len(with_room(tree, 20, 40).parent) == 40
+    assert with_room(tree, 20, 16) is tree
