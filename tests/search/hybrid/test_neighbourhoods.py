@@ -91,3 +91,10 @@ def test_parts_of_a_large_print_are_put_back_whole(seed: int) -> None:
     assert respects(incumbent.order, problem.graph.succ_offsets, problem.graph.succs)
     assert (incumbent.order == again.order).all()
     assert incumbent.cost == again.cost
+
+
+def test_windows_leave_some_time_for_annealing() -> None:
+    """With all of it a limit of iterations was divided by zero."""
+    for share in (-0.1, 1.0):
+        with pytest.raises(ValueError, match="below 1"):
+            Neighbourhoods(windows=share)

@@ -8,6 +8,7 @@ import numpy as np
 
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Progress, Stopping
+from decmcts.search.starts.greedy import Greedy
 from tests.search.problems import random_problem
 
 
@@ -55,7 +56,7 @@ def test_without_any_travel_there_is_nothing_to_search() -> None:
     assert Incumbent(problem, clock=lambda: 0.0, stopping=Stopping(seconds=1.0)).over
 
 
-def test_a_wish_counts_only_as_long_as_it_holds() -> None:
+def test_who_asks_counts_only_within_the_with() -> None:
     """What one planner is to end for, the next may go on with."""
     incumbent = begun(Stopping(iterations=10))
     with incumbent.ending_when(lambda: True):
@@ -65,3 +66,24 @@ def test_a_wish_counts_only_as_long_as_it_holds() -> None:
     with incumbent.ending_when(lambda: False):
         incumbent.tick(9)
     assert incumbent.over
+
+
+def test_preparations_count_where_it_began_before_them() -> None:
+    """Also by a clock that began at 0."""
+    stopping = Stopping(seconds=10.0)
+    given = Incumbent(random_problem(1, 9), clock=lambda: 3.0, stopping=stopping, started=0.0)
+    assert given.seconds == 3.0
+    assert given.spent == 0.3
+    assert Incumbent(random_problem(1, 9), clock=lambda: 3.0, stopping=stopping).seconds == 0.0
+
+
+def test_it_knows_who_found_the_best_sequence() -> None:
+    """Whoever offered a worse one later did not."""
+    incumbent, other = (begun(Stopping(iterations=100)) for _ in range(2))
+    Greedy().plan(other, seed=0)
+    assert other.cost < incumbent.cost
+    found = (other.order, other.reversed, other.entry_id)
+    assert incumbent.found_by == ""
+    assert incumbent.offer(*found, by="beam")
+    assert not incumbent.offer(*found, by="annealing")
+    assert incumbent.found_by == "beam"
