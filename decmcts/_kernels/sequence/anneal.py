@@ -44,7 +44,14 @@ from decmcts._kernels.sequence.moves import (
 )
 
 LONGEST_REVERSAL = 50  # longer segments can rarely be reversed: some edge lies inside
-SWAP, REVERSE, CARRY, INSERT, NOTHING, ENTER = 0, 1, 2, 3, 4, 5
+
+# Moves, by the positions i, j, k and the entry that are proposed with them:
+SWAP = 0  # exchange [i, j) and [j, k); the contour that comes to follow takes the entry, if any
+REVERSE = 1  # reverse [i, j)
+CARRY = 2  # move [i, j), reversed, to follow position k
+INSERT = 3  # let the contour at j follow that at i, and take the entry, if any
+NOTHING = 4
+ENTER = 5  # enter the contour at i by the entry
 INSERT_ONE_IN = 16  # an insertion costs some twenty exchanges
 ANY_ONE_IN = 16  # proposals that heed no distance
 CHOOSE_ONE_IN = 16  # where contours may be entered at several places
@@ -70,7 +77,7 @@ def propose_follow(
 ) -> tuple[int, int, int, int, int]:
     """Mutate `state`; return a move that lets a near contour follow a random one.
 
-    The last number is the entry the contour takes for that, -1 if none.
+    That is its kind, i, j, k, and the entry the contour takes for it, -1 if none.
 
     The new travel may be longer than the one it replaces by `reach` at most. That
     loses nothing: of the travels a cheap move adds, one is about as short as the
@@ -224,10 +231,8 @@ def step_to_entry(tour: Tour, kind: int, i: int, j: int, k: int, entry: int, sla
 
 
 @kernel
-def anneal(
-    tour: Tour, state: NDArray[np.uint64], temperature: float, proposals: int
-) -> tuple[float, int]:
-    """Mutate the tour by `proposals` Metropolis steps; return (cost change, steps taken).
+def anneal(tour: Tour, state: NDArray[np.uint64], temperature: float, proposals: int) -> float:
+    """Mutate the tour by `proposals` Metropolis steps; return the change of its cost.
 
     `temperature` is in the metric's unit.
     """
@@ -235,7 +240,7 @@ def anneal(
     metric, order, position, is_reversed = tour.metric, tour.order, tour.position, tour.reversed
     after, reversible, near, n = tour.after, tour.reversible, tour.near, len(tour.order)
     entry_id, entry_row, entry_owner = tour.entry_id, tour.entry_row, tour.entry_owner
-    total, taken, reach, most = 0.0, 0, REACH * temperature, MOST * temperature
+    total, reach, most = 0.0, REACH * temperature, MOST * temperature
     for _ in range(proposals):
         entry = -1
         if below(state, ANY_ONE_IN) == 0:
@@ -260,9 +265,7 @@ def anneal(
         change = 0.0
         if entry >= 0:
             slack = -temperature * math.log(uniform(state))
-            change = step_to_entry(tour, kind, i, j, k, entry, slack)
-            total += change
-            taken += int(change != 0.0)
+            total += step_to_entry(tour, kind, i, j, k, entry, slack)
             continue
         if kind == SWAP:
             change = swap_change(metric, order, is_reversed, after, i, j, k)
@@ -281,7 +284,5 @@ def anneal(
             change = commit_carry(tour, i, j, k, change, slack) if change <= slack else 0.0
         elif kind == INSERT:
             change = try_insertion(tour, i, j, slack)
-        if change != 0.0:
-            total += change
-            taken += 1
-    return total, taken
+        total += change
+    return total

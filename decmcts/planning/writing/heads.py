@@ -37,7 +37,11 @@ def stem_of(output: Path) -> Path:
 
 def head_files(stem: Path, machine: Machine) -> list[Path]:
     """Return the names of the files of the machine's heads, `STEM_HEAD.gcode`."""
-    return [stem.with_name(f"{stem.name}_{head.name}.gcode") for head in machine.heads]
+    return [_head_file(stem, head.name) for head in machine.heads]
+
+
+def _head_file(stem: Path, head: str) -> Path:
+    return stem.with_name(f"{stem.name}_{head}.gcode")
 
 
 class HeadWriter(Protocol):
@@ -72,9 +76,9 @@ def write_heads(
     problem, plan = planned.problem, planned.after.plan
     parks = {head.name: head.park for head in problem.machine.heads}
     at = [parks[actions.head] for actions in plan.heads]
-    names = [f"{stem.name}_{actions.head}.gcode" for actions in plan.heads]
+    paths = [_head_file(stem, actions.head) for actions in plan.heads]
     with draft_folder() as folder:
-        drafts = [folder / name for name in names]
+        drafts = [folder / path.name for path in paths]
         for index, draft in enumerate(drafts):
             write(
                 problem.document,
@@ -90,6 +94,6 @@ def write_heads(
             drafts, plan, problem.job, problem.document, parks=at, release=problem.machine.release
         )
         require_sound(verdict, stem)
-        for name, draft in zip(names, drafts, strict=True):
-            put(draft.read_bytes(), stem.with_name(name))
-    return [stem.with_name(name) for name in names]
+        for path, draft in zip(paths, drafts, strict=True):
+            put(draft.read_bytes(), path)
+    return paths

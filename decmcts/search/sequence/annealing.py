@@ -51,25 +51,25 @@ def tour_of(
     position = np.empty(n, np.int32)
     position[incumbent.order] = every
     tour = Tour(
-        metric,
-        problem.reversible.copy(),  # writable, as in blocks: kernels are compiled once
-        np.zeros(n, np.int32) if group is None else group,
-        graph.pred_offsets,
-        graph.preds,
-        graph.succ_offsets,
-        graph.succs,
-        near,
-        np.zeros(n + 1, np.int64) if seams is None else seams.offsets,
-        np.empty(0, np.int32) if seams is None else seams.owner,
-        np.empty(0, np.int32) if seams is None else seams.rows,
-        incumbent.entry_id.copy(),
-        incumbent.order.copy(),
-        position,
-        incumbent.reversed.copy(),
-        np.zeros(n),
-        np.empty(n, np.int32),
-        np.zeros(n, np.bool_),
-        no_lag_state() if timed_lags is None else timed_lags.state(incumbent.order, every),
+        metric=metric,
+        reversible=problem.reversible.copy(),  # writable, as in blocks: kernels are compiled once
+        group=np.zeros(n, np.int32) if group is None else group,
+        pred_offsets=graph.pred_offsets,
+        preds=graph.preds,
+        succ_offsets=graph.succ_offsets,
+        succs=graph.succs,
+        near=near,
+        entry_offsets=np.zeros(n + 1, np.int64) if seams is None else seams.offsets,
+        entry_owner=np.empty(0, np.int32) if seams is None else seams.owner,
+        entry_row=np.empty(0, np.int32) if seams is None else seams.rows,
+        entry_id=incumbent.entry_id.copy(),
+        order=incumbent.order.copy(),
+        position=position,
+        reversed=incumbent.reversed.copy(),
+        after=np.zeros(n),
+        scratch=np.empty(n, np.int32),
+        mark=np.zeros(n, np.bool_),
+        lags=no_lag_state() if timed_lags is None else timed_lags.state(incumbent.order, every),
     )
     refresh(tour, 0, n)
     return tour

@@ -43,7 +43,7 @@ def test_summed_changes_equal_the_recomputed_cost(
     problem = random_problem(seed, n, density=density)
     tour = fresh_tour(problem)
     before = tour_cost(tour.metric, tour.order, tour.reversed)
-    total, _ = anneal(tour, seeded(seed), temperature, 500)
+    total = anneal(tour, seeded(seed), temperature, 500)
     after = tour_cost(tour.metric, tour.order, tour.reversed)
     assert after == pytest.approx(before + total, abs=1e-6)
     assert tour.after.sum() == pytest.approx(after, abs=1e-6)
@@ -64,7 +64,7 @@ def test_changes_are_true_for_seconds_and_bare_costs(seed: int, n: int, timed: b
         problem = replace(problem, costs=costs, reversible=np.zeros(n, np.bool_))
     tour = fresh_tour(problem)
     before = plain_cost(problem, tour)
-    total, _ = anneal(tour, seeded(seed), 1.0, 500)
+    total = anneal(tour, seeded(seed), 1.0, 500)
     assert plain_cost(problem, tour) == pytest.approx(before + total, abs=1e-6)
     assert respects(tour.order, tour.succ_offsets, tour.succs)
 
@@ -76,7 +76,7 @@ def test_changes_are_true_where_a_climb_may_be_bare(seed: int, n: int) -> None:
     problem = with_bare(random_problem(seed, n, density=0.05, reversible=0.8))
     tour = fresh_tour(problem)
     before = tour_cost(problem.metric(), tour.order, tour.reversed)
-    total, _ = anneal(tour, seeded(seed), 1.0, 500)
+    total = anneal(tour, seeded(seed), 1.0, 500)
     after = tour_cost(problem.metric(), tour.order, tour.reversed)
     assert after == pytest.approx(before + total, abs=1e-6)
 
@@ -139,8 +139,9 @@ def test_groups_are_never_mixed() -> None:
     problem = random_problem(3, 30, density=0.0)
     group = (np.arange(30) // 5).astype(np.int32)
     tour = fresh_tour(problem, group)
-    _, taken = anneal(tour, seeded(1), 50.0, 5000)
-    assert taken > 100
+    before = tour.order.copy()
+    anneal(tour, seeded(1), 50.0, 5000)
+    assert (tour.order != before).sum() > 15
     assert (np.diff(group[tour.order]) >= 0).all()
 
 

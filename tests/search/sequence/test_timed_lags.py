@@ -119,7 +119,7 @@ def test_annealing_and_descent_keep_time(seed: int, n: int, density: float, loop
         problem = with_loops(problem, 3)
     tour = tour_for(problem)
     before = tour_cost(tour.metric, tour.order, tour.reversed)
-    total, _ = anneal(tour, seeded(seed), 5.0, 2000)
+    total = anneal(tour, seeded(seed), 5.0, 2000)
     for p in range(0, n - 2, 3):
         total += try_insertion(tour, p, p + 2, 3.0) + try_insertion(tour, p + 1, p, 3.0)
     total += descend(tour, 0, n, 50)
