@@ -155,8 +155,8 @@ def test_standard_output_is_no_file(
 ) -> None:
     """A file of that name would be hard to delete."""
     monkeypatch.chdir(tmp_path)
-    source = tmp_path / "part.gcode"
-    source.write_text(gcode(SQUARE))
+    source = tmp_path / "part.stl"
+    trimesh.creation.box((10.0, 10.0, 1.0)).export(source)
     assert f"{words[1]} - is no file" in refused([words[0], str(source), *words[1:]], capsys)
     assert list(tmp_path.iterdir()) == [source]
 

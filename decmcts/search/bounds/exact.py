@@ -149,7 +149,8 @@ def solve_exactly(
     if problem.seams is not None:
         entry_id[entries > 1] = (problem.seams.offsets[:-1] + choice)[entries > 1]
     is_reversed = np.where(entries > 1, 0, choice)
-    bound = cost - _ROUNDING * n * abs(cost)  # costs may be negative
+    rounding = _ROUNDING * n
+    bound = min(cost * (1.0 - rounding), cost * (1.0 + rounding))  # costs may be negative
     return Optimum(order, is_reversed.astype(np.uint8), entry_id.astype(np.int32), cost, bound)
 
 

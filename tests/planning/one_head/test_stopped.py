@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from decmcts.planning.events import Event, Step
-from decmcts.planning.one_head import no_slower, pipeline
+from decmcts.planning.one_head import pipeline
 from decmcts.planning.one_head.certificate import Certificate
+from decmcts.planning.one_head.no_slower import write_no_slower
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import NO_QUALITY, Search
 from decmcts.planning.problem.planned import Planned
@@ -49,11 +50,21 @@ def test_a_stop_proves_no_bound(tmp_path):
 def test_no_second_search_is_announced_after_a_stop(tmp_path):
     """A line that says a search begins, where none does, is a reason to press Ctrl-C again."""
     events: list[Event] = []
-    planned, times = planned_when_stopped(tmp_path, []), FileTimes(1.0, 9.0)
-    no_slower._again(
-        planned, SEARCH, times, tmp_path / "d", tmp_path / "o", events.append, lambda: True
-    )
-    assert events == []
+    planned, out = planned_when_stopped(tmp_path, []), tmp_path / "out.gcode"
+    _, times = write_no_slower(
+        planned, SEARCH, out, allow_slower=False, report=events.append, stop=lambda: True,
+        draft_of=much_longer,
+    )  # fmt: skip
+    assert times.kept
+    assert out.read_bytes() == (tmp_path / "in.gcode").read_bytes()
+    said = [event.text for event in events if isinstance(event, Step)]
+    assert said and not any("searching" in line for line in said)
+
+
+def much_longer(planned: Planned, draft: Path, path: Path) -> FileTimes:
+    """Write a draft that takes longer than its source."""
+    draft.write_bytes(b"G4 S8")
+    return FileTimes(1.0, 9.0)
 
 
 @pytest.mark.parametrize("change", [{"reversed": True}, {"entry": 1}])
