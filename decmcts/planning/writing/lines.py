@@ -12,12 +12,13 @@ from decmcts.version import __version__
 def header_lines(planned: Planned) -> list[str]:
     """Return the comment lines that say what was done to the file."""
     was, now = planned.before.metrics, planned.after.metrics
-    several = len(planned.after.plan.heads) > 1
-    machine = planned.after.machine
+    machine, aim = planned.after.machine, now.get("objective", "makespan")
+    if now["planner"] == "dec-mcts":  # the objective is that of one head's own order
+        aim = "makespan"
     seam = f" ({now['seam']})" if "seam" in now else ""
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
-        f"planner {now['planner']} for {'makespan' if several else now['objective']},"
+        f"planner {now['planner']} for {aim},"
         f" freedom {now['freedom']}{seam}, seed {now['seed']}",
         f"extrusionless travel {was['extrusionless_travel_mm']:.1f} mm -> "
         f"{now['extrusionless_travel_mm']:.1f} mm",
