@@ -39,8 +39,8 @@ from decmcts.search.hybrid.partition import Partition
 from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.starts import LayeredStart
 from decmcts.search.hybrid.trees import Trees
-from decmcts.search.planners import Planner
 from decmcts.search.sequence.annealing import DESCENT_FROM
+from decmcts.search.sequence.planner import Planner
 
 MODELS = (  # sizes in turn, so that a part of the runs has something of each
     "teaset_chess_7 mozc_arms_6 spiral_cup moveo_covers_4 odri_spacers_6 so100_plate_part1 "

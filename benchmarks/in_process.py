@@ -15,7 +15,8 @@ from common import print_path
 from decmcts.planning.one_head.pipeline import search_order
 from decmcts.planning.options import NO_QUALITY, Freedom, PlannerName, ProcessOrder, Search
 from decmcts.planning.problem.print_problem import PrintProblem, load
-from decmcts.search.planners import Planner, SearchResult
+from decmcts.search.planners import SearchResult
+from decmcts.search.sequence.planner import Planner
 
 
 @lru_cache(maxsize=1)

@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from decmcts.planning.verifying.held import Held
     from decmcts.print.machine import Machine
     from decmcts.samples import sample_path
-    from decmcts.search.planners import Planner
     from decmcts.search.sequence.incumbent import Incumbent
+    from decmcts.search.sequence.planner import Planner
     from decmcts.search.sop.solver import SopResult
     from decmcts.team.qcsp.solver import QcspResult
     from sim.faults import Fault, FaultKind, Verdict
@@ -75,7 +75,7 @@ _ROOMS = {
     "decmcts.planning.verifying.held": ("Held",),
     "decmcts.print.machine": ("Machine",),
     "decmcts.samples": ("sample_path",),
-    "decmcts.search.planners": ("Planner",),
+    "decmcts.search.sequence.planner": ("Planner",),
     "decmcts.search.sequence.incumbent": ("Incumbent",),
     "decmcts.search.sop.solver": ("SopResult",),
     "decmcts.team.qcsp.solver": ("QcspResult",),

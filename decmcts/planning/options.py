@@ -17,7 +17,7 @@ from decmcts.print.plan import OrderRules
 
 if TYPE_CHECKING:
     from decmcts.print.job import PrintJob
-    from decmcts.search.planners import Planner
+    from decmcts.search.sequence.planner import Planner
 
 
 class Freedom(StrEnum):

@@ -10,21 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from decmcts.search.sequence.incumbent import Incumbent
-
-
-class _Planner(Protocol):
-    def plan(self, incumbent: Incumbent, *, seed: int) -> None: ...
+from decmcts.search.sequence.planner import Planner
 
 
 @dataclass(frozen=True, slots=True)
 class Meanwhile:
     """Let `first` search until `ready`, then `then`."""
 
-    first: _Planner
-    then: _Planner
+    first: Planner
+    then: Planner
     ready: Callable[[], bool]
 
     def plan(self, incumbent: Incumbent, *, seed: int) -> None:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,20 +22,12 @@ from decmcts.search.hybrid.phases import Hybrid
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.meanwhile import Meanwhile
 from decmcts.search.sequence.incumbent import Incumbent
+from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Progress, Stopping
 from decmcts.search.starts.greedy import Greedy
 from decmcts.search.starts.layerwise import Layerwise
 from decmcts.search.starts.slicer import Slicer
-
-
-class Planner(Protocol):
-    """A way to find a good sequence."""
-
-    def plan(self, incumbent: Incumbent, *, seed: int) -> None:
-        """Offer sequences to the incumbent until it is `over` or there is no more to do."""
-        ...
-
 
 PLANNERS: Mapping[str, Planner] = MappingProxyType(
     {

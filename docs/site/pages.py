@@ -73,6 +73,7 @@ MODULES: Mapping[str, tuple[str, ...]] = {
         "decmcts.feasibility.rules",
         "decmcts.feasibility.graph",
         "decmcts.search.sequence.problem",
+        "decmcts.search.sequence.planner",
         "decmcts.search.planners",
         "decmcts.search.bounds.certificate",
         "decmcts.search.sop.solver",

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below, uniform
-from decmcts._kernels.trees.rollout import Clustered, Rollout, print_cluster, reset
+from decmcts._kernels.trees.rollout import READY, Clustered, Rollout, print_cluster, reset
 from decmcts._kernels.trees.tree import NO_CLUSTER, NO_NODE, ROOT, Tree, backup, expand, select
 
 
@@ -49,11 +49,11 @@ def guided_cluster(
     Clusters marked in `tried` are passed over; NO_CLUSTER if that leaves none.
     """
     if uniform(state) < stray:
-        h = rollout.ready[below(state, rollout.tally[1])]
+        h = rollout.ready[below(state, rollout.tally[READY])]
         if not tried[h]:
             return int(h)
     found = NO_CLUSTER
-    for k in range(rollout.tally[1]):
+    for k in range(rollout.tally[READY]):
         h = rollout.ready[k]
         if not tried[h] and (found == NO_CLUSTER or rank[h] < rank[found]):
             found = h
@@ -101,17 +101,17 @@ def guided_rollout(
     """
     reset(clustered, rollout)
     node = ROOT
-    while rollout.tally[1] > 0:
+    while rollout.tally[READY] > 0:
         children = tree.n_children[node]
-        wanted = min(rollout.tally[1], 1 + int(math.sqrt(tree.visits[node])))
+        wanted = min(rollout.tally[READY], 1 + int(math.sqrt(tree.visits[node])))
         if children < wanted:
             break
         node = select(tree, node, exploration)
         print_cluster(clustered, rollout, tree.cluster[node])
-    if rollout.tally[1] > 0 and tree.size[0] < len(tree.parent):
+    if rollout.tally[READY] > 0 and tree.size[0] < len(tree.parent):
         node = widen(tree, node, rollout, rank, tried, stray, state)
         print_cluster(clustered, rollout, tree.cluster[node])
-    while rollout.tally[1] > 0:
+    while rollout.tally[READY] > 0:
         h = guided_cluster(rollout, rank, tried, stray, state)
         print_cluster(clustered, rollout, h)
     travel = rollout.travel[0]

@@ -21,6 +21,7 @@ from decmcts._kernels.jit import kernel
 from decmcts._kernels.sequence.metric import Metric, distance
 
 NOWHERE = -1  # the nozzle before the first contour: any start is free
+PRINTED, READY, PORT = range(3)  # of `Rollout.tally`
 
 
 class Clustered(NamedTuple):
@@ -44,10 +45,10 @@ class Rollout(NamedTuple):
     reversed: NDArray[np.uint8]  # (n,) by contour
     waiting: NDArray[np.int32]  # (n,) predecessors not yet printed
     outer: NDArray[np.int32]  # (h,) edges into each cluster not yet satisfied
-    ready: NDArray[np.int32]  # (h,) clusters that may be next, the first n_ready
+    ready: NDArray[np.int32]  # (h,) clusters that may be next, the first tally[READY]
     local: NDArray[np.int32]  # (n,) contours of the open cluster that may be next
-    tally: NDArray[np.int64]  # (3,) contours printed, clusters ready, port the nozzle is at
-    travel: NDArray[np.float64]  # (1,) mm
+    tally: NDArray[np.int64]  # (3,) contours PRINTED, clusters READY, PORT the nozzle is at
+    travel: NDArray[np.float64]  # (1,) in the metric's unit
 
 
 @kernel
@@ -61,7 +62,7 @@ def reset(clustered: Clustered, rollout: Rollout) -> None:
         if rollout.outer[h] == 0:
             rollout.ready[n_ready] = h
             n_ready += 1
-    rollout.tally[0], rollout.tally[1], rollout.tally[2] = 0, n_ready, NOWHERE
+    rollout.tally[PRINTED], rollout.tally[READY], rollout.tally[PORT] = 0, n_ready, NOWHERE
     rollout.travel[0] = 0.0
 
 
@@ -95,8 +96,8 @@ def _release(clustered: Clustered, rollout: Rollout, c: int, n_local: int) -> in
         if g != h:
             rollout.outer[g] -= 1
             if rollout.outer[g] == 0:
-                rollout.ready[rollout.tally[1]] = g
-                rollout.tally[1] += 1
+                rollout.ready[rollout.tally[READY]] = g
+                rollout.tally[READY] += 1
         elif rollout.waiting[b] == 0:
             rollout.local[n_local] = b
             n_local += 1
@@ -110,19 +111,19 @@ def print_cluster(clustered: Clustered, rollout: Rollout, h: int) -> None:
     slot = 0
     while rollout.ready[slot] != h:
         slot += 1
-    rollout.tally[1] -= 1
-    rollout.ready[slot] = rollout.ready[rollout.tally[1]]
+    rollout.tally[READY] -= 1
+    rollout.ready[slot] = rollout.ready[rollout.tally[READY]]
     n_local = 0
     for x in range(clustered.member_offsets[h], clustered.member_offsets[h + 1]):
         if rollout.waiting[clustered.members[x]] == 0:
             local[n_local] = clustered.members[x]
             n_local += 1
     while n_local > 0:
-        slot, f, d = _nearest(metric, reversible, local, n_local, rollout.tally[2])
+        slot, f, d = _nearest(metric, reversible, local, n_local, rollout.tally[PORT])
         c = local[slot]
         local[slot] = local[n_local - 1]
         n_local = _release(clustered, rollout, c, n_local - 1)
-        rollout.order[rollout.tally[0]], rollout.reversed[c] = c, f
-        rollout.tally[0] += 1
-        rollout.tally[2] = 2 * c + 1 - f
+        rollout.order[rollout.tally[PRINTED]], rollout.reversed[c] = c, f
+        rollout.tally[PRINTED] += 1
+        rollout.tally[PORT] = 2 * c + 1 - f
         rollout.travel[0] += d

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import kernel
 from decmcts._kernels.random import below
-from decmcts._kernels.trees.rollout import Clustered, Rollout, print_cluster, reset
+from decmcts._kernels.trees.rollout import READY, Clustered, Rollout, print_cluster, reset
 
 ROOT = 0
 NO_NODE = -1
@@ -122,9 +122,9 @@ def untried(
     while child != NO_NODE:
         tried[tree.cluster[child]] = True
         child = tree.sibling[child]
-    left = below(state, rollout.tally[1] - tree.n_children[node])
+    left = below(state, rollout.tally[READY] - tree.n_children[node])
     found = NO_CLUSTER
-    for k in range(rollout.tally[1]):
+    for k in range(rollout.tally[READY]):
         h = rollout.ready[k]
         if tried[h]:
             tried[h] = False
@@ -151,15 +151,15 @@ def simulate(
     """
     reset(clustered, rollout)
     node = ROOT
-    while rollout.tally[1] > 0 and tree.n_children[node] == rollout.tally[1]:
+    while rollout.tally[READY] > 0 and tree.n_children[node] == rollout.tally[READY]:
         node = select(tree, node, exploration)
         print_cluster(clustered, rollout, tree.cluster[node])
-    if rollout.tally[1] > 0 and tree.size[0] < len(tree.parent):
+    if rollout.tally[READY] > 0 and tree.size[0] < len(tree.parent):
         h = untried(tree, node, rollout, tried, state)
         node = expand(tree, node, h)
         print_cluster(clustered, rollout, h)
-    while rollout.tally[1] > 0:
-        h = rollout.ready[below(state, rollout.tally[1])]
+    while rollout.tally[READY] > 0:
+        h = rollout.ready[below(state, rollout.tally[READY])]
         print_cluster(clustered, rollout, h)
     reward = (longest - rollout.travel[0]) / longest if longest > 0.0 else 1.0
     backup(tree, node, reward)

@@ -10,7 +10,8 @@ from decmcts.planning.compiling.parts import FIRST, is_compiled, mark_compiled, 
 from decmcts.planning.compiling.rows import row_of
 from decmcts.planning.events import Stop, never
 from decmcts.search.meanwhile import Meanwhile
-from decmcts.search.planners import PLANNERS, Planner, plan_order
+from decmcts.search.planners import PLANNERS, plan_order
+from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import no_timed_lags

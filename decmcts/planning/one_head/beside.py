@@ -18,7 +18,8 @@ from typing import Protocol
 
 from decmcts.jit.kernel import compiled_first, giving_way
 from decmcts.planning.events import Report, Step, Stop
-from decmcts.search.planners import Planner, SearchResult
+from decmcts.search.planners import SearchResult
+from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.stopping import Stopping
 
 POLL_S = 0.05  # how often it is asked whether a search can begin

@@ -12,7 +12,8 @@ from decmcts.planning.one_head.cooling import Run, search_cooled
 from decmcts.planning.options import Search
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.toolpath import Toolpath
-from decmcts.search.planners import Planner, SearchResult, keeps_lags, plan_order
+from decmcts.search.planners import SearchResult, keeps_lags, plan_order
+from decmcts.search.sequence.planner import Planner
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.search.sequence.timed_lags import TimedLags

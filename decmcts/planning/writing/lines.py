@@ -18,8 +18,7 @@ def header_lines(planned: Planned) -> list[str]:
     seam = f" ({now['seam']})" if "seam" in now else ""
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
-        f"planner {now['planner']} for {aim},"
-        f" freedom {now['freedom']}{seam}, seed {now['seed']}",
+        f"planner {now['planner']} for {aim}, freedom {now['freedom']}{seam}, seed {now['seed']}",
         f"extrusionless travel {was['extrusionless_travel_mm']:.1f} mm -> "
         f"{now['extrusionless_travel_mm']:.1f} mm",
         f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",

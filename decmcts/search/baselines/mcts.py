@@ -21,9 +21,9 @@ from decmcts._kernels.random import seeded
 from decmcts._kernels.trees.tree import new_tree, simulate_many, with_room
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.search.decomposition.clustered import clustered_problem, fresh_rollout
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import POLL_S, next_chunk
-from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
 _MOST_NODES = 4_000_000  # about 150 MB
 _CHUNK = 200  # iterations between looks at the clock when iterations are limited

@@ -27,10 +27,10 @@ from decmcts._kernels.trees.rollout import Clustered, Rollout
 from decmcts._kernels.trees.tree import Tree, new_tree
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.clustered import clustered_problem, fresh_rollout
 from decmcts.search.decomposition.threads import Threads
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import POLL_S, next_chunk
-from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 
 _CLUSTERING_S = 0.6e-6  # an edge, about
 _CAPACITY = 20_000  # nodes of a tree; a full one goes on without growing

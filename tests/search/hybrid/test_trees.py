@@ -12,13 +12,13 @@ from decmcts._kernels.sequence.tour import respects, tour_cost
 from decmcts._kernels.trees.guided import cluster_ranks, explore
 from decmcts._kernels.trees.tree import new_tree
 from decmcts.search.decomposition.blocks import Sequence
+from decmcts.search.decomposition.clustered import clustered_problem, fresh_rollout
 from decmcts.search.decomposition.threads import open_threads
 from decmcts.search.hybrid.trees import Trees
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.neighbours import near_ports
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
 from tests.search.problems import random_problem
 from tests.search.test_planners import cheapest_by_brute_force
 

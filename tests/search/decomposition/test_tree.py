@@ -20,7 +20,7 @@ from decmcts._kernels.trees.tree import (
     simulate_many,
     with_room,
 )
-from decmcts.search.starts.clustered import clustered_problem, fresh_rollout
+from decmcts.search.decomposition.clustered import clustered_problem, fresh_rollout
 from tests.search.problems import random_problem
 
 
