@@ -80,11 +80,6 @@ def anywhere(contours: int, limit_s: float) -> bool:
     return True
 
 
-def nowhere(contours: int, limit_s: float) -> bool:
-    """Tell that what `hybrid` has lost can not be left out any more; its runs are kept."""
-    return False
-
-
 @dataclass(frozen=True, slots=True)
 class Variant:
     """A search, and where it is another one than `hybrid`."""
@@ -100,9 +95,7 @@ VARIANTS = {
     "hybrid": Variant("`hybrid`", HYBRID),
     "twin": Variant("its twin", HYBRID),
     "no-exact": Variant("without exact solutions", replace(HYBRID, exact=NO_EXACT)),
-    "no-trees": Variant("without trees, as `hybrid` has had since", HYBRID, nowhere),
     "trees": Variant("with trees: `hybrid-mcts`", "hybrid-mcts"),
-    "one-gamma": Variant("one Γ, as `hybrid` has had since", HYBRID, nowhere),
     "no-multistart": Variant(
         "without several starts: a partition", replace(HYBRID, multistart=NEVER), started
     ),
@@ -157,8 +150,7 @@ out pays. `hybrid` is the mean of two runs, itself and its twin. After ± stands
 variant that changes nothing would mostly stay: two standard errors, from how far twins are
 apart. Bold is what lies beyond. A variant is run only where it is another search than
 `hybrid`. Where both solve a print exactly there is nothing to compare; such runs are left out
-of the means. The runs of so100_plate_part1 are of today's `hybrid`, all others of one that still
-had trees, and at first the best of four Γ.
+of the means.
 """
 KEY = ("model", "machine", "process", "freedom", "variant", "limit_s", "seed")
 ROW = ("machine", "freedom", "process", "model")

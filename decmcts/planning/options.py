@@ -180,7 +180,7 @@ class Search:
     certificate: bool = True
 
     def __post_init__(self) -> None:
-        if isinstance(self.planner, str):
+        if not callable(getattr(self.planner, "plan", None)):  # else it is one of one's own
             of_enum(self, "planner", PlannerName)
         of_enum(self, "objective", Objective)
         at_least_zero("time_limit_s", self.time_limit_s)

@@ -58,6 +58,7 @@ def test_a_limit_below_zero_is_refused(made) -> None:
     [
         (lambda: Search(objective="speed"), "objective is 'speed', must be one of travel, time"),
         (lambda: Search(planner="fast"), "planner is 'fast', must be one of slicer, "),
+        (lambda: Search(planner=None), "planner is None, must be one of slicer, "),
         (lambda: Rules(freedom="some"), "freedom is 'some', must be one of fixed, "),
         (lambda: Rules(process_order=None), "process_order is None, must be one of keep, free"),
         (lambda: TeamSearch(objective="speed"), "objective is 'speed'"),
