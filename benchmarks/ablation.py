@@ -56,7 +56,7 @@ ALONE = Partition(for_neighbourhoods=math.inf, for_windows=math.inf)
 BARE = Hybrid(
     exact=NO_EXACT,
     layered=NO_LAYERS,
-    multistart=Multistart(always=10**9, until=DESCENT_FROM, merge_share=0.0),
+    multistart=Multistart(always=10**9, until=DESCENT_FROM),
     crosses=False,
 )
 BARE_SEARCHED = replace(BARE, multistart=replace(BARE.multistart, until=SEVERAL.until))
@@ -120,9 +120,6 @@ VARIANTS = {
         ),
     ),
     "no-crossover": Variant("without crossover", replace(HYBRID, crosses=False)),
-    "no-merging": Variant(
-        "without merging", replace(HYBRID, multistart=Multistart(merge_share=0.0)), started
-    ),
     "no-layers": Variant("without layered starts", replace(HYBRID, layered=NO_LAYERS), layered),
     "no-settling": Variant(
         "entries by moves alone", HYBRID, seams_only=True, chooses_entries=False
@@ -138,10 +135,6 @@ VARIANTS = {
     ),
     "bare-windows": Variant("bare, neighbourhoods and windows", BARE_SEARCHED),
     "bare-crossover": Variant("bare, crossover", replace(BARE, crosses=True)),
-    "bare-merging": Variant(
-        "bare, merging",
-        replace(BARE, multistart=replace(BARE.multistart, merge_share=SEVERAL.merge_share)),
-    ),
     "bare-layers": Variant("bare, layered starts", replace(BARE, layered=HYBRID.layered)),
 }
 EXPLAINED = """\

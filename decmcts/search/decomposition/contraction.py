@@ -1,15 +1,9 @@
 """Runs of a sequence contracted to single contours: what is left to search is small.
 
-What two good sequences share is contracted, to search only what they differ in
-(`merge`), and all but a neighbourhood, to search that alone
-(`decmcts.search.hybrid.neighbourhoods`).
-Either way few, partly long contours are left, on which annealing moves large
-structure for next to no time. A run is printed as it is, or reversed where all of
+All but a neighbourhood is contracted, to search that alone
+(`decmcts.search.hybrid.neighbourhoods`). Few, partly long contours are left, on which annealing
+moves large structure for next to no time. A run is printed as it is, or reversed where all of
 it may be. Contours that stay single keep their freedoms.
-
-References
-----------
-Cook & Seymour 2003, "Tour merging via branch-decomposition" (what good tours share).
 """
 
 from __future__ import annotations
@@ -68,11 +62,6 @@ class Contraction:
         return Sequence(whole.problem, whole.metric, whole.near, order, is_reversed, entry_id)
 
 
-def merge(one: Sequence, other: Sequence) -> Contraction:
-    """Contract all that two sequences share, as `one` has it."""
-    return contract(one, _shared(one, other))
-
-
 def contract(sequence: Sequence, together: NDArray[np.bool_]) -> Contraction:
     """Contract the contours at positions p and p + 1 for which `together[p]`, (n - 1,).
 
@@ -105,15 +94,6 @@ def contract(sequence: Sequence, together: NDArray[np.bool_]) -> Contraction:
         seams=seams,
     )
     return Contraction(sequence, problem, begins, entries)
-
-
-def _shared(one: Sequence, other: Sequence) -> NDArray[np.bool_]:
-    """Tell after which positions of `one` both go on alike, (n - 1,)."""
-    follows = np.full(len(one.order), -1, np.int32)
-    follows[other.order[:-1]] = other.order[1:]
-    alike = (one.reversed == other.reversed) & (one.entry_id == other.entry_id)
-    a, b = one.order[:-1], one.order[1:]
-    return np.asarray((follows[a] == b) & alike[a] & alike[b])
 
 
 def _ends(sequence: Sequence, contours: NDArray[np.int32], leaving: int) -> NDArray[np.float64]:

@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 from decmcts._kernels.random import seeded, uniform
 from decmcts._kernels.sequence.anneal import anneal
 from decmcts.search.decomposition.blocks import Block, Sequence, cut
-from decmcts.search.decomposition.contraction import Contraction
 from decmcts.search.decomposition.crossover import crossover
 from decmcts.search.sequence.annealing import TemperatureSchedule
 from decmcts.search.sequence.incumbent import Incumbent
@@ -90,13 +89,12 @@ def anneal_sequences(
     until: float,
     *,
     groups: list[NDArray[np.int32]] | None = None,
-    contraction: Contraction | None = None,
 ) -> Iterator[None]:
     """Anneal one whole sequence a thread until the share `until` is spent; yield at meetings.
 
     Each has a temperature schedule of its own, and moves stay within equal `groups`, (n,) by
     contour and non-decreasing along the sequence. Mutates the sequences and the generators.
-    Each is offered to the incumbent, of a contraction the whole sequence it stands for.
+    Each is offered to the incumbent.
     """
     tours: list[Block] = []
 
@@ -114,8 +112,7 @@ def anneal_sequences(
         for sequence, tour in zip(sequences, tours, strict=True):
             tour.put_back(sequence)
             sequence.choose_entries()
-            found = sequence if contraction is None else contraction.expanded(sequence)
-            incumbent.offer(found.order, found.reversed, found.entry_id)
+            incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
 
     yield from _in_rounds(incumbent, threads, until, begin, work, meet)
 

@@ -13,8 +13,7 @@ results would be like that of the first. They begin:
 
 After each round the results of all rounds so far are crossed (partition crossover,
 `decmcts.search.decomposition.crossover`). Where layers follow each other strictly this takes the
-best result of each layer. Then the places where the best result and the next best still
-differ are annealed, and the rest is contracted to runs.
+best result of each layer.
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.search.decomposition.blocks import Sequence
-from decmcts.search.decomposition.contraction import merge
 from decmcts.search.decomposition.threads import anneal_sequences
 from decmcts.search.hybrid.search import Search
 from decmcts.search.sequence.annealing import TemperatureSchedule
@@ -43,8 +41,6 @@ class Multistart:
     until: float = 0.65  # share at which they end
     steps: float = 3000.0  # of a thread in a round, for each contour and entry
     most: int = 8  # rounds
-    merge_share: float = 0.2  # of a round, for where the best two results differ; 0: none
-    merge_hot: float = 1.0  # first temperature of that, in mean travels of what is left
     hot: float = 1.5
     mild: float = 0.7  # below this some of the start's structure stays
     cold: float = 0.03
@@ -52,8 +48,8 @@ class Multistart:
     def __post_init__(self) -> None:
         if min(self.steps, self.most) < 1:
             raise ValueError("steps and most: expected 1 or more")
-        if min(self.hot, self.mild, self.cold, self.merge_hot) <= 0.0:
-            raise ValueError("hot, mild, cold and merge_hot: expected more than 0")
+        if min(self.hot, self.mild, self.cold) <= 0.0:
+            raise ValueError("hot, mild and cold: expected more than 0")
 
     def suits(self, search: Search) -> bool:
         """Tell whether one whole sequence a thread is better than a partition of one among them."""
@@ -82,9 +78,8 @@ class Multistart:
             hot = self._first_temperatures(number, layered is not None, layered_won, len(sequences))
             groups = _groups(layers, layered is not None, layered_won, len(sequences))
             schedules = [TemperatureSchedule(first * mean, self.cold * mean) for first in hot]
-            annealed = until - self.merge_share * length
             yield from anneal_sequences(
-                incumbent, sequences, threads, schedules, annealed, groups=groups
+                incumbent, sequences, threads, schedules, until, groups=groups
             )
             ends += sequences
             found = threads.join([search.best(), *ends])
@@ -96,7 +91,6 @@ class Multistart:
                 layered.choose_entries()
                 incumbent.offer(layered.order, layered.reversed, layered.entry_id)
                 layered_won = layered_won or sequences[-1].cost < sequences[0].cost
-            yield from self._merge(search, sequences, until)
 
     def rounds(self, search: Search) -> int:
         """Return how many rounds there is time for."""
@@ -113,23 +107,6 @@ class Multistart:
         """Return how hot each of `count` threads begins, in mean travels."""
         other = self.mild if number % 2 and not has_layered else self.hot
         return [self.mild if layered_won else self.hot, *[other] * (count - 1)]
-
-    def _merge(self, search: Search, sequences: list[Sequence], until: float) -> Iterator[None]:
-        """Anneal what the best sequence and the next best differ in."""
-        best, threads = search.best(), search.threads
-        others = [sequence for sequence in sequences if sequence.cost > best.cost]
-        if not others or self.merge_share == 0.0:
-            return
-        merged = merge(best, min(others, key=lambda sequence: sequence.cost))
-        if len(merged.problem) < 2:
-            return
-        starts = [merged.start() for _ in threads.states]
-        mean = starts[0].cost / len(merged.problem)
-        schedules = [TemperatureSchedule(self.merge_hot * mean, self.cold * mean) for _ in starts]
-        if mean > 0.0:
-            yield from anneal_sequences(
-                search.incumbent, starts, threads, schedules, until, contraction=merged
-            )
 
 
 def _groups(

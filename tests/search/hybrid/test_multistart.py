@@ -110,7 +110,7 @@ def test_entries_of_loops_make_rounds_longer(loops: bool, expected: int) -> None
 
 @pytest.mark.parametrize(
     "options", [{"steps": 0.5}, {"most": 0}, {"hot": 0.0}, {"mild": 0.0},
-                {"cold": 0.0}, {"merge_hot": -1.0}],
+                {"cold": 0.0}],
 )  # fmt: skip
 def test_bad_settings_are_refused(options: dict[str, float]) -> None:
     """Annealing divides by temperatures."""
