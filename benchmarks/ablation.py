@@ -143,7 +143,9 @@ out pays. `hybrid` is the mean of two runs, itself and its twin. After ± stands
 variant that changes nothing would mostly stay: two standard errors, from how far twins are
 apart. Bold is what lies beyond. A variant is run only where it is another search than
 `hybrid`. Where both solve a print exactly there is nothing to compare; such runs are left out
-of the means.
+of the means. In these runs `hybrid` still annealed anew, after each round of several starts,
+where the two best results differ (merging). Without it travel was the same, −0.01 ± 0.21 % in
+16 runs, so that it is gone.
 """
 KEY = ("model", "machine", "process", "freedom", "variant", "limit_s", "seed")
 ROW = ("machine", "freedom", "process", "model")
