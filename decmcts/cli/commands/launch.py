@@ -11,7 +11,6 @@ import typer
 from agents import extruder
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.commands import qcsp
 from decmcts.cli.commands.plan import ONLY_SHOWN, write_extras
 from decmcts.cli.commands.replay import heads_table, recording
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
@@ -120,6 +119,8 @@ def launch(
 ) -> None:
     """Plan for several heads: one process each, agreeing on one joint plan; or solve a QCSP."""
     if is_qcsp(source):
+        from decmcts.cli.commands import qcsp  # its search loads for those who ask
+
         qcsp.refuse_for_qcsp(context)
         qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return

@@ -11,7 +11,6 @@ from rich.console import Console
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.commands import sop
 from decmcts.cli.console import err, gain_table, out, print_json, steps, written
 from decmcts.cli.lines import bound_line, figures, kept_line, whole_file_line
 from decmcts.cli.running import running
@@ -93,6 +92,8 @@ def plan(
 ) -> None:
     """Find a better order for one head and write it, verified; or solve a bare SOP."""
     if is_sop(source):
+        from decmcts.cli.commands import sop  # its search loads for those who ask
+
         sop.refuse_for_sop(context)
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
