@@ -16,7 +16,6 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
-from decmcts.formats.mesh.options import Bed
 from decmcts.print.machine_fit import check_fits
 
 
@@ -37,8 +36,7 @@ def load_source(
         raise InputError("no such file", path=path)
     chosen = load_machine(machine)
     if path.suffix.lower() in MESH_SUFFIXES:
-        bed = Bed.of(chosen)
-        job, _ = slice_mesh(path, SliceOptions(bed=bed, center=bed.center))
+        job, _ = slice_mesh(path, SliceOptions().for_machine(chosen))
     else:
         job, _ = read_gcode(path)
     chosen = replace(chosen, limits=chosen.limits.under(job.limits))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from decmcts.errors import InputError
 from decmcts.print.machine import Machine
@@ -106,6 +106,11 @@ class SliceOptions:
         self._within("fan_percent", 0.0, 100.0)
         if self.center is not None and not all(map(math.isfinite, self.center)):
             raise InputError(f"center {self.center} is no place on a bed")
+
+    def for_machine(self, machine: Machine) -> SliceOptions:
+        """Return the same options for a mesh in the middle of a machine's bed."""
+        bed = Bed.of(machine)
+        return replace(self, bed=bed, center=bed.center)
 
     def _within(self, name: str, least: float, most: float) -> None:
         value = getattr(self, name)

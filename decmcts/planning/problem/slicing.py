@@ -9,14 +9,13 @@ import subprocess
 import weakref
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, NoReturn
 
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.mesh import SliceOptions, slice_to_gcode
-from decmcts.formats.mesh.options import Bed
 from decmcts.formats.mesh.slicers import (
     CURA_DEFINITION,
     PROGRAMS,
@@ -175,8 +174,7 @@ class Slicing:
 
     def slice_for(self, mesh: Path, machine: Machine, folder: Path) -> Path:
         """Slice a mesh for a machine and return the G-code file, in a folder."""
-        bed = Bed.of(machine)
-        options = replace(self.options, bed=bed, center=bed.center)
+        options = self.options.for_machine(machine)
         if self.chosen.slicer is None or self.chosen.program is None:
             sliced = folder / "sliced.gcode"
             sliced.write_text(slice_to_gcode(mesh, options), encoding="utf-8", newline="\n")

@@ -1,1 +1,1 @@
-"""A sequence in parts: cut into blocks, contracted, annealed on threads, put together."""
+"""A sequence in parts: clusters, blocks and contracted runs, annealed on threads, put together."""

@@ -55,6 +55,10 @@ class Sequence:
         self.order[:] = other.order
         self.reversed[:], self.entry_id[:] = other.reversed, other.entry_id
 
+    def offer_to(self, incumbent: Incumbent) -> None:
+        """Let the incumbent take it if it is better."""
+        incumbent.offer(self.order, self.reversed, self.entry_id)
+
     def choose_entries(self) -> None:
         """Mutate the sequence: choose the best entries and directions for its order, exactly.
 

@@ -112,7 +112,7 @@ def anneal_sequences(
         for sequence, tour in zip(sequences, tours, strict=True):
             tour.put_back(sequence)
             sequence.choose_entries()
-            incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
+            sequence.offer_to(incumbent)
 
     yield from _in_rounds(incumbent, threads, until, begin, work, meet)
 
@@ -162,7 +162,7 @@ def anneal_blocks(
             sequence.become(threads.join(found))
         if begun % lasting == 0:  # else the same blocks go on, with entries of their own
             sequence.choose_entries()
-        incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
+        sequence.offer_to(incumbent)
 
     yield from _in_rounds(incumbent, threads, until, begin, work, meet)
 

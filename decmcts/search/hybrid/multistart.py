@@ -84,12 +84,12 @@ class Multistart:
             ends += sequences
             found = threads.join([search.best(), *ends])
             found.choose_entries()
-            incumbent.offer(found.order, found.reversed, found.entry_id)
+            found.offer_to(incumbent)
             if layered is not None and len(sequences) > 1:
                 in_layers += sequences[0 if layered_won else 1 :]
                 layered = threads.join([layered, *in_layers])
                 layered.choose_entries()
-                incumbent.offer(layered.order, layered.reversed, layered.entry_id)
+                layered.offer_to(incumbent)
                 layered_won = layered_won or sequences[-1].cost < sequences[0].cost
 
     def rounds(self, search: Search) -> int:

@@ -161,7 +161,7 @@ class Neighbourhoods:
             best = threads.join([result for result, *_ in found])
             if best.cost < sequence.cost:
                 whole = best if contraction is None else contraction.expanded(best)
-                incumbent.offer(whole.order, whole.reversed, whole.entry_id)
+                whole.offer_to(incumbent)
             sequence = best
             annealed, solved = (sum(numbers) for numbers in list(zip(*found, strict=True))[1:])
             made += annealed

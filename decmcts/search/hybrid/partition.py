@@ -97,7 +97,7 @@ class Partition:
         yield from anneal_sequences(incumbent, sequences, threads, schedules, until, groups=groups)
         found = threads.join(sequences)
         found.choose_entries()
-        incumbent.offer(found.order, found.reversed, found.entry_id)
+        found.offer_to(incumbent)
         yield
 
 

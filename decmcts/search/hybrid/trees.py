@@ -55,7 +55,7 @@ class Trees:
         yield from grow_until(incumbent, search, exploration=self.exploration, until=until)
         sequence.order[:], sequence.reversed[:] = search.order, search.reversed
         sequence.choose_entries()
-        incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
+        sequence.offer_to(incumbent)
         yield
 
     def _have_time(self, incumbent: Incumbent) -> bool:

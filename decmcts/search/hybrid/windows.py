@@ -87,7 +87,7 @@ def improve_windows(
         total = sum(made)
         sequence.become(threads.join(found))
         sequence.choose_entries()
-        incumbent.offer(sequence.order, sequence.reversed, sequence.entry_id)
+        sequence.offer_to(incumbent)
         incumbent.tick(total)
         yield
         if total == 0:  # too few contours, or iterations
