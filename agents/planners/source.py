@@ -15,7 +15,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, slice_mesh
+from decmcts.formats.mesh import SliceOptions, is_mesh, slice_mesh
 from decmcts.print.machine_fit import check_fits
 
 
@@ -35,7 +35,7 @@ def load_source(
     if not path.exists():
         raise InputError("no such file", path=path)
     chosen = load_machine(machine)
-    if path.suffix.lower() in MESH_SUFFIXES:
+    if is_mesh(path):
         job, _ = slice_mesh(path, SliceOptions().for_machine(chosen))
     else:
         job, _ = read_gcode(path)

@@ -23,7 +23,7 @@ BASICS, SEARCH, QUALITY, OUTPUT, MESH = "Basics", "Search", "Quality", "Output",
 Input = Annotated[
     Path,
     typer.Argument(
-        help="G-code (.gcode, .gcode.gz, .bgcode), mesh (.stl, .3mf, .obj); "
+        help="G-code (.gcode, .gcode.gz, .bgcode, .gcode.3mf, .gx), mesh (.stl, .3mf, .obj); "
         "`plan`: SOP (.sop, .sop.gz); `launch`: QCSP (.qcsp)"
     ),
 ]
@@ -35,6 +35,16 @@ MachineOption = Annotated[
         rich_help_panel=BASICS,
         metavar="NAME|FILE",
         help=_MACHINE + "the source's printer, or a head of the clearances in it",
+    ),
+]
+PlateOption = Annotated[
+    int | None,
+    typer.Option(
+        "--plate",
+        rich_help_panel=BASICS,
+        metavar="N",
+        min=1,
+        help="Of a .gcode.3mf: the plate; default: the only one with G-code",
     ),
 ]
 ListedMachineOption = Annotated[

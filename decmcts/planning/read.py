@@ -19,6 +19,7 @@ def read(
     *,
     limits: Limits = Limits.SOURCE,
     mesh: Slicing | SliceOptions | None = None,
+    plate: int | None = None,
     report: Report = unheard,
 ) -> Source:
     """Read G-code, or slice a mesh and read what comes of it.
@@ -26,7 +27,8 @@ def read(
     Parameters
     ----------
     path : str | Path
-        G-code (``.gcode``, ``.gcode.gz``, ``.bgcode``) or a mesh (``.stl``, ``.3mf``, ``.obj``).
+        G-code (``.gcode``, ``.gcode.gz``, ``.bgcode``, ``.gcode.3mf``, ``.gx``) or a mesh
+        (``.stl``, ``.3mf``, ``.obj``).
     machine : str | Machine | None
         The printer: a `Machine`, or what `load_machine` takes; None: the one the file names.
         A mesh names none.
@@ -35,6 +37,8 @@ def read(
     mesh : Slicing | SliceOptions | None
         How a mesh is sliced: by a slicer, for the machine's bed, or by the built-in one with
         these very options. None: by the first slicer that is installed, else the built-in one.
+    plate : int | None
+        Of a ``.gcode.3mf``: whose G-code is read; None: the only one's that has any.
     report : Report
         Told what is done.
 
@@ -57,4 +61,4 @@ def read(
     """
     how = Slicing(choose_slicer()) if mesh is None else mesh
     with compilation_told(report) as told:
-        return read_source(Path(path), machine, limits=limits, mesh=how, report=told)
+        return read_source(Path(path), machine, limits=limits, mesh=how, report=told, plate=plate)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from decmcts.errors import InputError
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.verifying.held import AS_STATED, Held
-from decmcts.planning.verifying.judge import is_whole_team, judge, judge_several
+from decmcts.planning.verifying.judge import is_whole_team, judge, judge_several, refuse_plate
 from decmcts.print.machine import Machine
 from sim.faults import Verdict
 
@@ -19,6 +20,7 @@ def verify(
     machine: str | Machine | None = None,
     *,
     plan: str | Path | None = None,
+    plate: int | None = None,
     held: Held = AS_STATED,
     trials: int = 3,
     seed: int = 0,
@@ -36,6 +38,8 @@ def verify(
         The printer; None: the one the plan or the source names.
     plan : str | Path | None
         Of files of several heads: the plan.json they were made from.
+    plate : int | None
+        Of a .gcode.3mf, result or source: whose G-code; None: the only one's that has any.
     held : Held
         Rules that replace those a plan states.
     trials : int
@@ -71,7 +75,8 @@ def verify(
         if not path.exists():
             raise InputError("no such file", path=path)
     report(Step(f"verifying {', '.join(path.name for path in files)}"))
-    options = {"seed": seed, "trials": trials}
-    if len(files) > 1 or made_from is not None or is_whole_team(files[0]):
+    options: dict[str, Any] = {"seed": seed, "trials": trials, "plate": plate}
+    refuse_plate(plate, [*files, *([] if given is None else [given])])
+    if len(files) > 1 or made_from is not None or is_whole_team(files[0], plate):
         return judge_several(files, given, made_from, machine, held, **options)
     return judge(files[0], given, machine, held, report=report, **options)

@@ -89,14 +89,20 @@ def verify_written(
 
 
 def check_state(
-    path: Path | str, job: PrintJob, document: GcodeDocument, *, seams: Sequence[Moved] = ()
+    path: Path | str,
+    job: PrintJob,
+    document: GcodeDocument,
+    *,
+    seams: Sequence[Moved] = (),
+    plate: int | None = None,
 ) -> list[Fault]:
     """Check only what a file commands, and the state and filament where it prints.
 
-    For files whose moves are judged already (`sim.verify.verify_motions`).
+    For files whose moves are judged already (`sim.verify.verify_motions`); of a .gcode.3mf those
+    of a `plate`.
     """
     try:
-        written = _read_back(path, job, document, seams)
+        written = _read_back(path, job, document, seams, plate)
     except InputError as error:
         return [_unreadable(error)]
     return _check_state(written, cache(lambda: _moves_of(document)))
@@ -107,17 +113,21 @@ def _unreadable(error: InputError) -> Fault:
 
 
 def _read_back(
-    path: Path | str, job: PrintJob, document: GcodeDocument, seams: Sequence[Moved]
+    path: Path | str,
+    job: PrintJob,
+    document: GcodeDocument,
+    seams: Sequence[Moved],
+    plate: int | None = None,
 ) -> Written:
     """Read a file that was made from a document; raises InputError where that fails."""
-    ours, ours_document, motions, ending = read_written(path, document)
+    ours, ours_document, motions, ending = read_written(path, document, plate)
     endings = ending_faults(document, ending)
     job, document = source_with(job, document, seams)
     differences = same_extrusions(job, document, ours, ours_document)
     faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
     segments = contour_segments(job.contours)
     return Written(
-        load_text(path), motions, job, document, laying_moves(motions),
+        load_text(path, plate), motions, job, document, laying_moves(motions),
         match_segments(segments_of(motions), segments), segments, tuple(faults),
     )  # fmt: skip
 
@@ -195,6 +205,6 @@ def _check_waits(
 def _moves_of(document: GcodeDocument) -> Motions | None:
     """Return the moves of the source; None where it was no G-code file."""
     try:
-        return read_motions(document.path)
+        return read_motions(document.path, document.plate)
     except InputError:
         return None

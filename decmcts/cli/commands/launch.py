@@ -100,6 +100,7 @@ def launch(
     source: opt.Input,
     output: StemOption = None,
     machine: HeadsOption = "dual-gantry",
+    plate: opt.PlateOption = None,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
     process_order: opt.ProcessOption = ProcessOrder.KEEP,
@@ -136,8 +137,8 @@ def launch(
     only_shown = not (as_json or stem or plan_file or report or picture or record)
     search = TeamSearch(time_limit, seed, objective, {} if team is None else read_parameters(team))
     result = run_team(
-        source, machine, search, rules, limits=limits, record=record, writes=stem is not None,
-        remark=ONLY_SHOWN if only_shown else "",
+        source, machine, search, rules, limits=limits, plate=plate, record=record,
+        writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",
     )  # fmt: skip
     with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
         told(Step("writing files"))
@@ -156,6 +157,7 @@ def run_team(
     rules: Rules,
     *,
     limits: Limits = Limits.SOURCE,
+    plate: int | None = None,
     record: Path | None = None,
     writes: bool = True,
     remark: str = "",
@@ -177,7 +179,7 @@ def run_team(
             show(event)
 
         mesh = Slicing(Chosen(None), replace(PRINTED, skirts=0))  # start code primes the heads
-        found = read(source, machine, limits=limits, mesh=mesh, report=told)
+        found = read(source, machine, limits=limits, mesh=mesh, plate=plate, report=told)
         return launch_heads(found, search, rules, writes=writes, report=told, stop=stop)
 
 

@@ -18,7 +18,7 @@ from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions
+from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, is_mesh
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Step
@@ -58,6 +58,7 @@ def plan(
     source: opt.Input,
     output: opt.GcodeOption = None,
     machine: opt.MachineOption = None,
+    plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
@@ -98,9 +99,9 @@ def plan(
         sop.plan_sop(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     refuse_for_gcode(context, source)
-    edits = source.suffix.lower() not in MESH_SUFFIXES
+    edits = not is_mesh(source)
     refuse_unwritable([output, plan_file, report, picture, sliced], source, edits=edits)
-    refuse_unpackable(output, source)
+    refuse_unpackable(output, source, plate)
     refuse_other_suffixes(plan_file, report, picture)
     refuse_two_on_stdout(output, as_json=as_json)
     refuse_stdout(sliced, "--sliced")
@@ -118,8 +119,8 @@ def plan(
     )  # fmt: skip
     search = Search(time_limit, seed, planner, objective, certificate=certificate)
     result = run_single(
-        source, machine, search, rules, limits=limits, slicing=slicing, writes=output is not None,
-        remark=ONLY_SHOWN if only_shown else "",
+        source, machine, search, rules, limits=limits, slicing=slicing, plate=plate,
+        writes=output is not None, remark=ONLY_SHOWN if only_shown else "",
     )  # fmt: skip
     made, paths = write(
         result, output, allow_slower=allow_slower, plan_file=plan_file, report=report,
@@ -177,7 +178,7 @@ def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) ->
 
 def refuse_for_gcode(context: typer.Context, source: Path) -> None:
     """Raise InputError for an option of meshes given with a file that is none."""
-    if source.suffix.lower() in MESH_SUFFIXES:
+    if is_mesh(source):
         return
     for name, spellings in opt.given(context).items():
         if name in opt.MESH_OPTIONS:
@@ -197,6 +198,7 @@ def run_single(
     *,
     limits: Limits,
     slicing: Slicing | None = None,
+    plate: int | None = None,
     writes: bool = True,
     remark: str = "",
 ) -> Result:
@@ -209,7 +211,7 @@ def run_single(
         running(time_limit_s=search.time_limit_s, unit=search.unit, remark=remark) as (told, stop),
         compiling_beside(parts_for(search, rules.freedom), told),  # while the source is read
     ):
-        found = read(source, machine, limits=limits, mesh=slicing, report=told)
+        found = read(source, machine, limits=limits, mesh=slicing, plate=plate, report=told)
         return find_order(found, search, rules, writes=writes, report=told, stop=stop)
 
 

@@ -18,7 +18,7 @@ from decmcts.cli.console import err, out, print_json, steps, summary_of, written
 from decmcts.cli.lines import figures, kept_line, whole_file_line
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
-from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.formats.mesh import is_mesh
 from decmcts.planning.options import (
     Freedom,
     Limits,
@@ -36,6 +36,7 @@ from decmcts.planning.writing.places import refuse_place, refuse_unwritable
 def post(
     path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
     machine: opt.MachineOption = None,
+    plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
     freedom: opt.FreedomOption = Freedom.REVERSIBLE,
     seam: opt.SeamOption = None,
@@ -53,13 +54,13 @@ def post(
     """Reorder a G-code file in place, as a slicer's post-processing script."""
     refuse_unwritable([], path)
     refuse_place(path, advice="it is edited in place: make it and its folder writable")
-    if path.suffix.lower() in MESH_SUFFIXES:
+    if is_mesh(path):
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
     rules = opt.rules_of(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
     )  # fmt: skip
     search = Search(time_limit, seed, planner, objective, certificate=False)
-    result = run_single(path, machine, search, rules, limits=limits)
+    result = run_single(path, machine, search, rules, limits=limits, plate=plate)
     with interrupt_stops() as stop, steps() as told:
         made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
     with written():

@@ -49,6 +49,7 @@ def verify(
     source: SourceOption = None,
     plan: MadeFromOption = None,
     machine: opt.MachineOption = None,
+    plate: opt.PlateOption = None,
     process_order: opt.HeldProcessOption = None,
     quality: opt.HeldQualityOption = None,
     min_layer_time: opt.HeldCoolingOption = None,
@@ -62,8 +63,9 @@ def verify(
     held = Held(process_order, quality, max_layers_ahead, freedom, min_layer_time)
     with steps() as told:
         verdict = judge(
-            result, source, machine, plan=plan, held=held, seed=seed, trials=trials, report=told
-        )
+            result, source, machine, plan=plan, plate=plate, held=held, seed=seed, trials=trials,
+            report=told,
+        )  # fmt: skip
     show(verdict, ", ".join(map(str, result)), as_json=as_json)
     if verdict.faults:
         raise typer.Exit(1)

@@ -91,3 +91,4 @@ class GcodeDocument:
     e_area: float  # mm² when E is volumetric (M200), 0 when it is mm
     decimals: tuple[int, int, int]  # xy, e, feed
     habits: Habits
+    plate: int | None = None  # of a .gcode.3mf, as asked for

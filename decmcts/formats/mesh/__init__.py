@@ -15,11 +15,13 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, read_gcode
-from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions
+from decmcts.formats.mesh.options import MESH_SUFFIXES, SliceOptions, is_mesh
 from decmcts.print.job import PrintJob
 from decmcts.version import __version__
 
-__all__ = ["MESH_SUFFIXES", "SliceOptions", "read_sliced", "slice_mesh", "slice_to_gcode"]
+__all__ = [
+    "MESH_SUFFIXES", "SliceOptions", "is_mesh", "read_sliced", "slice_mesh", "slice_to_gcode",
+]  # fmt: skip
 
 
 def slice_mesh(

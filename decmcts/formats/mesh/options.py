@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from decmcts.errors import InputError
+from decmcts.formats.gcode.text.source_text import has_plates
 from decmcts.print.machine import Machine
 
 MESH_SUFFIXES = (".stl", ".3mf", ".obj")
 _WIDTH_PER_NOZZLE = 1.125  # what PrusaSlicer takes for a 0.4 mm nozzle: 0.45 mm
+
+
+def is_mesh(path: Path) -> bool:
+    """Tell whether a file is a mesh, by its name; a .3mf is one where no plate has G-code."""
+    return path.suffix.lower() in MESH_SUFFIXES and not has_plates(path)
 
 
 _PARK_MM = 5.0  # from the edge of the bed

@@ -57,7 +57,7 @@ def write_no_slower(
         if times.longer and not allow_slower:
             planned, times = _kept(planned, times, path, report)
         else:
-            put(packed_text(draft.read_bytes(), path, planned.problem.path), path, packed=True)
+            put(_packed(draft.read_bytes(), path, planned, times), path, packed=True)
         planned.seconds["write"] = time.perf_counter() - started
     return with_whole_files(planned, times), times
 
@@ -99,13 +99,20 @@ def _kept(
     after = replace(before, metrics={**before.metrics, "as_sliced": True, "kept_source": True})
     own = check(planned.problem, before, after, planned.history, planned.seconds, report)
     if not (path.exists() and path.samefile(source)):
-        copy_source(source, path)
+        copy_source(source, path, planned.problem.source.plate)
     return own, FileTimes(times.before_s, times.before_s, times.after_s, times.before, times.before)
 
 
-def copy_source(source: Path, path: Path) -> None:
+def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> bytes:
+    """Return the G-code of a result as a file of this name holds it."""
+    source = planned.problem.source
+    ratio = times.after_s / times.before_s if times.before_s else 1.0
+    return packed_text(text, path, source.path, source.plate, time_ratio=ratio)
+
+
+def copy_source(source: Path, path: Path, plate: int | None = None) -> None:
     """Write a file as it is; packed or unpacked only where the names say so."""
     if path != STDOUT and path.suffix == source.suffix:
         write_whole(path, source.read_bytes())
     else:
-        put(packed_text(load_text(source), path, source), path, packed=True)
+        put(packed_text(load_text(source, plate), path, source, plate), path, packed=True)

@@ -12,7 +12,7 @@ from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.own_machine import PAGE, machine_of_text
-from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, read_sliced, slice_mesh
+from decmcts.formats.mesh import SliceOptions, is_mesh, read_sliced, slice_mesh
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Limits
 from decmcts.planning.problem.slicing import SlicedFolder, Slicing
@@ -32,6 +32,7 @@ class Source:
     sliced_by: str = ""  # what made the G-code of a mesh
     seconds: tuple[tuple[str, float], ...] = ()  # time of each step
     folder: SlicedFolder | None = None  # keeps the G-code of a mesh on disk
+    plate: int | None = None  # of a .gcode.3mf; None: the only one with G-code
 
 
 def read_source(
@@ -41,16 +42,22 @@ def read_source(
     limits: Limits,
     mesh: Slicing | SliceOptions,
     report: Report,
+    plate: int | None = None,
 ) -> Source:
     """Read `path` for a machine; see `decmcts.planning.read.read`."""
-    chosen, origin = machine_for(machine, path)
+    chosen, origin = machine_for(machine, path, plate)
     if origin:
         report(Note(origin))
     if not path.exists():
         raise InputError("no such file", path=path)
+    from_mesh = is_mesh(path)
+    if from_mesh and plate is not None:
+        raise InputError(
+            f"no plate {plate}: this is a mesh", path=path, advice="leave the plate out"
+        )
     seconds: list[tuple[str, float]] = []
     sliced, sliced_by, folder = None, "", None
-    if path.suffix.lower() in MESH_SUFFIXES and isinstance(mesh, Slicing):
+    if from_mesh and isinstance(mesh, Slicing):
         started = time.perf_counter()
         sliced_by = mesh.chosen.name
         report(Step(f"slicing {path.name} with {sliced_by}"))
@@ -61,16 +68,18 @@ def read_source(
     report(Step(f"reading {path.name}"))
     if sliced is not None:
         job, document = read_sliced(sliced, path)
-    elif isinstance(mesh, SliceOptions) and path.suffix.lower() in MESH_SUFFIXES:
+    elif isinstance(mesh, SliceOptions) and from_mesh:
         job, document = slice_mesh(path, mesh)
     else:
-        job, document = read_gcode(path)
+        job, document = read_gcode(path, plate)
     seconds.append(("read", time.perf_counter() - started))
     own = limits == Limits.SOURCE
-    return Source(path, job, document, chosen, own, sliced_by, tuple(seconds), folder)
+    return Source(path, job, document, chosen, own, sliced_by, tuple(seconds), folder, plate)
 
 
-def machine_for(named: str | Machine | None, source: Path) -> tuple[Machine, str]:
+def machine_for(
+    named: str | Machine | None, source: Path, plate: int | None = None
+) -> tuple[Machine, str]:
     """Return the machine that is named, else the source's own, and a line on where it is from.
 
     Raises
@@ -84,14 +93,14 @@ def machine_for(named: str | Machine | None, source: Path) -> tuple[Machine, str
         return load_machine(named), ""
     if not source.exists():
         raise InputError("no such file", path=source)
-    if source.suffix.lower() in MESH_SUFFIXES:
+    if is_mesh(source):
         raise InputError(
             "a mesh names no printer",
             path=source,
             advice=f"add --machine NAME (`decmcts machines` lists them; own ones: {PAGE})",
         )
     printer = os.environ.get("SLIC3R_PRINTER_MODEL", "")
-    return machine_of_text(load_text(source), source, printer=printer)
+    return machine_of_text(load_text(source, plate), source, printer=printer)
 
 
 def first_head(source: Source, report: Report) -> Source:

@@ -10,7 +10,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
-from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.formats.mesh import is_mesh
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.verifying.held import Held
 from decmcts.print.machine import Machine
@@ -49,9 +49,11 @@ def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     return [path for _, path in headers], [head for (head, _), _ in headers]
 
 
-def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verdict:
+def judge_heads(
+    paths: Sequence[Path], source: Path, plan: PlanDocument, *, plate: int | None = None
+) -> Verdict:
     """Verify the files of all heads against the plan and the source they were made from."""
-    job, document = read_gcode(source)
+    job, document = read_gcode(source, plate)
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
     parks = {head.name: head.park for head in plan.machine.heads}
@@ -63,13 +65,13 @@ def judge_heads(paths: Sequence[Path], source: Path, plan: PlanDocument) -> Verd
 
 def judge_heads_alone(
     paths: Sequence[Path], source: Path, machine: str | Machine | None, held: Held, *,
-    seed: int, trials: int,
+    seed: int, trials: int, plate: int | None = None,
 ) -> Verdict:  # fmt: skip
     """Verify the files of all heads by what they do on the machine, without their plan.
 
     The order is held to the default rules, with those that `held` names in their place.
     """
-    job, document = read_gcode(source)
+    job, document = read_gcode(source, plate)
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
@@ -115,7 +117,7 @@ def source_of(source: Path | None) -> Path:
 
 def refuse_mesh(source: Path, advice: str) -> None:
     """Raise InputError for a source that holds no extrusions to compare with."""
-    if source.suffix.lower() in MESH_SUFFIXES:
+    if is_mesh(source):
         raise InputError(
             "what was made of a mesh cannot be compared with it", path=source, advice=advice
         )

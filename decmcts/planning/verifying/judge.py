@@ -9,7 +9,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, read_result
-from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.formats.gcode.text.source_text import has_plates, load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Note, Report, unheard
@@ -37,6 +37,7 @@ def judge_several(
     *,
     seed: int,
     trials: int,
+    plate: int | None = None,
 ) -> Verdict:
     """Verify the files of all heads together, with the plan they were made from or without."""
     given = source_of(source)
@@ -45,11 +46,13 @@ def judge_several(
             raise InputError(
                 "min_layer_time_s cannot be checked in G-code alone", advice="add --plan plan.json"
             )
-        return judge_heads_alone(results, given, machine, held, seed=seed, trials=trials)
-    verdict = judge(plan, given, machine, held, seed=seed, trials=trials)
+        return judge_heads_alone(
+            results, given, machine, held, seed=seed, trials=trials, plate=plate
+        )
+    verdict = judge(plan, given, machine, held, seed=seed, trials=trials, plate=plate)
     if is_other_print(verdict.faults):
         return verdict
-    files = judge_heads(results, given, read_plan(plan))
+    files = judge_heads(results, given, read_plan(plan), plate=plate)
     return Verdict(
         (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}, verdict.checked
     )
@@ -63,11 +66,12 @@ def judge(
     *,
     seed: int,
     trials: int,
+    plate: int | None = None,
     report: Report = unheard,
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if _is_plan(result):
-        return judge_plan(result, source, machine, held, seed=seed, trials=trials)
+        return judge_plan(result, source, machine, held, seed=seed, trials=trials, plate=plate)
     if asked := held.names():
         raise InputError(
             f"{', '.join(asked)}: only the order of a plan.json is held to rules",
@@ -77,19 +81,22 @@ def judge(
     if source is None:
         raise InputError("a G-code file needs its source", advice="add --source IN.gcode")
     refuse_mesh(source, "verify against the slicer's G-code (`plan --sliced`), or verify plan.json")
-    refuse_head_file(result)
-    chosen, origin = machine_for(machine, source)
+    of_result, of_source = plate_of(result, plate), plate_of(source, plate)
+    refuse_head_file(result, of_result)
+    chosen, origin = machine_for(machine, source, of_source)
     if origin:
         report(Note(origin))
-    job, print_text, theirs = read_result(source)
-    ours, _, motions = read_result(result)
+    job, print_text, theirs = read_result(source, of_source)
+    ours, _, motions = read_result(result, of_result)
     seams = list(seams_of_file(ours.contours, job.contours))
     verdict = verify_motions(motions, theirs, chosen, job=job, seams=seams)
     if is_other_print(verdict.faults):
         return verdict
-    if load_text(result) == load_text(source):  # as `plan` leaves what cannot be made faster
+    if load_text(result, of_result) == load_text(
+        source, of_source
+    ):  # as `plan` leaves what cannot be made faster
         return Verdict(verdict.faults, verdict.counts, ("the file is its source, byte for byte",))
-    state = check_state(result, job, print_text, seams=seams)
+    state = check_state(result, job, print_text, seams=seams, plate=of_result)
     return Verdict((*verdict.faults, *state), verdict.counts)
 
 
@@ -101,6 +108,7 @@ def judge_plan(
     *,
     seed: int,
     trials: int,
+    plate: int | None = None,
 ) -> Verdict:
     """Verify a plan file by the rules it states, or by those that `held` names.
 
@@ -111,7 +119,7 @@ def judge_plan(
     digest = digest_of(document)
     rule = held.min_layer_time_s
     rules = held.over(document.rules or usual_rules(document.machine)) if held.any_rule else None
-    job = read_gcode(source)[0] if source is not None else None
+    job = None if source is None else read_gcode(source, plate_of(source, plate))[0]
     verdict = verify_plan(
         replace(document, min_layer_time_s=document.min_layer_time_s if rule is None else rule),
         source=job,
@@ -127,27 +135,38 @@ def judge_plan(
     return replace(verdict, faults=(*verdict.faults, *less))
 
 
-def is_whole_team(path: Path) -> bool:
+def is_whole_team(path: Path, plate: int | None = None) -> bool:
     """Tell whether this is the only file that `launch` wrote, for a machine with one head."""
-    return not _is_plan(path) and header_of(load_text(path))[1] == (1, 1)
+    return not _is_plan(path) and header_of(load_text(path, plate_of(path, plate)))[1] == (1, 1)
 
 
 def _is_plan(path: Path) -> bool:
     return path.name.lower().endswith((".json", ".json.gz"))
 
 
-def refuse_head_file(path: Path) -> None:
+def refuse_head_file(path: Path, plate: int | None) -> None:
     """Raise InputError for the file of one head of several, which cannot be judged alone.
 
     Its header says what it is.
     """
-    name, (place, of) = header_of(load_text(path))
+    name, (place, of) = header_of(load_text(path, plate))
     if name:
         raise InputError(
             f"this is the file of one head of several (head {name}, file {place} of {of})",
             path=path,
             advice="name the files of all heads, with --plan plan.json if you have it",
         )
+
+
+def plate_of(path: Path, plate: int | None) -> int | None:
+    """Return the plate to read of a file: none of one that has none."""
+    return plate if plate is not None and has_plates(path) else None
+
+
+def refuse_plate(plate: int | None, files: list[Path]) -> None:
+    """Raise InputError for a plate of files of which none has plates."""
+    if plate is not None and not any(map(has_plates, files)):
+        raise InputError(f"no plate {plate}: only a .gcode.3mf has plates", advice="leave it out")
 
 
 def digest_of(document: PlanDocument) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from decmcts.formats.gcode.controller.duration import FileTime, print_time
-from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.formats.mesh import is_mesh
 from decmcts.planning.problem.planned import Planned
 from decmcts.print.metrics import Metrics
 from decmcts.print.walls import outer_walls
@@ -48,7 +48,7 @@ def is_longer(before_s: float, after_s: float) -> bool:
 def compared_with(planned: Planned) -> Path | None:
     """Return the G-code a result is compared with; None where there is none."""
     source = Path(planned.problem.document.path)  # of a mesh: what its slicer made
-    return None if source.suffix.lower() in MESH_SUFFIXES else source
+    return None if is_mesh(source) else source
 
 
 def file_times(planned: Planned, draft: Path) -> FileTimes:
@@ -58,7 +58,8 @@ def file_times(planned: Planned, draft: Path) -> FileTimes:
     after = print_time(draft, limits, own_limits=own, walls=walls)
     if source is None:
         return FileTimes(None, after.total_s, after=whole_file(after))
-    before = print_time(source, limits, own_limits=own, walls=walls)
+    plate = planned.problem.source.plate
+    before = print_time(source, limits, own_limits=own, walls=walls, plate=plate)
     return FileTimes(
         before.total_s, after.total_s, before=whole_file(before), after=whole_file(after)
     )

@@ -9,6 +9,7 @@ from typing import Protocol
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, write_head_gcode
+from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, put, require_sound
@@ -24,7 +25,7 @@ def stem_of(output: Path) -> Path:
     Raises
     ------
     InputError
-        For standard output and for folders.
+        For standard output, for folders, and for what G-code is packed in.
     """
     if output == STDOUT:
         raise InputError(
@@ -32,6 +33,12 @@ def stem_of(output: Path) -> Path:
         )
     if not output.name or output.is_dir():
         raise InputError("the output is a folder", path=output, advice="name a stem in it")
+    if output.suffix.lower() in PACKED_SUFFIXES:
+        raise InputError(
+            f"the files of several heads are not written as {output.suffix.lower()}",
+            path=output,
+            advice="name a stem, such as -o part",
+        )
     return output.with_suffix("") if output.suffix.lower() == ".gcode" else output
 
 

@@ -9,9 +9,13 @@ from pathlib import Path
 
 from decmcts.errors import InputError, VerificationError
 from decmcts.formats.files.atomic import refuse_special, write_whole
-from decmcts.formats.gcode.text.binary import SUFFIX
-from decmcts.formats.gcode.text.source_text import load_text, packed_text, save_text
-from decmcts.formats.mesh import MESH_SUFFIXES
+from decmcts.formats.gcode.text.source_text import (
+    PACKED_SUFFIXES,
+    load_text,
+    packed_text,
+    save_text,
+)
+from decmcts.formats.mesh import is_mesh
 from sim.faults import Verdict
 
 STDOUT = Path("-")  # as an output: standard output
@@ -105,17 +109,17 @@ def put(content: bytes, path: Path, *, packed: bool = False) -> None:
         raise InputError(f"standard output cannot be written ({reason})") from error
 
 
-def refuse_unpackable(output: Path | None, source: Path) -> None:
-    """Raise InputError for a .bgcode output that the source cannot be packed into."""
-    if output is None or output.suffix.lower() != SUFFIX:
+def refuse_unpackable(output: Path | None, source: Path, plate: int | None = None) -> None:
+    """Raise InputError for a .bgcode, .3mf or .gx that the source cannot be packed into."""
+    if output is None or output.suffix.lower() not in PACKED_SUFFIXES:
         return
-    if source.suffix.lower() in MESH_SUFFIXES:
+    if is_mesh(source):
         raise InputError(
-            "what is made of a mesh is not written as .bgcode",
+            f"what is made of a mesh is not written as {output.suffix.lower()}",
             path=output,
             advice="name a .gcode file",
         )
-    packed_text(load_text(source), output, source)
+    packed_text(load_text(source, plate), output, source, plate)
 
 
 def refuse_other_suffixes(plan: Path | None, report: Path | None, picture: Path | None) -> None:

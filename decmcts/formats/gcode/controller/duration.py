@@ -53,7 +53,12 @@ class FileTime:
 
 
 def print_time(
-    path: Path | str, limits: MotionLimits, *, own_limits: bool = True, walls: Walls | None = None
+    path: Path | str,
+    limits: MotionLimits,
+    *,
+    own_limits: bool = True,
+    walls: Walls | None = None,
+    plate: int | None = None,
 ) -> FileTime:
     """Estimate the time of a G-code file.
 
@@ -65,13 +70,16 @@ def print_time(
         Whether the file's own limits win; M204 always does.
     walls : Walls | None
         Outer walls of the print, to tell how much travel leads over them.
+    plate : int | None
+        Of a .gcode.3mf: whose G-code.
 
     Raises
     ------
     InputError
         If the file is damaged.
     """
-    return text_time(load_text(path), limits, path=path, own_limits=own_limits, walls=walls)
+    text = load_text(path, plate)
+    return text_time(text, limits, path=path, own_limits=own_limits, walls=walls)
 
 
 def text_time(

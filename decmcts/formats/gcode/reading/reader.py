@@ -39,6 +39,7 @@ from decmcts.print.motion import limits_of
 
 PRIMED_MM = 0.01  # filament pushed beyond what is owed
 REFILLS = ("tool change", "filament change", "pause")  # reasons of barriers to prime after
+_PACKED = re.compile(r"\.gz$|(?<=\.gcode)\.3mf$", re.I)
 _SLICERS = re.compile(
     rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
     rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
@@ -83,8 +84,8 @@ class _Parsed:
     beads: Beads
 
 
-def _parse(path: Path | str) -> _Parsed:
-    text = load_text(path)
+def _parse(path: Path | str, plate: int | None = None) -> _Parsed:
+    text = load_text(path, plate)
     lines = split_lines(text, path)
     motion = interpret(lines)
     track = track_state(lines, motion)
@@ -94,8 +95,8 @@ def _parse(path: Path | str) -> _Parsed:
     return _Parsed(lines, motion, track, runs, beads)
 
 
-def read_gcode(path: Path | str) -> tuple[PrintJob, GcodeDocument]:
-    """Read a G-code file (plain or gzipped).
+def read_gcode(path: Path | str, plate: int | None = None) -> tuple[PrintJob, GcodeDocument]:
+    """Read a G-code file, plain or packed; of a .gcode.3mf the G-code of a `plate`.
 
     Arcs become chords at most 0.005 mm from the arc. Extrusions above the first
     layer marker (purge lines) belong to the preamble.
@@ -106,22 +107,24 @@ def read_gcode(path: Path | str) -> tuple[PrintJob, GcodeDocument]:
         When the file is damaged, or holds something that cannot be put in
         another order safely; the message names the line.
     """
-    return _print_of(_parse(path), path)
+    return _print_of(_parse(path, plate), path, plate)
 
 
-def read_result(path: Path | str) -> tuple[PrintJob, GcodeDocument, Motions]:
+def read_result(
+    path: Path | str, plate: int | None = None
+) -> tuple[PrintJob, GcodeDocument, Motions]:
     """Read a file as `read_gcode` and as `read_motions`, parsed once."""
-    parsed = _parse(path)
-    return *_print_of(parsed, path), _motions_of(parsed)
+    parsed = _parse(path, plate)
+    return *_print_of(parsed, path, plate), _motions_of(parsed)
 
 
 def read_written(
-    path: Path | str, document: GcodeDocument
+    path: Path | str, document: GcodeDocument, plate: int | None = None
 ) -> tuple[PrintJob, GcodeDocument, Motions, Ending]:
     """Read a file made from `document` as `read_result` and as `ending_of`, parsed once."""
-    parsed = _parse(path)
+    parsed = _parse(path, plate)
     ending = _ending(parsed, document, path)
-    return *_print_of(parsed, path), _motions_of(parsed), ending
+    return *_print_of(parsed, path, plate), _motions_of(parsed), ending
 
 
 def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
@@ -150,7 +153,9 @@ def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Endin
     return Ending(cursor_at(motion, parsed.track, line), parsed.track.table, (x, y, z), top)
 
 
-def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocument]:
+def _print_of(
+    parsed: _Parsed, path: Path | str, plate: int | None = None
+) -> tuple[PrintJob, GcodeDocument]:
     """Return the job and the document of a parsed file."""
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
@@ -169,8 +174,9 @@ def _print_of(parsed: _Parsed, path: Path | str) -> tuple[PrintJob, GcodeDocumen
         start, cursor_at(motion, parsed.track, bottom), blocks.blocks, parsed.track.table,
         point_state, owed_at_begins(motion, runs, habits, blocks.tied),
         bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
+        plate,
     )  # fmt: skip
-    name = Path(path).name.removesuffix(".gz").rsplit(".", 1)[0]
+    name = _PACKED.sub("", Path(path).name).rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
     said = commanded(parsed.track.table, PRINTING, stated)[point_state]
     unsaid = bool(np.isnan(said).all())
@@ -202,7 +208,7 @@ def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
     return limits_of(row)
 
 
-def read_motions(path: Path | str) -> Motions:
+def read_motions(path: Path | str, plate: int | None = None) -> Motions:
     """Read every move of a G-code file, the start and the end included.
 
     Raises
@@ -210,7 +216,7 @@ def read_motions(path: Path | str) -> Motions:
     InputError
         As `read_gcode`.
     """
-    return _motions_of(_parse(path))
+    return _motions_of(_parse(path, plate))
 
 
 def _motions_of(parsed: _Parsed) -> Motions:

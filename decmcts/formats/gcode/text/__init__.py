@@ -1,1 +1,1 @@
-"""Files as text, and text as lines: plain, gzipped or binary G-code."""
+"""Files as text, and text as lines: plain, gzipped or packed G-code."""

@@ -1,5 +1,7 @@
-"""Bytes in and out: plain, gzipped or binary G-code, and what is refused at the door.
+"""Bytes in and out: plain, gzipped or packed G-code, and what is refused at the door.
 
+Packed G-code stands in a file with other things: binary G-code with metadata, the plates of a
+.gcode.3mf, the header of a .gx. What is made of such a file can be put back in its place.
 Nothing here looks at a command.
 """
 
@@ -15,21 +17,35 @@ from decmcts.errors import InputError
 from decmcts.formats.files.atomic import write_whole
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
-from decmcts.formats.gcode.text.binary import SUFFIX, is_binary, pack, unpack
+from decmcts.formats.gcode.text import binary, flashprint, plates
+
+PACKED_SUFFIXES = (binary.SUFFIX, plates.SUFFIX, flashprint.SUFFIX)
 
 
-def load_text(path: Path | str) -> bytes:
+def load_text(path: Path | str, plate: int | None = None) -> bytes:
     """Return the text of a G-code file, unpacked; what it is shows its content, not its name.
+
+    Parameters
+    ----------
+    plate : int | None
+        Whose G-code of a .gcode.3mf; None: the only one's that has any.
 
     Raises
     ------
     InputError
-        When the file cannot be read, is empty, damaged or no G-code at all.
+        When the file cannot be read, is empty, damaged or no G-code at all, or has no such plate.
     """
-    raw = read_bytes(Path(path))
-    raw = unpacked(raw, path)
-    if is_binary(raw):
-        raw = unpack(raw, path)
+    raw = unpacked(read_bytes(Path(path)), path)
+    if plate is not None and not plates.is_archive(raw):
+        raise InputError(
+            f"no plate {plate}: only a .gcode.3mf has plates", path=path, advice="leave it out"
+        )
+    if binary.is_binary(raw):
+        raw = binary.unpack(raw, path)
+    elif plates.is_archive(raw):
+        raw = plates.unpack(raw, path, plate)
+    elif flashprint.is_flashprint(raw):
+        raw = flashprint.unpack(raw, path)
     if not raw.strip():
         raise InputError("the file is empty", path=path, advice="export the G-code again")
     if b"\0" in raw:
@@ -41,6 +57,17 @@ def load_text(path: Path | str) -> bytes:
             advice="give the G-code as a slicer exports it",
         )
     return raw
+
+
+def has_plates(path: Path) -> bool:
+    """Tell whether a file is a .gcode.3mf: by its name, or because a plate in it has G-code."""
+    if path.name.lower().endswith(f".gcode{plates.SUFFIX}"):
+        return True
+    try:
+        raw = read_bytes(path)
+        return plates.is_archive(raw) and bool(plates.plates_in(raw, path))
+    except InputError:
+        return False
 
 
 def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
@@ -59,11 +86,27 @@ def save_text(text: bytes, out: Path | str | BinaryIO | TextIO) -> None:
         out.write(text)  # type: ignore[arg-type]  # a binary stream
 
 
-def packed_text(text: bytes, out: Path, source: Path | None = None) -> bytes:
-    """Return `text` as a file of this name holds it: plain, gzipped or binary.
+def packed_text(
+    text: bytes,
+    out: Path,
+    source: Path | None = None,
+    plate: int | None = None,
+    *,
+    time_ratio: float = 1.0,
+) -> bytes:
+    """Return `text` as a file of this name holds it: plain, gzipped or packed.
 
-    In the place of its source it is binary if the source is. What is made of a binary
-    source keeps its metadata and thumbnails.
+    In the place of its source it is packed as the source is. What is made of a packed source
+    keeps its metadata, thumbnails and other plates.
+
+    Parameters
+    ----------
+    source : Path | None
+        What it was made of.
+    plate : int | None
+        The plate of a .gcode.3mf it was made of; None: the only one with G-code.
+    time_ratio : float
+        The time it takes over the time its source takes: a .gx states its time in the header.
 
     Raises
     ------
@@ -71,8 +114,27 @@ def packed_text(text: bytes, out: Path, source: Path | None = None) -> bytes:
         When it cannot be packed.
     """
     old = read_bytes(source) if source is not None and source.exists() else b""
-    like = old if is_binary(old) else None
     in_place = source is not None and source.exists() and out.exists() and out.samefile(source)
-    if (like is not None) if in_place else out.suffix.lower() == SUFFIX:
-        return pack(text, like=like, path=out)
+    suffix = _suffix_of(old) if in_place else out.suffix.lower()
+    if suffix == binary.SUFFIX:
+        return binary.pack(text, like=old if binary.is_binary(old) else None, path=out)
+    if suffix in PACKED_SUFFIXES and _suffix_of(old) != suffix:
+        raise InputError(
+            f"a {suffix} with G-code is only made of another one, for all else that stands in it",
+            path=out,
+            advice="name a .gcode file",
+        )
+    if suffix == plates.SUFFIX:
+        return plates.pack(text, old, source, plate)
+    if suffix == flashprint.SUFFIX:
+        return flashprint.pack(text, old, source, time_ratio=time_ratio)
     return gzip.compress(text, 6, mtime=0) if out.suffix.lower() == ".gz" else text
+
+
+def _suffix_of(raw: bytes) -> str:
+    """Return the suffix of packed G-code of this kind, and nothing for any other file."""
+    if binary.is_binary(raw):
+        return binary.SUFFIX
+    if plates.is_archive(raw):
+        return plates.SUFFIX
+    return flashprint.SUFFIX if flashprint.is_flashprint(raw) else ""

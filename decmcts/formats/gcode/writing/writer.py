@@ -114,6 +114,9 @@ OWN_HEADER = re.compile(  # as `decmcts.planning.writing.lines` words it
 )
 
 
+_HEADER_BLOCK = re.compile(rb"; HEADER_BLOCK_START\r?\n(?:;[^\n]*\n)*?; HEADER_BLOCK_END\r?\n")
+
+
 def with_header(preamble: bytes, header: Sequence[str], newline: bytes) -> bytes:
     """Return the preamble with comment lines below the line that names the slicer.
 
@@ -127,6 +130,8 @@ def with_header(preamble: bytes, header: Sequence[str], newline: bytes) -> bytes
         for line in header
         for part in line.splitlines()
     )
+    if block := _HEADER_BLOCK.match(preamble):  # which readers look for at the top
+        return block[0] + text + preamble[block.end() :]
     first = preamble.split(b"\n", 1)[0]
     named = first.lstrip().startswith(b";") and (b"enerated" in first or b"FLAVOR" in first)
     cut = preamble.find(b"\n") + 1 if named else 0
