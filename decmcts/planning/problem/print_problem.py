@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
@@ -91,6 +93,7 @@ def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
         machine = replace(machine, limits=machine.limits.under(job.limits))
     report(Step(f"dependency graph of {len(job.contours)} contours for {machine.name}"))
     with named(source.path):
+        refuse_no_feed(job.contours)
         check_fits(job.contours, machine)
         machine = parked_above(machine, job.contours)
         graph = order_rules(
@@ -112,6 +115,23 @@ def named(path: Path) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
+
+
+def refuse_no_feed(contours: Contours) -> None:
+    """Raise InputError where a bead has no feed: each firmware then takes another, or stops."""
+    begins = np.zeros(len(contours.feed), np.bool_)
+    begins[contours.offsets[:-1]] = True
+    given = contours.feed > 0.0
+    still = np.flatnonzero(~given & ~begins)
+    if not len(still):
+        return
+    first = int(np.searchsorted(contours.offsets, still[0], side="right")) - 1
+    what = "no feed (F) above 0 is given for this bead" if given.any() else "no feed is ever given"
+    raise InputError(
+        f"{what}, so how fast it is printed depends on the firmware",
+        line=int(contours.line[first]) or None,
+        advice="set F in mm/min on a move before it, such as G1 F1800",
+    )
 
 
 def parked_above(machine: Machine, contours: Contours) -> Machine:

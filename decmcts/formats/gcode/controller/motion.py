@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.gcode import moves as kernels
 from decmcts._kernels.gcode import scan
 from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
+from decmcts.formats.gcode.controller.refused import refuse_meanings
 from decmcts.formats.gcode.text.lines import Lines
 
 CHORD_ERROR_MM = 0.005
@@ -40,9 +41,10 @@ def interpret(lines: Lines) -> Motion:
     Raises
     ------
     InputError
-        On inches, an arc without a centre, or a polar or rotated frame.
+        On inches, an arc without a centre, a polar or rotated frame, a fourth axis, or several
+        motion systems.
     """
-    _refuse_frames(lines)
+    refuse_meanings(lines)
     n = len(lines)
     moves, line = np.zeros((n, 5)), np.full(n, n, np.int64)
     modes, extruder = np.zeros((n, kernels.N_MODES), np.int16), np.zeros((n, 3))
@@ -90,18 +92,6 @@ def _refuse_far(lines: Lines, motion: Motion) -> None:
     if len(much):
         what = f"more than {LARGEST_FILAMENT_MM:g} mm of filament in one move"
         raise lines.refuse(int(motion.line[much[0]]), what)
-
-
-def _refuse_frames(lines: Lines) -> None:
-    frames = {
-        200: "inches (G20)", 680: "a rotated frame (G68)", 160: "polar coordinates (G16)",
-        510: "a scaled frame (G51)", 180: "arcs in the XZ plane (G18)",
-        190: "arcs in the YZ plane (G19)", 50: "Bézier moves (G5)",
-    }  # fmt: skip
-    for code, what in frames.items():
-        at = np.flatnonzero((lines.letter == 71) & (lines.code == code))
-        if len(at):
-            raise lines.refuse(int(at[0]), f"{what} cannot be planned", "export in mm, absolute")
 
 
 def _open_arcs(lines: Lines, motion: Motion) -> Motion:

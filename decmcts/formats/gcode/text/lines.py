@@ -20,13 +20,17 @@ from decmcts.formats.files.bounds import LARGEST_MM, LARGEST_SPEED_MM_S
 
 LARGEST_E_MM = 1e9  # of absolute E, which may count for years
 LARGEST_RADIUS_MM = 1e6  # nearly straight arcs have their centre far away
-_NUMBERED = re.compile(
-    rb"^[ \t]*N\d+[ \t]*([^;\r\n]*?)[ \t]*(?:\*\d+)?[ \t]*(?=[;\r\n]|\Z)", re.I | re.M
-)
+_AXES = {  # what a word of a move is taken for, and what to do about it
+    "AB": ("an extruder of MakerBot's dialect or a rotary axis", "if it is an extruder, export for "
+           "Marlin or RepRap, where it is E; a print that turns cannot be planned"),
+    "C": ("a rotary axis", "a print that turns cannot be planned: keep the slicer's file"),
+    "UVWD": ("a further carriage or axis", "a print that moves it cannot be planned: keep the "
+             "slicer's file, or slice for one head (`decmcts launch` makes files of several)"),
+}  # fmt: skip
+_AXIS = re.compile(r"[A-DU-W](?=\s*[-+.\d])", re.I)
 _FAULTS = {
     scan.NO_NUMBER: "a parameter without a number (truncated line?)",
     scan.BAD_NUMBER: "a number that cannot be read",
-    scan.EXTRA_AXIS: "a move of an axis other than X, Y, Z, E",
     scan.BAD_CHARACTER: "a character that is no parameter",
 }
 
@@ -37,14 +41,11 @@ _OPEN_BRACKET = re.compile(rb"\([^);]*(?:;|\Z)")
 
 
 def command_of(line: bytes) -> bytes:
-    """Return what a line commands, a blank between words; no comment, line number, checksum.
+    """Return what a line commands, a blank between words, without comment.
 
     Nothing where it only tells progress (M73), which another order counts anew.
     """
-    code = line.split(b";", 1)[0]
-    if _NUMBERED.match(code):
-        code = _NUMBERED.sub(rb"\1", code)
-    code = b" ".join(code.split())
+    code = b" ".join(line.split(b";", 1)[0].split())
     if code[:1] in b"GMgm" and code[1:2].isdigit():
         code = _JOINED.sub(b" ", code)
     return b"" if code[:1] in (b"(", b"") or _PROGRESS.match(code) else code
@@ -88,15 +89,11 @@ class Lines:
         return self.text[self.starts[line] : self.ends[line]]
 
     def span(self, first: int, last: int) -> bytes:
-        """Return lines first..last - 1 byte for byte, line ends included.
-
-        Only line numbers and checksums are taken off: they count the source's lines.
-        """
+        """Return lines first..last - 1 byte for byte, line ends included."""
         if last <= first:
             return b""
         stop = int(self.starts[last]) if last < len(self) else len(self.text)
-        text = self.text[int(self.starts[first]) : stop]
-        return _NUMBERED.sub(rb"\1", text) if _NUMBERED.search(text) else text
+        return self.text[int(self.starts[first]) : stop]
 
     def refuse(self, line: int, what: str, advice: str = "") -> InputError:
         """Return the error that names a line of this file (index from 0)."""
@@ -134,11 +131,22 @@ def split_lines(text: bytes, path: Path | str) -> Lines:
     return lines
 
 
+def further_axis(row: bytes) -> tuple[str, str]:
+    """Return what is wrong with a move of a further axis, and what to do about it."""
+    found = _AXIS.search(row.split(b";", 1)[0].decode("latin-1"))
+    axis = found[0].upper() if found else "A"
+    taken_for, advice = next(said for letters, said in _AXES.items() if axis in letters)
+    said = f"a move has a word {axis}, taken for {taken_for}; only X, Y, Z and E are planned"
+    return said, advice
+
+
 def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
     _check_brackets(lines)
     bad = np.flatnonzero(fault)
     if len(bad):
         first = int(bad[0])
+        if fault[first] == scan.EXTRA_AXIS:
+            raise lines.refuse(first, *further_axis(lines.raw(first)))
         raise lines.refuse(first, _FAULTS[int(fault[first])], "export the G-code again")
     for column, most, what in (
         (slice(scan.X, scan.E), LARGEST_MM, "a coordinate"),

@@ -18,6 +18,7 @@ from decmcts.formats.files.atomic import write_whole
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode.text import binary, flashprint, plates
+from decmcts.formats.gcode.text.plain_lines import refuse_lone_returns, without_numbers
 
 PACKED_SUFFIXES = (binary.SUFFIX, plates.SUFFIX, flashprint.SUFFIX)
 
@@ -56,7 +57,8 @@ def load_text(path: Path | str, plate: int | None = None) -> bytes:
             line=line,
             advice="give the G-code as a slicer exports it",
         )
-    return raw
+    refuse_lone_returns(raw, path)
+    return without_numbers(raw)
 
 
 def has_plates(path: Path) -> bool:

@@ -76,7 +76,7 @@ def test_full_circle():
 def test_frames_nobody_can_plan_are_refused(line):
     """Inches, rotations, polar moves and impossible arcs would put beads elsewhere."""
     with pytest.raises(InputError) as error:
-        run(f"G28\nG1 X1\n{line}\n")
+        run(f"G28\nG1 X1\n{line}\nG1 X2\nG2 X3 I1\n")
     assert error.value.line == 3
 
 

@@ -135,7 +135,7 @@ def test_brackets_that_hide_nothing_are_fine(row):
     ("line", "command"),
     [
         ("M104S210T1", "M104 S210 T1"),
-        ("N7 g1x-1.5e.2 *33 ; purge", "g1 x-1.5 e.2"),
+        ("g1x-1.5e.2 ; purge", "g1 x-1.5 e.2"),
         ("  M104  S210\tT1 ;hot", "M104 S210 T1"),
         ("T1", "T1"),
         ("SET_PIN PIN=fan1b", "SET_PIN PIN=fan1b"),

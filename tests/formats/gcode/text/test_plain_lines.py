@@ -1,0 +1,115 @@
+"""Line numbers and lone carriage returns, dealt with where a file is read."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from decmcts.errors import InputError
+from decmcts.formats.gcode import read_gcode, write_gcode
+from decmcts.formats.gcode.text.plain_lines import refuse_lone_returns, without_numbers
+from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.planning.problem.source import machine_for
+from decmcts.print.contours import Role
+from decmcts.print.toolpath import Toolpath
+from tests.direct_actions import direct_actions
+from tests.formats.gcode.text.packed import POOR
+
+
+def numbered(text: bytes, *, checksum: bool = False) -> bytes:
+    """Return a text as Bambu Studio's option "add line number" writes it, or as a host sends it."""
+    rows = []
+    for n, row in enumerate(text.splitlines(), 1):
+        line = b"N%d %s" % (n, row)
+        if checksum and row and not row.startswith(b";"):
+            total = 0
+            for byte in line:
+                total ^= byte
+            line += b"*%d" % total
+        rows.append(line)
+    return b"\n".join(rows) + b"\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "plain"),
+    [
+        (b"N12 ;TYPE:Skirt", b";TYPE:Skirt"),
+        (b"N12;TYPE:Skirt", b";TYPE:Skirt"),
+        (b" n 12 G1 X1*71", b"G1 X1"),
+        (b"N12 G1 X1 *71 ; end", b"G1 X1; end"),
+        (b"N12 G1 X1 ; 3*71", b"G1 X1 ; 3*71"),
+        (b"N12 M117 2*3 cubes", b"M117 2*3 cubes"),
+        (b"N7", b""),
+        (b"G1 X1*71", b"G1 X1*71"),
+        (b"NEXT_LAYER 5", b"NEXT_LAYER 5"),
+        (b"; N5 is a layer", b"; N5 is a layer"),
+        (b"M117 N5", b"M117 N5"),
+        (b"N3 G1 X5\r", b"G1 X5\r"),
+    ],
+)
+def test_a_number_and_its_checksum_are_taken_off_and_nothing_else(line, plain):
+    """What a firmware reads of a line stays."""
+    assert without_numbers(line) == plain
+    assert without_numbers(b"G28\n" + line + b"\n") == b"G28\n" + plain + b"\n"
+
+
+@pytest.mark.parametrize("checksum", [False, True])
+def test_a_numbered_file_reads_as_the_plain_one(checksum, tmp_path):
+    """Printer, roles and layers stand in comments behind numbers."""
+    plain, with_numbers = tmp_path / "plain.gcode", tmp_path / "numbered.gcode"
+    plain.write_bytes(POOR)
+    with_numbers.write_bytes(numbered(POOR, checksum=checksum))
+    assert load_text(with_numbers) == POOR
+    assert machine_for(None, with_numbers)[0].name == "p1s"
+    job, document = read_gcode(with_numbers)
+    assert set(job.contours.role.tolist()) == {Role.EXTERNAL_PERIMETER}
+    assert job.contours.layer.tolist() == read_gcode(plain)[0].contours.layer.tolist()
+    assert document.preamble == read_gcode(plain)[1].preamble
+
+
+def test_what_is_written_has_no_number_anywhere(tmp_path):
+    """Numbers out of turn stop a firmware, so start code, print and end code have none."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_bytes(numbered(POOR))
+    job, document = read_gcode(source)
+    write_gcode(document, job, direct_actions(job, Toolpath.as_sliced(len(job.contours))), out)
+    assert not [row for row in out.read_bytes().split(b"\n") if row.lstrip()[:1] in (b"N", b"n")]
+
+
+def test_messages_name_the_line_of_the_file(tmp_path):
+    """Lines are emptied, never dropped."""
+    source = tmp_path / "in.gcode"
+    source.write_bytes(numbered(b"G28\n; a\n\nG20\nG1 X5 E1 F100\n"))
+    with pytest.raises(InputError, match=r"in\.gcode:4: inches"):
+        read_gcode(source)
+
+
+def test_long_lines_of_blanks_cost_linear_time():
+    """A pattern that tries again at every blank took minutes for one line."""
+    text = b"N1 M117 a" + b" " * 200_000 + b"b*x\n" + b" " * 200_000 + b"\nN2 " + b"*" * 200_000
+    began = time.perf_counter()
+    assert without_numbers(text).startswith(b"M117 a  ")
+    assert time.perf_counter() - began < 2.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (b"G28\rG1 X5\r", "carriage return alone"),
+        (b"G28\n;a\rG1 X5\n", r"in:2: a carriage return within a line"),
+        (b"G28\r\rG1 X5", "carriage return alone"),
+    ],
+)
+def test_a_lone_carriage_return_is_refused_for_what_it_is(text, said):
+    """A firmware that ends a line there runs what others take for a comment."""
+    with pytest.raises(InputError, match=said):
+        refuse_lone_returns(text, "in")
+
+
+@pytest.mark.parametrize(
+    "text", [b"G28\r\nG1 X5\r\n", b"G28\r\r\nG1\r\r\n", b"G28\n", b"G28\r", b""]
+)
+def test_usual_line_ends_pass(text):
+    """CRLF, also doubled by an editor, and a file that stops within one."""
+    refuse_lone_returns(text, "in")
