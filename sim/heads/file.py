@@ -6,6 +6,7 @@ Only reading; what the files must do together is judged in `sim.heads.together`.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -157,6 +158,30 @@ def own_commands(
         else:
             kept.append(own)
     return kept
+
+
+def begin_of_verbatim(
+    row: Callable[[int], bytes], line: int, text: bytes, own: Callable[[bytes], list[bytes]]
+) -> int:
+    """Return the row at which verbatim lines of the source begin, above row `line` of a file.
+
+    Row `line` is the first command of them that the file has. What stands above that in the
+    source are comments, which may have come or gone, and commands that `own` leaves out: they
+    stand in the file as comments that end with them, or not at all. Each may be about what is
+    in force, so what is in force where the lines begin is so above all of them.
+    """
+    rows = text.split(b"\n")
+    commands = (k for k, due in enumerate(rows) if command_of(due))
+    first = next((k for k in commands if own(b"\n".join(rows[: k + 1]))), len(rows))
+    due = [stripped for above in rows[:first] if (stripped := above.strip())]
+    begins = line
+    while due and line > 0 and not command_of(row(line - 1)):
+        line -= 1
+        has = row(line).strip()
+        match = next((k for k in reversed(range(len(due))) if has and has.endswith(due[k])), -1)
+        if match >= 0:
+            due, begins = due[:match], line
+    return begins
 
 
 def _for_tool(code: bytes, tool: int | None) -> bytes | None:

@@ -15,13 +15,12 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import GcodeDocument
-from decmcts.formats.gcode.text.lines import above_comments
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import accepted, known_settings
-from sim.heads.file import HeadFile, own_commands, read_head_file
+from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, unheated
 from sim.heads.order import Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
@@ -106,10 +105,11 @@ def _judge_one(
     own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
     start = own_of(document.preamble, homes=True, relative_e=False, selected=_selected(job, 0))
     low, parked = _match_start(file, document, start, park, words)
-    ending = own_of(
-        document.postamble, homes=False, relative_e=document.end.relative_e,
+    own_end = partial(
+        own_of, homes=False, relative_e=document.end.relative_e,
         selected=_selected(job, document.end.tool), all_off=True,
     )  # fmt: skip
+    ending = own_end(document.postamble)
     high = len(file.rest) - len(ending)
     if high < low or [code for _, code in file.rest[high:]] != ending:
         words.append("the end code is not the source's, command by command")
@@ -120,7 +120,10 @@ def _judge_one(
     end = int(file.motion.before[min(end_code, beyond) - 1])
     part = Parts(file.rest[0][0] if file.rest else 1, parked, end_code, begin, max(begin, end))
     others = tool is not None and _selected(job, document.end.tool) not in (None, tool)
-    words += _check_end(file, document, end_code, others=others)
+    begins = begin_of_verbatim(
+        file.lines.raw, min(end_code, _below_end(file)) - 1, document.postamble, own_end
+    )
+    words += _check_end(file, document, begins, others=others)
     theirs = [
         own_of(
             b.text,
@@ -182,12 +185,12 @@ def _match_start(
     return min(row, len(file.rest)), parked
 
 
-def _check_end(file: HeadFile, document: GcodeDocument, line: int, *, others: bool) -> list[str]:
+def _check_end(file: HeadFile, document: GcodeDocument, begins: int, *, others: bool) -> list[str]:
     """Return how the state and the filament differ from the source's where its end code begins.
 
-    With `others` the source ends with another head's tool, and filament is not compared.
+    That is at row `begins`. With `others` the source ends with another head's tool, and filament
+    is not compared.
     """
-    begins = above_comments(file.lines.raw, line - 1, document.postamble)
     above, end = begins - 1, document.end
     modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
     words = []
@@ -199,6 +202,17 @@ def _check_end(file: HeadFile, document: GcodeDocument, line: int, *, others: bo
     state = int(file.track.at(max(above, 0) + 1))
     words += differing(file.track.table, state, document.states, end.state)
     return [f"before the end code {text}" for text in words]
+
+
+def _below_end(file: HeadFile) -> int:
+    """Return the first line (from 1) below the end code: a signal that it has run, if it is last.
+
+    Such a signal has an M400 of its own.
+    """
+    beyond, last = len(file.lines) + 1, file.syncs[-1] if file.syncs else None
+    if last is None or not last.signal or any(line > last.line for line, _ in file.rest[-1:]):
+        return beyond
+    return last.line - 1
 
 
 def _check_left(file: HeadFile, last: int, end_code: int) -> list[str]:

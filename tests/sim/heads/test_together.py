@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -308,6 +309,77 @@ def test_an_object_may_end_in_the_end_code(tmp_path):
     layers, end = named[:at], named[at:].replace("G1 E-.6 F2400", "G1 E-1 F2400") + END
     end = "".join(line + "\n" for line in end.splitlines() if not line.startswith("G1 X"))
     assert Made(tmp_path, layers=layers, end=end).judged().faults == ()
+
+
+STOP = "; stop printing object a id:0 copy 0\n"
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        f"G1 X0 Y200 F6000\n{STOP}M104 S0\n",
+        f"{STOP}G1 X0 Y200 F6000\nM104 S0\n",
+        f"G1 X0 Y200 F6000\n{STOP}G1 E-1 F2400\nM104 S0\n",
+        f"G1 X0 Y200 E-1 F6000\n{STOP}M104 S0\n",
+        f"G1 E-1 F2400\n{STOP}M104 S0\n",
+        f"G92 E0\nG1 X0\n{STOP}M104 S0\n",
+        f"G28 X0\n;LAYER_CHANGE\n;Z:9\n{STOP}M104 S0\n",
+        f"T0\n{STOP}M104 S0\n",
+        f"G1 X0 Y200 F6000\nM204 P77\n{STOP}M84\n",
+        f"G1 X0 Y200 F6000\n{STOP}",
+    ],
+)
+def test_an_end_code_may_begin_with_what_is_left_out(tmp_path, end):
+    """Comments between a move that is left out and the first command were taken to stand above.
+
+    What ends an object there was then missed above the end code, in good files.
+    """
+    named = LAYERS.replace("G1 E1 ", "; printing object a id:0 copy 0\nG1 E1 ")
+    named = named.replace("G1 E-.6", STOP + "G1 E-.6")
+    made = Made(tmp_path, layers=named[: named.rindex(STOP)], end=end)
+    assert made.judged().faults == ()
+    path = made.paths[0]
+    path.write_text(
+        path.read_text().replace("; printing object a id:0", "; printing object b id:0")
+    )
+    assert FaultKind.COMMAND in made.judged().kinds()
+
+
+def split_travel(plan: JointPlan, *, at: int, waits: tuple[int, int], mm: float) -> JointPlan:
+    """Cut travel `at` of the first head in two, the first of `mm`, which the second one waits for.
+
+    `waits` are the second head's action and the number of its edges there.
+    """
+    first, second = plan.heads
+    a, b = first.action_path(at)
+    cut_at = int(first.path_offsets[at]) + 1
+    middle = a + (b - a) * mm / np.linalg.norm(b - a)
+
+    def again(values: np.ndarray) -> np.ndarray:
+        return np.insert(values, at, values[at])
+
+    offsets = np.insert(first.path_offsets, at + 1, cut_at + 1)
+    offsets[at + 2 :] += 2
+    cut_one = replace(
+        first, kind=again(first.kind), contour=again(first.contour), reversed=again(first.reversed),
+        entry=again(first.entry), path_offsets=offsets,
+        path=np.insert(first.path, cut_at, [middle, middle], axis=0),
+        begin_s=again(first.begin_s), end_s=again(first.end_s),
+        after_offsets=np.insert(first.after_offsets, at + 1, first.after_offsets[at + 1]),
+    )  # fmt: skip
+    k, row = waits
+    later = second.after_action + (second.after_action >= at)
+    later[row] = at
+    return JointPlan((cut_one, replace(second, after_action=later.astype(np.int32))))
+
+
+def test_no_head_wipes_where_it_is_no_more(tmp_path):
+    """A short travel is bare and signalled; the next one retracted with a wipe along the old bead.
+
+    Another head may be there by then.
+    """
+    made = Made(tmp_path, change=lambda plan: split_travel(plan, at=2, waits=(3, 0), mm=0.4))
+    assert made.judged().faults == ()
 
 
 NO_END = ["", "\n", "; end\n", "\n; end\n\n", "; stop printing object a id:0 copy 0\n", "M84\n"]

@@ -108,7 +108,13 @@ class Emitter:
             words.append(f"F{self._feed_word(feed)}")
         if len(words) > 1:
             self.say(" ".join(words))
+        if to != self.at:
+            self.leave()
         self.at, self.feed = to, feed
+
+    def leave(self) -> None:
+        """Forget the bead just printed: the head has gone elsewhere, and others may be there."""
+        self.tail = self.tail[:0]
 
     def set_feed(self, feed: float) -> None:
         """Set the modal feed without moving."""
@@ -221,6 +227,7 @@ class Emitter:
         self.say(f"G1 Z{over:{self._xy}} F{self._feed_word(feed)}")
         across = f"X{to[0]:{self._xy}} Y{to[1]:{self._xy}}"
         self.say(f"G1 {across} F{self._feed_word(self.travel_feed)}")
+        self.leave()
         self.at, self.feed = (to[0], to[1], over), self.travel_feed
         self.move(to, feed)
 

@@ -154,7 +154,7 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     emitter.verbatim(b"".join(without_progress(block.text)))
     emitter.take(block.end)
     emitter.parted = True  # as it parted the contours in the source
-    emitter.tail = emitter.tail[:0]
+    emitter.leave()
     if not block.moves:
         emitter.at = stood
 
