@@ -345,10 +345,10 @@ def test_an_end_code_may_begin_with_what_is_left_out(tmp_path, end):
     assert FaultKind.COMMAND in made.judged().kinds()
 
 
-def split_travel(plan: JointPlan, *, at: int, waits: tuple[int, int], mm: float) -> JointPlan:
-    """Cut travel `at` of the first head in two, the first of `mm`, which the second one waits for.
+def split_travel(plan: JointPlan, *, at: int, edge: int, mm: float) -> JointPlan:
+    """Cut travel `at` of the first head in two, the first of `mm`, which the other waits for.
 
-    `waits` are the second head's action and the number of its edges there.
+    `edge` is the second head's that now waits for it.
     """
     first, second = plan.heads
     a, b = first.action_path(at)
@@ -367,9 +367,8 @@ def split_travel(plan: JointPlan, *, at: int, waits: tuple[int, int], mm: float)
         begin_s=again(first.begin_s), end_s=again(first.end_s),
         after_offsets=np.insert(first.after_offsets, at + 1, first.after_offsets[at + 1]),
     )  # fmt: skip
-    k, row = waits
     later = second.after_action + (second.after_action >= at)
-    later[row] = at
+    later[edge] = at
     return JointPlan((cut_one, replace(second, after_action=later.astype(np.int32))))
 
 
@@ -378,7 +377,7 @@ def test_no_head_wipes_where_it_is_no_more(tmp_path):
 
     Another head may be there by then.
     """
-    made = Made(tmp_path, change=lambda plan: split_travel(plan, at=2, waits=(3, 0), mm=0.4))
+    made = Made(tmp_path, change=lambda plan: split_travel(plan, at=2, edge=0, mm=0.4))
     assert made.judged().faults == ()
 
 
