@@ -20,7 +20,7 @@ from common import RESULTS, ROOT, Rows, corpus, markdown, measured, setting
 KEY = ("file", "limit_s")
 
 
-WHOLE = ("file_time_s", "retractions", "travel_over_walls_mm")  # of whole files
+WHOLE = ("file_time_s", "retractions", "travel_over_walls_mm", "arcs")  # of whole files
 PRIMING = "skirt_brim"
 
 
@@ -87,7 +87,7 @@ def main() -> None:
     options = parser.parse_args()
     folder = corpus() / "gcode"
     rows = Rows(RESULTS / "dialects.csv", KEY)
-    if rows.rows and "kept_source" not in rows.rows[0]:
+    if rows.rows and "arcs_after" not in rows.rows[0]:
         rows.path.unlink()
         rows.rows.clear()
     with (folder / "manifest.csv").open(newline="") as file:
@@ -110,7 +110,7 @@ def main() -> None:
                       r["barriers"], r["reason"]])  # fmt: skip
     head = ["file", "slicer", "outcome", "machine", "contours", "travel less %",
             "last of skirt and brim", "time of whole file s", "retractions",
-            "travel over outer walls mm", "written", "barriers", "why"]  # fmt: skip
+            "travel over outer walls mm", "arcs", "written", "barriers", "why"]  # fmt: skip
     said = setting(
         note=options.note,
         planner="hybrid",
@@ -123,8 +123,8 @@ def main() -> None:
     text += "nothing is written. Before → after: the place of the last skirt or brim contour, "
     text += "and of whole files, start and end code included, the estimated time, how often "
     text += "filament is pulled back, and the length of travel moves that cross an outer wall of "
-    text += "the layer printed last or next, seen from above. Where the new order would take "
-    text += "longer the source is kept.\n\n" + markdown(lines, head)
+    text += "the layer printed last or next, seen from above, and G2 and G3 that print. Where the "
+    text += "new order would take longer the source is kept.\n\n" + markdown(lines, head)
     (ROOT / "docs" / "dialects.md").write_text(text)
 
 

@@ -30,6 +30,7 @@ class FaultKind(Enum):
     COOLING = "printed over too soon"
     CONTOUR = "contour"
     EXTRUSION = "extrusion"
+    ARC = "arc"
     FEED = "feed"
     STATE = "machine state"
     COMMAND = "command"

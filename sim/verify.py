@@ -17,6 +17,7 @@ from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Rail
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
+from sim.content.arcs import check_arcs, turns_of
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.legs import Legs, legs_of
 from sim.content.paths import check_head, check_once, check_release, check_structure
@@ -181,6 +182,7 @@ def verify_motions(
         Loops of `job` the file enters at another vertex (`sim.content.seams.seams_of_file`).
     """
     started = time.perf_counter()
+    turns, moved = turns_of(source), {seam.contour for seam in seams}
     if job is not None:
         source = motions_with(source, job.contours, seams)
     ours, theirs = segments_of(motions), segments_of(source)
@@ -188,7 +190,7 @@ def verify_motions(
     contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
     if other := check_print(ours, theirs, match, contour):
         return Verdict(tuple(other))
-    faults = compare(ours, theirs, match)
+    faults = compare(ours, theirs, match) + check_arcs(turns_of(motions), turns, moved)
     if job is not None and len(job.contours):
         epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
         faults += check_file_epochs(ours.place, match, epoch)

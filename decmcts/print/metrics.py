@@ -46,6 +46,7 @@ class Metrics(TypedDict, total=False):
     file_time_s: float  # of whole files, start and end G-code included
     retractions: int
     travel_over_walls_mm: float | None
+    arcs: int  # G2 and G3 that print
 
     parameters: Mapping[str, float | str]  # of several heads
     agreed_digest: str

@@ -22,7 +22,7 @@ from decmcts.print.contours import Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 
-SAME_MM = 1e-3  # points nearer than this are one point: files keep three decimals
+SAME_MM = 1.1e-3  # points nearer than this are one point: files keep three decimals
 CLOSED_MM = 2e-3  # a gap shorter than this is none
 LENGTH_MM = 6e-3  # by how much the new gap may be longer or shorter than the old one
 FLOW = 0.15  # share by which filament per mm may differ between the two seams
@@ -221,7 +221,9 @@ def source_with(
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return job and document with loops as they are run."""
     entered, rows = job_with(job, seams)
-    return entered, replace(document, point_state=document.point_state[rows])
+    return entered, replace(
+        document, point_state=document.point_state[rows], point_arc=document.point_arc[rows]
+    )
 
 
 def motions_with(source: Motions, contours: Contours, seams: Iterable[Moved]) -> Motions:
@@ -260,7 +262,9 @@ def _swapped(
         ends[place], ends[inner], ends[inner.stop] = run.points[0], run.points[1:], behind
         extrusion[inner] = run.extrusion[1:]
         extrusion[[place, inner.stop]], contour[[place, inner.stop]] = 0.0, -1
-    names = ("feed", "line", "width", "height", *(["placed"] if source.placed is not None else []))
-    rest = {name: np.asarray(getattr(source, name))[rows] for name in names}
-    points = np.concatenate([source.points[:1], ends])
-    return Motions(points, extrusion, contour=contour, **rest)
+    placed = None if source.placed is None else source.placed[rows]
+    return Motions(
+        np.concatenate([source.points[:1], ends]), extrusion, np.asarray(source.feed)[rows],
+        np.asarray(source.line)[rows], contour, np.asarray(source.width)[rows],
+        np.asarray(source.height)[rows], placed=placed,
+    )  # fmt: skip

@@ -23,7 +23,11 @@ from sim.faults import LIMIT, Fault, FaultKind, listed
 
 LONGEST_DWELL_S = 600.0  # no layer time asks for more
 _FEED = rb" F(?=[0-9.]*[1-9])\d*\.?\d+"  # above 0: some firmwares never end a move without feed
-_MOVE = re.compile(rb"G1(?=[ ])(?: [XYZE]-?\d*\.?\d+)*(?:" + _FEED + rb")?\r?\Z")
+_AT = rb" %c-?\d*\.?\d+"
+_LINE = rb"G1(?=[ ])(?: [XYZE]-?\d*\.?\d+)*"
+_ARC = rb"G[23]" + _AT % b"X" + _AT % b"Y" + rb"(?:" + _AT % b"Z" + rb")?"
+_ARC += _AT % b"I" + _AT % b"J" + _AT % b"E"  # none but beads are turned
+_MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
 _RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?\d*\.?\d+\Z")
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 _NAME = re.compile(rb"[GM]\d+(?:\.\d+)?(?![\w.])|[A-Z_]+(?=\s|\Z)")

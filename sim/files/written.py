@@ -30,6 +30,7 @@ from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.content.arcs import check_arcs, turns_of, turns_of_print
 from sim.content.inventory import NO_MATCH, Segments, contour_segments, match_segments, places_of
 from sim.content.seams import Moved, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
@@ -122,9 +123,13 @@ def _read_back(
     """Read a file that was made from a document; raises InputError where that fails."""
     ours, ours_document, motions, ending = read_written(path, document, plate)
     endings = ending_faults(document, ending)
+    arcs = check_arcs(
+        turns_of(motions, all_moves=False), turns_of_print(job, document),
+        {seam.contour for seam in seams},
+    )  # fmt: skip
     job, document = source_with(job, document, seams)
     differences = same_extrusions(job, document, ours, ours_document)
-    faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
+    faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings) + arcs
     segments = contour_segments(job.contours)
     return Written(
         load_text(path, plate), motions, job, document, laying_moves(motions),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+NO_ARC = -1
 UNSET = 0  # value id of a slot that was never set
 BEFORE_TRAVEL = ("layer", "mesh", "object", "label")  # a travel belongs to what it leads to
 BEAD = ("type", "width", "height")
@@ -74,6 +75,23 @@ class Habits:
 
 
 @dataclass(frozen=True, slots=True)
+class Arcs:
+    """The arcs of a file, by number: circles their chords do not tell."""
+
+    centre: NDArray[np.float64]  # (k, 2) mm
+    clockwise: NDArray[np.bool_]  # (k,) a G2
+    partible: NDArray[np.bool_]  # (k,) a part cut at a chord's end reads back as these chords
+    words: NDArray[np.float64]  # (k, 3) I, J and R as they stand in the file; NaN: left out
+    decimals: int  # of I and J
+
+    @staticmethod
+    def none() -> Arcs:
+        """Return the table of a file without arcs."""
+        flags = np.zeros(0, np.bool_)
+        return Arcs(np.zeros((0, 2)), flags, flags, np.zeros((0, 3)), 0)
+
+
+@dataclass(frozen=True, slots=True)
 class GcodeDocument:
     """The text around and between the contours of one file."""
 
@@ -91,4 +109,6 @@ class GcodeDocument:
     e_area: float  # mm² when E is volumetric (M200), 0 when it is mm
     decimals: tuple[int, int, int]  # xy, e, feed
     habits: Habits
+    point_arc: NDArray[np.int32]  # (n_points,) arc of the segment ending there, or NO_ARC
+    arcs: Arcs
     plate: int | None = None  # of a .gcode.3mf, as asked for

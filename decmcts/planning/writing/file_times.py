@@ -71,6 +71,7 @@ def whole_file(time: FileTime) -> Metrics:
         "file_time_s": time.total_s,
         "retractions": time.retractions,
         "travel_over_walls_mm": time.over_walls_mm,
+        "arcs": time.arcs,
     }
 
 

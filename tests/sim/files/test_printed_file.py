@@ -24,6 +24,8 @@ class File:
     width: np.ndarray
     height: np.ndarray
     placed: None = None
+    arc: None = None
+    arcs: None = None
 
 
 def file_of(paths, *, lift=1.0, home=False) -> File:

@@ -23,6 +23,7 @@ from decmcts.formats.gcode.controller.limits import (
 )
 from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
+from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.text.lines import Lines, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.machine import MotionLimits
@@ -45,6 +46,7 @@ class FileTime:
     line: NDArray[np.int64]  # (m,) source line of each move, from 1
     retractions: int = 0
     over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
+    arcs: int = 0  # G2 and G3 that print
 
     @property
     def total_s(self) -> float:
@@ -98,8 +100,9 @@ def text_time(
     changes = _change_seconds(lines, motion)
     over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
     return FileTime(
-        float(seconds.sum()), dwell, changes, seconds, line, retractions_of(program), over
-    )
+        float(seconds.sum()), dwell, changes, seconds, line, retractions_of(program), over,
+        len(np.unique(motion.arc[(motion.arc != NO_ARC) & (motion.extrusion > 0.0)])),
+    )  # fmt: skip
 
 
 def retractions_of(program: Program) -> int:

@@ -1,23 +1,26 @@
 """All moves of a file as arrays: what the controller would do, in order.
 
 Arcs are opened into chords whose distance from the arc is at most
-`CHORD_ERROR_MM`; E is shared by length.
+`CHORD_ERROR_MM`; E is shared by length. Which chords are of which arc is kept.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.gcode import arcs as curves
 from decmcts._kernels.gcode import moves as kernels
 from decmcts._kernels.gcode import scan
 from decmcts.formats.files.bounds import LARGEST_FILAMENT_MM, LARGEST_MM
 from decmcts.formats.gcode.controller.refused import refuse_meanings
+from decmcts.formats.gcode.document import NO_ARC, Arcs
 from decmcts.formats.gcode.text.lines import Lines
 
 CHORD_ERROR_MM = 0.005
+MOST_DECIMALS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,8 @@ class Motion:
     extruder: NDArray[np.float64]  # (n_lines, 3) E value, retraction owed, E cross-section
     placed: NDArray[np.bool_]  # (n_lines,) G92 or G28 set an axis here
     decimals: tuple[int, int, int]  # xy, e and feed as the source writes them
+    arc: NDArray[np.int32]  # (m,) number in `arcs` of the arc a move is a chord of, or NO_ARC
+    arcs: Arcs
 
 
 def interpret(lines: Lines) -> Motion:
@@ -58,10 +63,13 @@ def interpret(lines: Lines) -> Motion:
     before = np.searchsorted(line, np.arange(n + 1)).astype(np.int64)
     points = np.concatenate([np.zeros((1, 3)), moves[:, :3]])
     pushed, feed = np.ascontiguousarray(moves[:, 3]), np.ascontiguousarray(moves[:, 4])
-    motion = Motion(points, pushed, feed, line, before, modes, extruder, placed, _decimals(lines))
+    motion = Motion(
+        points, pushed, feed, line, before, modes, extruder, placed, _decimals(lines),
+        np.full(m, NO_ARC, np.int32), Arcs.none(),
+    )  # fmt: skip
     _refuse_far(lines, motion)
     curved = np.isin(lines.code[line], (20, 30))
-    return _open_arcs(lines, motion) if bool(curved.any()) else motion
+    return _open_arcs(lines, motion, np.flatnonzero(curved)) if curved.any() else motion
 
 
 def _counts_relative(lines: Lines) -> bool:
@@ -77,10 +85,7 @@ def _counts_relative(lines: Lines) -> bool:
 def _decimals(lines: Lines) -> tuple[int, int, int]:
     xy = int(max(lines.decimals[: scan.E].max(), 3))
     e = int(np.clip(lines.decimals[scan.E], 5, 8))
-    curved = (lines.letter == 71) & np.isin(lines.code, (20, 30))
-    if curved.any():
-        e = min(e + 2, 8)  # a short chord's share of E must not become nothing
-    return min(xy, 6), e, min(int(lines.decimals[scan.F]), 6)
+    return min(xy, MOST_DECIMALS), e, min(int(lines.decimals[scan.F]), MOST_DECIMALS)
 
 
 def _refuse_far(lines: Lines, motion: Motion) -> None:
@@ -94,22 +99,44 @@ def _refuse_far(lines: Lines, motion: Motion) -> None:
         raise lines.refuse(int(motion.line[much[0]]), what)
 
 
-def _open_arcs(lines: Lines, motion: Motion) -> Motion:
+def _open_arcs(lines: Lines, motion: Motion, curved: NDArray[np.int64]) -> Motion:
+    """Return the motion with chords in the place of the moves `curved`."""
     starts, ends = motion.points[:-1], motion.points[1:]
-    arcs = np.zeros((len(ends), 3))
-    count = kernels.plan_arcs(
-        starts, ends, motion.line, lines.code, lines.values, CHORD_ERROR_MM, arcs
+    circles = np.zeros((len(ends), curves.N_CIRCLE))
+    count = curves.plan_arcs(
+        starts, ends, motion.line, lines.code, lines.values, CHORD_ERROR_MM, circles
     )
     if len(wrong := np.flatnonzero(count == 0)):
         raise lines.refuse(int(motion.line[wrong[0]]), "an arc that no circle fits")
-    total = int(count.sum())
-    grid = 10.0 ** np.asarray(motion.decimals[:2], float)
-    points, extrusion = np.zeros((total, 3)), np.zeros(total)
-    source = np.zeros(total, np.int64)
-    kernels.open_arcs(starts, ends, motion.extrusion, arcs, count, grid, points, extrusion, source)
-    chords_before = np.concatenate([[0], np.cumsum(count)])
-    return Motion(
-        np.concatenate([np.zeros((1, 3)), points]), extrusion, motion.feed[source],
-        motion.line[source], chords_before[motion.before], motion.modes, motion.extruder,
-        motion.placed, motion.decimals,
+    points, extrusion = np.zeros((int(count.sum()), 3)), np.zeros(int(count.sum()))
+    clockwise = lines.code[motion.line] == 20
+    curves.open_arcs(
+        starts, ends, motion.extrusion, clockwise, circles, count, 10.0 ** motion.decimals[0],
+        points, extrusion,
+    )  # fmt: skip
+    number = np.full(len(ends), NO_ARC, np.int32)
+    number[curved] = np.arange(len(curved))
+    source = np.repeat(np.arange(len(count)), count)
+    return replace(
+        motion,
+        points=np.concatenate([np.zeros((1, 3)), points]),
+        extrusion=extrusion,
+        feed=motion.feed[source],
+        line=motion.line[source],
+        before=np.concatenate([[0], np.cumsum(count)])[motion.before],
+        arc=number[source],
+        arcs=_arcs(lines, motion.line[curved], circles[curved]),
+    )
+
+
+def _arcs(lines: Lines, line: NDArray[np.int64], circles: NDArray[np.float64]) -> Arcs:
+    """Return the table of the arcs on these lines."""
+    words = lines.values[line][:, [scan.OFFSET_I, scan.OFFSET_J, scan.R]]
+    most = MOST_DECIMALS
+    if np.isnan(words[:, 2]).all():  # else centres have as many as there can be
+        most = int(lines.decimals[: scan.E].max(initial=3))
+        most = max(most, int(lines.decimals[[scan.OFFSET_I, scan.OFFSET_J]].max()))
+    return Arcs(
+        circles[:, : curves.BEGIN], lines.code[line] == 20,
+        curves.can_be_parted(circles, CHORD_ERROR_MM), words, min(most, MOST_DECIMALS),
     )  # fmt: skip

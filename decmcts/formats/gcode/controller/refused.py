@@ -18,9 +18,12 @@ _FRAMES = {  # G command times ten: what it means, and the one that takes it bac
     200: ("inches (G20)", 210), 680: ("a rotated frame (G68)", 690),
     160: ("polar coordinates (G16)", 150), 510: ("a scaled frame (G51)", 500),
     180: ("arcs in the XZ plane (G18)", 170), 190: ("arcs in the YZ plane (G19)", 170),
+    901: ("arcs with centres counted from the origin (G90.1)", 911),
 }  # fmt: skip
 _PLANES = (180, 190)
 _ALL_PLANES = (170, 180, 190)
+_OF_ARCS = (*_PLANES, 901)
+_TURNS = re.compile(rb"P\s*0*[1-9]", re.I)
 _CURVES = (50, 51, 52)
 _SYSTEM = re.compile(rb"P\s*0*(\d+|[^\s\d])", re.I)
 
@@ -36,6 +39,7 @@ def refuse_meanings(lines: Lines) -> None:
     _refuse_systems(lines)
     _refuse_frames(lines)
     _refuse_curves(lines)
+    _refuse_turns(lines)
     _refuse_fourth_axis(lines)
 
 
@@ -61,11 +65,11 @@ def _refuse_frames(lines: Lines) -> None:
     moves = np.flatnonzero(_is_g(lines, (0, 10, 20, 30, 920)))
     arcs = np.flatnonzero(_is_g(lines, (20, 30)))
     for code, (what, back) in _FRAMES.items():
-        plane = code in _PLANES
-        ends = np.flatnonzero(_is_g(lines, _ALL_PLANES if plane else (back,)))
+        ends = np.flatnonzero(_is_g(lines, _ALL_PLANES if code in _PLANES else (back,)))
+        bent = arcs if code in _OF_ARCS else moves
         for line in np.flatnonzero(_is_g(lines, (code,))).tolist():
             until = _first_behind(ends, line, len(lines))
-            if _first_behind(arcs if plane else moves, line, len(lines)) < until:
+            if _first_behind(bent, line, len(lines)) < until:
                 raise lines.refuse(line, f"{what} cannot be planned", "export in mm, absolute")
 
 
@@ -80,6 +84,17 @@ def _refuse_curves(lines: Lines) -> None:
         words = lines.raw(line).split(b";")[0].split(b"(")[0].upper().partition(b"G")[2]
         if re.search(rb"[A-Z]", words):
             raise lines.refuse(line, "Bézier moves (G5) cannot be planned", "export without them")
+
+
+def _refuse_turns(lines: Lines) -> None:
+    """Refuse arcs that print more than one turn; Klipper makes one of them, Marlin all."""
+    prints = _is_g(lines, (20, 30)) & ~np.isnan(lines.values[:, scan.E])
+    for line in np.flatnonzero(prints).tolist():
+        if _TURNS.search(lines.raw(line).split(b";")[0].split(b"(")[0]):
+            raise lines.refuse(
+                line, "an arc of several turns (P), which firmwares read differently",
+                "export each turn as an arc of its own",
+            )  # fmt: skip
 
 
 def _refuse_fourth_axis(lines: Lines) -> None:

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
 from decmcts.formats.gcode.reading.reader import Ending
 from decmcts.print.job import PrintJob
 
 XYZ_MM = 1e-3
+NEAR_MM = 1.5e-3  # what rounding puts a micrometre apart: ends of an arc that is parted
 E_MM = 1.05e-5
 FEED_MM_S = 1e-3
 OVER_MM = 1.0  # above the print the head may stand when its end G-code begins
@@ -33,10 +35,12 @@ def same_extrusions(
     state_a, state_b = _common_states(doc_a, doc_b)
     kept_a, kept_b = _kept(job_a, state_a, doc_a), _kept(job_b, state_b, doc_b)
     order_a, order_b = _order(a, kept_a), _order(b, kept_b)
+    if not _together(a[order_a], b[order_b]).all():
+        order_a, order_b = _paired(a, b, order_a, order_b)
     a, b, kept_a, kept_b = a[order_a], b[order_b], kept_a[order_a], kept_b[order_b]
     faults = []
     checks = (
-        ("coordinates", np.abs(a[:, :6] - b[:, :6]).max(axis=1, initial=0.0) > XYZ_MM),
+        ("coordinates", ~_together(a, b)),
         ("filament", np.abs(a[:, 6] - b[:, 6]) > E_MM),
         ("feed", np.abs(a[:, 7] - b[:, 7]) > FEED_MM_S),
         ("tool", a[:, 8] != b[:, 8]),
@@ -123,6 +127,38 @@ def _order(segments: NDArray[np.float64], kept: NDArray[np.int64]) -> NDArray[np
     feed = np.round(segments[:, 7] / FEED_MM_S).astype(np.int64)
     keys = [segments[:, 6], kept, segments[:, 8], feed, *place.T[::-1]]
     return np.lexsort(keys)
+
+
+def _together(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which segments are as near to their partners as rounding leaves them, (k,)."""
+    return np.asarray(np.abs(a[:, :6] - b[:, :6]).max(axis=1, initial=0.0) <= NEAR_MM)
+
+
+def _paired(
+    a: NDArray[np.float64],
+    b: NDArray[np.float64],
+    order_a: NDArray[np.int64],
+    order_b: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return these orders with what is in neighbouring cells of the grid paired at the end."""
+    cells = np.round(np.concatenate([a[order_a], b[order_b]])[:, :6] / XYZ_MM).astype(np.int64)
+    place = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+    mine, theirs = place[: len(a)], place[len(a) :]
+    size = int(place.max()) + 1
+    equal = np.bincount(mine, minlength=size) == np.bincount(theirs, minlength=size)
+    left_a, left_b = order_a[~equal[mine]], order_b[~equal[theirs]]
+    ends = b[left_b, :6]
+    tree, free = cKDTree(np.vstack([ends, np.roll(ends, 3, axis=1)])), set(range(len(left_b)))
+    partner = []
+    for i, near in zip(left_a, tree.query_ball_point(a[left_a, :6], 3 * XYZ_MM), strict=True):
+        here = [k % len(ends) for k in near if k % len(ends) in free] or sorted(free)[:1]
+        best = min(here, key=lambda k: (abs(b[left_b[k], 6] - a[i, 6]), k))
+        free.discard(best)
+        partner.append(best)
+    return (
+        np.concatenate([order_a[equal[mine]], left_a]),
+        np.concatenate([order_b[equal[theirs]], left_b[np.array(partner, np.int64)]]),
+    )
 
 
 def _kept(job: PrintJob, state: NDArray[np.int64], doc: GcodeDocument) -> NDArray[np.int64]:

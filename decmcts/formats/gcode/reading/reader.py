@@ -18,7 +18,7 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
-from decmcts.formats.gcode.document import Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.document import NO_ARC, Arcs, Cursor, GcodeDocument, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
 from decmcts.formats.gcode.reading.combing import with_bare_travels
 from decmcts.formats.gcode.reading.edges import state_edges
@@ -63,6 +63,8 @@ class Motions:
     height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
     owed: NDArray[np.float64] | None = None  # (m,) mm retracted before the line; inf: by firmware
     placed: NDArray[np.bool_] | None = None  # (m,) homing or G92, no move of known path
+    arc: NDArray[np.int32] | None = None  # (m,) number in `arcs` a move is a chord of, or NO_ARC
+    arcs: Arcs | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +100,8 @@ def _parse(path: Path | str, plate: int | None = None) -> _Parsed:
 def read_gcode(path: Path | str, plate: int | None = None) -> tuple[PrintJob, GcodeDocument]:
     """Read a G-code file, plain or packed; of a .gcode.3mf the G-code of a `plate`.
 
-    Arcs become chords at most 0.005 mm from the arc. Extrusions above the first
-    layer marker (purge lines) belong to the preamble.
+    Contours have chords at most 0.005 mm from an arc; the document keeps the arcs.
+    Extrusions above the first layer marker (purge lines) belong to the preamble.
 
     Raises
     ------
@@ -161,7 +163,7 @@ def _print_of(
     towers = _towers(parsed)
     edges, one_way = state_edges(motion, runs, parsed.track, parsed.beads.layer)
     blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
-    contours, point_state = _contours(parsed, blocks, one_way)
+    contours, point_state, point_arc = _contours(parsed, blocks, one_way)
     settings, habits = infer_settings(lines, motion, runs, parsed.track)
     settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs))
     top = _preamble_end(parsed)
@@ -174,7 +176,7 @@ def _print_of(
         start, cursor_at(motion, parsed.track, bottom), blocks.blocks, parsed.track.table,
         point_state, owed_at_begins(motion, runs, habits, blocks.tied),
         bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
-        plate,
+        point_arc, motion.arcs, plate,
     )  # fmt: skip
     name = _PACKED.sub("", Path(path).name).rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
@@ -187,7 +189,7 @@ def _print_of(
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text),
-        _notes(parsed, blocks, settings), limits, None if unsaid else said,
+        _notes(blocks, settings, point_arc), limits, None if unsaid else said,
         _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
@@ -230,7 +232,7 @@ def _motions_of(parsed: _Parsed) -> Motions:
     owed = np.where(firmware, np.inf, motion.extruder[above, 1])
     return Motions(
         motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height, owed,
-        motion.placed[motion.line],
+        motion.placed[motion.line], motion.arc, motion.arcs,
     )  # fmt: skip
 
 
@@ -262,8 +264,8 @@ def _towers(parsed: _Parsed) -> NDArray[np.bool_]:
 
 def _contours(
     parsed: _Parsed, blocks: Blocks, one_way: NDArray[np.bool_]
-) -> tuple[Contours, NDArray[np.int32]]:
-    """Return the contours and the state of each of their points."""
+) -> tuple[Contours, NDArray[np.int32], NDArray[np.int32]]:
+    """Return the contours, and the state and the arc of each of their points."""
     motion, runs, beads = parsed.motion, parsed.runs, parsed.beads
     moves = np.flatnonzero(runs.contour >= 0)
     ids, n = runs.contour[moves], len(runs)
@@ -272,11 +274,11 @@ def _contours(
     slot = np.arange(len(moves)) + ids + 1  # one point more per contour
     points = np.empty((offsets[-1], 3))
     extrusion, feed = np.zeros(offsets[-1]), np.zeros(offsets[-1])
-    state = np.zeros(offsets[-1], np.int32)
+    state, arc = np.zeros(offsets[-1], np.int32), np.full(offsets[-1], NO_ARC, np.int32)
     points[offsets[:-1]] = motion.points[runs.first]
     points[slot] = motion.points[moves + 1]
     extrusion[slot], feed[slot] = motion.extrusion[moves], motion.feed[moves]
-    state[slot] = parsed.track.at(motion.line[moves])
+    state[slot], arc[slot] = parsed.track.at(motion.line[moves]), motion.arc[moves]
     state[offsets[:-1]] = state[offsets[:-1] + 1]
     rounding_mm = 0.5 * 10.0 ** -motion.decimals[0]
     reversible = _reversible(points, extrusion, offsets, beads.role, rounding_mm)
@@ -288,7 +290,8 @@ def _contours(
         epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
     )  # fmt: skip
     state.setflags(write=False)
-    return contours, state
+    arc.setflags(write=False)
+    return contours, state, arc
 
 
 def _closed(
@@ -340,11 +343,15 @@ def _slicer(text: bytes) -> str:
     return " ".join(words).replace("Cura_SteamEngine", "Cura").replace("(R)", "").strip()
 
 
-def _notes(parsed: _Parsed, blocks: Blocks, settings: ProcessSettings) -> tuple[str, ...]:
+def _notes(
+    blocks: Blocks, settings: ProcessSettings, point_arc: NDArray[np.int32]
+) -> tuple[str, ...]:
     notes = []
-    codes = parsed.lines.code[parsed.motion.line]
-    if curved := int(np.isin(codes, (20, 30)).sum()):
-        notes.append(f"{curved} arc chords, at most {CHORD_ERROR_MM} mm from the arc")
+    if curved := len(np.unique(point_arc[point_arc != NO_ARC])):
+        notes.append(
+            f"{curved} arc{'s' * (curved != 1)}, planned as chords at most {CHORD_ERROR_MM} mm "
+            "from them and written as arcs"
+        )
     if len(blocks.blocks):
         n = len(blocks.blocks)
         notes.append(f"{n} place{'s' * (n != 1)} nothing is moved across")

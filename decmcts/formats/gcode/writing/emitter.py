@@ -38,6 +38,7 @@ class Emitter:
         self.lines: list[bytes] = []
         xy, e, _ = document.decimals
         self._xy, self._e = f".{xy}f", f".{e}f"
+        self._ij = f".{max(xy, document.arcs.decimals)}f"
         self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
         self.travel_feed = settings.travel_feed or 100.0
@@ -115,6 +116,23 @@ class Emitter:
     def leave(self) -> None:
         """Forget the bead just printed: the head has gone elsewhere, and others may be there."""
         self.tail = self.tail[:0]
+
+    def arc(
+        self, to: tuple[float, float, float], centre: tuple[float, float], clockwise: bool,
+        feed: float, filament: float,
+    ) -> None:  # fmt: skip
+        """Move along an arc around a centre; equal ends are a full circle."""
+        words = ["G2" if clockwise else "G3", f"X{to[0]:{self._xy}}", f"Y{to[1]:{self._xy}}"]
+        if to[2] != self.at[2]:
+            words.append(f"Z{to[2]:{self._xy}}")
+        words.append(f"I{centre[0] - self.at[0]:{self._ij}}")
+        words.append(f"J{centre[1] - self.at[1]:{self._ij}}")
+        words.append(f"E{self._count(filament)}")
+        if abs(feed - self.feed) > 1e-9:
+            words.append(f"F{self._feed_word(feed)}")
+        self.say(" ".join(words))
+        self.leave()
+        self.at, self.feed = to, feed
 
     def set_feed(self, feed: float) -> None:
         """Set the modal feed without moving."""

@@ -14,11 +14,13 @@ from typing import BinaryIO, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.geometry.loops import Rotated
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import SPLIT_MARK
 from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.gcode.document import Block, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
+from decmcts.formats.gcode.writing.arcs import arc_runs
 from decmcts.formats.gcode.writing.emitter import NEAR_MM, Emitter
 from decmcts.formats.gcode.writing.progress import Progress
 from decmcts.print.job import PrintJob
@@ -181,37 +183,57 @@ def print_contour(
 ) -> None:
     """Travel to a contour and print it in the chosen traversal.
 
-    Filament, feed and machine state go with each segment. `passed` has what is to be said,
-    without a stop, where the head has come to points of the traversal; it does not wipe
+    Filament, feed and machine state go with each segment; an arc of the source is one again.
+    `passed` has what is to be said, without a stop, where the head has come to points of the
+    traversal, or to the end of the arc a point lies in; it does not wipe
     back over the last of them, for other heads may be there by then.
     """
     said = passed or {}
     way = traversal(job.contours, contour, entry)
     step = -1 if is_reversed else 1
     points = way.points[::step]
-    state = emitter.document.point_state[way.rows[1:]][::step].tolist()
     begin: tuple[float, float, float] = tuple(points[0].tolist())
-    emitter.set_state(state[0], before_travel=True)
+    first = emitter.document.point_state[way.rows[1:]][::step][0]
+    emitter.set_state(int(first), before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
     emitter.restart(float(emitter.document.owed[contour]))
     if len(emitter.lines) == written and not emitter.parted:
         emitter.say(SPLIT_MARK)
     emitter.parted = False
-    filament, feed = way.extrusion[1:][::step].tolist(), way.feed[1:][::step].tolist()
-    held = -1
-    segments = zip(points[1:].tolist(), filament, feed, state, strict=True)
-    for k, (to, e, f, s) in enumerate(segments, 1):
+    _lay(emitter, job, way, said, is_reversed=is_reversed)
+    if emitter.owed > 0.0:
+        emitter.owed = max(0.0, emitter.owed - float(way.extrusion[1:].sum()))
+    emitter.tail = points[max(said, default=0) :][::-1]
+    emitter.top = max(emitter.top, float(points[:, 2].max()))
+
+
+def _lay(
+    emitter: Emitter, job: PrintJob, way: Rotated, said: Mapping[int, str], *, is_reversed: bool
+) -> None:
+    """Print along a traversal of a contour, segment by segment, and arc by arc where it has any."""
+    step, document = -1 if is_reversed else 1, emitter.document
+    points, filament = way.points[::step].tolist(), way.extrusion[1:][::step].tolist()
+    feed = way.feed[1:][::step].tolist()
+    state = document.point_state[way.rows[1:]][::step].tolist()
+    arcs = arc_runs(document, job.contours, way, is_reversed=is_reversed)
+    held, until = -1, 0
+    for k, (f, s) in enumerate(zip(feed, state, strict=True)):
+        if k < until:  # within an arc that is written
+            continue
         if s != held:
             emitter.set_state(s)
             held = s
-        emitter.move(tuple(to), f, e)
-        if k in said:
-            emitter.say(said[k])
-    if emitter.owed > 0.0:
-        emitter.owed = max(0.0, emitter.owed - float(sum(filament)))
-    emitter.tail = points[max(said, default=0) :][::-1]
-    emitter.top = max(emitter.top, float(points[:, 2].max()))
+        if (arc := arcs.get(k)) is None:
+            until = k + 1
+            emitter.move(tuple(points[until]), f, filament[k])
+        else:
+            until = arc.end
+            pushed = float(sum(filament[k:until]))
+            emitter.arc(tuple(points[until]), arc.centre, arc.clockwise, f, pushed)
+        for point in range(k + 1, until + 1) if said else ():
+            if point in said:
+                emitter.say(said[point])
 
 
 def _go(
