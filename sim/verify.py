@@ -17,16 +17,14 @@ from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Rail
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
-from sim.content.arcs import check_arcs, turns_of
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.legs import Legs, legs_of
 from sim.content.paths import check_head, check_once, check_release, check_structure
 from sim.content.same_print import check_contours, check_machine, check_print, is_other_print
-from sim.content.seams import Moved, motions_with
+from sim.content.seams import Moved
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
-from sim.files.extent import check_extent, check_file_extent, check_file_feeds
-from sim.files.file_contacts import check_file_material
-from sim.files.printed_file import laying_moves, segments_of
+from sim.files.extent import check_extent
+from sim.files.moves import check_moves
 from sim.replay.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.replay.execution import (
     Meeting,
@@ -40,10 +38,8 @@ from sim.replay.growth import beads_for, moves_of
 from sim.replay.material import as_material, find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_times
 from sim.rules.cooling import check_cooling
-from sim.rules.epochs import check_file_epochs
 from sim.rules.order import PartialOrder, order_of
 from sim.rules.order_rules import check_order, statements, usual_rules
-from sim.rules.priming import check_file_priming
 
 PLAN_TOLERANCE_MM = 1e-4  # overlap of head and bead that counts as touching
 
@@ -182,29 +178,15 @@ def verify_motions(
         Loops of `job` the file enters at another vertex (`sim.content.seams.seams_of_file`).
     """
     started = time.perf_counter()
-    turns, moved = turns_of(source), {seam.contour for seam in seams}
-    if job is not None:
-        source = motions_with(source, job.contours, seams)
-    ours, theirs = segments_of(motions), segments_of(source)
-    match = match_segments(ours, theirs)
-    contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
-    if other := check_print(ours, theirs, match, contour):
-        return Verdict(tuple(other))
-    faults = compare(ours, theirs, match) + check_arcs(turns_of(motions), turns, moved)
-    if job is not None and len(job.contours):
-        epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
-        faults += check_file_epochs(ours.place, match, epoch)
-        printed = np.where(match >= 0, contour[match], -1)
-        faults += check_file_priming(job.contours, printed, refills=job.refills)
-    faults += check_file_extent(motions, source, machine)
-    faults += check_file_feeds(motions, source)
-    faults += check_file_material(motions, match, machine)
+    matched = check_moves(motions, source, machine, job=job, seams=seams)
+    if matched.is_other:
+        return Verdict(tuple(matched.faults))
     counts = {
         "moves": float(len(motions.line)),
-        "segments": float(len(ours.ends)),
+        "segments": float(len(matched.segments.ends)),
         "seconds": time.perf_counter() - started,
     }
-    return Verdict(tuple(faults), counts)
+    return Verdict(tuple(matched.faults), counts)
 
 
 def all_actions_of(document: PlanDocument) -> tuple[HeadActions, ...]:

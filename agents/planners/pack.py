@@ -20,7 +20,7 @@ from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.print.contours import Contours
-from decmcts.print.job import Barrier, PrintJob, ProcessSettings
+from decmcts.print.job import Barrier, PrintJob, ProcessSettings, Retraction
 from decmcts.print.machine import Machine
 
 _ARRAYS = "problem.npz"
@@ -80,7 +80,7 @@ def read_pack(folder: Path) -> Pack:
         job = PrintJob(
             rest["name"],
             Contours(**_room(arrays, "contours")),
-            ProcessSettings(**rest["settings"]),
+            _settings(rest["settings"]),
             tuple(Barrier(**barrier) for barrier in rest["barriers"]),
             rest["slicer"],
             tuple(rest["notes"]),
@@ -92,6 +92,11 @@ def read_pack(folder: Path) -> Pack:
         return Pack(job, machine_from_dict(rest["machine"]), graph, rest["options"], lags)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"no problem pack: {error}", path=folder) from error
+
+
+def _settings(stored: dict[str, Any]) -> ProcessSettings:
+    of_tools = tuple((int(tool), Retraction(**one)) for tool, one in stored["of_tools"])
+    return ProcessSettings(**{**stored, "of_tools": of_tools})
 
 
 def _room(arrays: dict[str, Any], room: str) -> dict[str, Any]:

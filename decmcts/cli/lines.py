@@ -61,7 +61,7 @@ def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
     if times is None or times.before_s is None:
         return None
     settings = planned.problem.job.settings
-    retracts = settings.firmware_retraction or settings.retract_mm > 0.0
+    retracts = any(one.firmware_retraction or one.retract_mm > 0.0 for one in settings.each())
     retracted_mm = settings.retract_min_travel_mm if retracts else None
     combs = settings.bare_inside_mm > 0.0
     return file_time_line(times.before_s, times.after_s, retracted_mm, combs=combs)

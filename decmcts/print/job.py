@@ -5,7 +5,7 @@ How the source text looked is kept in `decmcts.formats`; planners never see it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,27 @@ from decmcts.print.machine import MotionLimits
 
 
 @dataclass(frozen=True, slots=True)
+class Retraction:
+    """What one tool of a source does with its filament and its height around a travel."""
+
+    retract_mm: float = 0.0  # filament, 0: the source never retracts
+    retract_feed: float = 40.0  # mm/s
+    unretract_feed: float = 40.0  # mm/s
+    hop_mm: float = 0.0  # lift of the source's retracted travels
+    firmware_retraction: bool = False  # G10/G11 instead of E moves
+    wipe_mm: float = 0.0  # length of the wipe while retracting, 0: none
+    wipe_filament_mm: float = 0.0  # retracted during it
+    wipe_feed: float = 0.0  # mm/s
+
+
+@dataclass(frozen=True, slots=True)
 class ProcessSettings:
-    """Retraction, lift and travel as the source does them."""
+    """Retraction, lift and travel as the source does them.
+
+    Where the tools of a source retract differently, the fields of `Retraction` here are those of
+    the tool that prints most, and `of_tools` has those of the others; `for_tool` puts them in
+    place.
+    """
 
     travel_feed: float = 0.0  # mm/s; 0: take the machine's
     retract_mm: float = 0.0  # filament, 0: the source never retracts
@@ -33,6 +52,26 @@ class ProcessSettings:
     z_feed: float = 0.0  # mm/s of moves in Z alone; 0: as travel
     travel_acceleration: float = 0.0  # mm/s²; 0: take the machine's
     min_layer_time_s: float = 0.0  # the slicer slows layers down to this; 0: it does not
+    of_tools: tuple[tuple[int, Retraction], ...] = ()  # tools that retract otherwise
+
+    def for_tool(self, tool: int) -> ProcessSettings:
+        """Return the settings with the retraction of one tool.
+
+        Examples
+        --------
+        >>> both = ProcessSettings(retract_mm=0.8, of_tools=((1, Retraction(retract_mm=3.0)),))
+        >>> both.for_tool(0).retract_mm, both.for_tool(1).retract_mm
+        (0.8, 3.0)
+        """
+        for other, retraction in self.of_tools:
+            if other == tool:
+                own = {f.name: getattr(retraction, f.name) for f in fields(Retraction)}
+                return replace(self, **own)
+        return self
+
+    def each(self) -> tuple[ProcessSettings, ...]:
+        """Return the settings of every kind of tool, the most used first."""
+        return (self, *(self.for_tool(tool) for tool, _ in self.of_tools))
 
 
 @dataclass(frozen=True, slots=True)

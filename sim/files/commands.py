@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,19 @@ _BLOCKS_ALONE = ("tool", "temperature")  # states that only verbatim blocks may 
 Ints = NDArray[np.int64]
 
 
-def check_commands(text: bytes, document: GcodeDocument, line: Ints, epoch: Ints) -> list[Fault]:
-    """Check all that a one-head file commands besides its beads.
+@dataclass(frozen=True, slots=True)
+class Verbatim:
+    """Where a file has the source's own lines, from 1."""
+
+    begin: int  # first line below the start code
+    end: int  # first line of the end code
+    blocks: tuple[tuple[int, int] | None, ...]  # first and last line of each; None: not found
+
+
+def check_commands(
+    text: bytes, document: GcodeDocument, line: Ints, epoch: Ints
+) -> tuple[list[Fault], Verbatim]:
+    """Check all that a one-head file commands besides its beads; tell where the source's lines are.
 
     Parameters
     ----------
@@ -56,7 +68,8 @@ def check_commands(text: bytes, document: GcodeDocument, line: Ints, epoch: Ints
     end, more = match_end(rows, document.postamble)
     lines = faults + more
     taken: set[int] = set()
-    lines += _block_faults(rows, document.blocks, line, epoch, taken)
+    spans, more = _find_blocks(rows, document.blocks, line, epoch, taken)
+    lines += more
     known = known_settings(document)
     for k in range(begin, end):
         row = rows[k]
@@ -64,7 +77,8 @@ def check_commands(text: bytes, document: GcodeDocument, line: Ints, epoch: Ints
             continue
         if not accepted(row, known):
             lines.append(f"line {k + 1}: {_shown(row)} is not in the source at this place")
-    return listed(FaultKind.COMMAND, lines[:LIMIT], total=len(lines))
+    found = listed(FaultKind.COMMAND, lines[:LIMIT], total=len(lines))
+    return found, Verbatim(begin + 1, end + 1, tuple(spans))
 
 
 def commands(rows: Iterable[bytes]) -> list[tuple[int, bytes]]:
@@ -99,10 +113,10 @@ def match_end(rows: Sequence[bytes], postamble: bytes) -> tuple[int, list[str]]:
     return k, []
 
 
-def _block_faults(
+def _find_blocks(
     rows: Sequence[bytes], blocks: Sequence[Block], line: Ints, epoch: Ints, taken: set[int]
-) -> list[str]:
-    """Return the blocks that are not whole where they belong; writes their lines into `taken`.
+) -> tuple[list[tuple[int, int] | None], list[str]]:
+    """Return where each block is, from 1, and what is wrong; writes their lines into `taken`.
 
     A block belongs below all beads of earlier epochs and above all later ones.
     """
@@ -110,8 +124,10 @@ def _block_faults(
     sorted_epoch = epoch[order]
     highest = np.maximum.accumulate(line[order]) if len(line) else line
     lowest = np.minimum.accumulate(line[order][::-1])[::-1] if len(line) else line
-    lines, since = [], 0
+    lines, since = list[str](), 0
+    spans: list[tuple[int, int] | None] = []
     for block in blocks:
+        spans.append(None)
         due = [code for _, code in commands(block.text.split(b"\n"))]
         if not due:
             continue
@@ -130,7 +146,8 @@ def _block_faults(
         found = [low + number for number, _ in has[at : at + len(due)]]
         taken.update(found)
         since = found[-1] + 1
-    return lines
+        spans[-1] = (found[0] + 1, found[-1] + 1)
+    return spans, lines
 
 
 def known_settings(document: GcodeDocument) -> frozenset[bytes]:

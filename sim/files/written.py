@@ -1,17 +1,17 @@
-"""A G-code file judged against the print it was made from, before anyone may run it.
+"""A G-code file of one head judged against the print it was made from.
 
-The plan was checked already; this checks what the writer made of it. Every extrusion occurs
-once, under the state and with the filament retracted as in the source. The file waits where
-the plan waits, it hands over to the end G-code as the source does, and no written move touches
-the print.
+The one judge of such files, before anyone may run them and whenever they are verified later. Every
+extrusion occurs once, with the source's filament and feed, under the state and with the filament
+retracted as there. The file waits where the plan waits, it hands over to the end G-code as the
+source does, and no written move touches the print.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -30,16 +30,11 @@ from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
-from sim.content.arcs import check_arcs, turns_of, turns_of_print
-from sim.content.inventory import NO_MATCH, Segments, contour_segments, match_segments, places_of
-from sim.content.seams import Moved, source_with
+from sim.content.seams import Moved, seams_of_file, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import check_commands
-from sim.files.filament import check_owed, check_pulled, check_surplus
-from sim.files.file_contacts import check_file_material
-from sim.files.printed_file import laying_moves, segments_of
-from sim.rules.epochs import check_file_epochs
-from sim.rules.priming import check_file_priming
+from sim.files.ledger import check_filament
+from sim.files.moves import Matched, check_moves
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
@@ -52,12 +47,8 @@ class Written:
 
     text: bytes
     motions: Motions
-    job: PrintJob  # what it was made from, seams as they had to move
-    document: GcodeDocument
-    laid: NDArray[np.int64]  # (n,) moves that lay beads, in the file's order
-    match: NDArray[np.int64]  # (n,) the segment of the job each of them is, or NO_MATCH
-    segments: Segments  # (m,) of the job
-    faults: tuple[Fault, ...]  # found while reading: extrusions or an ending unlike the source's
+    seams: Sequence[Moved]  # loops that begin at another vertex
+    faults: list[Fault]  # found while reading: extrusions or an ending unlike the source's
 
 
 def verify_written(
@@ -66,47 +57,60 @@ def verify_written(
     document: GcodeDocument,
     machine: Machine,
     *,
-    seams: Sequence[Moved] = (),
+    seams: Sequence[Moved] | None = None,
     actions: HeadActions | None = None,
+    plate: int | None = None,
 ) -> Verdict:
     """Check a one-head file against the job and the document it was made from.
 
-    `seams` are the loops that have to begin at another vertex; `actions` is the plan
-    the file was made from, whose waits it has to keep.
-    Contacts on moves that make the same contact in the source (in its end code,
-    say) are the source's own and are not reported.
+    All that is asked of such a file is asked here: of a draft before it is put in place, and of
+    a file that `decmcts verify` is given. Contacts on moves that make the same contact in the
+    source (in its end code, say) are the source's own and are not reported.
+
+    Parameters
+    ----------
+    seams : Sequence[Moved] | None
+        The loops that have to begin at another vertex; None: those that do.
+    actions : HeadActions | None
+        The plan the file was made from, whose waits it has to keep.
+    plate : int | None
+        Which of a .gcode.3mf is judged.
     """
-    try:
-        written = _read_back(path, job, document, seams)
-    except InputError as error:
-        return Verdict((_unreadable(error),))
-    theirs = cache(lambda: _moves_of(document))
-    faults = _check_state(written, theirs)
-    faults += _check_order(written)
-    faults += check_file_material(written.motions, written.match, machine, source=theirs)
-    if actions is not None:
-        faults += _check_waits(written.text, written.motions, written.laid, actions)
-    return Verdict(tuple(faults), {"moves": float(len(written.motions.line))})
-
-
-def check_state(
-    path: Path | str,
-    job: PrintJob,
-    document: GcodeDocument,
-    *,
-    seams: Sequence[Moved] = (),
-    plate: int | None = None,
-) -> list[Fault]:
-    """Check only what a file commands, and the state and filament where it prints.
-
-    For files whose moves are judged already (`sim.verify.verify_motions`); of a .gcode.3mf those
-    of a `plate`.
-    """
+    started = time.perf_counter()
+    source = document.moves if document.moves is not None else _moves_of(document)
+    if source is None:
+        raise InputError("the source's moves are not known", path=document.path)
     try:
         written = _read_back(path, job, document, seams, plate)
     except InputError as error:
-        return [_unreadable(error)]
-    return _check_state(written, cache(lambda: _moves_of(document)))
+        return Verdict((_unreadable(error),))
+    motions = written.motions
+    matched = check_moves(
+        motions, source, machine, job=job, seams=written.seams, forgiven=lambda: source
+    )
+    if matched.is_other:
+        return Verdict(tuple(matched.faults))
+    faults = matched.faults + written.faults + _check_text(written, source, job, document, matched)
+    if actions is not None:
+        faults += _check_waits(written.text, motions, matched.laid, actions)
+    counts = {
+        "moves": float(len(motions.line)),
+        "segments": float(len(matched.segments.ends)),
+        "seconds": time.perf_counter() - started,
+    }
+    return Verdict(tuple(faults), counts)
+
+
+def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Verdict:
+    """Check a file that is its source, byte for byte, as `plan` leaves what cannot be made faster.
+
+    Its commands are the source's, and so are its states and its filament; its contacts are not
+    forgiven.
+    """
+    assert document.moves is not None
+    matched = check_moves(document.moves, document.moves, machine, job=job)
+    counts = {"moves": float(len(document.moves.line))}
+    return Verdict(tuple(matched.faults), counts, ("the file is its source, byte for byte",))
 
 
 def _unreadable(error: InputError) -> Fault:
@@ -117,57 +121,30 @@ def _read_back(
     path: Path | str,
     job: PrintJob,
     document: GcodeDocument,
-    seams: Sequence[Moved],
-    plate: int | None = None,
+    seams: Sequence[Moved] | None,
+    plate: int | None,
 ) -> Written:
     """Read a file that was made from a document; raises InputError where that fails."""
     ours, ours_document, motions, ending = read_written(path, document, plate)
     endings = ending_faults(document, ending)
-    arcs = check_arcs(
-        turns_of(motions, all_moves=False), turns_of_print(job, document),
-        {seam.contour for seam in seams},
-    )  # fmt: skip
-    job, document = source_with(job, document, seams)
+    moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
+    job, document = source_with(job, document, moved)
     differences = same_extrusions(job, document, ours, ours_document)
-    faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings) + arcs
-    segments = contour_segments(job.contours)
-    return Written(
-        load_text(path, plate), motions, job, document, laying_moves(motions),
-        match_segments(segments_of(motions), segments), segments, tuple(faults),
-    )  # fmt: skip
+    faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
+    return Written(load_text(path, plate), motions, moved, faults)
 
 
-def _check_state(written: Written, theirs: Callable[[], Motions | None]) -> list[Fault]:
+def _check_text(
+    written: Written, source: Motions, job: PrintJob, document: GcodeDocument, matched: Matched
+) -> list[Fault]:
     """Check the commands of a file, and its filament, against the source's."""
-    motions, job, document = written.motions, written.job, written.document
-    known = written.match != NO_MATCH
-    laid, match = written.laid[known], written.match[known]
-    source = np.asarray(written.segments.place, np.int64)
-    epoch = np.asarray(job.contours.epoch, np.int64)[source[match]]
-    line = np.asarray(motions.line)[laid]
-    places = places_of(written.segments)
-    return [
-        *written.faults,
-        *check_commands(written.text, document, line, epoch),
-        *check_owed(
-            motions, laid, places[match], (places, source), theirs,
-            expected=bool(document.owed.any()),
-        ),
-        *check_pulled(motions, job.settings.retract_mm, theirs),
-        *check_surplus(motions, theirs),
-    ]  # fmt: skip
-
-
-def _check_order(written: Written) -> list[Fault]:
-    """Check that nothing moved across a barrier, and that what primes the nozzle stays first."""
-    contours, match = written.job.contours, written.match
-    source = np.asarray(written.segments.place, np.int64)
-    epoch = np.asarray(contours.epoch, np.int64)[source]
-    printed = np.where(match != NO_MATCH, source[match], -1)
-    return [
-        *check_file_epochs(np.asarray(written.motions.line)[written.laid], match, epoch),
-        *check_file_priming(contours, printed, refills=written.job.refills),
-    ]
+    known = matched.contour >= 0
+    laid, contour = matched.laid[known], matched.contour[known]
+    epoch = np.asarray(job.contours.epoch, np.int64)[contour]
+    line = np.asarray(written.motions.line)[laid]
+    faults, places = check_commands(written.text, document, line, epoch)
+    filament = check_filament(written.motions, source, document, places, (laid, contour))
+    return faults + filament
 
 
 def _check_waits(

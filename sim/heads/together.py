@@ -194,9 +194,9 @@ def _check_end(file: HeadFile, document: GcodeDocument, begins: int, *, others: 
     above, end = begins - 1, document.end
     modes, owed = file.motion.modes[max(above, 0)], float(file.motion.extruder[max(above, 0), 1])
     words = []
-    differs = abs(owed - end.owed) > OWED_MM or bool(modes[3]) != end.firmware_retracted
+    differs = abs(owed - end.pulled) > OWED_MM or bool(modes[3]) != end.firmware_retracted
     if not others and differs:
-        words.append(f"{owed:.3f} mm are retracted, in the source {end.owed:.3f}")
+        words.append(f"{owed:.3f} mm are retracted, in the source {end.pulled:.3f}")
     if bool(modes[1]) != end.relative_e:
         words.append("E is counted in another way")
     state = int(file.track.at(max(above, 0) + 1))

@@ -62,12 +62,16 @@ class Walker:
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._alike: dict[tuple[int, int], str] = {}
-        settings, starts = job.settings, [document.start, document.end]
+        starts = [document.start, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
         self._deepest = max(
-            settings.retract_mm, float(document.owed.max(initial=0.0)), *(c.owed for c in starts)
+            *(settings.retract_mm for settings in job.settings.each()),
+            float(document.owed.max(initial=0.0)),
+            *(c.owed for c in starts),
         )
-        self._feeds = (settings.travel_feed or 100.0, settings.z_feed or 0.0)
+        beyond = max(c.owed - c.pulled for c in starts)
+        self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
+        self._feeds = (job.settings.travel_feed or 100.0, job.settings.z_feed or 0.0)
 
     def run(self) -> Walk:
         """Return the walk; it ends at the first move that is not the plan's."""
@@ -168,7 +172,7 @@ class Walker:
         """Return what is wrong with the filament retracted where a bead begins."""
         line = self._line(min(self.at, self.end - 1))
         owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
-        due = float(self.document.owed[contour])
+        due = max(0.0, float(self.document.owed[contour]))
         if self.file.motion.modes[max(line - 2, 0), 3] or owed > due + OWED_MM:
             return f"line {line} begins contour {contour} with {owed:g} mm retracted"
         return ""
@@ -202,8 +206,7 @@ class Walker:
         motion, line = self.file.motion, self._line(self.at)
         pushed = float(motion.extrusion[self.at])
         owed = float(motion.extruder[max(line - 2, 0), 1])
-        extra = max(0.0, self.document.habits.restart_extra)
-        if line not in self.blocks and pushed > owed + extra + SURPLUS_MM:
+        if line not in self.blocks and pushed > owed + self._surplus + SURPLUS_MM:
             self.walk.faults.append(f"line {line} pushes {pushed:.3f} mm of filament on the spot")
         if line not in self.blocks and owed - pushed > self._deepest + SURPLUS_MM:
             self.walk.faults.append(f"line {line} retracts {owed - pushed:.3f} mm")

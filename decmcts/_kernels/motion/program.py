@@ -107,11 +107,13 @@ def add_travel(
 @kernel
 def write_moves(
     path: NDArray[np.float64], offsets: NDArray[np.int64], contour: NDArray[np.int32],
-    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: Segments, habit: Habit,
+    is_reversed: NDArray[np.bool_], retracts: NDArray[np.bool_], segments: Segments,
+    habits: NDArray[np.float64], of: NDArray[np.int64],
 ) -> Moves:  # fmt: skip
     """Return the moves of a head's actions; `contour` is -1 where an action prints nothing.
 
-    `retracts` (k,) says which travels are retracted.
+    `retracts` (k,) says which travels are retracted, and `of` (k,) in which of the `habits`,
+    (h, 9) as the fields of `Habit`.
     """
     k = len(contour)
     most = len(path) + EXTRA * k
@@ -126,5 +128,7 @@ def write_moves(
         if contour[a] >= 0:
             add_print(way, contour[a], is_reversed[a], a, segments, moves)
         elif len(way):
+            h = habits[of[a]]
+            habit = Habit(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8])
             add_travel(way, retracts[a], a > 0 and contour[a - 1] >= 0, a, habit, moves)
     return moves

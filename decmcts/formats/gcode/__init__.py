@@ -4,10 +4,9 @@ Planners see the `PrintJob`; the `GcodeDocument` keeps the text and the machine
 state that the writer puts back.
 """
 
-from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.compare import ending_faults, same_extrusions
 from decmcts.formats.gcode.reading.reader import (
-    Motions,
     read_gcode,
     read_motions,
     read_result,

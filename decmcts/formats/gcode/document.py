@@ -39,12 +39,18 @@ class StateTable:
 
 @dataclass(frozen=True, slots=True)
 class Cursor:
-    """Where the source's controller stood between two lines."""
+    """Where the source's controller stood between two lines.
+
+    `owed` is filament in mm that the source pulls on the spot and does not push back: since the
+    last contour, where verbatim lines are to follow; where they end, what it pushes from there to
+    the next contour. Below 0 where it pushes, or pulls, more.
+    """
 
     position: tuple[float, float, float]
     e: float  # as the source counts it (mm³ if volumetric)
     feed: float  # mm/s
-    owed: float  # filament retracted and not yet pushed back, mm
+    owed: float
+    pulled: float  # retracted by the tool in use as far as moves show it, mm
     firmware_retracted: bool
     relative_e: bool
     state: int
@@ -68,7 +74,6 @@ class Block:
 class Habits:
     """How the source does what is regenerated, beyond `ProcessSettings`."""
 
-    restart_extra: float = 0.0  # mm pushed back more than was retracted; below 0: less
     resets_e: bool = False  # G92 E0 occurs in the print
     progress: str = ""  # parameters of M73 in the print, of P, R (normal mode), Q, S (silent)
     silent_share: float = 0.0  # time in silent mode over that in normal mode, as M73 says
@@ -92,6 +97,28 @@ class Arcs:
 
 
 @dataclass(frozen=True, slots=True)
+class Motions:
+    """Every move of a file in order, for whoever judges it.
+
+    A move k goes from points[k] to points[k + 1]; homing and G92 appear as
+    moves without feed.
+    """
+
+    points: NDArray[np.float64]  # (m + 1, 3) mm
+    extrusion: NDArray[np.float64]  # (m,) filament pushed, mm
+    feed: NDArray[np.float64]  # (m,) mm/s
+    line: NDArray[np.int64]  # (m,) source line, from 1
+    contour: NDArray[np.int64]  # (m,) contour in the order of this file, -1: none
+    width: NDArray[np.float64]  # (m,) bead width, mm; 0 where contour is -1
+    height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
+    placed: NDArray[np.bool_] | None = None  # (m,) homing or G92, no move of known path
+    arc: NDArray[np.int32] | None = None  # (m,) number in `arcs` a move is a chord of, or NO_ARC
+    arcs: Arcs | None = None
+    tool: NDArray[np.int64] | None = None  # (m,) in use; None: one tool
+    withdrawn: NDArray[np.bool_] | None = None  # (m,) the firmware has retracted before; None: no
+
+
+@dataclass(frozen=True, slots=True)
 class GcodeDocument:
     """The text around and between the contours of one file."""
 
@@ -104,7 +131,8 @@ class GcodeDocument:
     blocks: tuple[Block, ...]  # ascending epoch
     states: StateTable
     point_state: NDArray[np.int32]  # (n_points,) state of the segment ending there
-    owed: NDArray[np.float64]  # (n,) mm still retracted when a contour is begun, as the source does
+    owed: NDArray[np.float64]  # (n,) mm left retracted where the source begins a contour; below 0:
+    # pushed beyond what was retracted
     relative_e: bool
     e_area: float  # mm² when E is volumetric (M200), 0 when it is mm
     decimals: tuple[int, int, int]  # xy, e, feed
@@ -112,3 +140,4 @@ class GcodeDocument:
     point_arc: NDArray[np.int32]  # (n_points,) arc of the segment ending there, or NO_ARC
     arcs: Arcs
     plate: int | None = None  # of a .gcode.3mf, as asked for
+    moves: Motions | None = None  # of the whole file, for the judge

@@ -8,7 +8,7 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.gcode import read_gcode, read_result
+from decmcts.formats.gcode import read_gcode
 from decmcts.formats.gcode.text.source_text import has_plates, load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
@@ -19,13 +19,12 @@ from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from sim.content.same_print import is_other_print
-from sim.content.seams import seams_of_file
 from sim.faults import Verdict
-from sim.files.written import check_state
+from sim.files.written import verify_same, verify_written
 from sim.heads.file import header_of
 from sim.rules.cooling import check_stated
 from sim.rules.order_rules import usual_rules
-from sim.verify import verify_motions, verify_plan
+from sim.verify import verify_plan
 
 
 def judge_several(
@@ -86,18 +85,10 @@ def judge(
     chosen, origin = machine_for(machine, source, of_source)
     if origin:
         report(Note(origin))
-    job, print_text, theirs = read_result(source, of_source)
-    ours, _, motions = read_result(result, of_result)
-    seams = list(seams_of_file(ours.contours, job.contours))
-    verdict = verify_motions(motions, theirs, chosen, job=job, seams=seams)
-    if is_other_print(verdict.faults):
-        return verdict
-    if load_text(result, of_result) == load_text(
-        source, of_source
-    ):  # as `plan` leaves what cannot be made faster
-        return Verdict(verdict.faults, verdict.counts, ("the file is its source, byte for byte",))
-    state = check_state(result, job, print_text, seams=seams, plate=of_result)
-    return Verdict((*verdict.faults, *state), verdict.counts)
+    job, document = read_gcode(source, of_source)
+    if load_text(result, of_result) == load_text(source, of_source):
+        return verify_same(job, document, chosen)
+    return verify_written(result, job, document, chosen, plate=of_result)
 
 
 def judge_plan(

@@ -19,6 +19,7 @@ them. Then some head prints these meanwhile, and the time this takes counts as w
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -56,11 +57,12 @@ class FastestTravel:
     def of(job: PrintJob, machine: Machine) -> FastestTravel:
         """Return the pace of a machine's heads with this print."""
         settings, speed, rate, corner, retraction = job.settings, 0.0, 0.0, 0.0, np.inf
-        for limits in {machine.limits_of(head) for head in machine.heads}:
-            habit = habit_of(settings, limits)
+        all_limits = {machine.limits_of(head) for head in machine.heads}
+        for of_tool, limits in product(settings.each(), all_limits):
+            habit = habit_of(of_tool, limits)
             wipes = habit.wipe_mm > 0.0
             speed = max(speed, habit.feed, habit.z_feed, habit.wipe_feed if wipes else 0.0)
-            rate = max(rate, travel_acceleration(settings, limits))
+            rate = max(rate, travel_acceleration(of_tool, limits))
             rate = max(rate, limits.acceleration if wipes else 0.0)
             if limits.junction_deviation <= 0.0:
                 corner = max(corner, float(np.linalg.norm(limits.jerk[:3])))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts._kernels.geometry.loops import Rotated
-from decmcts.print.job import PrintJob
+from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.loops import rotated
 from decmcts.print.machine import Machine, MotionLimits
 from decmcts.print.motion import Program, limit_rows
@@ -116,8 +116,14 @@ def _paid(
     Half a bare travel to the nearest other contour, or to the park; or a wipe, if nothing is
     retracted before it. Infinite where travels are too long to be bare.
     """
-    settings, habit = job.settings, habit_of(job.settings, limits)
     near = _distances(job, machine, entries)
+    each = [_paid_by(settings, limits, near) for settings in job.settings.each()]
+    return np.asarray(np.min(each, axis=0))
+
+
+def _paid_by(settings: ProcessSettings, limits: MotionLimits, near: Floats) -> Floats:
+    """Return the least seconds where a tool retracts so, (n, 2)."""
+    habit = habit_of(settings, limits)
     paid = 0.5 * near / max(habit.feed, habit.z_feed)
     if settings.retract_mm <= 0.0:
         return paid

@@ -141,7 +141,7 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
     still = [r for r in range(len(heads)) if live is not None and r not in live]
     low[still] = high[still] = parks[still, :2]
     top = float(job.contours.top.max(initial=0.0))
-    rises = max(machine.lift_mm, job.settings.hop_mm)
+    rises = max(machine.lift_mm, *(settings.hop_mm for settings in job.settings.each()))
     # pairs that nothing but their order along a rail keeps apart: one half-space each
     halves = sum(int(np.isinf(pair[:, :4]).sum() == 3 and len(pair) == 1) for pair in pairs)
     return Fleet(

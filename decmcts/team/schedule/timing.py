@@ -58,13 +58,14 @@ def action_times(
     travelling = replace(limits, travel_acceleration=travel_acceleration(settings, limits))
     said = np.full(len(c.points), np.nan) if job.acceleration is None else job.acceleration
     rows, row = limit_rows(travelling, said)
-    habit = habit_of(settings, limits)
+    habits = np.array([habit_of(one, limits) for one in settings.each()])
     retracts = retracted_paths(walls_for(job), settings, path, offsets)
     entries = np.zeros(len(c), np.int32)
     entries[contour[contour >= 0]] = entry[contour >= 0]
     run, first = rotated(c, entries)
     segments = Segments(first, run.extrusion, run.feed, row[run.rows])
-    moves = write_moves(path, offsets, contour, is_reversed, retracts, segments, habit)
+    kinds = _kinds(job, contour)
+    moves = write_moves(path, offsets, contour, is_reversed, retracts, segments, habits, kinds)
     m = int(moves.used[0])
     action = moves.action[:m]
     rest = np.diff(action, prepend=-1) != 0 if rests else np.zeros(m, np.bool_)
@@ -77,6 +78,28 @@ def action_times(
         np.concatenate([[0.0], np.cumsum(seconds)]),
         np.searchsorted(action, np.arange(len(contour))),
     )
+
+
+def _kinds(job: PrintJob, contour: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return for each action which of `ProcessSettings.each` it is made with, (k,).
+
+    A travel is made with the tool that prints next.
+    """
+    kinds = np.zeros(len(contour), np.int64)
+    printing = np.flatnonzero(contour >= 0)
+    if not job.settings.of_tools or not len(printing):
+        return kinds
+    of_contour = kinds_of_tools(job)
+    ahead = np.minimum(np.searchsorted(printing, np.arange(len(contour))), len(printing) - 1)
+    return np.asarray(of_contour[contour[printing[ahead]]])
+
+
+def kinds_of_tools(job: PrintJob) -> NDArray[np.int64]:
+    """Return which of `ProcessSettings.each` each contour is printed with, (n,)."""
+    kinds = np.zeros(len(job.contours), np.int64)
+    for k, (tool, _) in enumerate(job.settings.of_tools, 1):
+        kinds[job.contours.tool == tool] = k
+    return kinds
 
 
 def habit_of(settings: ProcessSettings, limits: MotionLimits) -> Habit:

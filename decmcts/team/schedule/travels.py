@@ -19,6 +19,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.walls import bare_pairs
 from decmcts.team.engine.order import UnitOrder
 from decmcts.team.engine.space import Space
+from decmcts.team.schedule.timing import kinds_of_tools
 
 
 def unit_travels(
@@ -60,8 +61,24 @@ def _hops(
         walls, job.settings.bare_inside_mm, starts, goals, climb_mm=job.settings.bare_climb_mm
     )
     top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
-    lifted = np.minimum(ends + job.settings.hop_mm, np.maximum(top, ends))
+    lifted = np.minimum(ends + _hop_of(job, order), np.maximum(top, ends))
     return np.where(far, lifted, ends)
+
+
+def _hop_of(job: PrintJob, order: UnitOrder) -> NDArray[np.float64]:
+    """Return how far the source lifts each unit with the tool its head prints with next, (m,)."""
+    each = np.array([settings.hop_mm for settings in job.settings.each()])
+    hops = np.full(len(order.head), each[0])
+    if len(each) == 1:
+        return hops
+    kinds = kinds_of_tools(job)
+    for r in range(len(order.counts)):
+        mine = order.rows[r, : order.counts[r]]
+        printed = np.flatnonzero(order.contour[mine] >= 0)
+        if len(printed):
+            ahead = np.minimum(np.searchsorted(printed, np.arange(len(mine))), len(printed) - 1)
+            hops[mine] = each[kinds[order.contour[mine[printed[ahead]]]]]
+    return hops
 
 
 def _starts(order: UnitOrder, space: Space) -> NDArray[np.float64]:

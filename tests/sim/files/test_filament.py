@@ -95,5 +95,5 @@ def test_another_length_pushed_back_is_a_fault(made, pushed):
 def test_what_the_end_code_finds_retracted_is_the_sources(made):
     """It retracts itself: 1 mm left in the nozzle would be pulled twice."""
     job, document, _ = made
-    assert document.end.owed == 0.0 and document.habits.restart_extra == -1.0
-    assert document.owed.tolist() == [1.0] * len(job.contours)
+    assert document.end.owed == 0.0
+    assert document.owed.tolist() == [0.0] + [1.0] * (len(job.contours) - 1)

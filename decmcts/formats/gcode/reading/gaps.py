@@ -1,7 +1,9 @@
 """What lies between contours: retraction habits, and blocks that stay as they are.
 
 A gap is made again from its habits unless it holds a barrier; then the lines
-from its first barrier to its last stay together, verbatim.
+from its first barrier to its last stay together, verbatim. Where a barrier may move filament and
+what the gap pulls and pushes does not add up without it, or where the gap leaves filament, the
+whole gap stays.
 """
 
 from __future__ import annotations
@@ -17,10 +19,16 @@ from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.document import Block, Cursor
 from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.reading.ledger import (
+    UNKNOWN,
+    Gaps,
+    deposits,
+    net_before,
+    net_behind,
+    unsettled,
+)
 from decmcts.formats.gcode.text.lines import Lines
 from decmcts.print.job import Barrier
-
-DEPOSIT_MM = 0.2  # filament left in a gap beyond the habit: a blob, not a retraction
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,25 +39,27 @@ class Blocks:
     barriers: tuple[Barrier, ...]
     epoch: NDArray[np.int32]  # (n,)
     tied: NDArray[np.bool_]  # (n,) part of a verbatim sequence, may not be reversed
+    held: NDArray[np.bool_]  # (n,) a macro decides what is retracted when it begins: it stays first
+    parted: NDArray[np.bool_]  # (n,) a block stands before it
 
 
-def cursor_at(motion: Motion, track: Track, line: int) -> Cursor:
-    """Return where the controller stands before a line."""
+def cursor_at(motion: Motion, track: Track, line: int, *, owed: float) -> Cursor:
+    """Return where the controller stands before a line; for `owed` see `Cursor`."""
     move = int(motion.before[line])
     x, y, z = motion.points[move].tolist()
     above = max(line - 1, 0)
     modes = motion.modes[above]
     return Cursor(
         (x, y, z), float(motion.extruder[above, 0]),
-        float(motion.feed[move - 1]) if move else 0.0, float(motion.extruder[above, 1]),
+        float(motion.feed[move - 1]) if move else 0.0, owed, float(motion.extruder[above, 1]),
         bool(modes[FIRMWARE_RETRACTED]), bool(modes[RELATIVE_E]), int(track.at(line)),
         int(modes[TOOL]),
     )  # fmt: skip
 
 
 def find_blocks(
-    lines: Lines, motion: Motion, track: Track, runs: Runs, *, edges: NDArray[np.bool_],
-    towers: NDArray[np.bool_],
+    lines: Lines, motion: Motion, track: Track, runs: Runs, gaps: Gaps, *,
+    edges: NDArray[np.bool_], towers: NDArray[np.bool_],
 ) -> Blocks:  # fmt: skip
     """Return the blocks of a print.
 
@@ -65,7 +75,10 @@ def find_blocks(
     end = motion.line[runs.first[1:]]
     whole = np.zeros(n, np.bool_)
     whole[1:] = towers[1:] & towers[:-1]
-    whole[1:] |= _deposits(motion, runs)
+    whole[1:] |= deposits(motion, runs, gaps)
+    held = np.zeros(n, np.bool_)
+    held[1:] = unsettled(gaps, _unknown(track, begin, end))
+    whole |= held
     walls = np.fromiter(track.barriers, np.int64, len(track.barriers))
     low, high = np.searchsorted(walls, begin), np.searchsorted(walls, end)
     broken = np.zeros(n, np.bool_)
@@ -79,34 +92,36 @@ def find_blocks(
         span = (int(begin[c - 1]), int(end[c - 1]))
         if not whole[c]:
             span = (int(walls[low[c - 1]]), int(walls[high[c - 1] - 1]) + 1)
-        blocks.append(_block(lines, motion, track, span, int(epoch[c])))
+        blocks.append(_block(lines, motion, track, runs, span, int(epoch[c])))
     tied = towers | whole
     tied[:-1] |= whole[1:]
     named = [b for b in track.barriers.items() if begin[0] <= b[0] < end[-1]] if n > 1 else []
-    return Blocks(tuple(blocks), _named(lines, named, blocks), epoch, tied)
+    barriers = _named(lines, named, blocks)
+    return Blocks(tuple(blocks), barriers, epoch, tied, held, broken | whole)
 
 
-def _block(lines: Lines, motion: Motion, track: Track, span: tuple[int, int], epoch: int) -> Block:
+def _unknown(track: Track, begin: NDArray[np.int64], end: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which gaps have a line that may move filament of its own, (n - 1,)."""
+    reasons = track.barriers.items()
+    rows = np.array([line for line, reason in reasons if reason in UNKNOWN], np.int64)
+    return np.asarray(np.searchsorted(rows, end) > np.searchsorted(rows, begin))
+
+
+def _block(
+    lines: Lines, motion: Motion, track: Track, runs: Runs, span: tuple[int, int], epoch: int
+) -> Block:
     first, last = span
     inside = [track.barriers[k] for k in range(first, last) if k in track.barriers]
     moved = motion.points[motion.before[first] : motion.before[last] + 1]
     moves = (lines.letter[first:last] == 71) & (lines.code[first:last] <= 30)
     placed = moves[:, None] & ~np.isnan(lines.values[first:last, X : Z + 1])
     return Block(
-        epoch, lines.span(first, last), cursor_at(motion, track, first),
-        cursor_at(motion, track, last),
+        epoch, lines.span(first, last),
+        cursor_at(motion, track, first, owed=-net_before(motion, runs, first)),
+        cursor_at(motion, track, last, owed=net_behind(motion, runs, last)),
         bool(placed.any() or np.ptp(moved, axis=0).max() > 1e-9), first + 1,
         inside[0] if inside else "extrusion outside a contour",
     )  # fmt: skip
-
-
-def _deposits(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
-    """Tell which gaps leave filament that no contour has, (n - 1,)."""
-    total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])
-    net = total[runs.first[1:]] - total[runs.last[:-1] + 1]
-    if not len(net):
-        return np.zeros(0, np.bool_)
-    return np.asarray(np.abs(net - np.median(net)) > DEPOSIT_MM)
 
 
 def _named(

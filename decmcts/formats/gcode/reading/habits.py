@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
 from decmcts._kernels.motion.blocks import TRAVELLING
 from decmcts.formats.gcode.controller.limits import FirmwareRetraction, commanded, stated_limits
 from decmcts.formats.gcode.controller.motion import Motion
@@ -15,13 +16,11 @@ from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.stated_times import silent_share
 from decmcts.formats.gcode.document import Habits
 from decmcts.formats.gcode.reading.grouping import Runs
+from decmcts.formats.gcode.reading.ledger import PULLED, Gaps
 from decmcts.formats.gcode.text.lines import Lines
-from decmcts.print.job import ProcessSettings
+from decmcts.print.job import ProcessSettings, Retraction
 
-PULLED = 0.01  # mm of filament that counts as a retraction
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
-OWED_MM = 1e-3  # of filament that counts as still retracted
-EXTRA_LIMIT_MM = 1.0  # a surplus beyond this is loading
 _RULE = re.compile(
     rb"^;\s*(?:slowdown_below_layer_time|slow_down_layer_time|minSpeedLayerTime|min_layer_time_s)"
     rb" *[=,] *([\d., ]+)",
@@ -78,55 +77,105 @@ def _usual(values: NDArray[np.float64], weights: NDArray[np.float64] | None = No
 
 
 def infer_settings(
-    lines: Lines, motion: Motion, runs: Runs, track: Track
+    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track
 ) -> tuple[ProcessSettings, Habits]:
     """Return the retraction, lift, wipe and travel of a print as its gaps show them."""
-    gap = np.zeros(len(motion.extrusion), np.bool_)
-    gap[runs.first[0] : runs.last[-1] + 1] = True
-    gap &= runs.contour < 0
+    moves = _GapMoves.of(motion, runs)
     delta = np.diff(motion.points, axis=0)
-    across = np.hypot(delta[:, 0], delta[:, 1])
-    still = across < 1e-9
-    pull, push = motion.extrusion < -1e-5, motion.extrusion > 1e-5
-    travel = gap & ~still & ~pull & ~push
-    upright = gap & still & ~pull & ~push & (np.abs(delta[:, 2]) > 1e-9)
-    owed, extra = _retractions(motion, runs)
-    firmware = _firmware(motion, runs)
-    pulled = pulled_gaps(motion, runs)
+    travel = moves.gap & ~moves.still & ~moves.pull & ~moves.push
+    upright = moves.gap & moves.still & ~moves.pull & ~moves.push & (np.abs(delta[:, 2]) > 1e-9)
+    pulled = pulled_gaps(motion, runs, gaps)
     length = np.linalg.norm(
         motion.points[runs.first[1:]] - motion.points[runs.last[:-1] + 1], axis=1
     )
-    by_firmware = bool(firmware.sum() * 2 > max(1, pulled.sum()))
-    amount = _usual_pull(owed)
-    feeds = tuple(_usual(motion.feed[gap & still & way]) or 40.0 for way in (pull, push))
-    if by_firmware:
-        amount, feeds = _told_to_firmware(lines, track, int(motion.line[runs.last[-1]]))
+    of_tool = _retractions(lines, motion, runs, gaps, track, moves, pulled)
+    usual = max(of_tool, key=lambda tool: (of_tool[tool][1], -tool))
+    retracts = np.isin(gaps.tool, [t for t, (one, _) in of_tool.items() if _any_of(one)])
     settings = ProcessSettings(
-        travel_feed=_usual(motion.feed[travel], across[travel]),
-        retract_mm=amount,
-        retract_feed=feeds[0],
-        unretract_feed=feeds[1],
-        retract_min_travel_mm=_threshold(length, pulled),
-        hop_mm=_hop(motion, runs, pulled),
-        firmware_retraction=by_firmware,
-        **_wipe(motion, runs, gap & ~still & pull, across, pulled),
+        travel_feed=_usual(motion.feed[travel], moves.across[travel]),
+        retract_min_travel_mm=_threshold(length[retracts], pulled[retracts]),
         z_feed=_usual(motion.feed[upright]),
         travel_acceleration=_usual_acceleration(
             lines, motion, track, travel, np.linalg.norm(delta, axis=1)
         ),
         min_layer_time_s=min_layer_time(lines.text),
-    )
-    return settings, Habits(
-        restart_extra=0.0 if firmware.any() else _restart_extra(extra[pulled], amount),
+        of_tools=((usual, of_tool[usual][0]),),
+    ).for_tool(usual)
+    others = [(tool, one) for tool, (one, _) in of_tool.items() if one != of_tool[usual][0]]
+    return replace(settings, of_tools=tuple(sorted(others, key=lambda each: each[0]))), Habits(
         resets_e=_occurs(lines, motion, runs, 71, 920),
         progress=_progress(lines, motion, runs),
         silent_share=silent_share(lines.text),
     )
 
 
-def pulled_gaps(motion: Motion, runs: Runs) -> NDArray[np.bool_]:
+@dataclass(frozen=True, slots=True)
+class _GapMoves:
+    """What the moves of a file do between contours, each (m,)."""
+
+    gap: NDArray[np.bool_]  # between the first contour and the last, of none
+    still: NDArray[np.bool_]  # not across the bed
+    pull: NDArray[np.bool_]
+    push: NDArray[np.bool_]
+    across: NDArray[np.float64]  # mm
+    tool: NDArray[np.int64]
+
+    @staticmethod
+    def of(motion: Motion, runs: Runs) -> _GapMoves:
+        gap = np.zeros(len(motion.extrusion), np.bool_)
+        gap[runs.first[0] : runs.last[-1] + 1] = True
+        delta = np.diff(motion.points, axis=0)
+        across = np.hypot(delta[:, 0], delta[:, 1])
+        return _GapMoves(
+            gap & (runs.contour < 0), across < 1e-9, motion.extrusion < -1e-5,
+            motion.extrusion > 1e-5, across, motion.modes[motion.line, TOOL].astype(np.int64),
+        )  # fmt: skip
+
+
+def _any_of(retraction: Retraction) -> bool:
+    """Tell whether a tool retracts at all."""
+    return retraction.firmware_retraction or retraction.retract_mm > 0.0
+
+
+def _retractions(
+    lines: Lines, motion: Motion, runs: Runs, gaps: Gaps, track: Track, moves: _GapMoves,
+    pulled: NDArray[np.bool_],
+) -> dict[int, tuple[Retraction, int]]:  # fmt: skip
+    """Return how each tool retracts between contours of its own, and how many it prints.
+
+    A tool that shows no retraction there has none: what it pulls for a change of tools is no
+    habit, and no more may be pulled than the source does.
+    """
+    firmware = _firmware(motion, runs)
+    of_contour = motion.modes[motion.line[runs.first], TOOL].astype(np.int64)
+    found: dict[int, tuple[Retraction, int]] = {}
+    for tool, count in zip(
+        *(x.tolist() for x in np.unique(of_contour, return_counts=True)), strict=True
+    ):
+        own, made = (gaps.tool == tool) & ~gaps.changes, moves.tool == tool
+        feeds = tuple(
+            _usual(motion.feed[moves.gap & made & moves.still & way]) or 40.0
+            for way in (moves.pull, moves.push)
+        )
+        amount = _usual_pull(gaps.depth[own])
+        by_firmware = bool(firmware[own].sum() * 2 > max(1, pulled[own].sum()))
+        if by_firmware:
+            last = int(runs.last[np.flatnonzero(of_contour == tool)[-1]])
+            amount, feeds = _told_to_firmware(lines, track, int(motion.line[last]))
+        wiping = moves.gap & made & ~moves.still & moves.pull
+        found[tool] = (
+            Retraction(
+                amount, feeds[0], feeds[1], _hop(motion, runs, pulled & own), by_firmware,
+                **_wipe(motion, runs, wiping, moves.across, pulled & own),
+            ),
+            count,
+        )  # fmt: skip
+    return found
+
+
+def pulled_gaps(motion: Motion, runs: Runs, gaps: Gaps) -> NDArray[np.bool_]:
     """Tell between which contours the source retracts, (n - 1,)."""
-    return np.asarray(_firmware(motion, runs) | (_retractions(motion, runs)[0] > PULLED))
+    return np.asarray(_firmware(motion, runs) | (gaps.depth > PULLED))
 
 
 def _told_to_firmware(lines: Lines, track: Track, line: int) -> tuple[float, tuple[float, ...]]:
@@ -153,16 +202,7 @@ def _usual_acceleration(
 def _usual_pull(pulled: NDArray[np.float64]) -> float:
     """Return the median of what is retracted in a gap, where anything is, mm."""
     some = pulled[pulled > PULLED]
-    return float(np.median(some)) if len(some) else 0.0
-
-
-def _restart_extra(surplus: NDArray[np.float64], retract_mm: float) -> float:
-    """Return what is usually pushed back beyond a retraction; tool changes are no habit.
-
-    Below 0 where less is pushed back, which can be no less than nothing.
-    """
-    small = surplus[(surplus >= -max(retract_mm, EXTRA_LIMIT_MM)) & (surplus <= EXTRA_LIMIT_MM)]
-    return float(np.median(small)) if len(small) else 0.0
+    return round(float(np.median(some)), 6) if len(some) else 0.0
 
 
 def _progress(lines: Lines, motion: Motion, runs: Runs) -> str:
@@ -176,34 +216,6 @@ def _progress(lines: Lines, motion: Motion, runs: Runs) -> str:
 def _occurs(lines: Lines, motion: Motion, runs: Runs, letter: int, code: int) -> bool:
     span = slice(int(motion.line[runs.first[0]]), int(motion.line[runs.last[-1]]))
     return bool(((lines.letter[span] == letter) & (lines.code[span] == code)).any())
-
-
-def _retractions(motion: Motion, runs: Runs) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return per gap the filament pulled and the surplus pushed back, each (n - 1,)."""
-    pulled = np.concatenate([[0.0], np.cumsum(np.minimum(motion.extrusion, 0.0))])
-    total = np.concatenate([[0.0], np.cumsum(motion.extrusion)])
-    begin, end = runs.last[:-1] + 1, runs.first[1:]
-    surplus = total[end] - total[begin]
-    return pulled[begin] - pulled[end], np.where(np.abs(surplus) < 1e-3, 0.0, surplus)
-
-
-def owed_at_begins(
-    motion: Motion, runs: Runs, habits: Habits, tied: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """Return the filament still retracted when each contour begins, (n,) mm.
-
-    A source may push back less than it retracted. Contours it begins bare have
-    what its habit leaves, should they be reached by a retracted travel now. In tool
-    changes (`tied`) any length may be unloaded; elsewhere that is no habit.
-    """
-    above = np.maximum(motion.line[runs.first] - 1, 0)
-    owed: NDArray[np.float64] = motion.extruder[above, 1].copy()
-    pulled, _ = _retractions(motion, runs)
-    owed[(owed < OWED_MM) | (~tied & (owed > _usual_pull(pulled)))] = 0.0
-    bare = np.concatenate([[True], (pulled <= PULLED) & ~_firmware(motion, runs)])
-    owed[bare & ~tied] = np.maximum(owed, -habits.restart_extra)[bare & ~tied]
-    owed.setflags(write=False)
-    return owed
 
 
 def _firmware(motion: Motion, runs: Runs) -> NDArray[np.bool_]:

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED
+from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, TOOL
 from decmcts._kernels.motion.blocks import PRINTING
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.limits import commanded, state_limits, stated_limits
 from decmcts.formats.gcode.controller.motion import CHORD_ERROR_MM, Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
-from decmcts.formats.gcode.document import NO_ARC, Arcs, Cursor, GcodeDocument, StateTable
+from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
 from decmcts.formats.gcode.reading.combing import with_bare_travels
 from decmcts.formats.gcode.reading.edges import state_edges
@@ -27,9 +27,9 @@ from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsaf
 from decmcts.formats.gcode.reading.habits import (
     filament_diameter,
     infer_settings,
-    owed_at_begins,
     pulled_gaps,
 )
+from decmcts.formats.gcode.reading.ledger import due_at_begins, gaps_of, net_before, net_behind
 from decmcts.formats.gcode.text.lines import Lines, above_comments, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.contours import Contours, Role
@@ -44,27 +44,6 @@ _SLICERS = re.compile(
     rb"(PrusaSlicer|SuperSlicer|OrcaSlicer|BambuStudio|Slic3r(?: Prusa Edition)?|Cura_SteamEngine|"
     rb"ideaMaker|Simplify3D\(R\)|KISSlicer|Kiri:Moto|FullControl)[ ,]*(?:Version )?([\w.+-]*)"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Motions:
-    """Every move of a file in order, for whoever judges it.
-
-    A move k goes from points[k] to points[k + 1]; homing and G92 appear as
-    moves without feed.
-    """
-
-    points: NDArray[np.float64]  # (m + 1, 3) mm
-    extrusion: NDArray[np.float64]  # (m,) filament pushed, mm
-    feed: NDArray[np.float64]  # (m,) mm/s
-    line: NDArray[np.int64]  # (m,) source line, from 1
-    contour: NDArray[np.int64]  # (m,) contour in the order of this file, -1: none
-    width: NDArray[np.float64]  # (m,) bead width, mm; 0 where contour is -1
-    height: NDArray[np.float64]  # (m,) bead height, mm; 0 where contour is -1
-    owed: NDArray[np.float64] | None = None  # (m,) mm retracted before the line; inf: by firmware
-    placed: NDArray[np.bool_] | None = None  # (m,) homing or G92, no move of known path
-    arc: NDArray[np.int32] | None = None  # (m,) number in `arcs` a move is a chord of, or NO_ARC
-    arcs: Arcs | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +95,9 @@ def read_result(
     path: Path | str, plate: int | None = None
 ) -> tuple[PrintJob, GcodeDocument, Motions]:
     """Read a file as `read_gcode` and as `read_motions`, parsed once."""
-    parsed = _parse(path, plate)
-    return *_print_of(parsed, path, plate), _motions_of(parsed)
+    job, document = read_gcode(path, plate)
+    assert document.moves is not None
+    return job, document, document.moves
 
 
 def read_written(
@@ -126,7 +106,9 @@ def read_written(
     """Read a file made from `document` as `read_result` and as `ending_of`, parsed once."""
     parsed = _parse(path, plate)
     ending = _ending(parsed, document, path)
-    return *_print_of(parsed, path, plate), _motions_of(parsed), ending
+    job, ours = _print_of(parsed, path, plate)
+    assert ours.moves is not None
+    return job, ours, ours.moves, ending
 
 
 def ending_of(path: Path | str, document: GcodeDocument) -> Ending:
@@ -152,7 +134,8 @@ def _ending(parsed: _Parsed, document: GcodeDocument, path: Path | str) -> Endin
     motion, runs = parsed.motion, parsed.runs
     x, y, z = motion.points[runs.last[-1] + 1].tolist()
     top = float(motion.points[1:, 2][runs.contour >= 0].max())
-    return Ending(cursor_at(motion, parsed.track, line), parsed.track.table, (x, y, z), top)
+    cursor = cursor_at(motion, parsed.track, line, owed=-net_before(motion, runs, line))
+    return Ending(cursor, parsed.track.table, (x, y, z), top)
 
 
 def _print_of(
@@ -162,21 +145,22 @@ def _print_of(
     lines, motion, runs = parsed.lines, parsed.motion, parsed.runs
     towers = _towers(parsed)
     edges, one_way = state_edges(motion, runs, parsed.track, parsed.beads.layer)
-    blocks = find_blocks(lines, motion, parsed.track, runs, edges=edges, towers=towers)
+    gaps = gaps_of(motion, runs)
+    blocks = find_blocks(lines, motion, parsed.track, runs, gaps, edges=edges, towers=towers)
     contours, point_state, point_arc = _contours(parsed, blocks, one_way)
-    settings, habits = infer_settings(lines, motion, runs, parsed.track)
-    settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs))
+    settings, habits = infer_settings(lines, motion, runs, gaps, parsed.track)
+    settings = with_bare_travels(lines.text, contours, settings, pulled_gaps(motion, runs, gaps))
     top = _preamble_end(parsed)
     bottom = int(motion.line[runs.last[-1]]) + 1
-    start = cursor_at(motion, parsed.track, top)
+    start = cursor_at(motion, parsed.track, top, owed=net_behind(motion, runs, top))
     first = int(motion.line[runs.first[0]])
     document = GcodeDocument(
         str(path), lines.span(0, top), lines.span(bottom, len(lines)),
         b"\r\n" if lines.text.count(b"\r\n") * 2 > len(lines) else b"\n",
-        start, cursor_at(motion, parsed.track, bottom), blocks.blocks, parsed.track.table,
-        point_state, owed_at_begins(motion, runs, habits, blocks.tied),
+        start, cursor_at(motion, parsed.track, bottom, owed=0.0), blocks.blocks,
+        parsed.track.table, point_state, due_at_begins(gaps, blocks.parted),
         bool(motion.modes[first, 1]), float(motion.extruder[first, 2]), motion.decimals, habits,
-        point_arc, motion.arcs, plate,
+        point_arc, motion.arcs, plate, _motions_of(parsed),
     )  # fmt: skip
     name = _PACKED.sub("", Path(path).name).rsplit(".", 1)[0]
     stated = stated_limits(lines.text)
@@ -196,12 +180,13 @@ def _print_of(
 
 
 def _refills(parsed: _Parsed, blocks: Blocks) -> tuple[int, ...]:
-    """Return the epochs that begin where the nozzle is fed anew or stood still for long."""
+    """Return the epochs that begin where the nozzle is fed anew, or may be, or stood still long."""
     barriers = parsed.track.barriers.items()
     lines = np.array([line for line, reason in barriers if reason in REFILLS], np.int64)
     next_one = np.searchsorted(parsed.motion.line[parsed.runs.first], lines)
     within = (next_one > 0) & (next_one < len(blocks.epoch))
-    return tuple(np.unique(blocks.epoch[next_one[within]]).tolist())
+    fed = np.union1d(blocks.epoch[next_one[within]], blocks.epoch[blocks.held])
+    return tuple(fed.tolist())
 
 
 def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
@@ -228,11 +213,11 @@ def _motions_of(parsed: _Parsed) -> Motions:
     width[contour >= 0] = parsed.beads.move_width
     height[contour >= 0] = parsed.beads.move_height
     above = np.maximum(motion.line - 1, 0)
-    firmware = motion.modes[above, FIRMWARE_RETRACTED] > 0
-    owed = np.where(firmware, np.inf, motion.extruder[above, 1])
     return Motions(
-        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height, owed,
+        motion.points, motion.extrusion, motion.feed, motion.line + 1, contour, width, height,
         motion.placed[motion.line], motion.arc, motion.arcs,
+        motion.modes[motion.line, TOOL].astype(np.int64),
+        motion.modes[above, FIRMWARE_RETRACTED] > 0,
     )  # fmt: skip
 
 

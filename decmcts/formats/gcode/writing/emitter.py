@@ -20,6 +20,7 @@ from decmcts.print.job import ProcessSettings
 from decmcts.print.walls import no_walls, retracts
 
 NEAR_MM = 1e-3  # two positions this near are one
+ROUNDING_MM = 1e-3  # of filament; less is not worth a line
 APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
 BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
 
@@ -33,15 +34,21 @@ class Emitter:
         self.document = document
         self._told: set[tuple[tuple[str, ...], tuple[str, ...]]] = set()  # layer and lines
         self._arrival: tuple[str, ...] = ()  # to be said when the head is there
-        self.settings = settings
+        self.settings = settings  # of the tool in use
+        self._of_tool = {tool: settings.for_tool(tool) for tool, _ in settings.of_tools}
+        self._usual = settings
         self.walls = no_walls() if walls is None else walls
         self.lines: list[bytes] = []
         xy, e, _ = document.decimals
+        self._decimals = e
         self._xy, self._e = f".{xy}f", f".{e}f"
         self._ij = f".{max(xy, document.arcs.decimals)}f"
         self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
         self.travel_feed = settings.travel_feed or 100.0
+        self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
+        self.e = 0.0
+        self.relative_e = document.start.relative_e
         self.tail: NDArray[np.float64] = np.zeros((0, 3))  # the bead just printed, newest first
         self.parted = False  # a verbatim block stands between the last bead and the next
         self.top = -math.inf  # highest bead so far; none yet
@@ -51,13 +58,17 @@ class Emitter:
     def take(self, cursor: Cursor) -> None:
         """Take over from verbatim lines that leave the controller at `cursor`."""
         self.at = cursor.position
-        self.e = cursor.e
+        self.e = cursor.e + self._rounded_off()
         self.feed = cursor.feed
-        self.owed = cursor.owed
+        self.owed, self._pulled = cursor.owed, False
         self.firmware_retracted = cursor.firmware_retracted
         self.relative_e = cursor.relative_e  # M82 and M83 in the print are blocks
         self.row = self.document.states.rows[cursor.state].tolist()
         self._untold(layer_words(self.document.states.text(cursor.state, "layer")))
+
+    def use(self, tool: int) -> None:
+        """Retract from now on as a tool does."""
+        self.settings = self._of_tool.get(tool, self._usual)
 
     def say(self, text: str) -> None:
         """Write a line."""
@@ -79,10 +90,21 @@ class Emitter:
         self.feed = feed
 
     def _count(self, filament: float) -> str:
-        """Return the E word of a push and count it."""
+        """Return the E word of a push and count it; what it rounds off goes to the next."""
         amount = filament * self._scale
         self.e += amount
-        return format(amount if self.relative_e else self.e, self._e)
+        if not self.relative_e:
+            return format(self.e, self._e)
+        amount += self.spare
+        text = format(amount, self._e)
+        self.spare = amount - float(text)
+        return text
+
+    def _rounded_off(self) -> float:
+        """Return by how much E differs from its last word, where E is absolute."""
+        if self.relative_e or not math.isfinite(self.e):
+            return 0.0
+        return self.e - float(format(self.e, self._e))
 
     def _feed_word(self, feed: float) -> str:
         text = f"{feed * 60.0:.{max(3, self.document.decimals[2])}f}"
@@ -94,7 +116,9 @@ class Emitter:
         if filament and feed == self.feed and to[2] == z and (to[0] != x or to[1] != y):
             amount = filament * self._scale  # nearly every line of a file is one of these
             self.e += amount
-            e = amount if self.relative_e else self.e
+            e = amount + self.spare if self.relative_e else self.e
+            if self.relative_e:
+                self.spare = e - round(e, self._decimals)
             self.lines.append(self._bead_line % (to[0], to[1], e))
             self.at = to
             return
@@ -142,14 +166,15 @@ class Emitter:
 
     def set_e(self, e: float) -> None:
         """Make the controller count E from another value, where it counts at all."""
-        if not self.relative_e and abs(self.e - e) > 1e-7:
+        left = self._rounded_off()
+        if not self.relative_e and not abs(self.e - left - e) <= 1e-7:
             self.say(f"G92 E{e:{self._e}}")
-        self.e = e
+        self.e = e + left
 
     # -- retraction -------------------------------------------------------------
 
-    def owe(self, owed: float, *, firmware: bool = False, extra: float = 0.0) -> None:
-        """Retract or push back until `owed` mm are retracted, then push `extra` mm more."""
+    def owe(self, owed: float, *, firmware: bool = False) -> None:
+        """Retract or push back until `owed` mm are retracted; below 0: until so much is pushed."""
         if self.firmware_retracted != firmware:
             self.say("G10" if firmware else "G11")
             self.firmware_retracted = firmware
@@ -157,16 +182,19 @@ class Emitter:
         if abs(change) > 1e-6:
             settings = self.settings
             feed = settings.unretract_feed if change > 0 else settings.retract_feed
-            self.push(change + (extra if change > 0 else 0.0), feed)
+            self.push(change, feed)
             self.owed = owed
 
     def restart(self, due: float) -> None:
-        """Push back what is retracted as the source does: until `due` mm are, or with a surplus.
+        """Begin a bead as the source does: with `due` mm retracted, or so much pushed beyond.
 
-        What is not retracted any more is not retracted for it.
+        With the bead the count begins anew. A difference that is only rounding, where nothing
+        is retracted, waits for the next retraction.
         """
-        extra = max(0.0, self.document.habits.restart_extra) if due == 0.0 else 0.0
-        self.owe(min(due, self.owed), extra=extra)
+        if self.firmware_retracted or abs(self.owed - due) > ROUNDING_MM or self._pulled:
+            self.owe(due)
+        self.owed -= due
+        self._pulled = False
 
     def retract(self) -> None:
         """Retract as the source does, wiping along the last bead if it wipes."""
@@ -183,6 +211,7 @@ class Emitter:
             self.owe(settings.retract_mm - wiped)
             self._wipe(wiped)
         self.owe(settings.retract_mm)
+        self._pulled = True
         if habits.resets_e:
             self.set_e(0.0)
 

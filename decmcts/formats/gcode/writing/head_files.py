@@ -249,6 +249,8 @@ class _HeadFile:
         words: _Words,
     ) -> None:
         self.emitter = Emitter(document, job.settings, walls_for(job))
+        if tool is not None:
+            self.emitter.use(tool)
         self.document, self.job, self.index, self.tool = document, job, index, tool
         self.points, self.words = points, words
         self.blocks = list(document.blocks)
@@ -260,11 +262,14 @@ class _HeadFile:
         """Set up and go to the park position, one head after the other."""
         emitter, document = self.emitter, self.document
         preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
-        emitter.owed = self._owed_after(preamble, 0.0, 0.0, relative_e=False)  # moves are left out
+        # moves are left out, so it is counted anew what is retracted
+        emitter.owed = self._owed_after(preamble, 0.0, 0.0, relative_e=False)
         emitter.cold = self.shared and source_heats(document) and not heats(preamble)
         if self._is_other(document.start.tool):
             emitter.firmware_retracted = False
         self.left = emitter.owed
+        if not self._is_other(document.start.tool):
+            emitter.owed += document.start.owed - document.start.pulled
         first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
         emitter.verbatim(first)
         if self.index > 0:
@@ -398,6 +403,8 @@ class _HeadFile:
             emitter.firmware_retracted = pulled
         if not self._is_other(block.begin.tool):
             self.left = emitter.owed
+        if not self._is_other(block.end.tool):  # what the source pushes beyond what it shows pulled
+            emitter.owed += block.end.owed - block.end.pulled
 
     def _owed_after(self, text: bytes, owed: float, e: float, *, relative_e: bool) -> float:
         return owed_after(text, owed, e=e, relative_e=relative_e, e_area=self.document.e_area)

@@ -72,6 +72,7 @@ def gcode_bytes(
     progress = Progress(document, actions)
     preamble = progress.above(document.preamble)
     emitter.verbatim(with_header(preamble, header_lines, document.newline))
+    emitter.use(document.start.tool)
     blocks = iter(document.blocks)
     block = next(blocks, None)
     path: list[NDArray[np.float64]] = []
@@ -155,6 +156,7 @@ def emit_block(emitter: Emitter, block: Block) -> None:
     stood = emitter.at
     emitter.verbatim(b"".join(without_progress(block.text)))
     emitter.take(block.end)
+    emitter.use(block.end.tool)
     emitter.parted = True  # as it parted the contours in the source
     emitter.leave()
     if not block.moves:
@@ -202,8 +204,6 @@ def print_contour(
         emitter.say(SPLIT_MARK)
     emitter.parted = False
     _lay(emitter, job, way, said, is_reversed=is_reversed)
-    if emitter.owed > 0.0:
-        emitter.owed = max(0.0, emitter.owed - float(way.extrusion[1:].sum()))
     emitter.tail = points[max(said, default=0) :][::-1]
     emitter.top = max(emitter.top, float(points[:, 2].max()))
 

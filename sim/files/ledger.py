@@ -1,0 +1,235 @@
+"""The judge's book of filament: what each tool pushes and pulls, from move to move of the file.
+
+The source is the measure. A stretch is what lies between two beads, or between a bead and lines
+that stand word for word as in the source. What its moves push less what they pull is its *net*.
+
+- Each tool gives in the whole file what it gives in the source.
+- The stretch before each contour has the net it has in the source, whatever comes before it. So a
+  bead begins with as much retracted, and what the source leaves on the spot is left.
+- The stretches before and behind the source's own lines have the nets they have there.
+- Nowhere within a stretch is more pulled, or more pushed beyond what was pulled, than the source
+  does with that tool.
+- A bead that is begun unretracted in the source is not begun retracted by the firmware.
+
+All this is counted in running sums of the moves. Nothing that the reader or the writer has found
+out about retraction is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import GcodeDocument, Motions
+from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.commands import Verbatim
+
+TOTAL_MM = 1e-4  # by which the filament of a tool may differ in all
+NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, on both sides
+MORE_MM = 0.01  # of filament pushed or pulled at once beyond the source's
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Spans = Sequence[tuple[int, int] | None]
+
+
+def check_filament(
+    motions: Motions, source: Motions, document: GcodeDocument, places: Verbatim,
+    laid: tuple[Ints, Ints],
+) -> list[Fault]:  # fmt: skip
+    """Check the filament of a one-head file against its source's; linear in their moves.
+
+    Parameters
+    ----------
+    places
+        Where the file has the source's own lines.
+    laid : (k,), (k,)
+        Moves of the file that lay beads, and the source's contour each is of, -1: of none.
+    """
+    laid = _contours_of(motions, *laid)
+    if not len(laid[0]):
+        return []
+    theirs = np.flatnonzero(np.asarray(source.contour) >= 0)
+    own = _Book.of(source, theirs, np.asarray(source.contour)[theirs], _in_source(document))
+    book = _Book.of(motions, *laid, [(1, places.begin - 1), *places.blocks])
+    return [
+        *_check_totals(motions, source),
+        *_check_nets(book, own, motions),
+        *_check_depths(book, own, motions),
+        *_check_firmware(book, own, motions, source),
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class _Book:
+    """The stretches of a file in order: of each contour one before it; two where lines stand."""
+
+    bead: Ints  # (n,) the move each contour begins with
+    contour: Ints  # (n,) of the source
+    tool: Ints  # (n,) it is printed with
+    lines: Ints  # (n,) which of the source's own lines stand before it: -1 none, 0 the start code
+    net: Floats  # (n,) of the stretch before it, mm
+    low: Floats  # (n,) least running sum within that stretch, mm, 0 or below
+    high: Floats  # (n,) greatest, 0 or above
+    net_above: Floats  # (n,) of the stretch above the lines, mm; 0 where none stand
+    low_above: Floats  # (n,)
+    high_above: Floats  # (n,)
+    tool_above: Ints  # (n,) in use in that stretch
+
+    @staticmethod
+    def of(motions: Motions, laid: Ints, contour: Ints, spans: Spans) -> _Book:
+        """Return the book of the moves between beads; `spans` are the source's own lines."""
+        first = np.concatenate([[True], np.diff(contour) != 0])
+        bead, behind = laid[first], np.concatenate([[-1], laid[:-1][first[1:]]]) + 1
+        line, tools = np.asarray(motions.line), _tools(motions)
+        above, since = behind.copy(), behind.copy()  # a stretch ends, the next begins
+        stands = np.full(len(bead), -1, np.int64)
+        for number, span in enumerate(spans):
+            if span is None:
+                continue
+            a, b = np.searchsorted(line, (span[0], span[1] + 1)).tolist()
+            k = int(np.searchsorted(bead, b))
+            if k < len(bead) and b >= behind[k]:
+                above[k], since[k], stands[k] = max(a, int(behind[k])), b, number
+        total = np.concatenate([[0.0], np.cumsum(np.asarray(motions.extrusion))])
+        upper, lower = _stretch(total, behind, above), _stretch(total, since, bead)
+        if stands[0] == 0:  # what the start code does is its own
+            for each in upper:
+                each[0] = 0.0
+        return _Book(
+            bead, contour[first], tools[bead], stands, *lower, *upper,
+            tools[np.maximum(behind - 1, 0)],
+        )  # fmt: skip
+
+
+def _contours_of(motions: Motions, laid: Ints, contour: Ints) -> tuple[Ints, Ints]:
+    """Return the moves of known contours, pauses within them too, and the source's of each."""
+    of_run = np.full(int(np.asarray(motions.contour).max(initial=-1)) + 2, -1, np.int64)
+    known = contour >= 0
+    of_run[np.asarray(motions.contour)[laid[known]]] = contour[known]
+    of_run[-1] = -1  # moves of no contour
+    each = of_run[np.asarray(motions.contour)]
+    rows = np.flatnonzero(each >= 0)
+    return rows, each[rows]
+
+
+def _stretch(total: Floats, begin: Ints, end: Ints) -> tuple[Floats, Floats, Floats]:
+    """Return net, least and greatest running sum of the moves begin..end - 1, each (n,)."""
+    pairs = np.stack([begin, end + 1], axis=1).ravel()
+    padded = np.append(total, total[-1:])
+    low = np.minimum.reduceat(padded, pairs)[::2] - total[begin]
+    high = np.maximum.reduceat(padded, pairs)[::2] - total[begin]
+    return total[end] - total[begin], low, high
+
+
+def _tools(motions: Motions) -> Ints:
+    n = len(motions.line)
+    return np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
+
+
+def _in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
+    """Return the lines of start code and blocks in the source, first and last, from 1."""
+    above = document.preamble.count(b"\n")
+    spans = [(b.line, b.line + len(b.text.splitlines()) - 1) for b in document.blocks]
+    return [(1, above), *spans]
+
+
+def _check_totals(motions: Motions, source: Motions) -> list[Fault]:
+    """Compare what each tool gives in the whole file."""
+    ours, theirs = _tools(motions), _tools(source)
+    most = int(max(ours.max(initial=0), theirs.max(initial=0))) + 1
+    has = np.bincount(ours, np.asarray(motions.extrusion), most)
+    due = np.bincount(theirs, np.asarray(source.extrusion), most)
+    lines = [
+        f"tool {tool} gives {has[tool]:.5f} mm of filament in all, in the source {due[tool]:.5f}"
+        for tool in np.flatnonzero(np.abs(has - due) > TOTAL_MM).tolist()
+    ]
+    return listed(FaultKind.E_TOTAL, lines)
+
+
+def _check_nets(book: _Book, own: _Book, motions: Motions) -> list[Fault]:
+    """Compare what the stretches before contours, and around the source's lines, push in all."""
+    n = int(max(own.contour.max(initial=0), book.contour.max(initial=0))) + 1
+    parted = own.lines >= 0
+    of_contour, of_lines = np.zeros(n), np.zeros(int(own.lines.max(initial=-1)) + 2)
+    above_lines = np.zeros(len(of_lines))
+    of_contour[own.contour] = np.where(parted, 0.0, own.net)
+    of_lines[own.lines[parted]] = own.net[parted]
+    above_lines[own.lines[parted]] = own.net_above[parted]
+    stands = np.minimum(book.lines, len(of_lines) - 1)  # -1, the last: none
+    due = of_contour[book.contour] + np.where(stands >= 0, of_lines[stands], 0.0)
+    due_above = np.where(stands >= 0, above_lines[stands], 0.0)
+    line, at = np.asarray(motions.line), book.bead
+    off = np.flatnonzero(np.abs(book.net - due) > NET_MM)
+    above = np.flatnonzero(np.abs(book.net_above - due_above) > NET_MM)
+    lines = [
+        f"line {line[at[k]]} begins a bead with {_left(book.net[k])}, "
+        f"the source with {_left(due[k])}"
+        for k in off[:LIMIT].tolist()
+    ]
+    lines += [
+        f"above line {line[at[k]]} the source's own lines are begun with "
+        f"{_left(book.net_above[k])}, in the source with {_left(due_above[k])}"
+        for k in above[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.STATE, lines, total=len(off) + len(above))
+
+
+def _left(net: float) -> str:
+    """Return in words what the moves of a stretch leave retracted, or pushed on the spot."""
+    if net > 0.0:
+        return f"{net:.4g} mm pushed on the spot"
+    return f"{abs(net):.4g} mm retracted"
+
+
+def _check_depths(book: _Book, own: _Book, motions: Motions) -> list[Fault]:
+    """Check that nowhere more is pulled, or pushed beyond it, than the source does with that tool.
+
+    What it does for a change of tools holds above and below that change only.
+    """
+    n = int(max(own.tool.max(), own.tool_above.max(), book.tool.max(), book.tool_above.max())) + 1
+    kept, parted = own.tool == own.tool_above, own.lines >= 0
+    texts, total = list[str](), 0
+    for upper in (False, True):
+        tool = book.tool_above if upper else book.tool
+        low, high = (book.low_above, book.high_above) if upper else (book.low, book.high)
+        usual = np.zeros((2, n))
+        for row, sign, each in ((0, -1, own.low), (0, -1, own.low_above), (1, 1, own.high)):
+            np.maximum.at(usual[row], own.tool[kept], sign * each[kept])
+        here = np.zeros((2, int(own.lines.max(initial=-1)) + 2))
+        of = (own.low_above, own.high_above) if upper else (own.low, own.high)
+        here[0, own.lines[parted]], here[1, own.lines[parted]] = -of[0][parted], of[1][parted]
+        stands = np.minimum(book.lines, here.shape[1] - 1)
+        most = np.maximum(usual[0][tool], here[0][stands])
+        highest = usual[1][tool] + here[1][stands]
+        deep, up = -low - most > MORE_MM, high - highest > MORE_MM
+        wrong = np.flatnonzero(deep | up)
+        total += len(wrong)
+        texts += [
+            f"above line {motions.line[book.bead[k]]} tool {tool[k]} "
+            + (
+                f"retracts {-low[k]:.4g} mm, in the source {most[k]:.4g} at most"
+                if deep[k]
+                else f"pushes {high[k]:.4g} mm on the spot, in the source {highest[k]:.4g} at most"
+            )
+            for k in wrong[:LIMIT].tolist()
+        ]
+    return listed(FaultKind.STATE, texts, total=total)
+
+
+def _check_firmware(book: _Book, own: _Book, motions: Motions, source: Motions) -> list[Fault]:
+    """Check that no bead is begun retracted by the firmware which in the source is not."""
+    if motions.withdrawn is None:
+        return []
+    due = np.zeros(int(max(own.contour.max(), book.contour.max())) + 1, np.bool_)
+    if source.withdrawn is not None:
+        due[own.contour] = np.asarray(source.withdrawn)[own.bead]
+    wrong = np.flatnonzero(np.asarray(motions.withdrawn)[book.bead] & ~due[book.contour])
+    lines = [
+        f"line {motions.line[book.bead[k]]} begins a bead retracted by the firmware"
+        for k in wrong[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.STATE, lines, total=len(wrong))

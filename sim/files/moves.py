@@ -1,0 +1,79 @@
+"""The moves of a one-head file against those of its source: beads, order, places, contacts.
+
+Every extrusion of the source once, with its filament and feed, nothing else; in an order that its
+barriers allow; and the head, moved through the file, touches nothing printed before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import Motions
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from sim.content.arcs import check_arcs, turns_of
+from sim.content.inventory import Segments, compare, match_segments
+from sim.content.same_print import check_print
+from sim.content.seams import Moved, motions_with
+from sim.faults import Fault
+from sim.files.extent import check_file_extent, check_file_feeds
+from sim.files.file_contacts import check_file_material
+from sim.files.printed_file import laying_moves, segments_of
+from sim.rules.epochs import check_file_epochs
+from sim.rules.priming import check_file_priming
+
+
+@dataclass(frozen=True, slots=True)
+class Matched:
+    """The beads of a file, and which of the source's each of them is."""
+
+    faults: list[Fault]
+    is_other: bool  # another print: nothing else was compared
+    segments: Segments  # (n,) of the file, in its order
+    laid: NDArray[np.int64]  # (n,) the moves that lay them
+    contour: NDArray[np.int64]  # (n,) the source's contour each of them is of, -1: of none
+
+
+def check_moves(
+    motions: Motions,
+    source: Motions,
+    machine: Machine,
+    *,
+    job: PrintJob | None = None,
+    seams: Sequence[Moved] = (),
+    forgiven: Callable[[], Motions | None] = lambda: None,
+) -> Matched:
+    """Check the moves of a file; whatever judges a file of one head asks here.
+
+    Parameters
+    ----------
+    job : PrintJob | None
+        The source's print; when given, nothing may have moved across its barriers.
+    seams : Sequence[Moved]
+        Loops of `job` the file enters at another vertex.
+    forgiven
+        Returns the moves whose contacts a file may make too; called where there are contacts.
+    """
+    turns, moved = turns_of(source), {seam.contour for seam in seams}
+    if job is not None:
+        source = motions_with(source, job.contours, seams)
+    ours, theirs = segments_of(motions), segments_of(source)
+    match = match_segments(ours, theirs)
+    contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
+    printed = np.where(match >= 0, contour[match] if len(contour) else -1, -1)
+    laid = laying_moves(motions)
+    if other := check_print(ours, theirs, match, contour):
+        return Matched(other, True, ours, laid, printed)
+    faults = compare(ours, theirs, match) + check_arcs(turns_of(motions), turns, moved)
+    if job is not None and len(job.contours):
+        epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
+        faults += check_file_epochs(ours.place, match, epoch)
+        faults += check_file_priming(job.contours, printed, refills=job.refills)
+    faults += check_file_extent(motions, source, machine)
+    faults += check_file_feeds(motions, source)
+    faults += check_file_material(motions, match, machine, source=forgiven)
+    return Matched(faults, False, ours, laid, printed)
