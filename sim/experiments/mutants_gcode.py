@@ -220,6 +220,60 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
 )
 
 
+def other_retraction(own: str, other: str) -> Callable[[Lines, Rng], None]:
+    """Return a mutant that lets a tool retract, and push back, as far as another does."""
+
+    def spoil(lines: Lines, rng: Rng) -> None:
+        pairs = [k for k in _rows(lines, rf"^G1 E-{own}") for j in (_pushed(lines, k),)
+                 if lines[j].startswith(f"G1 E{own}")]  # fmt: skip
+        k = pick(pairs, rng)
+        for row in (k, _pushed(lines, k)):
+            lines[row] = lines[row].replace(own, other)
+
+    return spoil
+
+
+def _pushed(lines: Lines, pulled: int) -> int:
+    """Return the next line that pushes filament alone."""
+    return next((k for k in _rows(lines, PRIME) if k > pulled), pulled)
+
+
+def pushes_exchanged(lines: Lines, rng: Rng) -> None:
+    """Let one tool push half a millimetre less and the other more: together nothing is lost."""
+    a, b = pick(_rows(lines, r"^G1 E0\.80"), rng), pick(_rows(lines, r"^G1 E2\.03"), rng)
+    lines[a] = lines[a].replace("E0.80", "E0.30")
+    lines[b] = lines[b].replace("E2.03", "E2.53")
+
+
+def pull_behind_its_macro(lines: Lines, rng: Rng) -> None:
+    """Pull behind the macro that should push back."""
+    k = pick(_rows(lines, r"^CLEAN_NOZZLE"), rng)
+    lines[k - 1], lines[k] = lines[k], lines[k - 1]
+
+
+def by_firmware(lines: Lines, rng: Rng) -> None:
+    """Leave one retraction to a firmware that may know none."""
+    rows = [
+        k for k in _rows(lines, r"^G1 E-0\.80") if lines[_pushed(lines, k)].startswith("G1 E0.80")
+    ]
+    k = pick(rows, rng)
+    lines[_pushed(lines, k)], lines[k] = "G11", "G10"
+
+
+TOOL_MUTANTS: tuple[Mutant[Lines], ...] = (  # of the made print with two tools
+    Mutant("a tool's first push dropped", remove(r"^G1 E10\.")),
+    Mutant("a tool retracts as far as the other", other_retraction("0.80000", "2.00000")),
+    Mutant("a tool retracts as far as for a change", other_retraction("0.80000", "10.00000")),
+    Mutant("a pull behind the macro that pays it", pull_behind_its_macro),
+    Mutant("a push back before a macro that pays", change(r"^CLEAN", r"^", "G1 E1.50000\n")),
+    Mutant("a push on the spot dropped", change(r"^G1 E0\.9", "E0.9", "E0.8")),
+    Mutant("a push on the spot doubled", change(r"^G1 E0\.9", "E0.9", "E1.0")),
+    Mutant("a restart distance dropped", change(r"^G1 E2\.03", "E2.03", "E2.00")),
+    Mutant("pushes of two tools exchanged", pushes_exchanged),
+    Mutant("a retraction left to the firmware", by_firmware),
+)
+
+
 def in_one(spoil: Callable[[Lines, Rng], None]) -> Callable[[Files, Rng], None]:
     """Return a mutant of one head's file, whichever it fits."""
 

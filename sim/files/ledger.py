@@ -221,15 +221,33 @@ def _check_depths(book: _Book, own: _Book, motions: Motions) -> list[Fault]:
 
 
 def _check_firmware(book: _Book, own: _Book, motions: Motions, source: Motions) -> list[Fault]:
-    """Check that no bead is begun retracted by the firmware which in the source is not."""
+    """Check that the firmware retracts only for tools for which it does in the source.
+
+    And that no bead is begun retracted by it which in the source is not.
+    """
     if motions.withdrawn is None:
         return []
+    within = slice(int(book.bead[0]), int(book.bead[-1]))
+    theirs = np.unique(_tools(source)[_withdrawn(source)])
+    foreign = within.start + np.flatnonzero(
+        _withdrawn(motions)[within] & ~np.isin(_tools(motions)[within], theirs)
+    )
+    texts = [
+        f"above line {motions.line[k]} the firmware retracts, in the source it does not for tool "
+        f"{_tools(motions)[k]}"
+        for k in foreign[:LIMIT].tolist()
+    ]
     due = np.zeros(int(max(own.contour.max(), book.contour.max())) + 1, np.bool_)
-    if source.withdrawn is not None:
-        due[own.contour] = np.asarray(source.withdrawn)[own.bead]
-    wrong = np.flatnonzero(np.asarray(motions.withdrawn)[book.bead] & ~due[book.contour])
-    lines = [
+    due[own.contour] = _withdrawn(source)[own.bead]
+    wrong = np.flatnonzero(_withdrawn(motions)[book.bead] & ~due[book.contour])
+    texts += [
         f"line {motions.line[book.bead[k]]} begins a bead retracted by the firmware"
         for k in wrong[:LIMIT].tolist()
     ]
-    return listed(FaultKind.STATE, lines, total=len(wrong))
+    return listed(FaultKind.STATE, texts, total=len(foreign) + len(wrong))
+
+
+def _withdrawn(motions: Motions) -> NDArray[np.bool_]:
+    """Tell before which moves the firmware has retracted, (m,)."""
+    n = len(motions.line)
+    return np.zeros(n, np.bool_) if motions.withdrawn is None else np.asarray(motions.withdrawn)

@@ -70,6 +70,9 @@ class Walker:
             *(c.owed for c in starts),
         )
         beyond = max(c.owed - c.pulled for c in starts)
+        self._left = {  # what the source leaves retracted behind its own lines, mm, by epoch
+            b.epoch: max(0.0, b.end.pulled - b.end.owed) for b in document.blocks
+        }
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
         self._feeds = (job.settings.travel_feed or 100.0, job.settings.z_feed or 0.0)
 
@@ -172,7 +175,8 @@ class Walker:
         """Return what is wrong with the filament retracted where a bead begins."""
         line = self._line(min(self.at, self.end - 1))
         owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
-        due = max(0.0, float(self.document.owed[contour]))
+        epoch = int(self.job.contours.epoch[contour])
+        due = max(0.0, float(self.document.owed[contour]) + self._left.get(epoch, 0.0))
         if self.file.motion.modes[max(line - 2, 0), 3] or owed > due + OWED_MM:
             return f"line {line} begins contour {contour} with {owed:g} mm retracted"
         return ""
