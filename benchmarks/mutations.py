@@ -4,8 +4,9 @@
 
 A small print made by code is planned for one head (`plan`, `gcode`) and for two
 (`team`, `heads`), and one of two tools for one head (`tools`). Each mutant is made once a
-seed and given to `decmcts verify` with the source and the machine. Writes mutations.csv (resumable) and mutations.md
-in docs/results; exits with 1 if a mutant is missed or the judge crashes.
+seed and given to `decmcts verify` with the source and the machine. Writes mutations.csv
+(resumable) and mutations.md in docs/results; exits with 1 if a mutant is missed or the judge
+crashes.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def test_spoilt_filament_is_found(tools, tmp_path, mutant):
 def of_two_tools(first: str, behind: str, back: str = "") -> str:
     """Return a print of two loops of T0 and two of T1, with lines at the change of tools.
 
-    `first` stands above the change, `behind` before T1's first loop; `back` follows each loop's end.
+    `first` stands above the change, `behind` before T1's first loop, `back` behind each loop.
     """
     text = HEAD + "T0\n;LAYER_CHANGE\n;Z:0.2\nG1 Z0.2 F600\n"
     for k, x in enumerate((20, 60, 100, 140)):
@@ -196,7 +196,7 @@ def test_a_file_that_is_its_source_is_not_compared_with_a_writers_lines(tmp_path
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["one tool", "two tools"])
 def test_the_judge_of_drafts_is_the_judge_of_files(tmp_path, kind):
-    """What is written has passed all that `verify --source` asks: both find each mutant, or none."""
+    """What is written has passed all that `verify --source` asks: both find a mutant, or none."""
     two = kind == "two tools"
     source, good = tmp_path / "in.gcode", tmp_path / "good.gcode"
     source.write_text(made_tools_gcode() if two else made_gcode([(60.0, 100.0), (200.0, 100.0)]))
