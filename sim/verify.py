@@ -36,7 +36,7 @@ from sim.replay.execution import (
 )
 from sim.replay.growth import beads_for, moves_of
 from sim.replay.material import as_material, find_contacts, or_undecided, place_of
-from sim.replay.nominal import check_times
+from sim.replay.nominal import check_least, check_metrics, check_times
 from sim.rules.cooling import check_cooling
 from sim.rules.order import PartialOrder, order_of
 from sim.rules.order_rules import check_order, statements, usual_rules
@@ -100,6 +100,7 @@ def verify_plan(
         faults += listed(FaultKind.DEADLOCK, lines)
     else:
         faults += check_order(document, source, legs, order, held)
+        faults += check_least(document, legs.whole, source) + check_metrics(document, legs.whole)
         faults += _check_execution(document, legs, order, counts, trials=trials, seed=seed)
     counts["seconds"] = time.perf_counter() - started
     return Verdict(tuple(faults), counts, statements(document, source, machine, held, rules))

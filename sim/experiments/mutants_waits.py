@@ -1,4 +1,4 @@
-"""Mutants of what the heads of a plan.json wait for: actions, points, lags."""
+"""Mutants of what the heads of a plan.json wait for (actions, points, lags), and of its times."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from sim.experiments.mutants import Mutant, NotHereError
+from sim.experiments.mutants_actions import longest_actions, some_print
 
 Plan = dict[str, Any]
 Rng = np.random.Generator
+OF_THE_WHOLE = ("makespan_s", "print_time_s")  # metrics
 HEAD, ACTION, POINT, LAG = range(4)  # what an entry of `after` holds
 
 
@@ -129,4 +131,57 @@ WAIT_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("a lag below none", _entry(LAG, -1.0)),
     Mutant("a lag of a year", _entry(LAG, 3.2e7)),
     Mutant("a lag that is no number", _entry(LAG, float("nan"))),
+)
+
+
+def _every_time(plan: Plan, factor: float) -> None:
+    """Multiply all times and lags of a plan, and what it says of the whole."""
+    for head in plan["heads"]:
+        for action in head["actions"]:
+            action["begin_s"] *= factor
+            action["end_s"] *= factor
+            for edge in action["after"]:
+                edge[3] *= factor
+    for name in (*OF_THE_WHOLE, "waits_s"):
+        plan["metrics"][name] *= factor
+
+
+def ten_times_as_fast(plan: Plan, rng: Rng) -> None:
+    """Divide all times by ten."""
+    _every_time(plan, 0.1)
+
+
+def three_quarters(plan: Plan, rng: Rng) -> None:
+    """Let everything take three quarters of its time."""
+    _every_time(plan, 0.75)
+
+
+def print_halved(plan: Plan, rng: Rng) -> None:
+    """Let two contours be printed in half their time; the head then waits."""
+    actions = longest_actions(plan)
+    longest = max(
+        (k for k, action in enumerate(actions) if action["kind"] == "print"),
+        key=lambda k: actions[k]["end_s"] - actions[k]["begin_s"],
+    )
+    for k in (longest, some_print(plan, rng)):
+        actions[k]["end_s"] = (actions[k]["begin_s"] + actions[k]["end_s"]) / 2.0
+
+
+def makespan_denied(plan: Plan, rng: Rng) -> None:
+    """Say that the whole takes a second less."""
+    for name in OF_THE_WHOLE:
+        plan["metrics"][name] -= 1.0
+
+
+def travel_denied(plan: Plan, rng: Rng) -> None:
+    """Say that travels are shorter than they are."""
+    plan["metrics"]["emitted_travel_mm"] *= 0.9
+
+
+TIME_MUTANTS: tuple[Mutant[Plan], ...] = (
+    Mutant("all times a tenth", ten_times_as_fast),
+    Mutant("all times three quarters", three_quarters),
+    Mutant("a print in half its time", print_halved),
+    Mutant("a makespan that is not", makespan_denied),
+    Mutant("travels said shorter", travel_denied),
 )

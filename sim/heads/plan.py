@@ -17,7 +17,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import (
@@ -44,11 +43,12 @@ from sim.heads.file import HeadFile, axis_moves
 from sim.heads.sync import Knowledge
 from sim.heads.walk import SAME_MM
 from sim.replay.execution import execute
+from sim.replay.least import least_arrivals
 from sim.rules.order import PartialOrder, order_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
-ACTION_S = 1.0  # times mean nothing here: files of several heads are judged for every timing
+ACTION_S = 1.0  # more than its motion; times mean nothing: files are judged for every timing
 
 
 @dataclass(slots=True)
@@ -98,14 +98,9 @@ def plan_of_files(
         _head_actions(h, file.name, acts, known, entry) for h, file in enumerate(files)
     )
     document = PlanDocument(
-        "",
-        machine,
-        job.contours,
-        np.zeros((0, 2), np.int32),
-        JointPlan(_timed(all_actions, job.contours)),
-        {},
+        "", machine, job.contours, np.zeros((0, 2), np.int32), JointPlan(all_actions), {}
     )
-    return document, faults
+    return replace(document, plan=JointPlan(_timed(document, all_actions, job))), faults
 
 
 def _contours(ours: Segments, theirs: Segments) -> Ints:
@@ -285,14 +280,19 @@ def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]
     return after
 
 
-def _timed(all_actions: tuple[HeadActions, ...], contours: Contours) -> tuple[HeadActions, ...]:
+def _timed(
+    document: PlanDocument, all_actions: tuple[HeadActions, ...], job: PrintJob
+) -> tuple[HeadActions, ...]:
     """Return all actions with times that keep their order, at the slowest feed of the print."""
     legs = legs_of(all_actions)
     order = order_of(legs.all_actions)
     if not isinstance(order, PartialOrder):
         return all_actions
-    slowest = float(contours.feed[contours.feed > 0.0].min(initial=1.0))
-    seconds = [ACTION_S + _lengths(actions) / slowest for actions in legs.all_actions]
+    slowest = float(job.contours.feed[job.contours.feed > 0.0].min(initial=1.0))
+    seconds = []
+    for h, (actions, whole) in enumerate(zip(legs.all_actions, all_actions, strict=True)):
+        least = legs.arrivals(h, least_arrivals(document, whole, job, rests=True))
+        seconds.append(ACTION_S + _lengths(actions) / slowest + least[actions.path_offsets[1:] - 1])
     begin = execute(legs.all_actions, order, seconds)
     timed = []
     for h, actions in enumerate(all_actions):

@@ -1,8 +1,10 @@
-"""Whether the nominal times of a plan keep the order the plan itself states.
+"""Whether the nominal times of a plan can be kept, and keep the order the plan itself states.
 
-The plan does not state when an action passes a point. That is never sooner than if all the
-way to there is printed at the source's feed, without acceleration, and never later than the
-action's end. These limits are what nominal times are checked against.
+No action is shorter than its motion under the limits (`sim.replay.least`), and what the plan says
+of its own times and lengths is what its actions add up to. The plan does not state when an
+action passes a point. That is never sooner than if all the way to there is printed at the
+source's feed, without acceleration, and never later than the action's end. These limits are
+what nominal times are checked against.
 """
 
 from __future__ import annotations
@@ -10,12 +12,15 @@ from __future__ import annotations
 import numpy as np
 
 from decmcts.print.contours import Contours
-from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
 from sim.replay.execution import print_feed
+from sim.replay.least import least_arrivals
 
 TIME_TOLERANCE_S = 1e-3
+MODEL = 0.02  # share of the least time of an action that rounded points may take off
 ROUNDING = 1e-3  # share that rounded coordinates may make a way shorter
 
 
@@ -36,6 +41,63 @@ def check_times(contours: Contours, all_actions: tuple[HeadActions, ...]) -> lis
             for a in np.nonzero(~kept)[0].tolist()
         ]
     return listed(FaultKind.TIMES, lines)
+
+
+def check_least(
+    document: PlanDocument, all_actions: tuple[HeadActions, ...], source: PrintJob | None
+) -> list[Fault]:
+    """Check that no action is shorter than its own motion, at the feeds and limits known."""
+    lines: list[str] = []
+    for actions in all_actions:
+        least = least_arrivals(document, actions, source, rests=len(all_actions) > 1)
+        due = least[actions.path_offsets[1:] - 1] * (1.0 - MODEL) - TIME_TOLERANCE_S
+        takes = actions.end_s - actions.begin_s
+        lines += [
+            f"{describe(actions, a)} takes {takes[a]:.3f} s, its motion at least {due[a]:.3f} s"
+            for a in np.flatnonzero(takes < due).tolist()
+        ]
+    return listed(FaultKind.TIMES, lines)
+
+
+def check_metrics(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[Fault]:
+    """Check the figures a plan states of itself, where it does, against its actions."""
+    lines = []
+    for name, due in _figures(document, all_actions).items():
+        stated = document.metrics.get(name, due)
+        if not _alike(stated, due):
+            lines.append(f"{name} is stated as {stated}, the actions have {due:.6g}")
+    return listed(FaultKind.TIMES, lines)
+
+
+def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> dict[str, float]:
+    """Return what the actions add up to, by the names metrics have."""
+    ends = [float(actions.end_s.max(initial=0.0)) for actions in all_actions]
+    makespan = max(ends, default=0.0)
+    waits, rested, prints, moved, bare = 0, 0.0, 0, 0.0, 0.0
+    for actions in all_actions:
+        printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        goal, start = actions.path_offsets[printed[1:]], actions.path_offsets[printed[:-1] + 1] - 1
+        bare += float(np.linalg.norm(actions.path[goal] - actions.path[start], axis=1).sum())
+        rests = actions.kind == ActionKind.WAIT
+        waits += int(rests.sum())
+        rested += float((actions.end_s - actions.begin_s)[rests].sum())
+        prints += len(printed)
+        step = np.linalg.norm(np.diff(actions.path, axis=0, prepend=actions.path[:1]), axis=1)
+        step[actions.path_offsets[:-1]] = 0.0
+        lays = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
+        moved += float(step[~lays].sum())
+    edges = sum(len(actions.after_head) for actions in all_actions)
+    return {
+        "makespan_s": makespan, "print_time_s": makespan, "waits": waits, "waits_s": rested,
+        "contours": prints, "emitted_travel_mm": moved, "extrusionless_travel_mm": bare,
+        "cross_head_waits": edges,
+    }  # fmt: skip
+
+
+def _alike(stated: object, due: float) -> bool:
+    if isinstance(stated, bool) or not isinstance(stated, int | float):
+        return False
+    return abs(stated - due) <= TIME_TOLERANCE_S + 1e-6 * abs(due)
 
 
 def _passed(contours: Contours, all_actions: tuple[HeadActions, ...], edge: After) -> float:

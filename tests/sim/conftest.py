@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.print.contours import Contours
-from decmcts.print.machine import Body, Head, Machine, Rail, Slice
+from decmcts.print.machine import Body, Head, Machine, MotionLimits, Rail, Slice
 from decmcts.print.plan import (
     ACTION_END,
     NO_CONTOUR,
@@ -19,8 +19,15 @@ from decmcts.print.plan import (
     JointPlan,
     PlanDocument,
 )
+from sim.content.legs import legs_of
+from sim.content.paths import check_structure
+from sim.replay.execution import arrivals_of, execute
+from sim.rules.order import PartialOrder, order_of
 
 LAYER = 0.2
+FAST = MotionLimits(  # actions made by hand take a second
+    max_feed=(1e4, 1e4, 1e3, 60.0), max_acceleration=(1e7, 1e7, 1e5, 5000.0)
+)
 
 
 def box(half: float) -> np.ndarray:
@@ -97,7 +104,7 @@ def actions_of_rows(name, rows, polylines, waits) -> HeadActions:
 
 def one_head_machine(half: float = 7.0) -> Machine:
     head = Head("head", (Slice(0.0, (box(half),)),), park=(-20.0, -20.0, 20.0))
-    return Machine("paper", (0.0, 0.0), (200.0, 200.0), (head,))
+    return Machine("paper", (0.0, 0.0), (200.0, 200.0), (head,), limits=FAST)
 
 
 def two_head_machine(*, rail: bool = True) -> Machine:
@@ -106,7 +113,7 @@ def two_head_machine(*, rail: bool = True) -> Machine:
     left = Head("left", slices, bodies, park=(-40.0, 50.0, 20.0))
     right = Head("right", slices, bodies, park=(240.0, 50.0, 20.0))
     return Machine(
-        "two", (0.0, 0.0), (200.0, 200.0), (left, right), head_clearance_mm=1.0,
+        "two", (0.0, 0.0), (200.0, 200.0), (left, right), head_clearance_mm=1.0, limits=FAST,
         rails=(Rail(0, ("left", "right"), 25.0),) if rail else (),
     )  # fmt: skip
 
@@ -167,9 +174,8 @@ def shared_plan(after=((0, 1, 5),), *, rail: bool = True):
     right = head_actions(
         machine.heads[1], [(1, False)], paths, 1, clearance_z=1.0, after={0: list(after)}
     )
-    return PlanDocument(
-        "", machine, contours_of(paths), np.zeros((0, 2), np.int32), JointPlan((left, right)), {}
-    )
+    pairs = np.zeros((0, 2), np.int32)
+    return timed(PlanDocument("", machine, contours_of(paths), pairs, JointPlan((left, right)), {}))
 
 
 def stacked_plan(*after, first=()):
@@ -188,7 +194,30 @@ def stacked_plan(*after, first=()):
     )  # fmt: skip
     contours = replace(contours_of(paths), feed=feed)
     plan = JointPlan((document.plan.heads[0], right))
-    return replace(document, contours=contours, plan=plan, min_layer_time_s=20.0)
+    return timed(replace(document, contours=contours, plan=plan, min_layer_time_s=20.0))
+
+
+def timed(document: PlanDocument, more_s: float = 1.0) -> PlanDocument:
+    """The plan with times that its motion and its waits allow, some more for each action."""
+    if check_structure(document):
+        return document
+    all_actions = document.plan.heads
+    legs = legs_of(all_actions)
+    order = order_of(legs.all_actions)
+    if not isinstance(order, PartialOrder):
+        return document
+    seconds = []
+    for h, actions in enumerate(all_actions):
+        passed = legs.arrivals(h, arrivals_of(document, actions))
+        seconds.append(more_s + passed[legs.all_actions[h].path_offsets[1:] - 1])
+    begin = execute(legs.all_actions, order, seconds)
+    made = []
+    for h, actions in enumerate(all_actions):
+        ends, legs_at = begin[h] + seconds[h], np.arange(len(actions))
+        first = np.searchsorted(legs.origin[h], legs_at)
+        last = np.searchsorted(legs.origin[h], legs_at, side="right") - 1
+        made.append(replace(actions, begin_s=begin[h][first], end_s=ends[last]))
+    return replace(document, plan=JointPlan(tuple(made)))
 
 
 def actions_with_points(rng, points=4):
@@ -264,6 +293,6 @@ def make():
         actions_of_rows=actions_of_rows, lift=lift,
         one_head_machine=one_head_machine, two_head_machine=two_head_machine,
         tower_plan=tower_plan, two_head_plan=two_head_plan, shared_plan=shared_plan,
-        stacked_plan=stacked_plan, edited=edited,
+        stacked_plan=stacked_plan, edited=edited, timed=timed,
         to_rows=to_rows, from_rows=from_rows, actions_with_points=actions_with_points,
     )  # fmt: skip

@@ -76,7 +76,7 @@ def wait_for_oneself(rows):
 ONE_HEAD = [
     (swap_layers, {K.PRECEDENCE, K.HEAD_MATERIAL}),
     (drop, {K.MISSING}),
-    (double, {K.DOUBLED}),
+    (double, {K.DOUBLED, K.TIMES}),
     (shift_print, {K.WRONG_PATH}),
     (jump, {K.WRONG_PATH}),
     (wrong_entry, {K.WRONG_PATH}),
@@ -177,7 +177,7 @@ def test_a_clash_that_nominal_timing_hides(make):
     feed = document.contours.feed.copy()
     slow = document.contours.offsets[4], document.contours.offsets[8]
     feed[slow[0] : slow[1]] /= 20.0  # the right head is busy until the left one is home
-    document = replace(document, contours=replace(document.contours, feed=feed))
+    document = make.timed(replace(document, contours=replace(document.contours, feed=feed)))
     verdict = verify_plan(document, trials=0)
     assert verdict.kinds() == {K.HEAD_HEAD}
     assert not any("nominal" in fault.text for fault in verdict.faults)

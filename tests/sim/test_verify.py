@@ -39,4 +39,4 @@ def test_a_head_that_does_nothing_stands_at_its_park(make, width, kinds):
         "", machine, make.contours_of(paths, width=width), np.empty((0, 2), np.int32),
         JointPlan((actions,)), {},
     )  # fmt: skip
-    assert {kind.name for kind in verify_plan(document).kinds()} == kinds
+    assert {kind.name for kind in verify_plan(make.timed(document)).kinds()} == kinds

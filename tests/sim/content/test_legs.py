@@ -170,9 +170,10 @@ def test_nominal_times_wait_for_the_point_and_the_lag(make):
 
     def at(begin_s):
         def change(rows):
+            later = begin_s - rows[0]["begin_s"]
             for row in rows:
-                row["begin_s"] += begin_s - 3.0
-                row["end_s"] += begin_s - 3.0
+                row["begin_s"] += later
+                row["end_s"] += later
 
         return change
 
@@ -182,7 +183,8 @@ def test_nominal_times_wait_for_the_point_and_the_lag(make):
         rows[2]["end_s"] += 9.0
 
     document = make.edited(make.shared_plan([(0, 1, ENOUGH, 1.0)]), 0, slow)
-    due = 1.0 + 50.0 / 30.0 + 1.0  # begin of the left head's print, the way there, the lag
+    begun = float(document.plan.heads[0].begin_s[1])
+    due = begun + 50.0 / 30.0 + 1.0  # begin of the left head's print, the way there, the lag
     for begin_s, ok in ((due, True), (due - 0.1, False)):
         verdict = verify_plan(make.edited(document, 1, at(begin_s)))
         assert verdict.ok is ok

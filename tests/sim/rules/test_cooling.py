@@ -42,29 +42,32 @@ def with_waits(make, document, seconds: float):
     return make.edited(document, 0, change)
 
 
-def test_a_tower_printed_at_once_is_seen(towers):
+def test_a_tower_printed_at_once_is_seen(make, towers):
     """The source printed the other tower in between; this plan goes on at once."""
     assert verify_plan(towers).ok
     verdict = verify_plan(replace(towers, min_layer_time_s=0.0))
     assert verdict.ok
-    verdict = verify_plan(with_rule(towers, 30.0))
+    verdict = verify_plan(with_rule(make, towers, 30.0))
     assert verdict.kinds() == {FaultKind.COOLING}
-    assert "contour 2 begins 1.0 s after contour 0 under it" in str(verdict.faults[0])
+    assert "contour 2 begins 0.1 s after contour 0 under it" in str(verdict.faults[0])
 
 
-def with_rule(document, rule: float):
+def with_rule(make, document, rule: float):
     """Feeds of a slow print, so that a layer takes seconds, and the rule."""
     contours = document.contours
     slow = replace(contours, feed=contours.feed / 20.0)
-    return replace(document, contours=slow, min_layer_time_s=rule)
+    return make.timed(replace(document, contours=slow, min_layer_time_s=rule), 0.0)
 
 
 def test_waits_make_it_good(make, towers):
     """A wait of the time that is due is enough, a shorter one is not."""
     due = 16.0 / 1.5
-    assert verify_plan(with_rule(with_waits(make, towers, due), 30.0)).ok
-    assert verify_plan(with_rule(with_waits(make, towers, WAIT_S), WAIT_S)).ok
-    assert FaultKind.COOLING in verify_plan(with_rule(with_waits(make, towers, 3.0), 30.0)).kinds()
+    assert verify_plan(with_rule(make, with_waits(make, towers, due), 30.0)).ok
+    assert verify_plan(with_rule(make, with_waits(make, towers, WAIT_S), WAIT_S)).ok
+    assert (
+        FaultKind.COOLING
+        in verify_plan(with_rule(make, with_waits(make, towers, 3.0), 30.0)).kinds()
+    )
 
 
 def test_the_source_order_owes_nothing(make):
@@ -75,7 +78,7 @@ def test_the_source_order_owes_nothing(make):
         document.machine.heads[0], [(c, False) for c in range(len(paths))], paths, 0, clearance_z=2
     )
     plan = replace(document.plan, heads=(actions,))
-    assert verify_plan(with_rule(replace(document, plan=plan), 1000.0)).ok
+    assert verify_plan(with_rule(make, replace(document, plan=plan), 1000.0)).ok
 
 
 @pytest.mark.parametrize(("stated", "taken"), [(0.5, 1.0), (2.0, 2.0), (9.0, PRINT_TIMES)])

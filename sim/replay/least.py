@@ -1,0 +1,177 @@
+"""The least time the motion of an action can take, by limits that hold whatever a firmware does.
+
+A speed is at most the feed and each axis' own limit, an acceleration at most the largest that
+applies. At a vertex no axis changes its speed at once by more than its jerk; a reversal goes
+through zero, so there each side counts for itself, and a move may begin from rest at its jerk.
+Filament, retractions and wipes take more. So no action of a plan can be shorter.
+
+References
+----------
+Marlin, `planner.cpp` (classic jerk, junction deviation).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import MotionLimits
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.replay.compiled import compiled
+from sim.replay.execution import print_feed
+
+Floats = NDArray[np.float64]
+
+
+def least_arrivals(
+    document: PlanDocument, actions: HeadActions, source: PrintJob | None, *, rests: bool
+) -> Floats:
+    """Return the least seconds from the begin of its action to each point of a head's paths, (n,).
+
+    Parameters
+    ----------
+    source : PrintJob | None
+        States feed and accelerations that a plan does not; None: only what every axis can counts.
+    rests : bool
+        Whether each action begins and ends at rest, as where a head may have to wait.
+    """
+    n = len(actions.path)
+    if n < 2:
+        return np.zeros(n)
+    machine = document.machine
+    limits = machine.limits_of(next(head for head in machine.heads if head.name == actions.head))
+    step = np.diff(actions.path, axis=0, prepend=actions.path[:1])
+    length = np.linalg.norm(step, axis=1)
+    unit = step / np.maximum(length, 1e-12)[:, None]
+    along = np.maximum(np.abs(unit), 1e-9)
+    speed = (np.array(limits.max_feed[:3]) / along).min(axis=1)
+    speed = np.minimum(_feeds(document, actions, limits, source), speed)
+    rate = (np.array(limits.max_acceleration[:3]) / along).min(axis=1)
+    rate = np.minimum(_acceleration(limits, source), rate)
+    first = np.zeros(n, np.bool_)
+    first[actions.path_offsets[:-1]] = True
+    length[first] = 0.0
+    stops = first if rests else np.arange(n) == 0
+    passed = np.cumsum(
+        least_times(
+            length, unit, speed, rate, stops, np.array(limits.jerk[:3]), limits.junction_deviation
+        )
+    )
+    return np.asarray(passed - np.repeat(passed[first], np.diff(actions.path_offsets)))
+
+
+def _feeds(
+    document: PlanDocument, actions: HeadActions, limits: MotionLimits, source: PrintJob | None
+) -> Floats:
+    """Return the most speed of the segment that ends at each point, (n,); infinite: not known."""
+    travel = math.inf
+    if source is not None:
+        settings = source.settings
+        travel = max(settings.travel_feed or limits.travel_feed, settings.z_feed)
+    feed = np.full(len(actions.path), travel)
+    for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
+        due = print_feed(document.contours, actions, a)
+        first, last = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
+        feed[first:last] = math.inf
+        if len(due) == last - first - 1:  # a wrong path is reported elsewhere
+            feed[first + 1 : last] = np.where(due > 0.0, due, math.inf)
+    return feed
+
+
+def _acceleration(limits: MotionLimits, source: PrintJob | None) -> float:
+    """Return the most acceleration that is asked for anywhere, mm/s²; infinite: not known."""
+    if source is None:
+        return math.inf
+    said = np.zeros(0) if source.acceleration is None else source.acceleration
+    most = float(np.nan_to_num(said).max(initial=0.0))
+    travelling = source.settings.travel_acceleration
+    return max(most, limits.acceleration, travelling, limits.travel_acceleration)
+
+
+@compiled
+def least_times(
+    length: Floats, unit: Floats, speed: Floats, rate: Floats, stops: NDArray[np.bool_],
+    jerk: Floats, deviation: float,
+) -> Floats:  # fmt: skip
+    """Return the least seconds of each segment, (n,).
+
+    Segments without length take none. `stops` (n,) tells before which the head stands still.
+    """
+    n = len(length)
+    begins, ends = np.zeros(n), np.zeros(n)  # the most speed at both ends of each segment
+    free = np.zeros(n)  # that needs no look at the neighbours: from rest and to rest
+    last, held = -1, True
+    for i in range(n):
+        held = held or stops[i]
+        if length[i] <= 0.0:
+            continue
+        free[i] = from_rest(unit[i], speed[i], jerk, deviation)
+        begins[i] = ends[i] = free[i]
+        if last >= 0 and not held:
+            reach = min(rate[last], rate[i])
+            corner = corner_at_most(unit[last], unit[i], reach, jerk, deviation)
+            corner = min(corner, speed[last], speed[i])
+            ends[last], begins[i] = max(ends[last], corner), max(begins[i], corner)
+        last, held = i, False
+    later = 0.0
+    for i in range(n - 1, -1, -1):
+        if length[i] > 0.0:
+            ends[i] = max(free[i], min(ends[i], later)) if later > 0.0 else ends[i]
+            begins[i] = max(
+                free[i], min(begins[i], np.sqrt(ends[i] ** 2 + 2 * rate[i] * length[i]))
+            )
+            later = begins[i]
+    before = 0.0
+    seconds = np.zeros(n)
+    for i in range(n):
+        if length[i] > 0.0:
+            begins[i] = max(free[i], min(begins[i], before)) if before > 0.0 else begins[i]
+            ends[i] = max(free[i], min(ends[i], np.sqrt(begins[i] ** 2 + 2 * rate[i] * length[i])))
+            before = ends[i]
+            seconds[i] = least_time(length[i], begins[i], ends[i], speed[i], rate[i])
+    return seconds
+
+
+@compiled
+def from_rest(unit: Floats, speed: float, jerk: Floats, deviation: float) -> float:
+    """Return the most speed at which a direction may begin from rest, and end at rest."""
+    if deviation > 0.0:
+        return 0.0
+    for axis in range(3):
+        if abs(unit[axis]) > 1e-9:
+            speed = min(speed, jerk[axis] / abs(unit[axis]))
+    return speed
+
+
+@compiled
+def corner_at_most(
+    before: Floats, after: Floats, rate: float, jerk: Floats, deviation: float
+) -> float:
+    """Return the most speed at which one direction may become another."""
+    if deviation > 0.0:
+        cosine = min(1.0, max(-1.0, (before * after).sum()))
+        half = np.sqrt((1.0 + cosine) / 2.0)  # sine of half the angle between the two
+        if half > 1.0 - 1e-9:
+            return np.inf
+        return float(np.sqrt(rate * deviation * half / (1.0 - half)))
+    most = np.inf
+    for axis in range(3):
+        change = abs(after[axis] - before[axis])
+        if before[axis] * after[axis] < 0.0:
+            change = max(abs(before[axis]), abs(after[axis]))
+        if change > 1e-9:
+            most = min(most, jerk[axis] / change)
+    return most
+
+
+@compiled
+def least_time(length: float, begin: float, end: float, speed: float, rate: float) -> float:
+    """Return the least seconds of a segment begun and ended at such speeds at the most."""
+    if abs(begin**2 - end**2) > 2.0 * rate * length:
+        return float(length / max(begin, end))
+    top = min(speed, np.sqrt(rate * length + (begin**2 + end**2) / 2.0))
+    ramps = (2.0 * top**2 - begin**2 - end**2) / (2.0 * rate)
+    return float((2.0 * top - begin - end) / rate + max(0.0, length - ramps) / top)
