@@ -10,7 +10,7 @@ from decmcts.cli.console import clock_time, summary_of
 from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.result import Result
-from decmcts.planning.writing.file_times import FileTimes, is_longer
+from decmcts.planning.writing.file_times import COUNTS_SHARE, FileTimes, is_longer
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 
@@ -70,10 +70,16 @@ def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
 def kept_line(times: FileTimes) -> str:
     """Return why the source was kept."""
     assert times.refused_s is not None
-    return (
+    both = (
         f"the new order would take {clock_time(times.refused_s)} and the source takes "
-        f"{clock_time(times.after_s)}; --allow-slower writes it all the same"
+        f"{clock_time(times.after_s)}"
     )
+    if not times.gained:
+        return (
+            f"nothing to gain: {both}, and neither travel, retractions nor travel over outer walls "
+            f"fall by {100 * COUNTS_SHARE:g} % or more; --allow-slower writes it all the same"
+        )
+    return f"{both}; --allow-slower writes it all the same"
 
 
 def figures(
@@ -96,6 +102,7 @@ def figures(
         "gain": summary_of(planned.before.metrics, planned.after.metrics),
         "file_time_s": {"before": times.before_s, "after": times.after_s} if times else None,
         "kept_source": times is not None and times.kept,
+        "planned_already": None,
         "verified": True,
         "written": [str(path) for path in paths],
     }

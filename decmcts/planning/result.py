@@ -115,7 +115,8 @@ class Result:
         """Write the plan as G-code, once its draft was read back and judged.
 
         For one head, a file that would take longer than its source is not written: a short
-        search for time follows, and if that is no faster the source is kept. For several
+        search for time follows, and if that is no faster the source is kept. So it is where
+        neither time, travel, retractions nor travel over outer walls fall. For several
         heads `path` is a stem: one file ``STEM_HEAD.gcode`` is written for each.
 
         Parameters
@@ -123,8 +124,8 @@ class Result:
         path : str | Path
             The file, replaced as a whole or not at all; it may be the source itself.
         allow_slower : bool
-            Write it even if the whole file takes longer than its source. With several heads
-            it always is.
+            Write it even if the whole file takes longer than its source, or gains nothing. With
+            several heads it always is.
         report, stop
             As in `plan`; for one head alone.
 

@@ -16,7 +16,7 @@ class Metrics(TypedDict, total=False):
     contours_per_head: Sequence[int]
     extrusionless_travel_mm: float  # from the end of each contour to the next one's start
     emitted_travel_mm: float  # as moved, lifts and detours included
-    print_time_s: float
+    print_time_s: float  # of the plan; of a written file from its first bead to its last
     makespan_s: float
     busy_s_per_head: Sequence[float]
     printing_s_per_head: Sequence[float]
@@ -33,7 +33,7 @@ class Metrics(TypedDict, total=False):
     time_limit_s: float
     iterations: int
     as_sliced: bool  # order, directions and entries are the source's
-    kept_source: bool  # the new order would have taken longer
+    kept_source: bool  # the new order would have taken longer, or gained nothing
     version: str
 
     travel_s: float  # as the search prices it

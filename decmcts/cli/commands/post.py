@@ -18,6 +18,8 @@ from decmcts.cli.console import err, out, print_json, steps, summary_of, written
 from decmcts.cli.lines import figures, kept_line, whole_file_line
 from decmcts.cli.signals import interrupt_stops
 from decmcts.errors import InputError
+from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.formats.gcode.writing.own_header import AsSliced, as_sliced
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.options import (
     Freedom,
@@ -59,12 +61,29 @@ def post(
     rules = opt.rules_of(
         freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
     )  # fmt: skip
+    if (before := as_sliced(load_text(path, plate))) is not None:
+        with written():
+            show_planned_already(before, path, as_json=as_json)
+        return
     search = Search(time_limit, seed, planner, objective, certificate=False)
     result = run_single(path, machine, search, rules, limits=limits, plate=plate)
     with interrupt_stops() as stop, steps() as told:
         made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
     with written():
         show_rewritten(made, path, as_json=as_json)
+
+
+def show_planned_already(before: AsSliced, path: Path, *, as_json: bool) -> None:
+    """Say that a file is a result of ours, which another search would only shuffle."""
+    if as_json:
+        said = {"input": str(path), "kept_source": True, "planned_already": before.version}
+        print_json("decmcts-result/1", {**said, "written": []})
+        return
+    out.print(
+        f"{path}: left as it was; decmcts {before.version} has planned it already "
+        "(`decmcts plan` searches on)",
+        soft_wrap=True,
+    )
 
 
 def show_rewritten(made: Written, path: Path, *, as_json: bool) -> None:

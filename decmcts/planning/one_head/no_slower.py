@@ -1,8 +1,9 @@
-"""Nothing is written that takes longer than its source, unless it is asked for.
+"""Nothing is written that takes longer than its source or gains nothing, unless asked for.
 
 Whole files are compared (start and end G-code, waits, retractions and lifts included), by one
 time model. A search for `travel` that ended in a longer file is followed by a short one for
-`time`; where that is longer too the source is kept, byte for byte. A mesh has no source file.
+`time`; where that is longer too the source is kept, byte for byte. So it is where the new order
+gains nothing that counts (`file_times.gains`). A mesh has no source file.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import Objective, Search
 from decmcts.planning.problem.planned import Planned, check
-from decmcts.planning.writing.file_times import FileTimes, compared_with, with_whole_files
+from decmcts.planning.writing.file_times import FileTimes, compared_with, gains, with_whole_files
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.planning.writing.places import STDOUT, name_of, put
 
@@ -54,7 +55,7 @@ def write_no_slower(
         times = draft_of(planned, draft, path)
         if times.longer and not allow_slower:
             planned, times = _again(planned, search, times, draft, path, draft_of, report, stop)
-        if times.longer and not allow_slower:
+        if not allow_slower and (times.longer or not gains(planned, times)):
             planned, times = _kept(planned, times, path, report)
         else:
             put(_packed(draft.read_bytes(), path, planned, times), path, packed=True)
@@ -94,13 +95,15 @@ def _kept(
 ) -> tuple[Planned, FileTimes]:
     """Leave the source as it is, or copy it to `path`; returns its own order and times."""
     source = compared_with(planned)
-    assert source is not None and times.before_s is not None  # else nothing is longer
-    before = planned.before
+    assert source is not None and times.before_s is not None  # else all is gained
+    before, gained = planned.before, gains(planned, times)
     after = replace(before, metrics={**before.metrics, "as_sliced": True, "kept_source": True})
     own = check(planned.problem, before, after, planned.history, planned.seconds, report)
     if not (path.exists() and path.samefile(source)):
         copy_source(source, path, planned.problem.source.plate)
-    return own, FileTimes(times.before_s, times.before_s, times.after_s, times.before, times.before)
+    return own, FileTimes(
+        times.before_s, times.before_s, times.after_s, times.before, times.before, gained
+    )
 
 
 def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> bytes:

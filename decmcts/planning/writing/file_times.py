@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from decmcts.formats.gcode.controller.duration import FileTime, print_time
 from decmcts.formats.mesh import is_mesh
+from decmcts.planning.options import Freedom, Seam
 from decmcts.planning.problem.planned import Planned
 from decmcts.print.metrics import Metrics
 from decmcts.print.walls import outer_walls
@@ -16,6 +18,8 @@ from decmcts.print.walls import outer_walls
 # but at least up to the first and at most up to the second of these seconds.
 SAME_TIME_SHARE = 1e-3
 SAME_TIME_S = 0.25, 1.0
+COUNTS_SHARE = 0.01  # of the source's travel or retractions; less of them is no gain by itself
+COUNTS = {"emitted_travel_mm": 10.0, "retractions": 1, "travel_over_walls_mm": 10.0}  # at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,11 +31,17 @@ class FileTimes:
     refused_s: float | None = None  # of the new order, where the source was kept instead
     before: Metrics = field(default_factory=Metrics)  # of the source, see `whole_file`
     after: Metrics = field(default_factory=Metrics)  # of the result, likewise
+    gained: bool = True  # whether the new order would have gained anything, be it longer or not
 
     @property
     def longer(self) -> bool:
         """Whether the result takes longer than its source."""
         return self.before_s is not None and is_longer(self.before_s, self.after_s)
+
+    @property
+    def shorter(self) -> bool:
+        """Whether the result takes less time than its source."""
+        return self.before_s is None or is_longer(self.after_s, self.before_s)
 
     @property
     def kept(self) -> bool:
@@ -43,6 +53,25 @@ def is_longer(before_s: float, after_s: float) -> bool:
     """Say whether the second time is longer, by more than writing a file anew can make it."""
     least, most = SAME_TIME_S
     return after_s > before_s + min(max(least, SAME_TIME_SHARE * before_s), most)
+
+
+def gains(planned: Planned, times: FileTimes) -> bool:
+    """Say whether a result is worth another file: less time, or less of what else counts.
+
+    That is travel, retractions, or travel over outer walls, by `COUNTS_SHARE` of the source's at
+    least. Where seams were asked to go to a place the result is what was asked for.
+    """
+    rules = planned.problem.rules
+    if times.shorter or (rules.freedom == Freedom.SEAM and rules.seam != Seam.NEAREST):
+        return True
+    was: dict[str, Any] = {**planned.before.metrics, **times.before}
+    now: dict[str, Any] = {**planned.after.metrics, **times.after}
+    return any(
+        was.get(key) is not None
+        and now.get(key) is not None
+        and was[key] - now[key] >= max(least, COUNTS_SHARE * was[key])
+        for key, least in COUNTS.items()
+    )
 
 
 def compared_with(planned: Planned) -> Path | None:
@@ -69,6 +98,7 @@ def whole_file(time: FileTime) -> Metrics:
     """Return a whole file's figures as metrics, for tables, `--json` and plan.json."""
     return {
         "file_time_s": time.total_s,
+        "print_time_s": time.print_s,
         "retractions": time.retractions,
         "travel_over_walls_mm": time.over_walls_mm,
         "arcs": time.arcs,
@@ -79,4 +109,6 @@ def with_whole_files(planned: Planned, times: FileTimes) -> Planned:
     """Return a result with the figures of its whole files among its metrics."""
     before = replace(planned.before, metrics={**planned.before.metrics, **times.before})
     after = replace(planned.after, metrics={**planned.after.metrics, **times.after})
+    if times.before_s is None:  # of a mesh, only the plans can be compared
+        after.metrics["print_time_s"] = planned.after.metrics["print_time_s"]
     return replace(planned, before=before, after=after)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from decmcts.formats.gcode.writing.own_header import TRAVEL, as_sliced
 from decmcts.planning.problem.planned import Planned
+from decmcts.planning.writing.file_times import compared_with
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.version import __version__
+
+PRINT_TIME = "estimated print time {was:.0f} s -> {now:.0f} s"
 
 
 def header_lines(planned: Planned) -> list[str]:
@@ -16,12 +20,16 @@ def header_lines(planned: Planned) -> list[str]:
     if now["planner"] == "dec-mcts":  # the objective is that of one head's own order
         aim = "makespan"
     seam = f" ({now['seam']})" if "seam" in now else ""
+    sliced = as_sliced(planned.problem.document.preamble)  # of a file that was planned before
+    travel_mm = was["extrusionless_travel_mm"]
+    if sliced is not None and sliced.travel_mm is not None:
+        travel_mm = sliced.travel_mm
+    whole = aim != "makespan" and compared_with(planned) is not None  # `with_time` says it later
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
         f"planner {now['planner']} for {aim}, freedom {now['freedom']}{seam}, seed {now['seed']}",
-        f"extrusionless travel {was['extrusionless_travel_mm']:.1f} mm -> "
-        f"{now['extrusionless_travel_mm']:.1f} mm",
-        f"estimated print time {was['print_time_s']:.0f} s -> {now['print_time_s']:.0f} s",
+        TRAVEL.format(was=travel_mm, now=now["extrusionless_travel_mm"]),
+        *([] if whole else [PRINT_TIME.format(was=was["print_time_s"], now=now["print_time_s"])]),
         *(line for line in (cooling_line(planned.after), layers_line(planned)) if line),
         "verified: every extrusion exactly once, no contact of head and print",
     ]

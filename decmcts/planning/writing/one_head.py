@@ -8,6 +8,7 @@ from typing import Protocol
 
 from decmcts.formats.gcode import GcodeDocument, write_gcode
 from decmcts.formats.gcode.dialects.stated_times import restated
+from decmcts.formats.gcode.writing.own_header import as_sliced, with_time
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.file_times import FileTimes, file_times
 from decmcts.planning.writing.lines import header_lines
@@ -48,7 +49,10 @@ def draft_single(
     write(problem.document, problem.job, actions, draft, header_lines=header_lines(planned))
     times = file_times(planned, draft)
     if times.before_s:
-        draft.write_bytes(restated(draft.read_bytes(), times.after_s / times.before_s))
+        text = restated(draft.read_bytes(), times.after_s / times.before_s)
+        was = as_sliced(problem.document.preamble)
+        sliced_s = times.before_s if was is None or was.time_s is None else was.time_s
+        draft.write_bytes(with_time(text, sliced_s, times.after_s))
     seams = list(seams_of_plan(actions))
     verdict = verify_written(
         draft, problem.job, problem.document, problem.machine, seams=seams, actions=actions

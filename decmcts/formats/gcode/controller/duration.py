@@ -44,6 +44,7 @@ class FileTime:
     change_s: float  # tool changes, as the file's settings state them
     seconds: NDArray[np.float64]  # (m,) of each move, firmware retractions counted in
     line: NDArray[np.int64]  # (m,) source line of each move, from 1
+    print_s: float = 0.0  # of it, from where the first bead begins until the last one ends
     retractions: int = 0
     over_walls_mm: float | None = None  # travel over outer walls; None: no walls are known
     arcs: int = 0  # G2 and G3 that print
@@ -99,10 +100,30 @@ def text_time(
     dwell = sum(_dwell(lines, n) for n in _lines_of(lines, 71, (40,)).tolist())
     changes = _change_seconds(lines, motion)
     over = travel_over(program, walls) if walls is not None and has_walls(walls) else None
+    printing = _print_seconds(lines, program, seconds, line) + changes
     return FileTime(
-        float(seconds.sum()), dwell, changes, seconds, line, retractions_of(program), over,
+        float(seconds.sum()), dwell, changes, seconds, line, printing,
+        retractions_of(program), over,
         len(np.unique(motion.arc[(motion.arc != NO_ARC) & (motion.extrusion > 0.0)])),
     )  # fmt: skip
+
+
+def _print_seconds(
+    lines: Lines, program: Program, seconds: NDArray[np.float64], line: NDArray[np.int64]
+) -> float:
+    """Return the seconds from the first bead to the last, dwells between them included.
+
+    A part of the same sum as the whole file's time, so it is never longer.
+    """
+    across = np.hypot(*np.diff(program.points, axis=0)[:, :2].T)
+    beads = np.flatnonzero((program.filament > STILL_MM) & (across > 0.0))
+    if not len(beads):
+        return 0.0
+    first, last = int(beads[0]), int(beads[-1])
+    dwells = _lines_of(lines, 71, (40,)) + 1
+    inside = dwells[(dwells > line[first]) & (dwells < line[last])] - 1
+    moving = float(seconds[first : last + 1].sum())
+    return moving + sum(_dwell(lines, n) for n in inside.tolist())
 
 
 def retractions_of(program: Program) -> int:

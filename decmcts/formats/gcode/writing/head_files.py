@@ -48,9 +48,10 @@ from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.hot_ends import Hears, heats, refuse_cold, source_heats, told_to
+from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
-from decmcts.formats.gcode.writing.writer import print_contour, with_header
+from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
@@ -270,7 +271,7 @@ class _HeadFile:
         self.left = emitter.owed
         if not self._is_other(document.start.tool):
             emitter.owed += document.start.owed - document.start.pulled
-        first, rest = _split_first(with_header(preamble, header, document.newline), len(header))
+        first, rest = _split_first(with_header(preamble, header, document.newline), header)
         emitter.verbatim(first)
         if self.index > 0:
             self._say(self.words.wait, self.index)
@@ -428,11 +429,10 @@ class _HeadFile:
         )  # fmt: skip
 
 
-def _split_first(text: bytes, n_header: int) -> tuple[bytes, bytes]:
+def _split_first(text: bytes, header: Sequence[str]) -> tuple[bytes, bytes]:
     """Return the opening comments (with our header) and the rest."""
-    at = 0
-    for _ in range(n_header + 1):
-        if text[at : at + 1] != b";":
-            break
-        at = text.find(b"\n", at) + 1
+    at = 0 if header or text[:1] == b";" else -1
+    if header:
+        at = text.find(header[-1].splitlines()[-1].encode("utf-8", "surrogateescape"))
+    at = text.find(b"\n", at) + 1 if at >= 0 else 0
     return text[:at], text[at:]

@@ -6,7 +6,6 @@ them lines are written by an `Emitter` that keeps the machine state in step.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, TextIO
@@ -22,6 +21,7 @@ from decmcts.formats.gcode.document import Block, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.arcs import arc_runs
 from decmcts.formats.gcode.writing.emitter import NEAR_MM, Emitter
+from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.progress import Progress
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import traversal
@@ -109,36 +109,6 @@ def _check_once(job: PrintJob, actions: HeadActions, document: GcodeDocument) ->
         raise InputError(
             f"the plan prints contour {c} {count[c]} times instead of once", path=document.path
         )
-
-
-OWN_HEADER = re.compile(  # as `decmcts.planning.writing.lines` words it
-    rb"^; reordered by decmcts [^\n]*\n(?:;[^\n]*\n){0,12}?; verified: every extrusion[^\n]*\n",
-    re.MULTILINE,
-)
-
-
-_HEADER_BLOCK = re.compile(rb"; HEADER_BLOCK_START\r?\n(?:;[^\n]*\n)*?; HEADER_BLOCK_END\r?\n")
-
-
-def with_header(preamble: bytes, header: Sequence[str], newline: bytes) -> bytes:
-    """Return the preamble with comment lines below the line that names the slicer.
-
-    They take the place of those an earlier run wrote: its figures are not this file's.
-    """
-    if not header:
-        return preamble
-    preamble = OWN_HEADER.sub(b"", preamble)
-    text = b"".join(
-        b"; " + part.encode("utf-8", "surrogateescape") + newline
-        for line in header
-        for part in line.splitlines()
-    )
-    if block := _HEADER_BLOCK.match(preamble):  # which readers look for at the top
-        return block[0] + text + preamble[block.end() :]
-    first = preamble.split(b"\n", 1)[0]
-    named = first.lstrip().startswith(b";") and (b"enerated" in first or b"FLAVOR" in first)
-    cut = preamble.find(b"\n") + 1 if named else 0
-    return preamble[:cut] + text + preamble[cut:]
 
 
 def emit_block(emitter: Emitter, block: Block) -> None:
