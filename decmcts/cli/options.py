@@ -170,7 +170,7 @@ SlowerOption = Annotated[
     typer.Option(
         "--allow-slower",
         rich_help_panel=OUTPUT,
-        help="Write the new order even where its file takes longer than the source or gains nothing",
+        help="Write the new order even where its file takes longer or gains nothing",
     ),
 ]
 TimeOption = Annotated[
