@@ -160,6 +160,11 @@ def known_settings(document: GcodeDocument) -> frozenset[bytes]:
     return frozenset(code for _, code in commands(rows))
 
 
+def is_move(code: bytes) -> bool:
+    """Tell whether a command is a move, which may stand between contours: moves are simulated."""
+    return _MOVE.match(code) is not None
+
+
 def accepted(row: bytes, known: frozenset[bytes]) -> bool:
     """Tell whether a line may stand between contours."""
     code = command_of(row)

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +20,36 @@ import numpy as np
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.faults import Fault, FaultKind, listed
-from sim.heads.file import HeadFile
+from sim.heads.file import HeadFile, Sync
 from sim.heads.sync import Knowledge
 from sim.heads.walk import Walk
 
 LAG_TOLERANCE_S = 1e-3  # files say milliseconds
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
+Windows = tuple[list[int], list[int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Rests:
+    """Where one head's file waits and stands still, found once for all that is asked of it."""
+
+    waits: list[int]  # (w,) lines of waits, ascending
+    dwells: list[int]  # (d,) lines of dwells, ascending
+    total_ms: list[int]  # (d + 1,) all dwells before each of them, and all of them
+
+    @classmethod
+    def of(cls, file: HeadFile) -> Rests:
+        """Return the waits and dwells of a file; every command is read once."""
+        found = ((line, _DWELL.match(code)) for line, code in file.rest)
+        dwells = [(line, int(match[1])) for line, match in found if match is not None]
+        waits = [sync.line for sync in file.syncs if not sync.signal]
+        total_ms = list(accumulate((ms for _, ms in dwells), initial=0))
+        return cls(waits, [line for line, _ in dwells], total_ms)
+
+    def between_s(self, above: int, below: int) -> float:
+        """Return the seconds dwelt below line `above` and above line `below`."""
+        low, high = bisect_right(self.dwells, above), bisect_left(self.dwells, below)
+        return (self.total_ms[max(low, high)] - self.total_ms[low]) / 1000.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,31 +87,46 @@ def check_order(
     """Check that the files order what the plan orders, and keep set-up first and end code last.
 
     With `read` the plan was read from the files. It then has no edge for what a head knows
-    already, so waits without an edge of the plan are no faults.
+    already, so waits without an edge of the plan are no faults. Each edge, wait and dwell costs
+    O(log n), whatever else the files hold.
     """
     lines = []
     heads = range(len(files))
+    firsts = [next((line for line in walks[h].first if line > 0), parts[h].end_code) for h in heads]
+    lasts = [max(walks[h].last, default=parts[h].parked) for h in heads]
+    rests = [Rests.of(file) for file in files]
+    windows = [_windows(walks[h], parts[h]) for h in heads]
+    given = {s.number: (g, s) for g, file in enumerate(files) for s in file.syncs if s.signal}
     for h in heads:
         name = plan.heads[h].head
-        first = next((line for line in walks[h].first if line > 0), parts[h].end_code)
         for g in heads:
             if g == h:
                 continue
             other = plan.heads[g].head
             if g < h and known.done(h, parts[h].first, g) <= parts[g].parked:
                 lines.append(f"head {name} sets up before head {other} is parked")
-            if known.done(h, first, g) <= parts[g].parked:
+            if known.done(h, firsts[h], g) <= parts[g].parked:
                 lines.append(f"head {name} begins before head {other} is parked")
-            ended = max(walks[g].last, default=parts[g].parked)
-            if known.done(h, parts[h].end_code, g) <= ended:
+            if known.done(h, parts[h].end_code, g) <= lasts[g]:
                 lines.append(f"head {name} ends before head {other} has printed all it has to")
             if g == h - 1 and known.done(h, parts[h].end_code, g) < _last_end(files[g], parts[g]):
                 lines.append(f"the end codes of heads {other} and {name} may run at once")
-        lines += _unkept(files, plan, known, walks, h)
-        lines += _unrested(files[h], plan, known, walks, h)
-        lines += _stops(files[h], plan.heads[h], walks[h])
-        lines += [] if read else _unplanned(files, plan, parts, walks, h)
+        begins = _next_moves(walks[h])
+        lines += _unkept(rests[h], begins, plan, known, walks, h)
+        lines += _unrested(rests[h], begins, plan, known, walks, h)
+        lines += _stops(files[h], rests[h], plan.heads[h], walks[h])
+        if not read:
+            lines += _unplanned(files, plan, parts, walks, h, given, windows, firsts)
     return listed(FaultKind.PRECEDENCE, lines)
+
+
+def _next_moves(walk: Walk) -> list[int]:
+    """Return the line of the first move of each action or of a later one; 0 where there is none."""
+    begins = [*walk.first, 0]
+    for k in range(len(walk.first) - 1, -1, -1):
+        if begins[k] <= 0:
+            begins[k] = begins[k + 1]
+    return begins
 
 
 def _last_end(file: HeadFile, part: Parts) -> int:
@@ -95,13 +135,13 @@ def _last_end(file: HeadFile, part: Parts) -> int:
 
 
 def _unkept(
-    files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
+    rests: Rests, begins: list[int], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
 ) -> list[str]:
     """Return the edges into one head that its waits, or the dwells behind them, do not keep."""
     actions, lines = plan.heads[h], []
     beyond = walks[h].last[-1] if walks[h].last else 0
-    for k in range(len(actions)):
-        first = next((line for line in walks[h].first[k:] if line > 0), beyond + 1)
+    for k in np.flatnonzero(np.diff(actions.after_offsets)).tolist():
+        first = begins[k] or beyond + 1
         for edge in actions.after_edges(k):
             g, reached = edge.head, _reached(walks[edge.head], edge)
             if g == h:
@@ -111,7 +151,7 @@ def _unkept(
                 what = f"point {edge.point} of {what}"
             if known.done(h, first, g) <= reached:
                 lines.append(f"head {actions.head} action {k} does not wait for {what}")
-            elif edge.lag_s > _dwelt(files[h], known, h, g, reached, first) + LAG_TOLERANCE_S:
+            elif edge.lag_s > _dwelt(rests, known, h, g, reached, first) + LAG_TOLERANCE_S:
                 lines.append(
                     f"head {actions.head} action {k} does not dwell for {edge.lag_s:g} s "
                     f"after {what}"
@@ -128,28 +168,31 @@ def _reached(walk: Walk, edge: After) -> int:
     )
 
 
-def _dwelt(file: HeadFile, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
-    """Return the seconds head h dwells between knowing that g has `reached` a line and `first`."""
-    waits = [sync.line for sync in file.syncs if not sync.signal]
-    heard = next((at for at in waits if known.done(h, at + 1, g) > reached), first)
-    return sum(seconds for line, seconds in _dwells(file) if heard < line < first)
+def _dwelt(rests: Rests, known: Knowledge, h: int, g: int, reached: int, first: int) -> float:
+    """Return the seconds head h dwells between knowing that g has `reached` a line and `first`.
+
+    What a head knows never grows less, so the wait that tells it is found by bisection.
+    """
+    told = bisect_right(rests.waits, reached, key=lambda at: known.done(h, at + 1, g))
+    heard = rests.waits[told] if told < len(rests.waits) else first
+    return rests.between_s(heard, first)
 
 
 def _unrested(
-    file: HeadFile, plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
+    rests: Rests, begins: list[int], plan: JointPlan, known: Knowledge, walks: list[Walk], h: int
 ) -> list[str]:
     """Return the waits of one head for which its file does not dwell as long as planned."""
     actions, walk, lines = plan.heads[h], walks[h], []
     for k in np.flatnonzero(actions.kind == ActionKind.WAIT).tolist():
-        first = next((line for line in walk.first[k:] if line > 0), walk.last[k] + 1)
+        first = begins[k] or walk.last[k] + 1
         edges = [edge for edge in actions.after_edges(k) if edge.head != h]
         due = float(actions.end_s[k] - actions.begin_s[k])
         due += max((edge.lag_s for edge in edges), default=0.0)
         dwelt = [
-            _dwelt(file, known, h, edge.head, _reached(walks[edge.head], edge), first)
+            _dwelt(rests, known, h, edge.head, _reached(walks[edge.head], edge), first)
             for edge in edges
         ]
-        dwelt.append(sum(s for line, s in _dwells(file) if walk.last[k] < line < first))
+        dwelt.append(rests.between_s(walk.last[k], first))
         if min(dwelt) < due - LAG_TOLERANCE_S:
             lines.append(
                 f"head {actions.head} dwells {min(dwelt):.1f} s for action {k}, planned {due:.1f} s"
@@ -157,16 +200,9 @@ def _unrested(
     return lines
 
 
-def _dwells(file: HeadFile) -> list[tuple[int, float]]:
-    """Return line and seconds of every G4."""
-    found = ((line, _DWELL.match(code)) for line, code in file.rest)
-    return [(line, int(match[1]) / 1000.0) for line, match in found if match is not None]
-
-
-def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
+def _stops(file: HeadFile, rests: Rests, actions: HeadActions, walk: Walk) -> list[str]:
     """Return the lines that make a head stand still within an action."""
-    lines = [line for line, _ in _dwells(file)]
-    lines += [sync.line for sync in file.syncs if not sync.moving]
+    lines = rests.dwells + [sync.line for sync in file.syncs if not sync.moving]
     return [
         f"head {actions.head} line {line} stops the head within action {k}"
         for line in lines
@@ -176,18 +212,21 @@ def _stops(file: HeadFile, actions: HeadActions, walk: Walk) -> list[str]:
 
 
 def _unplanned(
-    files: Sequence[HeadFile], plan: JointPlan, parts: list[Parts], walks: list[Walk], h: int
-) -> list[str]:
-    """Return the waits of one head's body that stand for no edge of the plan."""
-    given = {s.number: (g, s) for g, file in enumerate(files) for s in file.syncs if s.signal}
-    low, high = _windows(walks[h], parts[h])
-    lines = []
+    files: Sequence[HeadFile], plan: JointPlan, parts: list[Parts], walks: list[Walk], h: int,
+    given: Mapping[int, tuple[int, Sync]], windows: list[Windows], firsts: list[int],
+) -> list[str]:  # fmt: skip
+    """Return the waits of one head's body that stand for no edge of the plan.
+
+    `given` has the signal of each number with its head, `firsts` where each head's moves begin.
+    """
+    low, high = windows[h]
+    lines, ends = [], max(walks[h].last, default=0)
     for sync in files[h].syncs:
-        if sync.signal or not parts[h].parked < sync.line < max(walks[h].last, default=0):
+        if sync.signal or not parts[h].parked < sync.line < ends:
             continue
         g, signal = given[sync.number]
         line = signal.line
-        other_low, other_high = _windows(walks[g], parts[g])
+        other_low, other_high = windows[g]
         actions = range(bisect_right(high, sync.line), bisect_left(low, sync.line))
         ended = range(bisect_right(other_high, line) - 1, bisect_left(other_low, line) - 1)
         told = _passed(walks[g], line) if signal.moving else {(a, ACTION_END) for a in ended}
@@ -197,13 +236,12 @@ def _unplanned(
             for edge in plan.heads[h].after_edges(k)
             if edge.head == g
         }
-        set_up = line < next((f for f in walks[g].first if f > 0), parts[g].end_code)
-        if (signal.moving or not set_up) and not told & meant:
+        if (signal.moving or line >= firsts[g]) and not told & meant:
             lines.append(f"head {plan.heads[h].head} line {sync.line} waits where no plan does")
     return lines
 
 
-def _windows(walk: Walk, part: Parts) -> tuple[list[int], list[int]]:
+def _windows(walk: Walk, part: Parts) -> Windows:
     """Return the lines between which the sync points before each action, and at the end, stand."""
     low = [part.parked, *walk.last]
     high = [part.end_code] * (len(walk.first) + 1)

@@ -11,6 +11,7 @@ Mattern 1988, "Virtual time and global states of distributed systems".
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Sequence
 
 from sim.heads.file import Sync
@@ -59,10 +60,9 @@ class Knowledge:
 
 def _unpaired(syncs: Sequence[Sequence[Sync]]) -> list[str]:
     """Return a line for each number signalled twice, never signalled or never waited for."""
-    signals = [s.number for points in syncs for s in points if s.signal]
+    signals = Counter(s.number for points in syncs for s in points if s.signal)
     waits = {s.number for points in syncs for s in points if not s.signal}
-    lines = [f"number {n} is given {signals.count(n)} times" for n in sorted(set(signals))
-             if signals.count(n) > 1]  # fmt: skip
-    lines += [f"number {n} is waited for and never given" for n in sorted(waits - set(signals))]
-    lines += [f"number {n} is given and nobody waits" for n in sorted(set(signals) - waits)]
+    lines = [f"number {n} is given {signals[n]} times" for n in sorted(signals) if signals[n] > 1]
+    lines += [f"number {n} is waited for and never given" for n in sorted(waits - signals.keys())]
+    lines += [f"number {n} is given and nobody waits" for n in sorted(signals.keys() - waits)]
     return lines

@@ -7,6 +7,7 @@ together must order what the plan orders (`sim.heads.order`), so a single file p
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,7 +20,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.faults import Fault, FaultKind, Verdict, listed
-from sim.files.commands import accepted, known_settings
+from sim.files.commands import accepted, is_move, known_settings
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, unheated
 from sim.heads.order import Parts, check_order, check_sync, last_points
@@ -146,7 +147,7 @@ def _judge_one(
         words += unheated(file.rest, walk.first[int(prints[0])], due, own)
     known = known_settings(document)
     for line, code in file.rest[low:high]:
-        if line not in taken and not accepted(file.row(line), known):
+        if line not in taken and not (is_move(code) or accepted(file.row(line), known)):
             words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
     words += [f"line {line}: no M400 stands before this sync point" for line in file.loose]
     where = f"head {actions.head}, "
@@ -231,6 +232,9 @@ def _take_blocks(
     """Return the lines of each block that stands at a barrier; adds missing ones to `words`."""
     found: list[list[int]] = []
     codes = [code for _, code in file.rest]
+    places: dict[bytes, list[int]] = {}  # the rows of each command
+    for r in range(low, high):
+        places.setdefault(codes[r], []).append(r)
     for block, own in zip(document.blocks, commands, strict=True):
         due = list(own)
         if block.moves:
@@ -238,7 +242,9 @@ def _take_blocks(
         if not due:
             found.append([])
             continue
-        at = next((r for r in range(low, high) if codes[r : r + len(due)] == due), -1)
+        rows = places.get(due[0], [])
+        beyond = (rows[k] for k in range(bisect_left(rows, low), len(rows)))
+        at = next((r for r in beyond if codes[r : r + len(due)] == due), -1)
         if at < 0:
             words.append(f"'{_text(due[0])}' of the source's line {block.line} is not there")
             found.append([])
@@ -256,14 +262,19 @@ def _check_blocks(
     if not walk.complete:
         return []
     words = []
-    prints = [k for k in range(len(actions)) if actions.kind[k] == ActionKind.PRINT]
-    epoch = [int(job.contours.epoch[actions.contour[k]]) for k in prints]
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    epoch = job.contours.epoch[actions.contour[prints]]
+    prints = prints[np.argsort(epoch, kind="stable")]
+    epoch = np.sort(epoch)
+    ended = np.maximum.accumulate(np.array(walk.last, np.int64)[prints])
+    begun = np.minimum.accumulate(np.array(walk.first, np.int64)[prints][::-1])[::-1]
     for block, lines in zip(document.blocks, blocks, strict=True):
         if not lines:
             continue
-        above = [walk.last[k] for k, e in zip(prints, epoch, strict=True) if e < block.epoch]
-        below = [walk.first[k] for k, e in zip(prints, epoch, strict=True) if e >= block.epoch]
-        if max(above, default=0) > lines[0] or min(below, default=lines[-1]) < lines[-1]:
+        k = int(np.searchsorted(epoch, block.epoch))
+        above = int(ended[k - 1]) if k else 0
+        below = int(begun[k]) if k < len(begun) else lines[-1]
+        if above > lines[0] or below < lines[-1]:
             words.append(f"line {lines[0]}: what the source has at its line {block.line} is moved")
     return words
 

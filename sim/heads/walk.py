@@ -7,7 +7,7 @@ Every other move must be the plan's.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,6 +50,28 @@ class Laid:
     state: list[int]  # (k - 1,) rows of the source's states
 
 
+@dataclass(frozen=True, slots=True)
+class _Moves:
+    """The moves of a file as plain numbers, for what is asked of one move at a time."""
+
+    ends: list[list[float]]  # (m, 3) where each ends
+    extrusion: list[float]  # (m,)
+    feed: list[float]  # (m,)
+    line: list[int]  # (m,) from 1
+    stays: list[bool]  # (m,) whether the position stays
+    state: list[int]  # (m,) row of the states in force
+
+    @classmethod
+    def of(cls, file: HeadFile) -> _Moves:
+        """Return the moves of a file."""
+        motion = file.motion
+        stays = np.abs(np.diff(motion.points, axis=0)).max(axis=1, initial=0.0) < 1e-9
+        return cls(
+            motion.points[1:].tolist(), motion.extrusion.tolist(), motion.feed.tolist(),
+            (motion.line + 1).tolist(), stays.tolist(), file.track.at(motion.line).tolist(),
+        )  # fmt: skip
+
+
 class Walker:
     """Walks the moves begin..end - 1 of a file along its head's actions."""
 
@@ -61,6 +83,7 @@ class Walker:
         self.file, self.actions, self.job, self.document = file, actions, job, document
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
+        self._moves = _Moves.of(file)
         self._alike: dict[tuple[int, int], str] = {}
         starts = [document.start, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
@@ -102,21 +125,22 @@ class Walker:
         return ""  # it rests: `sim.heads.order` looks for the dwell
 
     def _travel(self, k: int) -> str:
-        path = self.actions.action_path(k)
+        path, moves = self.actions.action_path(k), self._moves
         apart = _apart(path)
         lines = [self._line(self.at - 1)]
-        for point in path[apart[1:]]:
+        for x, y, z in path[apart[1:]].tolist():
             while self.at < self.end and self._stays(self.at):
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
-            here, line = self.file.motion.points[self.at + 1], self._line(self.at)
-            if np.abs(here - point).max() > SAME_MM:
-                return f"line {line} goes to {_xyz(here)}, the plan's action {k} to {_xyz(point)}"
-            if abs(self.file.motion.extrusion[self.at]) > E_MM:
+            here, line = moves.ends[self.at], self._line(self.at)
+            if max(abs(here[0] - x), abs(here[1] - y), abs(here[2] - z)) > SAME_MM:
+                due = _xyz((x, y, z))
+                return f"line {line} goes to {_xyz(here)}, the plan's action {k} to {due}"
+            if abs(moves.extrusion[self.at]) > E_MM:
                 return f"line {line} pushes filament while it travels"
-            if min(abs(self.file.motion.feed[self.at] - f) for f in self._feeds) > FEED_MM_S:
-                return f"line {line} travels at {self.file.motion.feed[self.at]:.3f} mm/s"
+            if min(abs(moves.feed[self.at] - f) for f in self._feeds) > FEED_MM_S:
+                return f"line {line} travels at {moves.feed[self.at]:.3f} mm/s"
             self._step(k)
             lines.append(line)
         places = np.searchsorted(apart, np.arange(len(path)), side="right") - 1
@@ -127,7 +151,7 @@ class Walker:
         laid = self._laid(k)
         if isinstance(laid, str):
             return laid
-        contour, motion = int(self.actions.contour[k]), self.file.motion
+        contour = int(self.actions.contour[k])
         moves = len(_apart(laid.points[:2])) > 1
         while self.at < self.end and self._stays(self.at) and moves:
             self._still()
@@ -135,6 +159,31 @@ class Walker:
             return said
         reached = self.walk.reached[k]
         reached.append(self._line(self.at - 1))
+        if (stop := self.at + len(laid.extrusion)) <= self.end and self._as_laid(laid, stop):
+            reached += self._moves.line[self.at : stop]
+            if stop > self.at:
+                self._step(k)
+            self.at = stop
+            return ""
+        return self._print_each(k, laid)
+
+    def _as_laid(self, laid: Laid, stop: int) -> bool:
+        """Tell whether all moves up to `stop` lay down what they should, in one look at each."""
+        motion, rows = self.file.motion, slice(self.at, stop)
+        mine = self._moves.state[rows]
+        return bool(
+            (np.abs(motion.points[self.at + 1 : stop + 1] - laid.points[1:]) <= SAME_MM).all()
+            and (np.abs(motion.extrusion[rows] - laid.extrusion) <= E_MM).all()
+            and (np.abs(motion.feed[rows] - laid.feed) <= FEED_MM_S).all()
+            and not any(
+                self._other_state(*pair) for pair in set(zip(mine, laid.state, strict=True))
+            )
+        )
+
+    def _print_each(self, k: int, laid: Laid) -> str:
+        """Go along a contour move by move up to the first that is not as it should be."""
+        contour, motion = int(self.actions.contour[k]), self.file.motion
+        reached = self.walk.reached[k]
         for s in range(len(laid.extrusion)):
             if self.at >= self.end:
                 return f"the file ends within contour {contour}"
@@ -150,7 +199,7 @@ class Walker:
             ):
                 if abs(has - due) > tolerance:
                     return f"line {line} has {has:.5f} {unit}, contour {contour} {due:.5f}"
-            if said := self._other_state(laid.state[s]):
+            if said := self._other_state(self._moves.state[self.at], laid.state[s]):
                 return f"line {line}: {said}"
             self._step(k)
             reached.append(line)
@@ -222,15 +271,13 @@ class Walker:
         self.at += 1
 
     def _stays(self, move: int) -> bool:
-        ends = self.file.motion.points[move : move + 2]
-        return bool(np.abs(ends[1] - ends[0]).max() < 1e-9)
+        return self._moves.stays[move]
 
     def _line(self, move: int) -> int:
-        return int(self.file.motion.line[move]) + 1
+        return self._moves.line[move]
 
-    def _other_state(self, row: int) -> str:
-        """Return in words how the state in force differs from the source's row."""
-        mine = int(self.file.track.at(self._line(self.at) - 1))
+    def _other_state(self, mine: int, row: int) -> str:
+        """Return in words how a state of the file differs from the source's row."""
         if (mine, row) not in self._alike:
             table = self.file.track.table
             self._alike[mine, row] = ", ".join(differing(table, mine, self.document.states, row))
@@ -256,10 +303,11 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
 
 def _apart(path: Floats) -> NDArray[np.int64]:
     """Return the indices of points that a file of three decimals tells from the one before."""
-    kept = [0]
-    for k, point in enumerate(path[1:], 1):
-        if np.abs(np.round(point, 3) - np.round(path[kept[-1]], 3)).max() > 1e-6:
+    kept, (x, y, z) = [0], np.round(path[0], 3).tolist()
+    for k, (a, b, c) in enumerate(np.round(path[1:], 3).tolist(), 1):
+        if max(abs(a - x), abs(b - y), abs(c - z)) > 1e-6:
             kept.append(k)
+            x, y, z = a, b, c
     return np.array(kept)
 
 
@@ -271,5 +319,5 @@ def _distance(point: Floats, path: Floats) -> float:
     return float(np.linalg.norm(a + t[:, None] * way - point, axis=1).min())
 
 
-def _xyz(point: Floats) -> str:
+def _xyz(point: Iterable[float]) -> str:
     return "(" + ", ".join(f"{v:.3f}" for v in point) + ")"

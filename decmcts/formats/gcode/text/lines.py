@@ -37,6 +37,7 @@ _FAULTS = {
 
 _PROGRESS = re.compile(rb"M0*73(?: ?[PRQSCDLB] ?[0-9.]*)*(?: ?\([^)]*\)?)?\Z", re.I)
 _JOINED = re.compile(rb"(?<=[0-9.])(?=[A-Za-z])")  # two words that no blank parts
+_PLAIN = re.compile(rb"G[0-3](?: [XYZEFIJ]-?[0-9.]+)+\Z")  # most lines: they command what they are
 _OPEN_BRACKET = re.compile(rb"\([^);]*(?:;|\Z)")
 
 
@@ -45,6 +46,8 @@ def command_of(line: bytes) -> bytes:
 
     Nothing where it only tells progress (M73), which another order counts anew.
     """
+    if _PLAIN.match(line):
+        return line
     code = b" ".join(line.split(b";", 1)[0].split())
     if code[:1] in b"GMgm" and code[1:2].isdigit():
         code = _JOINED.sub(b" ", code)
