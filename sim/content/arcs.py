@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from decmcts.formats.gcode import GcodeDocument, Motions
+from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.document import Arcs
 from decmcts.print.job import PrintJob
 from sim.content.inventory import E_TOLERANCE_MM, FEED_TOLERANCE_MM_S
@@ -41,6 +42,11 @@ class Turns:
     line: Ints  # (n,) in its file, from 1
     contour: Ints  # (n,) below 0: of none
 
+    def of(self, contours: AbstractSet[int]) -> Turns:
+        """Return the arcs of these contours alone."""
+        kept = np.isin(self.contour, list(contours))
+        return Turns(*(getattr(self, name)[kept] for name in self.__slots__))
+
     def text(self, i: int) -> str:
         """Return the words for one arc."""
         x0, y0, _, x1, y1, _ = self.ends[i]
@@ -59,6 +65,16 @@ def turns_of(motions: Motions, *, all_moves: bool = True) -> Turns:
     arc = np.where((contour >= 0) | all_moves, np.asarray(motions.arc, np.int64), NONE)
     line = np.asarray(motions.line, np.int64)
     return _turns(arc, motions.arcs, motions.points, motions.extrusion, motions.feed, line, contour)
+
+
+def turns_between(motion: Motion, begin: int, end: int) -> Turns:
+    """Return the arcs of the moves begin..end - 1 of a file, of no contour that is known."""
+    arc = np.full(len(motion.arc), NONE, np.int64)
+    arc[begin:end] = motion.arc[begin:end]
+    none = np.full(len(arc), NONE, np.int64)
+    return _turns(
+        arc, motion.arcs, motion.points, motion.extrusion, motion.feed, motion.line + 1, none
+    )
 
 
 def turns_of_print(job: PrintJob, document: GcodeDocument) -> Turns:

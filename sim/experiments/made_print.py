@@ -1,8 +1,8 @@
 """A small print made by code: two towers behind one skirt, as PrusaSlicer would write it.
 
 It holds one of everything a careless reordering could spoil: a skirt that primes,
-loops, an open infill path, a fan, accelerations and a temperature that change, and
-retraction before every longer travel. `made_tools_gcode` has two tools that retract each in
+loops, a loop of arcs, an open infill path, a fan, accelerations and a temperature that
+change, and retraction before every longer travel. `made_tools_gcode` has two tools that retract each in
 their own way, and a macro that pushes back what the file pulls.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from math import pi
 
 LAYER_MM = 0.2
 LAYERS = 6
@@ -61,6 +62,8 @@ def _tower(centre: tuple[float, float], layer: int) -> Iterator[str]:
     yield from (";TYPE:Internal infill", "M204 P1000")
     zigzag = [(x + 3.0 * k - 6.0, y + (8.0 if (k + layer) % 2 else -8.0)) for k in range(5)]
     yield from _path(zigzag, 3000)
+    yield from (";TYPE:External perimeter", "M204 P800")
+    yield from _pin(x + 14.0, y)
 
 
 def _square(x: float, y: float, half: float) -> list[tuple[float, float]]:
@@ -107,3 +110,13 @@ def _loop(centre: tuple[float, float], pull: float, push: float) -> Iterator[str
         length = ((x - x0) ** 2 + (y - y0) ** 2) ** 0.5
         yield f"G1 X{x:.3f} Y{y:.3f} E{E_PER_MM * length:.5f}"
     yield f"G1 E-{pull:.5f} F2100"
+
+
+def _pin(x: float, y: float, radius: float = 2.5) -> Iterator[str]:
+    """Yield a round loop beside a tower, of two arcs that stop short of its start."""
+    yield from (f"G1 X{x + radius:.3f} Y{y:.3f} F9000", "G1 E0.80000 F2100", "G1 F1500")
+    half = E_PER_MM * pi * radius
+    yield f"G3 X{x - radius:.3f} Y{y:.3f} I{-radius:g} J0 E{half:.5f}"
+    yield f"G3 X{x:.3f} Y{y - radius:.3f} I{radius:g} J0 E{half / 2.0:.5f}"
+    yield f"G3 X{x + 0.96 * radius:.3f} Y{y - 0.28 * radius:.3f} J{radius:g} E{0.41 * half:.5f}"
+    yield "G1 E-0.80000 F2100"

@@ -14,6 +14,7 @@ Files = list[Lines]  # one a head
 Rng = np.random.Generator
 
 BEAD = re.compile(r"^G1 X\S+ Y\S+ E\d")
+ARC = re.compile(r"^G[23] .*E\d")
 TRAVEL = re.compile(r"^G1 X\S+ Y\S+( F\S+)?$")
 RETRACT = re.compile(r"^G1 E-")
 PRIME = re.compile(r"^G1 E\d")
@@ -111,6 +112,18 @@ def beads_exchanged(lines: Lines, rng: Rng) -> None:
     lines[k], lines[k + 1] = lines[k + 1], lines[k]
 
 
+def arc_turned(lines: Lines, rng: Rng) -> None:
+    """Run one arc the other way round its centre."""
+    k = pick(_rows(lines, ARC), rng)
+    lines[k] = lines[k].replace("G2", "G?").replace("G3", "G2").replace("G?", "G3")
+
+
+def arc_straight(lines: Lines, rng: Rng) -> None:
+    """Go straight to the end of one arc."""
+    k = pick(_rows(lines, ARC), rng)
+    lines[k] = re.sub(r" [IJ]\S+", "", "G1" + lines[k][2:])
+
+
 def layers_exchanged(lines: Lines, rng: Rng) -> None:
     """Exchange what is printed at one height and at the next."""
     z = [re.sub(r"^(G1 Z)0\.400", r"\1@", line) for line in lines]
@@ -179,6 +192,12 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
     Mutant("more filament", change(BEAD, r"E(\d)", r"E1\1")),
     Mutant("a bead elsewhere", change(BEAD, r"X(\d+)", r"X1\1")),
     Mutant("a bead a little elsewhere", change(BEAD, r"(X\d+)\.\d", r"\1.7")),
+    Mutant("an arc dropped", remove(ARC)),
+    Mutant("an arc twice", change(ARC, r"(.*)", r"\1\n\1")),
+    Mutant("an arc the other way round", arc_turned),
+    Mutant("an arc as a straight line", arc_straight),
+    Mutant("an arc around another centre", change(ARC, r"(I-?\d+)\.\d", r"\1.6")),
+    Mutant("an arc with more filament", change(ARC, r"E(\d)", r"E1\1")),
     Mutant("another feed", change(BEAD, r" F\d+", " F601")),
     Mutant("a travel elsewhere", change(TRAVEL, r"X\d+", "X33")),
     Mutant("a travel through the print", travel_down),
@@ -375,6 +394,10 @@ HEAD_MUTANTS: tuple[Mutant[Files], ...] = (
             "a contour dropped",
             "a contour twice",
             "more filament",
+            "an arc dropped",
+            "an arc the other way round",
+            "an arc as a straight line",
+            "an arc around another centre",
             "a bead a little elsewhere",
             "another feed",
             "a travel elsewhere",

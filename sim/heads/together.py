@@ -19,6 +19,7 @@ from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
@@ -61,10 +62,10 @@ def verify_heads(
     if faults:
         return Verdict(tuple(faults))
     parts, walks = [], []
-    waited, due = last_points(plan), heat_due(document, job)
+    waited, due, arcs = last_points(plan), heat_due(document, job), turns_of_print(job, document)
     for h, (file, actions, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
         part, walk, found = _judge_one(file, actions, job, document, park, waited[h], due)
-        faults += found
+        faults += found + _check_arcs(file, part, actions, arcs)
         parts.append(part)
         walks.append(walk)
     known = Knowledge([file.syncs for file in files])
@@ -72,6 +73,14 @@ def verify_heads(
     if not known.stuck and all(walk.complete for walk in walks):
         faults += check_order(files, plan, known, parts, walks, read=read)
     return Verdict(tuple(faults), {"files": float(len(files))})
+
+
+def _check_arcs(file: HeadFile, part: Parts, actions: HeadActions, arcs: Turns) -> list[Fault]:
+    """Check that a head's file has the arcs of the contours it prints, and no other."""
+    prints = actions.kind == ActionKind.PRINT
+    moved = set(actions.contour[prints & (actions.entry > 0)].tolist())
+    due = arcs.of(set(actions.contour[prints].tolist()))
+    return check_arcs(turns_between(file.motion, part.begin, part.end), due, moved)
 
 
 def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
