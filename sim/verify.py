@@ -20,7 +20,13 @@ from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.legs import Legs, legs_of
 from sim.content.paths import check_head, check_once, check_release, check_structure
-from sim.content.same_print import check_contours, check_machine, check_print, is_other_print
+from sim.content.same_print import (
+    check_accelerations,
+    check_contours,
+    check_machine,
+    check_print,
+    is_other_print,
+)
 from sim.content.seams import Moved
 from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
 from sim.files.extent import check_extent
@@ -128,6 +134,7 @@ def _check_content(
             return other
         faults += compare(ours, theirs, match)
         faults += check_contours(document.contours, source.contours)
+        faults += check_accelerations(document.acceleration, source)
     if machine is not None:
         faults += check_machine(document.machine, machine, source)
     return faults

@@ -97,3 +97,12 @@ class PrintJob:
     acceleration: NDArray[np.float64] | None = None  # (n_points,) mm/s² set for the segment
     # ending at each point of the contours, NaN where nothing sets it; None: nowhere
     refills: tuple[int, ...] = ()  # epochs that begin with a tool change, filament change or pause
+
+    @property
+    def accelerations(self) -> NDArray[np.float64]:
+        """Acceleration set for the segment ending at each point, (n_points,) mm/s²; 0: none is."""
+        if self.acceleration is None:
+            return np.zeros(len(self.contours.points))
+        known = np.nan_to_num(self.acceleration)
+        known[self.contours.offsets[:-1]] = 0.0  # no segment ends at a contour's first point
+        return known

@@ -123,3 +123,6 @@ class PlanDocument:
     metrics: Metrics
     min_layer_time_s: float = 0.0  # no spot is printed over sooner, or than in source order
     rules: OrderRules | None = None  # None: it does not say
+    acceleration: NDArray[np.float64] | None = None
+    # (n_points,) mm/s² set for the segment ending at each point of the contours; 0: the head's
+    # own; None: it does not say

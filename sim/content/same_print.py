@@ -86,6 +86,21 @@ def check_contours(ours: Contours, source: Contours) -> list[Fault]:
     return faults
 
 
+def check_accelerations(ours: NDArray[np.float64] | None, source: PrintJob) -> list[Fault]:
+    """Compare the accelerations a plan states, where it states any, with the source's."""
+    due = source.accelerations
+    if ours is None or len(ours) != len(due):
+        return []  # other numbers of points are reported elsewhere
+    off = np.flatnonzero(np.abs(ours - due) > SAME)
+    contour = np.searchsorted(source.contours.offsets, off, side="right") - 1
+    rows = np.unique(contour, return_index=True)[1]
+    lines = [
+        f"contour {contour[k]}: acceleration is {ours[off[k]]:g}, in the source {due[off[k]]:g}"
+        for k in rows[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.CONTOUR, lines, total=len(rows))
+
+
 def check_machine(ours: Machine, named: Machine, source: PrintJob | None) -> list[Fault]:
     """Compare a plan's machine with the one that was named, but for names and remarks.
 

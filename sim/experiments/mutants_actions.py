@@ -244,3 +244,9 @@ def sooner(plan: Plan, rng: Rng) -> None:
         for action in head["actions"]:
             action["begin_s"] -= 1000.0
             action["end_s"] -= 1000.0
+
+
+def acceleration_raised(plan: Plan, rng: Rng) -> None:
+    """State another acceleration for a contour than the source sets."""
+    contour = plan["contours"][int(rng.integers(len(plan["contours"])))]
+    contour["acceleration"] = 20_000.0

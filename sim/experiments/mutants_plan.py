@@ -13,6 +13,7 @@ import numpy as np
 
 from sim.experiments.mutants import Mutant
 from sim.experiments.mutants_actions import (
+    acceleration_raised,
     across_a_barrier,
     barrier_denied,
     below_the_bed,
@@ -185,6 +186,7 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("a travel in no time", no_time),
     Mutant("an end before its begin", time_backwards),
     Mutant("times before the start", sooner),
+    Mutant("another acceleration", acceleration_raised),
     Mutant("feed 0", no_feed, sealed=True),
     Mutant(
         "less filament", _contour_field("extrusion", lambda v: [0.5 * e for e in v]), sealed=True

@@ -34,7 +34,8 @@ def least_arrivals(
     Parameters
     ----------
     source : PrintJob | None
-        States feed and accelerations that a plan does not; None: only what every axis can counts.
+        States the feed and acceleration of travels, which a plan does not; None: only what
+        every axis can counts for them.
     rests : bool
         Whether each action begins and ends at rest, as where a head may have to wait.
     """
@@ -50,7 +51,7 @@ def least_arrivals(
     speed = (np.array(limits.max_feed[:3]) / along).min(axis=1)
     speed = np.minimum(_feeds(document, actions, limits, source), speed)
     rate = (np.array(limits.max_acceleration[:3]) / along).min(axis=1)
-    rate = np.minimum(_acceleration(limits, source), rate)
+    rate = np.minimum(_accelerations(document, actions, limits, source), rate)
     first = np.zeros(n, np.bool_)
     first[actions.path_offsets[:-1]] = True
     length[first] = 0.0
@@ -81,14 +82,27 @@ def _feeds(
     return feed
 
 
-def _acceleration(limits: MotionLimits, source: PrintJob | None) -> float:
-    """Return the most acceleration that is asked for anywhere, mm/s²; infinite: not known."""
-    if source is None:
-        return math.inf
-    said = np.zeros(0) if source.acceleration is None else source.acceleration
-    most = float(np.nan_to_num(said).max(initial=0.0))
-    travelling = source.settings.travel_acceleration
-    return max(most, limits.acceleration, travelling, limits.travel_acceleration)
+def _accelerations(
+    document: PlanDocument, actions: HeadActions, limits: MotionLimits, source: PrintJob | None
+) -> Floats:
+    """Return the most acceleration of the segment that ends at each point, (n,); inf: not known.
+
+    Within a contour the highest that is set for any of its segments.
+    """
+    contours, travelling = document.contours, np.inf
+    if source is not None:
+        travelling = max(source.settings.travel_acceleration, limits.travel_acceleration)
+    stated = document.acceleration if source is None else source.accelerations
+    most = np.full(len(contours), np.inf)
+    if stated is not None and len(stated) == len(contours.points) and len(contours):
+        own = np.where(stated > 0.0, stated, limits.acceleration)
+        own[contours.offsets[:-1]] = 0.0
+        most = np.maximum.reduceat(own, contours.offsets[:-1])
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    each = np.full(len(actions), travelling)
+    each[prints] = most[actions.contour[prints]]
+    return np.asarray(each[owner], np.float64)
 
 
 @compiled

@@ -1,13 +1,13 @@
 """Whether a plan prints over any spot too soon.
 
-The plan names a rule: no contour begins over another within so many seconds of
-its end, or within the lag that the source has between the last of what is
-under it and its begin where that is less. Of the source's time only what it
-printed in between counts here, so the judge asks for no more than is due. Times
-are those of the judge's own motion model; retractions are no motion, and slicers set
-accelerations for single lines that a plan does not carry, so an action may take as
-long as the plan says within reason. Between several heads only the time counts that
-passes for every timing: along actions, waits and lags (`sim.rules.least_time`).
+The plan names a rule: no contour begins over another within so many seconds of its end,
+or within the lag that the source has between the last of what is under it and its begin
+where that is less. Of the source's time only what it printed in between counts here, so
+the judge asks for no more than is due. Times are those of the judge's own motion model;
+retractions are no motion, and slicers set accelerations for single lines, so an action
+may take as long as the plan says within reason. Between several heads only the time
+counts that passes for every timing: along actions, waits and lags
+(`sim.rules.least_time`).
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from sim.faults import Fault, FaultKind, listed
 from sim.rules.least_time import LeastTime
 from sim.rules.order import PartialOrder
 
-SLACK_S = 0.5  # by which the time models of judge and planner may differ,
-SLACK = 0.1  # besides this share of what is due
+SLACK_S = 0.5  # by which the time models of judge and planner may differ
 TIE_MM = 1e-4  # heights and distances that differ by less are equal
 # An action may take longer than by the judge's model, as its source states lower limits:
 TRAVEL_TIMES = 15.0  # a travel up to so many times as long,
@@ -145,12 +144,12 @@ def _too_soon(stack: _Stack, b: int, recent: NDArray[Any], gaps: Floats) -> Iter
     for k in np.flatnonzero(meets & (recent < b)).tolist():
         a, gap = int(recent[k]), float(gaps[k])
         due = min(rule, float(before[b] - before[a + 1]))
-        if gap >= due - SLACK_S - SLACK * due or not _over(contours, a, b):
+        if gap >= due - SLACK_S or not _over(contours, a, b):
             continue
         under = a + 1 + np.flatnonzero(_ends_under(top[a + 1 : b] - floor[b], half))
         last = next((c for c in under[::-1].tolist() if _over(contours, c, b)), a)
         due = min(rule, float(before[b] - before[last + 1]))
-        if gap < due - SLACK_S - SLACK * due:
+        if gap < due - SLACK_S:
             yield f"contour {b} begins {gap:.1f} s after contour {a} under it, {due:.1f} s are due"
 
 

@@ -16,6 +16,7 @@ LARGEST_MM = 10_000.0  # of a coordinate or a size: ten metres
 LARGEST_BEAD_MM = 100.0  # of a bead's width or height
 LARGEST_FILAMENT_MM = 1e6  # of one move: a kilometre, over three spools
 LARGEST_SPEED_MM_S = 1e5
+LARGEST_ACCELERATION_MM_S2 = 1e7
 LARGEST_SECONDS = 1e7  # of one print: 115 days
 UNPACKED_FREE = 64 * 2**20  # bytes that any gzipped file may hold
 UNPACKED_TIMES = 100  # a larger one may hold this many times its own size

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.files.bounds import (
+    LARGEST_ACCELERATION_MM_S2,
     LARGEST_BEAD_MM,
     LARGEST_FILAMENT_MM,
     LARGEST_MM,
@@ -40,13 +41,16 @@ _KEYS = (
     "extrusion",
     "feed",
 )
+_ACCELERATION = "acceleration"  # may be left out, of all contours alike
 _INT32_END = 2**31
 _INT16_END = 2**15
 _ROLES = {role.name.lower(): role for role in Role}
 
 
-def contours_to_dicts(contours: Contours, machine: Machine) -> Iterator[dict[str, Any]]:
-    """Yield one mapping a contour, in order of id."""
+def contours_to_dicts(
+    contours: Contours, machine: Machine, acceleration: NDArray[np.float64] | None = None
+) -> Iterator[dict[str, Any]]:
+    """Yield one mapping a contour, in order of id; `acceleration` as in `PlanDocument`."""
     z_low, z_high = contours.bottom, contours.top
     for i in range(len(contours)):
         rows = slice(int(contours.offsets[i]), int(contours.offsets[i + 1]))
@@ -68,6 +72,7 @@ def contours_to_dicts(contours: Contours, machine: Machine) -> Iterator[dict[str
             "points": (polyline[:, :2] if planar else polyline).tolist(),
             "extrusion": contours.extrusion[rows][1:].tolist(),
             "feed": _alike(contours.feed[rows][1:]),
+            **({} if acceleration is None else {_ACCELERATION: _alike(acceleration[rows][1:])}),
         }
 
 
@@ -77,11 +82,11 @@ def only_head(machine: Machine, tool: int) -> str | None:
     return able[0] if len(able) == 1 < len(machine.heads) else None
 
 
-def _alike(feed: NDArray[np.float64]) -> float | list[float]:
-    """Return one number where all segments have the same feed, the usual case."""
-    if (feed == feed[0]).all():
-        return float(feed[0])
-    return list(map(float, feed))
+def _alike(values: NDArray[np.float64]) -> float | list[float]:
+    """Return one number where all segments have the same, the usual case."""
+    if (values == values[0]).all():
+        return float(values[0])
+    return list(map(float, values))
 
 
 def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
@@ -107,6 +112,23 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
     )
 
 
+def acceleration_from_dicts(tables: list[Fields], contours: Contours) -> NDArray[np.float64] | None:
+    """Return the accelerations of the rows as `PlanDocument` has them, None if none has any.
+
+    Raises
+    ------
+    InputError
+        When some contours state theirs and others do not, or a value is wrong.
+    """
+    stated = [_ACCELERATION in table.values for table in tables]
+    if not any(stated):
+        return None
+    if not all(stated):
+        tables[stated.index(False)].fail(_ACCELERATION, "is missing", "state it of all or of none")
+    sizes = np.diff(contours.offsets).tolist()
+    return _per_segment(tables, sizes, _ACCELERATION, LARGEST_ACCELERATION_MM_S2)
+
+
 def _sizes(tables: list[Fields], key: str) -> NDArray[np.float64]:
     return np.array([t.number(key, least=0.0, most=LARGEST_BEAD_MM) for t in tables], np.float64)
 
@@ -117,7 +139,7 @@ def _integers(tables: list[Fields], key: str, end: int) -> NDArray[np.int32]:
 
 def _polyline(table: Fields, number: int) -> NDArray[np.float64]:
     """Return (k, 3) points of one row."""
-    table.only(*_KEYS)
+    table.only(*_KEYS, _ACCELERATION)
     if table.integer("id", least=0, below=_INT32_END) != number:
         table.fail("id", f"{table.need('id')} stands at place {number}", "number from 0 in order")
     planar = table.need("z") is not None

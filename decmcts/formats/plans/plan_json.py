@@ -27,7 +27,11 @@ from decmcts.formats.files.reading import once, one_line, read_bytes
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_dict
 from decmcts.formats.plans.plan_actions import actions_from_dicts, actions_to_dicts, check_points
-from decmcts.formats.plans.plan_contours import contours_from_dicts, contours_to_dicts
+from decmcts.formats.plans.plan_contours import (
+    acceleration_from_dicts,
+    contours_from_dicts,
+    contours_to_dicts,
+)
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
@@ -70,7 +74,8 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
     if document.rules is not None:
         head[_RULES] = asdict(document.rules)
     file.write(_dump(head)[:-1] + b',\n"contours":[')
-    _write_lines(file, contours_to_dicts(document.contours, document.machine))
+    rows = contours_to_dicts(document.contours, document.machine, document.acceleration)
+    _write_lines(file, rows)
     file.write(b'],\n"precedence":' + _dump(document.precedence.tolist()) + b',\n"heads":[')
     names = [head.head for head in document.plan.heads]
     for number, actions in enumerate(document.plan.heads):
@@ -118,7 +123,8 @@ def read_plan(path: Path | str) -> PlanDocument:
         given.fail("version", f"{shown(version)} is not {known}")
     given.only(*_KEYS, _COOLING, _RULES)
     machine = machine_from_dict(given.need("machine"), where="machine", path=source)
-    contours = contours_from_dicts(given.tables("contours"), machine)
+    tables = given.tables("contours")
+    contours = contours_from_dicts(tables, machine)
     return PlanDocument(
         given.text("problem"),
         machine,
@@ -128,6 +134,7 @@ def read_plan(path: Path | str) -> PlanDocument:
         cast(Metrics, dict(given.table("metrics").values)),  # as it says: none is relied on
         given.number(_COOLING, 0.0, least=0.0, most=LARGEST_SECONDS),
         _rules(given.table(_RULES)) if _RULES in given.values else None,
+        acceleration_from_dicts(tables, contours),
     )
 
 

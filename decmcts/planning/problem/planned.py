@@ -43,7 +43,7 @@ def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanD
     metrics: Metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}
     return PlanDocument(
         problem.digest, problem.machine, problem.job.contours, problem.graph.pairs(), plan, metrics,
-        problem.min_layer_time_s, problem.rules.on(problem.machine),
+        problem.min_layer_time_s, problem.rules.on(problem.machine), problem.job.accelerations,
     )  # fmt: skip
 
 

@@ -129,6 +129,29 @@ def test_version_1_is_still_read(written):
         write_and_read(old)
 
 
+def test_accelerations_are_kept(tmp_path):
+    """Of all contours or of none: half a statement would be judged as a whole one."""
+    plain = document()
+    stated = np.arange(len(plain.contours.points)) * 10.0
+    stated[plain.contours.offsets[:-1]] = 0.0
+    for given in (None, stated):
+        write_plan(replace(plain, acceleration=given), tmp_path / "plan.json")
+        read = read_plan(tmp_path / "plan.json").acceleration
+        assert read is None if given is None else read.tolist() == stated.tolist()
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    for value, message in (
+        (-1.0, "acceleration"),
+        ([1.0], "acceleration: 1 values for"),
+        ("fast", "acceleration: expected"),
+    ):
+        contours = [{**row, "acceleration": value} for row in plan["contours"]]
+        with pytest.raises(InputError, match=message):
+            write_and_read({**plan, "contours": contours})
+    del plan["contours"][0]["acceleration"]
+    with pytest.raises(InputError, match=r"contours\[0\].*acceleration"):
+        write_and_read(plan)
+
+
 def test_rules_are_kept(tmp_path):
     """A judge has to know what a plan was made by; a rule half said is refused."""
     for rules in (None, OrderRules("free", False, 3, "fixed"), OrderRules()):

@@ -125,3 +125,12 @@ def test_figures_that_are_not_the_actions_are_seen(make, name):
     verdict = verify_plan(replace(document, metrics={name: 3.0}))
     assert verdict.kinds() == {FaultKind.TIMES} and name in str(verdict.faults[0])
     assert not verify_plan(replace(document, metrics={name: "3"})).ok
+
+
+def test_accelerations_that_a_plan_states_count(make):
+    """With 100 mm/s² instead of the machine's the same times are too short, without any source."""
+    document = make.tower_plan()
+    n = len(document.contours.points)
+    assert verify_plan(replace(document, acceleration=np.zeros(n))).ok
+    verdict = verify_plan(replace(document, acceleration=np.full(n, 100.0)))
+    assert verdict.kinds() == {FaultKind.TIMES}
