@@ -18,6 +18,7 @@ from decmcts.print.job import PrintJob
 
 _MOVES = re.compile(rb"G0*1(?=[ ]).*E|G1[01](?![0-9.])(?!.*[PL])", re.I)
 _HOT_END = re.compile(rb"M10([49])(?![0-9.])(.*)", re.I)
+_OF_BED = re.compile(rb"M1(40|90)(?![0-9.])(.*)", re.I)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 SELECTS = re.compile(rb"T(\d+)\Z", re.I)  # a word that is a tool
 
@@ -68,6 +69,25 @@ def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
     ends = [heat for heat in map(heat_of, _codes(document.postamble)) if heat is not None]
     off = any(not heat.heats and heat.tool is None for heat in ends)
     return Due(len(begins) > 1 and bool(early) and bool(cold), bool(early), waits, off)
+
+
+def heats_early(rows: Sequence[tuple[int, bytes]], wait: int, start: Sequence[bytes]) -> int:
+    """Return how many of a file's first rows heat bed and hot end while its head waits its turn.
+
+    They stand above the file's first wait, in line `wait`, once each at the most, wait for
+    nothing, and are as hot as the commands `start` of its start code make them first.
+    """
+    due = set[bytes]()
+    for pattern, code in ((_OF_BED, b"M140 S"), (_HOT_END, b"M104 S")):
+        found = (match for command in start if (match := pattern.match(command)))
+        values = [value[1] for match in found if (value := _VALUE.search(match[2]))]
+        hot = [code + value for value in values if float(value) > 0.0]
+        due.update(hot[:1])
+    count = 0
+    while count < len(rows) and rows[count][0] < wait and rows[count][1] in due:
+        due.remove(rows[count][1])
+        count += 1
+    return count
 
 
 def unheated(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
-from sim.heads.heat import Due, heat_due, unheated
+from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.order import Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, SAME_MM, Walk, Walker, differing
@@ -114,6 +115,8 @@ def _judge_one(
     words: list[str] = []
     own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
     start = own_of(document.preamble, homes=True, relative_e=False, selected=_selected(job, 0))
+    waits = next((sync.line for sync in file.syncs), 0)
+    file = replace(file, rest=file.rest[heats_early(file.rest, waits, start) :])
     low, parked = _match_start(file, document, start, park, words)
     own_end = partial(
         own_of, homes=False, relative_e=document.end.relative_e,

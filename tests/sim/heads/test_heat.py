@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim.heads.heat import Due, Heat, heat_of, unheated
+from sim.heads.heat import Due, Heat, heat_of, heats_early, unheated
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,25 @@ from sim.heads.heat import Due, Heat, heat_of, unheated
 def test_what_a_command_says_to_a_hot_end(code: bytes, heat: Heat | None) -> None:
     """Which tool, how hot, and whether to wait."""
     assert heat_of(code) == heat
+
+
+@pytest.mark.parametrize(
+    ("early", "count"),
+    [
+        ([], 0),
+        ([b"M140 S60", b"M104 S150"], 2),
+        ([b"M104 S150"], 1),
+        ([b"M104 S215"], 0),  # hotter than the source is at first
+        ([b"M104 S150", b"M104 S150"], 1),
+        ([b"M109 S150"], 0),  # waits, so the others would too
+        ([b"M140 S60", b"G28"], 1),
+    ],
+)
+def test_a_head_may_heat_while_it_waits_its_turn(early: list[bytes], count: int) -> None:
+    """As hot as its start code makes it first, and nothing else above its first wait."""
+    start = [b"M104 S0", b"M190 S60", b"M109 R150", b"G28", b"M109 S215", b"M140 S70"]
+    assert heats_early(list(enumerate(early, 1)), 9, start) == count
+    assert heats_early(list(enumerate(early, 9)), 9, start) == 0
 
 
 @pytest.mark.parametrize(

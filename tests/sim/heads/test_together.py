@@ -311,6 +311,21 @@ def test_an_object_may_end_in_the_end_code(tmp_path):
     assert Made(tmp_path, layers=layers, end=end).judged().faults == ()
 
 
+def test_heads_heat_together(made):
+    """The second waits for its turn, and is warm by then; it waits for the heat in its turn."""
+    first, second = (path.read_text() for path in made.paths)
+    told = second[: second.index("SYNC_WAIT")]
+    assert (
+        "M140 S60 " in told and "M104 S210 " in told and "M104" not in first[: first.index("G28")]
+    )
+    assert second.index("SYNC_WAIT") < second.index("M109 S210")
+    for wrong in ("M104 S230", "M109 S210", "G28"):
+        made.paths[1].write_text(second.replace("M104 S210", wrong, 1))
+        assert FaultKind.COMMAND in made.judged().kinds()
+    made.paths[1].write_text(second.replace("\nM109 S210\n", "\n", 1))
+    assert "'M109 S210'" in str(made.judged().faults)
+
+
 STOP = "; stop printing object a id:0 copy 0\n"
 
 

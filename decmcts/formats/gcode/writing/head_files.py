@@ -6,9 +6,11 @@ no plan checked are left out: purge lines, wipes at the end, custom travel. Of a
 source with several tools a head is told what is said to its own: temperatures and moves
 of filament alone, by the tool they name or the one selected there. All heads are told what
 heats the one hot end of a source (`decmcts.formats.gcode.writing.hot_ends`), and what switches hot
-ends off in the end code. A head retracts (and wipes along the bead it printed) before it says
-that a print has ended: what it does afterwards is its next action's path and nothing else.
-The end code, which turns off bed and motors, runs when all heads are done.
+ends off in the end code. Heads are set up one after the other, and heat together: a head that
+waits for its turn is told before how hot bed and hot end are to be, and waits for them in its turn.
+A head retracts (and wipes along the bead it printed) before it says that a print has ended: what it
+does afterwards is its next action's path and nothing else. The end code, which turns off bed and
+motors, runs when all heads are done.
 
 Where the plan orders actions of different heads the files hold
 
@@ -47,7 +49,14 @@ from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.emitter import Emitter
-from decmcts.formats.gcode.writing.hot_ends import Hears, heats, refuse_cold, source_heats, told_to
+from decmcts.formats.gcode.writing.hot_ends import (
+    Hears,
+    early_heat,
+    heats,
+    refuse_cold,
+    source_heats,
+    told_to,
+)
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import owed_after, own_lines, pushed_by_moves, pushes
 from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
@@ -274,6 +283,8 @@ class _HeadFile:
         first, rest = _split_first(with_header(preamble, header, document.newline), header)
         emitter.verbatim(first)
         if self.index > 0:
+            for line in early_heat(rest):
+                emitter.say(line)
             self._say(self.words.wait, self.index)
         emitter.verbatim(rest)
         self._resume(document.start)

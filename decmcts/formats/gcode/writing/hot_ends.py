@@ -20,9 +20,11 @@ from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.print.job import PrintJob
 
 __all__ = [
+    "EARLY",
     "OWN",
     "Hears",
     "HotEnd",
+    "early_heat",
     "hears",
     "heats",
     "hot_end_command",
@@ -38,6 +40,8 @@ OWN: Hears = "own"
 _COMMAND = re.compile(rb"^\s*(?:N\d+\s*)?M10([49])(?![0-9.])([^;(]*)", re.I)
 _VALUE = re.compile(rb"[SR]\s*(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"(?:^|(?<=[\s0-9.]))T\s*(\d+)", re.I)
+_BED = re.compile(rb"^\s*(?:N\d+\s*)?M1(?:40|90)(?![0-9.])([^;(]*)", re.I)
+EARLY = "; while other heads are set up"
 _SELECT = re.compile(rb"^\s*T(\d+)(?=[\s;]|$)", re.I)
 
 
@@ -86,6 +90,23 @@ def told_to(document: GcodeDocument, job: PrintJob) -> Hears:
 def heats(text: bytes) -> bool:
     """Say whether some of these lines heat a hot end."""
     return any(command.heats for line in text.splitlines() if (command := hot_end_command(line)))
+
+
+def early_heat(text: bytes) -> list[str]:
+    """Return what heats bed and hot end, without waiting, as hot as these lines make them first.
+
+    A head whose start code has to wait for other heads heats meanwhile.
+    """
+    lines = text.splitlines()
+    of_bed = (_BED.match(line) for line in lines)
+    bed = [match[1] for match in of_bed if match is not None]
+    hot = [match[2] for line in lines if (match := _COMMAND.match(line)) is not None]
+    early = []
+    for code, said in (("M140", bed), ("M104", hot)):
+        values = [value[1].decode() for words in said if (value := _VALUE.search(words))]
+        first = next((value for value in values if float(value) > 0.0), None)
+        early += [] if first is None else [f"{code} S{first} {EARLY}"]
+    return early
 
 
 def source_heats(document: GcodeDocument) -> bool:
