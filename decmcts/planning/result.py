@@ -127,7 +127,7 @@ class Result:
             Write it even if the whole file takes longer than its source, or gains nothing. With
             several heads it always is.
         report, stop
-            As in `plan`; for one head alone.
+            As in `plan`; `stop` for one head alone.
 
         Returns
         -------
@@ -143,7 +143,7 @@ class Result:
         """
         out, search = Path(path), self.search
         if isinstance(search, TeamSearch):
-            return Written(self, tuple(write_heads(self.planned, stem_of(out))))
+            return Written(self, tuple(write_heads(self.planned, stem_of(out), report=report)))
         planned, times = write_no_slower(
             self.planned, search, out, allow_slower=allow_slower, report=report, stop=stop
         )

@@ -8,7 +8,7 @@ together must order what the plan orders (`sim.heads.order`), so a single file p
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -41,6 +41,7 @@ def verify_heads(
     parks: Sequence[Point],
     release: Release = "action",
     read: bool = False,
+    told: Callable[[str], None] = lambda step: None,
 ) -> Verdict:
     """Check the files of all heads of a plan, in the plan's order of heads.
 
@@ -54,9 +55,14 @@ def verify_heads(
         Whether the machine's controllers can signal in motion.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
+    told : function
+        Called with what is done next, in a few words.
     """
+    files = []
     try:
-        files = [read_head_file(path) for path in paths]
+        for path in paths:
+            told(f"reading {Path(path).name} back")
+            files.append(read_head_file(path))
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
     faults = _check_names(files, plan)
@@ -65,10 +71,12 @@ def verify_heads(
     parts, walks = [], []
     waited, due, arcs = last_points(plan), heat_due(document, job), turns_of_print(job, document)
     for h, (file, actions, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
+        told(f"walking the file of head {actions.head} along the plan")
         part, walk, found = _judge_one(file, actions, job, document, park, waited[h], due)
         faults += found + _check_arcs(file, part, actions, arcs)
         parts.append(part)
         walks.append(walk)
+    told("what the files' sync points order")
     known = Knowledge([file.syncs for file in files])
     faults += check_sync(files, known, release)
     if not known.stuck and all(walk.complete for walk in walks):

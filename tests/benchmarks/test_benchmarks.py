@@ -195,6 +195,18 @@ def test_tables_come_from_rows_alone(tmp_path):
     assert "| four_nuts | 964 | warm | 1 | 6.50 | 6.50 | 0.40 | NO |" in table
 
 
+def test_steps_around_the_search_are_held_to_their_limit(tmp_path):
+    """What the search takes does not count; a step that takes too long must show."""
+    head = "command,model,limit_s,place,step,wall_s,cpu_s,contours,silence_s,peak_mib,error"
+    steps = ["0,reading,9.0,4.0", "1,heads plan,10.0,20.0", "2,verifying,40.0,27.0"]
+    runs = [f"launch,x,10.0,{step},15490,7.5,900," for step in steps]
+    (tmp_path / "steps.csv").write_text("\n".join([head, *runs, ""]))
+    run("steps", ["--table-only"], tmp_path)
+    table = (tmp_path / "steps.md").read_text()
+    assert "| launch | x | 15490 | 59.0 | 51.0 | 49.0 | 31.0 | NO | 7.5 | 900 |" in table
+    assert "| launch | x | verifying | 40.0 | 27.0 |" in table
+
+
 def test_hybrid_is_judged_against_every_other_planner(tmp_path):
     """One planner that is better, or the yardstick not reached, must show."""
     head = "model,machine,process,freedom,planner,limit_s,seed,travel_after_mm,less_percent,error"

@@ -142,7 +142,7 @@ def launch(
     )  # fmt: skip
     with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
         told(Step("writing files"))
-        paths = [] if stem is None else list(result.write_gcode(stem).paths)
+        paths = [] if stem is None else list(result.write_gcode(stem, report=told).paths)
         paths += write_extras(result, plan_file, report, picture)
     with written():
         show_team(result, paths, as_json=as_json)

@@ -17,7 +17,7 @@ from agents.launch import LaunchResult
 from agents.launching.supervisor import AgentStatus
 from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
-from decmcts.planning.events import Note, Report
+from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import PrintProblem
@@ -26,7 +26,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound
 from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
-from decmcts.team.schedule.entries import OrderChoices, best_entries, with_entries
+from decmcts.team.schedule.entries import OrderChoices, best_entries, differ, with_entries
 from decmcts.team.schedule.joint_plan import schedule
 
 
@@ -67,6 +67,7 @@ def best_of(
     problem = ready.problem
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
+    report(Step("safe travels and times of one head alone"))
     alone = plan_alone(ready, heads)
     machine = lone_machine(problem.machine)
     lone = schedule(problem.job, machine, problem.graph, [ready.lone_order], lags=ready.lags)
@@ -97,11 +98,13 @@ def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan |
     """
     problem = ready.problem
     agreed = with_entries(result.toolpaths, ready.entry)
+    report(Step("what other entries of loops save"))
     moved = best_entries(
         problem.job, problem.machine, problem.graph, agreed, ready.orders, ready.lags
     )
+    report(Step("safe travels, times and order across heads"))
     plans = []
-    for paths in (agreed, moved):
+    for paths in (agreed, moved) if differ(agreed, moved) else (agreed,):
         try:
             plans.append(ready.schedule(paths))
         except InputError as error:

@@ -87,7 +87,6 @@ def plan_team(
     report(Begun())
     result = _agreed(ready, search, report, stop, agents)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
-    report(Step("safe travels, times and order across heads"))
     after = best_of(ready, result, search, report)
     return check(ready.problem, ready.before, after, _history(result), seconds, report)
 

@@ -10,6 +10,7 @@ from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
+from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, put, require_sound
@@ -71,9 +72,15 @@ class HeadWriter(Protocol):
 
 
 def write_heads(
-    planned: Planned, stem: Path, *, write: HeadWriter = write_head_gcode
+    planned: Planned,
+    stem: Path,
+    *,
+    write: HeadWriter = write_head_gcode,
+    report: Report = unheard,
 ) -> list[Path]:
     """`write` one G-code file per head, `STEM_HEAD.gcode`; returns the paths.
+
+    The report is told what is written, read back and judged.
 
     Raises
     ------
@@ -87,6 +94,7 @@ def write_heads(
     with draft_folder() as folder:
         drafts = [folder / path.name for path in paths]
         for index, draft in enumerate(drafts):
+            report(Step(f"writing {draft.name}"))
             write(
                 problem.document,
                 problem.job,
@@ -98,8 +106,9 @@ def write_heads(
                 release=problem.machine.release,
             )
         verdict = verify_heads(
-            drafts, plan, problem.job, problem.document, parks=at, release=problem.machine.release
-        )
+            drafts, plan, problem.job, problem.document, parks=at,
+            release=problem.machine.release, told=lambda text: report(Step(text)),
+        )  # fmt: skip
         require_sound(verdict, stem)
         for path, draft in zip(paths, drafts, strict=True):
             put(draft.read_bytes(), path)

@@ -153,7 +153,7 @@ def window_by_window(
     while windows and trials:
         begin, end = windows.popleft()
         tried = _within(best, chosen, begin, end)
-        if not _differ(tried, best):
+        if not differ(tried, best):
             continue
         trials -= 1
         found_s = makespan(tried)
@@ -216,7 +216,8 @@ def _within(
     return mixed
 
 
-def _differ(one: Sequence[Toolpath], other: Sequence[Toolpath]) -> bool:
+def differ(one: Sequence[Toolpath], other: Sequence[Toolpath]) -> bool:
+    """Tell whether toolpaths of the same sequences enter a contour elsewhere, or reverse one."""
     return any(
         (a.entry != b.entry).any() or (a.reversed != b.reversed).any()
         for a, b in zip(one, other, strict=True)

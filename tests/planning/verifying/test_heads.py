@@ -12,6 +12,7 @@ from decmcts.cli.run import run
 from decmcts.errors import VerificationError
 from decmcts.formats.gcode import write_head_gcode
 from decmcts.formats.plans.plan_json import write_plan
+from decmcts.planning.events import Event, Step
 from decmcts.planning.options import NO_QUALITY, ProcessOrder, Rules
 from decmcts.planning.problem.planned import Planned, document_of, source_plan
 from decmcts.planning.problem.print_problem import load
@@ -61,6 +62,20 @@ def planned_of(
 def written(planned: Planned, tmp_path: Path) -> list[str]:
     write_plan(planned.after, tmp_path / "plan.json")
     return [str(path) for path in write_heads(planned, tmp_path / "part")]
+
+
+def test_each_step_of_writing_is_told(planned: Planned, tmp_path: Path) -> None:
+    """Files of large prints take long to read back, which looked like standing still."""
+    events: list[Event] = []
+    write_heads(planned, tmp_path / "part", report=events.append)
+    words = [event.text for event in events if isinstance(event, Step)]
+    names = [head.head for head in planned.after.plan.heads]
+    assert words == [
+        *(f"writing part_{name}.gcode" for name in names),
+        *(f"reading part_{name}.gcode back" for name in names),
+        *(f"walking the file of head {name} along the plan" for name in names),
+        "what the files' sync points order",
+    ]
 
 
 def test_a_source_without_end_code_is_written(tmp_path: Path) -> None:
