@@ -155,17 +155,19 @@ def main() -> int:
 
 
 def files(model: str, part: str) -> list[Path]:
-    """Return the G-code files to compare."""
+    """Return the G-code files to compare, small ones first."""
     if model:
         return [print_path(model)]
-    return [path for path in sorted((corpus() / "gcode").glob("*.gcode.gz")) if part in path.name]
+    found = [path for path in (corpus() / "gcode").glob("*.gcode.gz") if part in path.name]
+    return sorted(found, key=lambda path: (path.stat().st_size, path.name))
 
 
 def report(rows: Rows, limit: float) -> str:
     """Return the table as a page."""
     head = ["file", "tool", "pushed, mm", "pulled, mm", "net, mm", "difference, mm"]
     table = []
-    made = [row for row in rows.rows if not row["error"] and float(row["limit_s"]) == limit]
+    ran = sorted(rows.rows, key=lambda row: row["file"])
+    made = [row for row in ran if not row["error"] and float(row["limit_s"]) == limit]
     for row in made:
         parts = {name: row[name].split() for name in row if name.endswith(("source", "result"))}
         for k, tool in enumerate(row["tools"].split()):

@@ -78,6 +78,8 @@ class _Book:
     low_above: Floats  # (n,)
     high_above: Floats  # (n,)
     tool_above: Ints  # (n,) in use in that stretch
+    kept: NDArray[np.bool_]  # (n,) one tool is in use from bead to bead
+    deepest: Floats  # (n,) least running sum from bead to bead, the source's own lines included
 
     @staticmethod
     def of(motions: Motions, laid: Ints, contour: Ints, spans: Spans) -> _Book:
@@ -95,6 +97,7 @@ class _Book:
             if k < len(bead) and b >= behind[k]:
                 above[k], since[k], stands[k] = max(a, int(behind[k])), b, number
         total = np.concatenate([[0.0], np.cumsum(np.asarray(motions.extrusion))])
+        changes = np.cumsum(np.diff(tools, prepend=tools[:1]) != 0)
         upper, lower = _stretch(total, behind, above), _stretch(total, since, bead)
         if stands[0] == 0:  # what the start code does is its own
             for each in upper:
@@ -102,6 +105,7 @@ class _Book:
         return _Book(
             bead, contour[first], tools[bead], stands, *lower, *upper,
             tools[np.maximum(behind - 1, 0)],
+            changes[np.maximum(behind - 1, 0)] == changes[bead], _stretch(total, behind, bead)[1],
         )  # fmt: skip
 
 
@@ -191,14 +195,14 @@ def _check_depths(book: _Book, own: _Book, motions: Motions) -> list[Fault]:
     What it does for a change of tools holds above and below that change only.
     """
     n = int(max(own.tool.max(), own.tool_above.max(), book.tool.max(), book.tool_above.max())) + 1
-    kept, parted = own.tool == own.tool_above, own.lines >= 0
+    kept, parted = own.kept & (np.arange(len(own.bead)) > 0), own.lines >= 0
     texts, total = list[str](), 0
     for upper in (False, True):
         tool = book.tool_above if upper else book.tool
         low, high = (book.low_above, book.high_above) if upper else (book.low, book.high)
         usual = np.zeros((2, n))
-        for row, sign, each in ((0, -1, own.low), (0, -1, own.low_above), (1, 1, own.high)):
-            np.maximum.at(usual[row], own.tool[kept], sign * each[kept])
+        np.maximum.at(usual[0], own.tool[kept], np.abs(own.deepest[kept]))
+        np.maximum.at(usual[1], own.tool[kept], own.high[kept])
         here = np.zeros((2, int(own.lines.max(initial=-1)) + 2))
         of = (own.low_above, own.high_above) if upper else (own.low, own.high)
         here[0, own.lines[parted]], here[1, own.lines[parted]] = -of[0][parted], of[1][parted]

@@ -231,3 +231,21 @@ def test_a_source_whose_moves_are_not_kept_is_read_again(tools):
     machine = load_machine(MACHINE)
     again = verify_written(out, job, replace(document, moves=None), machine)
     assert again.faults == verify_written(out, job, document, machine).faults
+
+
+def test_what_rounding_leaves_is_no_bead(tmp_path):
+    """A hundredth of a micrometre pushed behind a bead would read as its last segment."""
+    text = HEAD + "T0\n;LAYER_CHANGE\n;Z:0.2\nG1 Z0.2 F600\n"
+    for k, x in enumerate((20, 40, 56, 100)):
+        text += "G1 E-0.8 F2400\n" if k else ""
+        text += "M104 S210\n" if k == 3 else ""
+        text += f"G1 X{x} Y20 F9000\n" + ("G1 E0.80001 F2400\n" if k else "")
+        text += f"G1 F2400\nG1 X{x + 15} Y20 E0.5\nG1 Y35 E0.5\n"
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(text + "M104 S0\n")
+    turned = np.array([False, False, True, False])
+    job, document = written(source, out, [0, 2, 1, 3], turned)
+    assert len(read_gcode(out)[0].contours.points) == len(job.contours.points)
+    assert filament(out) == filament(source)
+    kinds = verify_written(out, job, document, load_machine("paper")).kinds()
+    assert not {FaultKind.STATE, FaultKind.E_TOTAL} & kinds

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from decmcts.formats.gcode.reading.ledger import PULLED, Gaps
 from decmcts.formats.gcode.text.lines import Lines
 from decmcts.print.job import ProcessSettings, Retraction
 
+ALIKE = 0.01  # share by which the habits of two tools may differ and be one
 LONGEST_BARE_MM = 5.0  # travel without retraction, for a source that retracts at all
 _RULE = re.compile(
     rb"^;\s*(?:slowdown_below_layer_time|slow_down_layer_time|minSpeedLayerTime|min_layer_time_s)"
@@ -101,7 +102,8 @@ def infer_settings(
         min_layer_time_s=min_layer_time(lines.text),
         of_tools=((usual, of_tool[usual][0]),),
     ).for_tool(usual)
-    others = [(tool, one) for tool, (one, _) in of_tool.items() if one != of_tool[usual][0]]
+    main = of_tool[usual][0]
+    others = [(tool, one) for tool, (one, _) in of_tool.items() if not _alike(one, main)]
     return replace(settings, of_tools=tuple(sorted(others, key=lambda each: each[0]))), Habits(
         resets_e=_occurs(lines, motion, runs, 71, 920),
         progress=_progress(lines, motion, runs),
@@ -130,6 +132,11 @@ class _GapMoves:
             gap & (runs.contour < 0), across < 1e-9, motion.extrusion < -1e-5,
             motion.extrusion > 1e-5, across, motion.modes[motion.line, TOOL].astype(np.int64),
         )  # fmt: skip
+
+
+def _alike(one: Retraction, other: Retraction) -> bool:
+    """Tell whether two tools retract the same way; wipes are measured, and vary a little."""
+    return bool(np.allclose(astuple(one), astuple(other), rtol=ALIKE, atol=1e-6))
 
 
 def _any_of(retraction: Retraction) -> bool:

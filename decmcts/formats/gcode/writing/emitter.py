@@ -89,15 +89,17 @@ class Emitter:
         self.say(f"G1 E{self._count(filament)} F{self._feed_word(feed)}")
         self.feed = feed
 
-    def _count(self, filament: float) -> str:
-        """Return the E word of a push and count it; what it rounds off goes to the next."""
+    def _count(self, filament: float, *, bead: bool = False) -> str:
+        """Return the E word of a push and count it.
+
+        What words round off goes to the next that lays no bead.
+        """
         amount = filament * self._scale
         self.e += amount
         if not self.relative_e:
             return format(self.e, self._e)
-        amount += self.spare
-        text = format(amount, self._e)
-        self.spare = amount - float(text)
+        text = format(amount if bead else amount + self.spare, self._e)
+        self.spare += amount - float(text)
         return text
 
     def _rounded_off(self) -> float:
@@ -116,9 +118,9 @@ class Emitter:
         if filament and feed == self.feed and to[2] == z and (to[0] != x or to[1] != y):
             amount = filament * self._scale  # nearly every line of a file is one of these
             self.e += amount
-            e = amount + self.spare if self.relative_e else self.e
+            e = amount if self.relative_e else self.e
             if self.relative_e:
-                self.spare = e - round(e, self._decimals)
+                self.spare += e - round(e, self._decimals)
             self.lines.append(self._bead_line % (to[0], to[1], e))
             self.at = to
             return
@@ -128,7 +130,7 @@ class Emitter:
         if to[2] != z:
             words.append(f"Z{to[2]:{self._xy}}")
         if filament:
-            words.append(f"E{self._count(filament)}")
+            words.append(f"E{self._count(filament, bead=filament > 0.0)}")
         if abs(feed - self.feed) > 1e-9:
             words.append(f"F{self._feed_word(feed)}")
         if len(words) > 1:
@@ -151,7 +153,7 @@ class Emitter:
             words.append(f"Z{to[2]:{self._xy}}")
         words.append(f"I{centre[0] - self.at[0]:{self._ij}}")
         words.append(f"J{centre[1] - self.at[1]:{self._ij}}")
-        words.append(f"E{self._count(filament)}")
+        words.append(f"E{self._count(filament, bead=True)}")
         if abs(feed - self.feed) > 1e-9:
             words.append(f"F{self._feed_word(feed)}")
         self.say(" ".join(words))
@@ -174,12 +176,16 @@ class Emitter:
     # -- retraction -------------------------------------------------------------
 
     def owe(self, owed: float, *, firmware: bool = False) -> None:
-        """Retract or push back until `owed` mm are retracted; below 0: until so much is pushed."""
+        """Retract or push back until `owed` mm are retracted; below 0: until so much is pushed.
+
+        A difference that is only rounding, where nothing was retracted, waits for the next
+        retraction: it is not worth a stop.
+        """
         if self.firmware_retracted != firmware:
             self.say("G10" if firmware else "G11")
             self.firmware_retracted = firmware
         change = self.owed - owed
-        if abs(change) > 1e-6:
+        if abs(change) > (1e-6 if self._pulled else ROUNDING_MM):
             settings = self.settings
             feed = settings.unretract_feed if change > 0 else settings.retract_feed
             self.push(change, feed)
@@ -188,11 +194,9 @@ class Emitter:
     def restart(self, due: float) -> None:
         """Begin a bead as the source does: with `due` mm retracted, or so much pushed beyond.
 
-        With the bead the count begins anew. A difference that is only rounding, where nothing
-        is retracted, waits for the next retraction.
+        With the bead the count begins anew.
         """
-        if self.firmware_retracted or abs(self.owed - due) > ROUNDING_MM or self._pulled:
-            self.owe(due)
+        self.owe(due)
         self.owed -= due
         self._pulled = False
 
@@ -206,12 +210,12 @@ class Emitter:
             return
         if self.owed >= settings.retract_mm - 1e-6:
             return
+        self._pulled = True
         wiped = min(settings.wipe_filament_mm, settings.retract_mm - self.owed)
         if settings.wipe_mm > 0.0 and len(self.tail) > 1 and wiped > 0.0:
             self.owe(settings.retract_mm - wiped)
             self._wipe(wiped)
         self.owe(settings.retract_mm)
-        self._pulled = True
         if habits.resets_e:
             self.set_e(0.0)
 

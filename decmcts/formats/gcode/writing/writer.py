@@ -120,12 +120,14 @@ def emit_block(emitter: Emitter, block: Block) -> None:
         x, y, _ = emitter.at
         emitter.travel(np.array([(x, y, begin.position[2])]))
     emitter.owe(begin.owed, firmware=begin.firmware_retracted)
+    left = emitter.owed - begin.owed
     emitter.set_state(begin.state)
     emitter.set_e(begin.e)
     emitter.set_feed(begin.feed)
     stood = emitter.at
     emitter.verbatim(b"".join(without_progress(block.text)))
     emitter.take(block.end)
+    emitter.owed += left
     emitter.use(block.end.tool)
     emitter.parted = True  # as it parted the contours in the source
     emitter.leave()
@@ -169,9 +171,9 @@ def print_contour(
     emitter.set_state(int(first), before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
-    emitter.restart(float(emitter.document.owed[contour]))
     if len(emitter.lines) == written and not emitter.parted:
-        emitter.say(SPLIT_MARK)
+        emitter.say(SPLIT_MARK)  # above what is pushed on the spot, or that were the last bead's
+    emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False
     _lay(emitter, job, way, said, is_reversed=is_reversed)
     emitter.tail = points[max(said, default=0) :][::-1]
@@ -234,6 +236,8 @@ def _finish(emitter: Emitter) -> None:
     """
     end = emitter.document.end
     emitter.hover(end.position)
+    if abs(emitter.owed - end.owed) > 1e-6:  # be it but rounding: nothing is left for later
+        emitter.retract()
     emitter.owe(end.owed, firmware=end.firmware_retracted)
     emitter.set_state(end.state)
     emitter.set_e(end.e)
