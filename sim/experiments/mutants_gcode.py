@@ -174,7 +174,7 @@ COMMANDS = (
     "G4 P60000", "SET_VELOCITY_LIMIT ACCEL=10", "SAVE_CONFIG", "CANCEL_PRINT", "G1 Z0.05\nG1 Z5",
     "G1 E5", "G0 X400", "G2 X10 Y10 I5 J5 E1", "M486 S7", "EXCLUDE_OBJECT NAME=a", "M118 hello",
     "M190 R20", "M211 S0", "M569 P0 S1", "M92 E50", "G54", "G55", "G53 G1 Z1", "M302 S0",
-    "M42 P4 S255", "M280 P0 S90",
+    "M42 P4 S255", "M280 P0 S90", "G5.1 X10 Y10 I1 J1", "M596 P1", "M598", "G18",
 )  # fmt: skip
 HARMLESS_COMMANDS = {
     "G92 E5": "E counts from move to move here (M83), so where it stands means nothing",
@@ -225,6 +225,8 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
     Mutant("relative positions within a contour", within("G91")),
     Mutant("a home within a contour", within("G28")),
     Mutant("a dwell within a contour", within("G4 S30")),
+    Mutant("a line number", change(BEAD, "^", "N7 ")),
+    Mutant("a move behind a lone carriage return", within("; a comment\rG1 X50 Y50 E5")),
     Mutant("an unclosed bracket", change(BEAD, r" E", " ( E")),
     Mutant("a bead a hundred metres away", change(BEAD, r"X\d+", "X100000")),
     Mutant("a coordinate of 5000 digits", change(BEAD, r"X\d+", "X" + "9" * 5000)),

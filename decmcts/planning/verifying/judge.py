@@ -8,8 +8,9 @@ from pathlib import Path
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.text.source_text import has_plates, load_text
+from decmcts.formats.gcode.text.source_text import has_plates, line_with_number, load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Note, Report, unheard
@@ -19,7 +20,7 @@ from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from sim.content.same_print import is_other_print
-from sim.faults import Verdict
+from sim.faults import Fault, FaultKind, Verdict
 from sim.files.written import verify_same, verify_written
 from sim.heads.file import header_of
 from sim.rules.cooling import check_stated
@@ -87,8 +88,15 @@ def judge(
         report(Note(origin))
     job, document = read_gcode(source, of_source)
     if load_text(result, of_result) == load_text(source, of_source):
-        return verify_same(job, document, chosen)
-    return verify_written(result, job, document, chosen, plate=of_result)
+        verdict = verify_same(job, document, chosen)
+    else:
+        verdict = verify_written(result, job, document, chosen, plate=of_result)
+    copied = read_bytes(result) == read_bytes(source)
+    counted = None if copied else line_with_number(result, of_result)
+    if counted is None:
+        return verdict
+    text = f"line {counted} has a line number, and a firmware stops where the next is another"
+    return replace(verdict, faults=(Fault(FaultKind.COMMAND, text), *verdict.faults))
 
 
 def judge_plan(

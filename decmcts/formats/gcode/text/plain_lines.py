@@ -25,6 +25,12 @@ def without_numbers(text: bytes) -> bytes:
     return _NUMBERED.sub(lambda line: b"\n" + _without_checksum(line[1]), above)[1:]
 
 
+def first_number(text: bytes) -> int | None:
+    """Return the first line (from 1) that has a number; None where none has."""
+    found = _NUMBERED.search(above := b"\n" + text)
+    return None if found is None else above.count(b"\n", 0, found.start() + 1)
+
+
 def _without_checksum(code: bytes) -> bytes:
     """Return a command that had a number without the checksum at its end."""
     command, star, digits = code.rpartition(b"*")

@@ -18,7 +18,11 @@ from decmcts.formats.files.atomic import write_whole
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode.text import binary, flashprint, plates
-from decmcts.formats.gcode.text.plain_lines import refuse_lone_returns, without_numbers
+from decmcts.formats.gcode.text.plain_lines import (
+    first_number,
+    refuse_lone_returns,
+    without_numbers,
+)
 
 PACKED_SUFFIXES = (binary.SUFFIX, plates.SUFFIX, flashprint.SUFFIX)
 
@@ -36,6 +40,16 @@ def load_text(path: Path | str, plate: int | None = None) -> bytes:
     InputError
         When the file cannot be read, is empty, damaged or no G-code at all, or has no such plate.
     """
+    return without_numbers(_text_in(path, plate))
+
+
+def line_with_number(path: Path | str, plate: int | None = None) -> int | None:
+    """Return the first line of a file that has a line number; None where none has."""
+    return first_number(_text_in(path, plate))
+
+
+def _text_in(path: Path | str, plate: int | None) -> bytes:
+    """Return the text of a file, line for line as it stands there; raises as `load_text`."""
     raw = unpacked(read_bytes(Path(path)), path)
     if plate is not None and not plates.is_archive(raw):
         raise InputError(
@@ -58,7 +72,7 @@ def load_text(path: Path | str, plate: int | None = None) -> bytes:
             advice="give the G-code as a slicer exports it",
         )
     refuse_lone_returns(raw, path)
-    return without_numbers(raw)
+    return raw
 
 
 def has_plates(path: Path) -> bool:

@@ -8,7 +8,11 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, write_gcode
-from decmcts.formats.gcode.text.plain_lines import refuse_lone_returns, without_numbers
+from decmcts.formats.gcode.text.plain_lines import (
+    first_number,
+    refuse_lone_returns,
+    without_numbers,
+)
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.planning.problem.source import machine_for
 from decmcts.print.contours import Role
@@ -75,6 +79,15 @@ def test_what_is_written_has_no_number_anywhere(tmp_path):
     job, document = read_gcode(source)
     write_gcode(document, job, direct_actions(job, Toolpath.as_sliced(len(job.contours))), out)
     assert not [row for row in out.read_bytes().split(b"\n") if row.lstrip()[:1] in (b"N", b"n")]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [(b"N1 G28\n", 1), (b"G28\n;\n n4 G1\n", 3), (b"G28\n; N4\n", None), (b"", None)],
+)
+def test_the_first_line_with_a_number_is_told(text, line):
+    """The judge names it: no result of ours has one."""
+    assert first_number(text) == line
 
 
 def test_messages_name_the_line_of_the_file(tmp_path):
