@@ -60,6 +60,7 @@ class Verdict:
     faults: tuple[Fault, ...]
     counts: dict[str, float] = field(default_factory=dict)  # what was checked, how often
     checked: tuple[str, ...] = ()  # which rules it was held to, one line each
+    warnings: tuple[str, ...] = ()  # what the source does as well and is bad all the same
 
     @property
     def ok(self) -> bool:

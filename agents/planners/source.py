@@ -12,7 +12,7 @@ from typing import Literal
 
 from agents.planners.pack import Pack
 from decmcts.errors import InputError
-from decmcts.feasibility.rules import order_rules
+from decmcts.feasibility.rules import contacts_between, order_rules, with_contacts
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import SliceOptions, is_mesh, slice_mesh
@@ -41,7 +41,10 @@ def load_source(
         job, _ = read_gcode(path)
     chosen = replace(chosen, limits=chosen.limits.under(job.limits))
     check_fits(job.contours, chosen)
+    contacts = contacts_between(job, chosen)
+    job = with_contacts(job, contacts)
     graph = order_rules(
-        job, chosen, process_order=process_order, quality=quality and chosen.bead_width
-    )
+        job, chosen, process_order=process_order, quality=quality and chosen.bead_width,
+        contacts=contacts,
+    )  # fmt: skip
     return Pack(job, chosen, graph)

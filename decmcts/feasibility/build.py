@@ -20,13 +20,11 @@ from decmcts._kernels.geometry.closure import (
     ClosureRules,
     Edges,
     Words,
-    bound_words,
     close,
-    first_violation,
     walk_columns,
 )
-from decmcts.errors import InputError
-from decmcts.feasibility.graph import DependencyGraph
+from decmcts.feasibility.contacts import Contacts, find_contacts, words_of
+from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.feasibility.packed_head import pack_contours, pack_heads
 from decmcts.feasibility.touching import touching_kinds
 from decmcts.print.contours import Contours, Role
@@ -43,8 +41,9 @@ def build_graph(
     process_order: Literal["keep", "free"] = "keep",
     quality: bool = False,
     bead_width: bool = True,
+    contacts: Contacts | None = None,
 ) -> DependencyGraph:
-    """Return the exact dependency graph, transitively reduced.
+    """Return the exact dependency graph, transitively reduced but for its CONTACT edges.
 
     Parameters
     ----------
@@ -61,18 +60,21 @@ def build_graph(
         touch; see `decmcts.feasibility.touching`.
     bead_width : bool
         Whether material has its beads' width, or is a centreline as in the paper.
+    contacts : Contacts | None
+        Of these contours and heads (`decmcts.feasibility.contacts`); None: they are found here.
 
     Returns
     -------
     DependencyGraph
         Its transitive closure is that of the definition in ARCHITECTURE.md. An
-        edge with several reasons carries the least negotiable kind: STATE, then
+        edge with several reasons carries the least negotiable kind: CONTACT, then STATE, then
         GEOMETRY, then PRIMING (a brim and what touches it), then PROCESS, then QUALITY.
 
     Raises
     ------
-    InputError
-        If in the source an earlier contour already blocks a head at a later one.
+    CollisionError
+        If in the source an earlier contour already blocks a head at a later one, deeper than
+        contacts may be.
 
     References
     ----------
@@ -81,7 +83,9 @@ def build_graph(
     beads = pack_contours(contours, clearance_mm, bead_width=bead_width)
     brims = bool((contours.role == Role.SKIRT_BRIM).any())
     touching = touching_kinds(process_order=process_order, quality=quality, brims=brims)
-    return _build(contours, heads, beads, touching, ROWS_BYTES)
+    contacts = find_contacts(contours, beads, heads) if contacts is None else contacts
+    graph = _build(contours, heads, beads, touching, ROWS_BYTES)
+    return graph.also(contacts.ordered, EdgeKind.CONTACT)
 
 
 def closure_of(graph: DependencyGraph) -> NDArray[np.uint64]:
@@ -107,9 +111,7 @@ def _build(
     if n == 0:
         return DependencyGraph.from_pairs(0, np.empty((0, 2), np.int32))
     head = pack_heads(heads)
-    words = Words(np.empty((-(-n // WORD), 6)), np.empty((-(-n // WORD), 2), np.int32))
-    bound_words(beads, contours.layer, words)
-    _refuse_violation(contours, beads, words, head)
+    words = words_of(contours, beads)
     rules = ClosureRules(
         contours.layer,
         contours.role,
@@ -149,23 +151,3 @@ def _graph_of(edges: Edges) -> DependencyGraph:
         at[alive] = edges.older[at[alive]]
     pairs = np.stack([edges.source[:count], target], axis=1)
     return DependencyGraph.from_pairs(len(edges.latest), pairs, edges.kind[:count].copy())
-
-
-def _refuse_violation(contours: Contours, beads: Beads, words: Words, head: PackedHead) -> None:
-    a, b, k = first_violation(beads, words, head)
-    if a < 0:
-        return
-    raise InputError(
-        f"the source prints {_name(contours, a)} before {_name(contours, b)}, but then the head "
-        f"would hit the first while it prints the second: the part of the head from "
-        f"{head.heights[k]:g} mm above the tip upwards would pass through material up to "
-        f"z {contours.top[a]:.3f} mm with the tip at z {contours.bottom[b]:.3f} mm",
-        line=int(contours.line[b]) or None,
-        advice="choose another machine, or print with more room between objects",
-    )
-
-
-def _name(contours: Contours, i: int) -> str:
-    role = Role(int(contours.role[i])).name.lower().replace("_", " ")
-    where = f", line {contours.line[i]}" if contours.line[i] else ""
-    return f"contour {i} ({role}, layer {contours.layer[i]}, z {contours.bottom[i]:.3f} mm{where})"

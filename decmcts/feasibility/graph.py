@@ -23,6 +23,7 @@ class EdgeKind(IntEnum):
     QUALITY = 4  # shells as sliced, and what is anchored in them after them
     LEAD = 5  # no island runs too many layers ahead of the others
     PRIMING = 6  # what primes the nozzle comes first; a brim before what touches it
+    CONTACT = 7  # printing b, the nozzle goes into a's bead; the source means it so
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,18 @@ class DependencyGraph:
         """Return the edges as (m, 2) rows (a, b)."""
         b = np.repeat(np.arange(self.n, dtype=np.int32), np.diff(self.pred_offsets))
         return np.stack([self.preds, b], axis=1)
+
+    def also(self, pairs: NDArray[np.int32], kind: EdgeKind) -> DependencyGraph:
+        """Return the graph with more edges (k, 2) of a kind; those that are there become of it."""
+        if not len(pairs):
+            return self
+        mine, more = (rows.astype(np.int64) @ [self.n, 1] for rows in (self.pairs(), pairs))
+        kept = ~np.isin(mine, more)
+        more = np.unique(more)
+        fresh = np.stack([more // self.n, more % self.n], axis=1).astype(np.int32)
+        kinds = np.concatenate([self.kinds[kept], np.full(len(fresh), kind, np.uint8)])
+        both = np.concatenate([self.pairs()[kept], fresh])
+        return DependencyGraph.from_pairs(self.n, both, kinds)
 
     @staticmethod
     def from_pairs(

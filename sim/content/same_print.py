@@ -58,7 +58,10 @@ def is_other_print(faults: Sequence[Fault]) -> bool:
 
 
 def check_contours(ours: Contours, source: Contours) -> list[Fault]:
-    """Compare the contours of a plan with the source's, number by number."""
+    """Compare the contours of a plan with the source's, number by number.
+
+    A plan may say of a contour that it must not be reversed where the source lets it be.
+    """
     if len(ours) != len(source):
         text = f"the plan has {len(ours)} contours, the source {len(source)}"
         return [Fault(FaultKind.CONTOUR, text)]
@@ -69,6 +72,7 @@ def check_contours(ours: Contours, source: Contours) -> list[Fault]:
     ]
     if len(odd):
         return listed(FaultKind.CONTOUR, lines, total=len(odd))
+    source = replace(source, reversible=source.reversible & ours.reversible)
     owner = np.repeat(np.arange(len(ours)), sizes)
     faults: list[Fault] = []
     for name in PER_POINT + PER_CONTOUR:

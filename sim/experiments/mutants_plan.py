@@ -198,7 +198,12 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("another layer", _contour_field("layer", lambda v: v + 1), sealed=True),
     Mutant("another tool", _contour_field("tool", lambda v: v + 1), sealed=True),
     Mutant("open said closed", _contour_field("closed", lambda v: not v), sealed=True),
-    Mutant("may turn, or may not", _contour_field("reversible", lambda v: not v), sealed=True),
+    Mutant(
+        "may turn, or may not",
+        _contour_field("reversible", lambda v: not v),
+        harmless="a plan may let fewer contours be reversed than its source; more is a fault",
+        sealed=True,
+    ),
     Mutant("another source line", _contour_field("line", lambda v: v + 1)),
     Mutant("another epoch", _contour_field("epoch", lambda v: v + 3), sealed=True),
     Mutant("precedence emptied", no_precedence, harmless=SAME_ORDER, sealed=True),

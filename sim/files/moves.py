@@ -21,7 +21,7 @@ from sim.content.same_print import check_print
 from sim.content.seams import Moved, motions_with
 from sim.faults import Fault
 from sim.files.extent import check_file_extent, check_file_feeds
-from sim.files.file_contacts import check_file_material
+from sim.files.file_contacts import Printed, check_file_material
 from sim.files.printed_file import laying_moves, segments_of
 from sim.rules.epochs import check_file_epochs
 from sim.rules.priming import check_file_priming
@@ -36,6 +36,7 @@ class Matched:
     segments: Segments  # (n,) of the file, in its order
     laid: NDArray[np.int64]  # (n,) the moves that lay them
     contour: NDArray[np.int64]  # (n,) the source's contour each of them is of, -1: of none
+    warnings: tuple[str, ...] = ()  # contacts that the source makes on the same moves
 
 
 def check_moves(
@@ -56,7 +57,8 @@ def check_moves(
     seams : Sequence[Moved]
         Loops of `job` the file enters at another vertex.
     forgiven
-        Returns the moves whose contacts a file may make too; called where there are contacts.
+        Returns the moves whose contacts a file may make too; called where there are contacts
+        on moves that print no contour.
     """
     turns, moved = turns_of(source), {seam.contour for seam in seams}
     if job is not None:
@@ -75,5 +77,10 @@ def check_moves(
         faults += check_file_priming(job.contours, printed, refills=job.refills)
     faults += check_file_extent(motions, source, machine)
     faults += check_file_feeds(motions, source)
-    faults += check_file_material(motions, match, machine, source=forgiven)
-    return Matched(faults, False, ours, laid, printed)
+    known = None
+    if job is not None and len(job.contours):
+        known = Printed(job.contours, printed, match)
+    contacts, warnings = check_file_material(
+        motions, match, machine, printed=known, source=forgiven
+    )
+    return Matched(faults + contacts, False, ours, laid, printed, warnings)

@@ -65,7 +65,7 @@ def verify_written(
 
     All that is asked of such a file is asked here: of a draft before it is put in place, and of
     a file that `decmcts verify` is given. Contacts on moves that make the same contact in the
-    source (in its end code, say) are the source's own and are not reported.
+    source (in its end code, say) are the source's own and are warnings.
 
     Parameters
     ----------
@@ -98,19 +98,21 @@ def verify_written(
         "segments": float(len(matched.segments.ends)),
         "seconds": time.perf_counter() - started,
     }
-    return Verdict(tuple(faults), counts)
+    return Verdict(tuple(faults), counts, warnings=matched.warnings)
 
 
 def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Verdict:
     """Check a file that is its source, byte for byte, as `plan` leaves what cannot be made faster.
 
-    Its commands are the source's, and so are its states and its filament; its contacts are not
-    forgiven.
+    Its commands are the source's, and so are its states and its filament. Contacts on moves that
+    print no contour are warnings, as in what is made of it.
     """
-    assert document.moves is not None
-    matched = check_moves(document.moves, document.moves, machine, job=job)
-    counts = {"moves": float(len(document.moves.line))}
-    return Verdict(tuple(matched.faults), counts, ("the file is its source, byte for byte",))
+    moves = document.moves
+    assert moves is not None
+    matched = check_moves(moves, moves, machine, job=job, forgiven=lambda: moves)
+    checked = ("the file is its source, byte for byte",)
+    counts = {"moves": float(len(moves.line))}
+    return Verdict(tuple(matched.faults), counts, checked, matched.warnings)
 
 
 def _unreadable(error: InputError) -> Fault:

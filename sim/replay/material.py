@@ -117,6 +117,66 @@ def parts_of(head: Head) -> list[Part]:
     return parts
 
 
+Allowed = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]
+"""Tells of moves, beads, and how far each bead stands above the tip, which may meet."""
+
+
+def over_tip(
+    moves: NDArray[np.float64], beads: Beads, move: NDArray[np.int64], bead: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return how far the highest of a bead is above the lowest of the tip on a move, (k,) mm."""
+    top = np.maximum(beads.start[bead, 2], beads.end[bead, 2])
+    return np.asarray(top - np.minimum(moves[move, 2], moves[move, 5]))
+
+
+def deepest_contacts(
+    moves: NDArray[np.float64],
+    owner: NDArray[np.int64],
+    beads: Beads,
+    head: Head,
+    *,
+    clearance_mm: float,
+    tolerance_mm: float,
+    capacity: Capacity = CAPACITY,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return which owners of moves meet which beads' owners, and how deep.
+
+    Parameters
+    ----------
+    owner : (m,) whose each move is, from 0; the beads' owners are their labels
+
+    Returns
+    -------
+    pairs : (k, 2) owner of moves, owner of beads
+    depth : (k,) mm from the tip to the top of the bead, the greatest of all contacts of the pair
+    """
+    order = np.argsort(beads.since, kind="stable")
+    parts = parts_of(head)
+    margins = (clearance_mm, tolerance_mm)
+    found, total = _candidates(moves, beads, order, parts, margins, capacity)
+    while total > capacity.first:
+        if capacity.first >= capacity.most:
+            raise UndecidedError(f"over {capacity.most} near misses in the source's own order")
+        capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
+        found, total = _candidates(moves, beads, order, parts, margins, capacity)
+    search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
+    polygons = [shapely.Polygon(part.polygon) for part in parts]
+    near = order[found[:, 1]]
+    over = over_tip(moves, beads, found[:, 0], near)
+    pair = np.stack([owner[found[:, 0]], beads.label[near]], axis=1)
+    deepest: dict[tuple[int, int], float] = {}
+    for k in np.lexsort((-over, pair[:, 1], pair[:, 0])).tolist():
+        key = (int(pair[k, 0]), int(pair[k, 1]))
+        move, _, part = found[k].tolist()
+        if (
+            key not in deepest
+            and _judge(search, move, int(near[k]), part, polygons[part]) is not None
+        ):
+            deepest[key] = float(over[k])
+    pairs = np.array(list(deepest), np.int64).reshape(-1, 2)
+    return pairs, np.array(list(deepest.values()), np.float64)
+
+
 def find_contacts(
     moves: NDArray[np.float64],
     beads: Beads,
@@ -126,6 +186,7 @@ def find_contacts(
     tolerance_mm: float,
     limit: int,
     capacity: Capacity = CAPACITY,
+    allowed: Allowed | None = None,
 ) -> list[Contact]:
     """Return moves in which a part of the head overlaps a bead by more than the tolerance.
 
@@ -140,6 +201,7 @@ def find_contacts(
     tolerance_mm : overlap that counts as touching, which is allowed
     limit : stop after this many
     capacity : how many near misses and grid cells are held
+    allowed : which contacts are none to report; None: all are
 
     Raises
     ------
@@ -155,6 +217,9 @@ def find_contacts(
     while True:
         found, total = _candidates(moves, beads, order, parts, margins, capacity)
         search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
+        if allowed is not None:
+            near = order[found[:, 1]]
+            found = found[~allowed(found[:, 0], near, over_tip(moves, beads, found[:, 0], near))]
         contacts = _judge_all(search, order, found, limit)
         if contacts or total <= capacity.first:
             return contacts

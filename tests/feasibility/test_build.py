@@ -227,7 +227,8 @@ def test_collision_with_an_object_printed_long_before(oracle: Any) -> None:
     far = [[(90, 0, 0.2 * i), (91, 0, 0.2 * i)] for i in range(1, 200)]
     good = oracle.make_contours(tower + far)
     assert build_graph(good, [oracle.heads["box"]], clearance_mm=0.0).n_edges == 2 * 198
-    bad = oracle.make_contours([*tower, *far, [(6, 0, 39.0), (6, 1, 39.0)]])
+    layers = [*range(199), *range(199), 194]
+    bad = oracle.make_contours([*tower, *far, [(6, 0, 39.0), (6, 1, 39.0)]], layer=layers)
     with pytest.raises(InputError, match=r"contour 198 .* before contour 398 "):
         build_graph(bad, [oracle.heads["box"]], clearance_mm=0.0)
 

@@ -66,7 +66,7 @@ class Scratch(NamedTuple):
     """Memory of the walk that each contour overwrites."""
 
     quad: NDArray[np.float64]  # (4, 2)
-    reach: NDArray[np.float64]  # (m, 5) of `fill_reach` or `fill_danger`
+    reach: NDArray[np.float64]  # (m, 5) of `fill_reach`
 
 
 @kernel
@@ -290,70 +290,6 @@ def walk_columns(
         if b > first:
             edges = walk_contour(rows, first, b, beads, rules, words, head, edges, scratch)
     return edges
-
-
-@kernel
-def fill_danger(
-    beads: Beads, head: PackedHead, b: int, r: float, danger: NDArray[np.float64]
-) -> None:
-    """Write where, by boxes, material may block polygons at b: xmin, ymin, xmax, ymax, zmin."""
-    for k in range(len(head.heights)):
-        for axis in range(2):
-            danger[k, axis] = beads.boxes[b, axis] + head.boxes[k, axis] - r
-            danger[k, axis + 2] = beads.boxes[b, axis + 2] + head.boxes[k, axis + 2] + r
-        danger[k, 4] = beads.boxes[b, 4] + head.heights[k] + Z_EPS
-
-
-@kernel
-def in_danger(boxes: NDArray[np.float64], i: int, danger: NDArray[np.float64]) -> bool:
-    """Tell whether box i lies within any row of `danger`."""
-    for k in range(len(danger)):
-        if boxes[i, 5] <= danger[k, 4]:
-            return False
-        if (
-            boxes[i, 0] <= danger[k, 2]
-            and boxes[i, 2] >= danger[k, 0]
-            and boxes[i, 1] <= danger[k, 3]
-            and boxes[i, 3] >= danger[k, 1]
-        ):
-            return True
-    return False
-
-
-@kernel
-def first_violation(beads: Beads, words: Words, head: PackedHead) -> tuple[int, int, int]:
-    """Return (a, b, polygon) of the first b that an earlier a blocks, or (-1, -1, -1)."""
-    scratch = Scratch(np.empty((4, 2)), np.empty((len(head.heights), 5)))
-    r_max = beads.radius.max()
-    top = -np.inf
-    for b in range(len(beads.radius)):
-        if top > beads.boxes[b, 4] + head.heights[0]:
-            fill_danger(beads, head, b, r_max, scratch.reach)
-            a, k = blocked_by_earlier(beads, words, head, b, scratch)
-            if a >= 0:
-                return a, b, k
-        top = max(top, beads.boxes[b, 5])
-    return -1, -1, -1
-
-
-@kernel
-def blocked_by_earlier(
-    beads: Beads, words: Words, head: PackedHead, b: int, scratch: Scratch
-) -> tuple[int, int]:
-    """Return (a, polygon) of the latest a < b whose bead blocks the head at b, or (-1, -1).
-
-    Expects the danger of b in `scratch.reach`.
-    """
-    boxes, danger = beads.boxes, scratch.reach
-    for w in range((b - 1) // WORD, -1, -1):
-        if not in_danger(words.boxes, w, danger):
-            continue
-        for a in range(min(b, w * WORD + WORD) - 1, w * WORD - 1, -1):
-            if in_danger(boxes, a, danger):
-                k = blocking_polygon(beads, a, b, head, scratch.quad)
-                if k >= 0:
-                    return a, k
-    return -1, -1
 
 
 @kernel

@@ -76,10 +76,13 @@ def show(verdict: Verdict, names: str, *, as_json: bool) -> None:
     if as_json:
         faults = [str(fault) for fault in verdict.faults]
         found = {"ok": not faults, "faults": faults, "checked": list(verdict.checked)}
+        found["warnings"] = list(verdict.warnings)
         print_json("decmcts-verdict/1", {"file": names, **found})
         return
     for fault in verdict.faults:
         out.print(str(fault), soft_wrap=True, markup=False)
+    for line in verdict.warnings:
+        err.print(f"warning, as in the source: {line}", soft_wrap=True, markup=False)
     n = len(verdict.faults)
     state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
     for line in verdict.checked:

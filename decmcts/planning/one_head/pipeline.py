@@ -14,7 +14,7 @@ import numpy as np
 from decmcts._kernels.engine.lags import Lags
 from decmcts.planning.compiling.begin import compile_search
 from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, unit_for
-from decmcts.planning.events import Report, Sound, Step, Stop, never, unheard
+from decmcts.planning.events import Note, Report, Sound, Step, Stop, never, unheard
 from decmcts.planning.one_head.beside import searched_beside
 from decmcts.planning.one_head.certificate import EARLY_FROM_S, SHARE, certify, early_bound
 from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
@@ -40,8 +40,10 @@ Judge = Callable[[], PlanDocument]
 class Refuse(Protocol):
     """Raises InputError where the source's own order has faults; `refuse_unsound` is one."""
 
-    def __call__(self, problem: PrintProblem, before: PlanDocument, *, writes: bool) -> None:
-        """Judge the plan of that order, and its text if it `writes`."""
+    def __call__(
+        self, problem: PrintProblem, before: PlanDocument, *, writes: bool
+    ) -> tuple[str, ...]:
+        """Judge the plan of that order, and its text if it `writes`; return warnings."""
         ...
 
 
@@ -71,7 +73,8 @@ def plan_one_head(
 
     def judged() -> PlanDocument:
         before = source_plan(problem)
-        refuse(problem, before, writes=writes)
+        for line in refuse(problem, before, writes=writes):
+            report(Note(f"the source drives the head into the print, which is kept: {line}"))
         report(Sound())
         return before
 

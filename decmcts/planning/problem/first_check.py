@@ -47,8 +47,10 @@ def refuse_unsound(
     *,
     writes: bool,
     verify: VerifyFile = verify_written,
-) -> None:
+) -> tuple[str, ...]:
     """Raise InputError where the source's own order has faults, as a plan or written.
+
+    Returns what is bad in the text that is written, and is the source's own.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ def refuse_unsound(
     if not verdict.ok:
         raise _refusal(problem, verdict, None)
     if not writes:
-        return
+        return ()
     with draft_folder() as folder:
         draft = Path(folder) / "draft.gcode"
         actions = before.plan.heads[0]
@@ -71,6 +73,7 @@ def refuse_unsound(
         verdict = verify(draft, problem.job, problem.document, problem.machine, actions=actions)
         if not verdict.ok:
             raise _refusal(problem, verdict, _source_line(problem, draft, verdict.faults[0]))
+    return verdict.warnings
 
 
 def _refusal(problem: PrintProblem, verdict: Verdict, line: int | None) -> InputError:

@@ -13,7 +13,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.feasibility.rules import order_rules
+from decmcts.feasibility.rules import contacts_between, order_rules, with_contacts
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Report, Step, unheard
@@ -96,13 +96,17 @@ def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
         refuse_no_feed(job.contours)
         check_fits(job.contours, machine)
         machine = parked_above(machine, job.contours)
+        free_seams = rules.freedom == Freedom.SEAM
+        contacts = contacts_between(job, machine, free_seams=free_seams)
+        job = with_contacts(job, contacts)
         graph = order_rules(
             job,
             machine,
             process_order=rules.process_order.value,
             quality=rules.holds(machine),
-            free_seams=rules.freedom == Freedom.SEAM,
+            free_seams=free_seams,
             max_layers_ahead=rules.max_layers_ahead,
+            contacts=contacts,
         )
     seconds = {**dict(source.seconds), "graph": time.perf_counter() - started}
     return PrintProblem(source, job, machine, graph, rules, seconds)

@@ -1,0 +1,222 @@
+"""Contacts of the source: where the nozzle, in the source's own order, goes into a bead.
+
+The ramp of a scarf seam runs below the wall beside it; a path of a layer that is not flat is
+lower somewhere than its neighbour. Such a contact is the slicer's. A result may have it between
+the same two contours, no deeper. If they lie side by side it keeps their order, and they run as
+sliced. All of it is found by
+moving the head through the contours in the source's order; nothing a plan says is believed.
+
+Deep ones are none of these. The tip may go into a bead by as much as that is high. On one layer
+of the source it may pass beside a bead that stands higher, up to where the head gets wider.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.machine import Head, Machine
+from decmcts.print.plan import ActionKind, HeadActions
+from sim.faults import Fault, FaultKind, listed
+from sim.replay.material import Allowed, Beads, as_material, deepest_contacts
+from sim.rules.precedence import ROUNDING_MM, Prints
+
+WIDER_MM = 5.0  # a head counts as wider from here above the tip at the latest
+BESIDE_MM = 1.0  # between the beads of two contours side by side, as far as a nozzle's flat reaches
+SLACK_MM = 2e-3  # on depths: files have three decimals
+AT_MM = 1e-3  # a travel that starts or ends so near a contour's end goes straight up or down there
+NOBODY = -1
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Meetings:
+    """Which contours the nozzle of which contour meets in the source, and how deep."""
+
+    n: int  # contours of the print
+    key: Ints  # (k,) nozzle's contour * n + bead's contour, ascending
+    depth: Floats  # (k,) mm
+    beside: NDArray[np.bool_]  # (k,) two contours side by side: they keep their order
+
+    @property
+    def pairs(self) -> Ints:
+        """Return rows (contour of the nozzle, contour of the bead), (k, 2)."""
+        return np.stack([self.key // self.n, self.key % self.n], axis=1)
+
+    @property
+    def ordered(self) -> Ints:
+        """Return those of the pairs that keep their order, (m, 2)."""
+        return self.pairs[self.beside]
+
+    def allow(self, nozzle: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+        """Tell which contacts the source makes too, no less deep; `NOBODY`'s never are."""
+        if not len(self.key):
+            return np.zeros(len(nozzle), np.bool_)
+        key = nozzle * self.n + bead
+        at = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
+        met = (self.key[at] == key) & (nozzle >= 0) & (bead >= 0)
+        return np.asarray(met & (depth <= self.depth[at] + SLACK_MM))
+
+
+def source_meetings(
+    contours: Contours, machine: Machine, head: Head, tolerance_mm: float
+) -> Meetings:
+    """Return the contacts of a head that prints all contours as sliced, in their order.
+
+    Those that are too deep are left out: a result with them has faults.
+
+    Raises
+    ------
+    UndecidedError
+        When there are too many near misses to judge.
+    """
+    none = Meetings(
+        max(len(contours), 1), np.empty(0, np.int64), np.empty(0), np.empty(0, np.bool_)
+    )
+    if not len(contours) or not _may_meet(contours):
+        return none
+    moves, owner, beads = _as_printed(contours)
+    pairs, depth = deepest_contacts(
+        moves, owner, as_material(beads, machine, tolerance_mm), head,
+        clearance_mm=machine.clearance_mm, tolerance_mm=tolerance_mm,
+    )  # fmt: skip
+    most = contours.height[pairs[:, 1]] + SLACK_MM
+    same = contours.layer[pairs[:, 0]] == contours.layer[pairs[:, 1]]
+    wider = [s.height_mm for s in head.slices if s.height_mm > 0.0]
+    most = np.where(same, np.maximum(most, min([WIDER_MM, *wider])), most)
+    key = pairs[:, 0] * len(contours) + pairs[:, 1]
+    kept = np.argsort(key)
+    kept = kept[depth[kept] <= most[kept]]
+    return Meetings(len(contours), key[kept], depth[kept], _beside(contours, pairs[kept]))
+
+
+def _beside(contours: Contours, pairs: Ints) -> NDArray[np.bool_]:
+    """Tell which pairs are of different contours side by side, seen from above, (k,)."""
+    known, row = np.unique(pairs, return_inverse=True)
+    lines = np.array([shapely.LineString(contours.polyline(c)[:, :2]) for c in known.tolist()])
+    one, other = row.reshape(pairs.shape).T if len(pairs) else (row, row)
+    reach = contours.width[pairs].sum(axis=1) / 2 + BESIDE_MM - ROUNDING_MM
+    return np.asarray((one != other) & shapely.dwithin(lines[one], lines[other], reach))
+
+
+def _may_meet(contours: Contours) -> bool:
+    """Tell whether any contour goes lower than the top of one before it, or ends below its own."""
+    top = np.maximum.accumulate(contours.top)
+    lower = bool((contours.bottom[1:] < top[:-1]).any())
+    return lower or bool((contours.end[:, 2] < contours.top).any())
+
+
+def _as_printed(contours: Contours) -> tuple[Floats, Ints, Beads]:
+    """Return moves, whose they are, and beads of the source's order.
+
+    Behind each contour stands a move that goes nowhere: there the nozzle rests, and may meet
+    what it has just printed.
+    """
+    sizes = np.diff(contours.offsets)
+    owner = np.repeat(np.arange(len(contours)), sizes)
+    start = np.arange(len(owner))
+    rests = contours.offsets[1:] - 1  # one move for each point: its segment, at the last the rest
+    end = start + 1
+    end[rests] = rests
+    moves = np.hstack([contours.points[start], contours.points[end]])
+    laid = np.ones(len(owner), np.bool_)
+    laid[rests] = False
+    beads = Beads(
+        contours.points[start[laid]], contours.points[end[laid]],
+        contours.width[owner[laid]], contours.height[owner[laid]],
+        rests[owner[laid]].astype(np.int64), owner[laid].astype(np.int64),
+    )  # fmt: skip
+    return moves, owner.astype(np.int64), beads
+
+
+def allowed_in_plan(
+    meetings: Meetings, actions: HeadActions, moves: Floats, leg: Ints, beads: Beads
+) -> Allowed:
+    """Return which contacts of a head's moves in a plan are the source's.
+
+    A move is of the contour it prints. One straight up or down at the end of the contour
+    before, or at the start of the next, is that contour's.
+    """
+    printed = np.where(actions.kind == ActionKind.PRINT, actions.contour, NOBODY).astype(np.int64)
+    every = np.arange(len(printed))
+    prints = printed >= 0
+    before = np.maximum.accumulate(np.where(prints, every, NOBODY))
+    after = np.minimum.accumulate(np.where(prints, every, len(every))[::-1])[::-1]
+    after = np.where(after < len(every), after, NOBODY)
+    own = np.where(leg >= 0, printed[np.maximum(leg, 0)], NOBODY)
+    left = _upright(actions, moves, before[np.maximum(leg, 0)], last=True)
+    due = _upright(actions, moves, after[np.maximum(leg, 0)], last=False)
+
+    def allowed(move: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+        label = beads.label[bead]
+        met = meetings.allow(own[move], label, depth)
+        for whose in (left, due):
+            met |= meetings.allow(whose[move], label, depth)
+        return met
+
+    return allowed
+
+
+def _upright(actions: HeadActions, moves: Floats, leg: Ints, *, last: bool) -> Ints:
+    """Return the contour of `leg` for moves straight up or down at its end, else `NOBODY`."""
+    ends = actions.path_offsets[1:] - 1 if last else actions.path_offsets[:-1]
+    known = np.maximum(leg, 0)
+    point = actions.path[ends[known]]
+    near = np.abs(moves - np.hstack([point, point]))[:, [0, 1, 3, 4]].max(axis=1) < AT_MM
+    above = np.minimum(moves[:, 2], moves[:, 5]) >= point[:, 2] - AT_MM
+    return np.where((leg >= 0) & near & above, actions.contour[known], NOBODY).astype(np.int64)
+
+
+def check_meetings(
+    meetings: Sequence[Meetings], all_actions: tuple[HeadActions, ...], prints: Prints
+) -> list[Fault]:
+    """Check a plan: contours that touch in the source keep their order and run as sliced.
+
+    Only what the head meets that prints the second of a pair counts.
+
+    Parameters
+    ----------
+    meetings : of each head, as if it printed all
+    all_actions : legs
+    """
+    faults: list[Fault] = []
+    touching = np.zeros(len(prints.head), np.bool_)
+    for head, each in enumerate(meetings):
+        nozzle, bead = each.ordered.T
+        mine = prints.head[nozzle] == head
+        nozzle, bead = nozzle[mine], bead[mine]
+        touching[nozzle], touching[bead] = True, True
+        broken = ~prints.kept(bead, nozzle)
+        faults += broken_pairs(bead[broken], nozzle[broken])
+    for actions in all_actions:
+        rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
+        turned = actions.reversed[rows] | (actions.entry[rows] > 0)
+        faults += turned_touching(np.unique(actions.contour[rows[turned]]), touching)
+    return faults
+
+
+def turned_touching(contour: Ints, touching: NDArray[np.bool_]) -> list[Fault]:
+    """Return a fault for each contour that does not run as sliced and is `touching`."""
+    wrong = contour[touching[contour]].tolist()
+    lines = [
+        f"contour {c} does not run as sliced, and in the source it touches another so"
+        for c in wrong
+    ]
+    return listed(FaultKind.WRONG_PATH, lines)
+
+
+def broken_pairs(bead: Ints, nozzle: Ints) -> list[Fault]:
+    """Return a fault for each pair whose order is not kept."""
+    lines = [
+        f"contour {a} must end before contour {b} begins: in the source the nozzle meets the "
+        "first as it prints the second"
+        for a, b in zip(bead.tolist(), nozzle.tolist(), strict=True)
+    ]
+    return listed(FaultKind.PRECEDENCE, lines)
