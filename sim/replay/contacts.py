@@ -99,9 +99,11 @@ def source_meetings(
 
 def _beside(contours: Contours, pairs: Ints) -> NDArray[np.bool_]:
     """Tell which pairs are of different contours side by side, seen from above, (k,)."""
+    if not len(pairs):
+        return np.empty(0, np.bool_)
     known, row = np.unique(pairs, return_inverse=True)
     lines = np.array([shapely.LineString(contours.polyline(c)[:, :2]) for c in known.tolist()])
-    one, other = row.reshape(pairs.shape).T if len(pairs) else (row, row)
+    one, other = row.reshape(pairs.shape).T
     reach = contours.width[pairs].sum(axis=1) / 2 + BESIDE_MM - ROUNDING_MM
     return np.asarray((one != other) & shapely.dwithin(lines[one], lines[other], reach))
 

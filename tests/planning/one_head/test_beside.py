@@ -119,10 +119,11 @@ def test_the_search_begins_before_the_judge_is_compiled(problem) -> None:
     told: list[str] = []
     planner, events = Searching(told), []
 
-    def refuse(*given, **options) -> None:
+    def refuse(*given, **options) -> tuple[str, ...]:
         assert planner.began.wait(SOON_S)
-        refuse_unsound(*given, **options)
+        warnings = refuse_unsound(*given, **options)
         told.append("judged")
+        return warnings
 
     plan_one_head(
         problem, Search(60.0, planner=planner), writes=True, report=events.append,
@@ -157,8 +158,9 @@ def test_where_all_is_compiled_the_judge_comes_first(problem) -> None:
     """It takes less than a second then, and nothing is searched in vain."""
     told: list[str] = []
 
-    def refuse(*_given, **_options) -> None:
+    def refuse(*_given, **_options) -> tuple[str, ...]:
         told.append("judged")
+        return ()
 
     plan_one_head(
         problem, Search(0.2, planner=Searching(told)), writes=False, compiled=lambda part: True,
