@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from decmcts.formats.gcode import read_gcode, read_motions, write_gcode
+from decmcts.errors import InputError
+from decmcts.formats.gcode import read_gcode, read_motions, same_extrusions, write_gcode
 from decmcts.formats.gcode.document import NO_ARC
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.writer import print_contour
@@ -125,8 +126,9 @@ def test_a_loop_is_entered_within_an_arc(tmp_path, loop, is_reversed):
         path = Toolpath.of(np.arange(2, dtype=np.int32), np.array([is_reversed, False]))
         actions = direct_actions(job, replace(path, entry=np.array([entry, 0], np.int32)))
         write_gcode(document, job, actions, tmp_path / "out.gcode")
-        again, _ = read_gcode(tmp_path / "out.gcode")
-        entered, _ = source_with(job, document, seams_of_plan(actions))
+        again, their = read_gcode(tmp_path / "out.gcode")
+        entered, its = source_with(job, document, seams_of_plan(actions))
+        assert same_extrusions(entered, its, again, their) == []
         due = entered.contours.polyline(0)[:: -1 if is_reversed else 1]
         assert np.abs(again.contours.polyline(0) - due).max() < 1.5e-3
         assert again.contours.extrusion.sum() == pytest.approx(
@@ -179,3 +181,29 @@ def test_a_signal_within_an_arc_is_given_at_its_end(tmp_path):
     print_contour(emitter, job, 0, [], is_reversed=False, entry=0, passed=passed)
     rows = [line.split()[0] for line in emitter.lines]
     assert rows[rows.index(b"G3") :] == [b"G3", b"FIVE", b"NINE", b"G3", b"G3", b"END"]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("G90.1\nG1 X9 Y0 Z.2 F600\nG2 X5 Y5 I9 J5 E1\n", 5),
+        ("G1 X9 Y0 Z.2 F600\nG2 X5 Y5 I-4 J0 P2 E1\n", 6),
+    ],
+)
+def test_arcs_that_firmwares_read_differently_are_refused(tmp_path, text, line):
+    """Centres from the origin, or several turns in one line, would put beads elsewhere."""
+    source = tmp_path / "in.gcode"
+    source.write_text(START + text)
+    with pytest.raises(InputError) as error:
+        read_gcode(source)
+    assert error.value.line == line
+
+
+def test_a_lift_in_a_spiral_is_no_arc_that_prints(tmp_path):
+    """OrcaSlicer lifts with `G3 Z I J P1`: a travel, made anew like any other."""
+    source = tmp_path / "in.gcode"
+    lift = "G3 Z.6 I-1.2 J0 P1 F30000\nG1 X50 Z.2\n"
+    source.write_text(START + CIRCLE + lift + "G1 X60 E.3 F900\nG91.1\n")
+    job, document, _, out = written(tmp_path, source)
+    assert len(turns_of_print(job, document).line) == 1
+    assert len(arc_lines(out.read_bytes())) == 1
