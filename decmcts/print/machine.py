@@ -111,6 +111,7 @@ class Machine:
     rails: tuple[Rail, ...] = ()  # a head may be on any number of them
     limits: MotionLimits = field(default_factory=MotionLimits)
     release: Release = "action"  # what a head can signal: points of a print, or only its end
+    signal_interval_s: float = 0.1  # least time between signals of a head, where it signals points
     source: str = ""  # where the shape comes from
 
     def limits_of(self, head: Head) -> MotionLimits:

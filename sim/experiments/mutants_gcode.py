@@ -386,6 +386,9 @@ HEAD_MUTANTS: tuple[Mutant[Files], ...] = (
     Mutant("a signal in motion at rest", in_one(change(PASSED, r"(.*N=\d+)", r"M400\n\1"))),
     Mutant("a signal at rest in motion", in_one(change(SIGNAL, "SIGNAL", "PASSED"))),
     Mutant("no M400 before a signal", in_one(remove(r"^M400"))),
+    Mutant("no wait for heat", in_one(remove(r"^M109"))),
+    Mutant("hotter while it waits its turn", in_one(change(r"^M104 S.*while", r"S\d+", "S290"))),
+    Mutant("no time between two signals", in_one(remove(r"^G4 P10\d"))),
     *(
         Mutant(one.name, in_one(one.spoil), one.harmless)
         for one in GCODE_MUTANTS

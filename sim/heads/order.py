@@ -21,6 +21,7 @@ from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.faults import Fault, FaultKind, listed
 from sim.heads.file import HeadFile, Sync
+from sim.heads.intervals import Intervals
 from sim.heads.sync import Knowledge
 from sim.heads.walk import Walk
 
@@ -82,12 +83,13 @@ def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) ->
 
 def check_order(
     files: Sequence[HeadFile], plan: JointPlan, known: Knowledge, parts: list[Parts],
-    walks: list[Walk], *, read: bool = False,
+    walks: list[Walk], interval_s: float = 0.0, *, read: bool = False,
 ) -> list[Fault]:  # fmt: skip
     """Check that the files order what the plan orders, and keep set-up first and end code last.
 
     With `read` the plan was read from the files. It then has no edge for what a head knows
-    already, so waits without an edge of the plan are no faults. Each edge, wait and dwell costs
+    already, so waits without an edge of the plan are no faults. A signal may be given later than at
+    its point where another is nearer than `interval_s`. Each edge, wait and dwell costs
     O(log n), whatever else the files hold.
     """
     lines = []
@@ -97,6 +99,7 @@ def check_order(
     rests = [Rests.of(file) for file in files]
     windows = [_windows(walks[h], parts[h]) for h in heads]
     given = {s.number: (g, s) for g, file in enumerate(files) for s in file.syncs if s.signal}
+    intervals = Intervals(files, interval_s)
     for h in heads:
         name = plan.heads[h].head
         for g in heads:
@@ -116,7 +119,7 @@ def check_order(
         lines += _unrested(rests[h], begins, plan, known, walks, h)
         lines += _stops(files[h], rests[h], plan.heads[h], walks[h])
         if not read:
-            lines += _unplanned(files, plan, parts, walks, h, given, windows, firsts)
+            lines += _unplanned(files, plan, parts, walks, h, given, windows, firsts, intervals)
     return listed(FaultKind.PRECEDENCE, lines)
 
 
@@ -214,6 +217,7 @@ def _stops(file: HeadFile, rests: Rests, actions: HeadActions, walk: Walk) -> li
 def _unplanned(
     files: Sequence[HeadFile], plan: JointPlan, parts: list[Parts], walks: list[Walk], h: int,
     given: Mapping[int, tuple[int, Sync]], windows: list[Windows], firsts: list[int],
+    intervals: Intervals,
 ) -> list[str]:  # fmt: skip
     """Return the waits of one head's body that stand for no edge of the plan.
 
@@ -230,13 +234,13 @@ def _unplanned(
         actions = range(bisect_right(high, sync.line), bisect_left(low, sync.line))
         ended = range(bisect_right(other_high, line) - 1, bisect_left(other_low, line) - 1)
         told = _passed(walks[g], line) if signal.moving else {(a, ACTION_END) for a in ended}
-        meant = {
-            (edge.action, ACTION_END if _is_end(plan, edge) else edge.point)
-            for k in actions
-            for edge in plan.heads[h].after_edges(k)
-            if edge.head == g
-        }
+        edges = [e for k in actions for e in plan.heads[h].after_edges(k) if e.head == g]
+        meant = {(e.action, ACTION_END if _is_end(plan, e) else e.point) for e in edges}
         if (signal.moving or line >= firsts[g]) and not told & meant:
+            acts = {action for action, _ in told}
+            places = [_reached(walks[g], edge) for edge in edges if edge.action in acts]
+            if any(intervals.excuse(g, place, line) for place in places):
+                continue
             lines.append(f"head {plan.heads[h].head} line {sync.line} waits where no plan does")
     return lines
 

@@ -25,6 +25,7 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import accepted, is_move, known_settings
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
+from sim.heads.intervals import check_intervals
 from sim.heads.order import Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, SAME_MM, Walk, Walker, differing
@@ -40,6 +41,7 @@ def verify_heads(
     *,
     parks: Sequence[Point],
     release: Release = "action",
+    interval_s: float = 0.0,
     read: bool = False,
     told: Callable[[str], None] = lambda step: None,
 ) -> Verdict:
@@ -53,6 +55,8 @@ def verify_heads(
         Where each head stands before its first action.
     release : "point" or "action"
         Whether the machine's controllers can signal in motion.
+    interval_s : float
+        The least time between two signals of a head, where they signal in motion.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
     told : function
@@ -79,8 +83,10 @@ def verify_heads(
     told("what the files' sync points order")
     known = Knowledge([file.syncs for file in files])
     faults += check_sync(files, known, release)
+    apart_s = interval_s if release == "point" else 0.0
+    faults += check_intervals(files, apart_s)
     if not known.stuck and all(walk.complete for walk in walks):
-        faults += check_order(files, plan, known, parts, walks, read=read)
+        faults += check_order(files, plan, known, parts, walks, apart_s, read=read)
     return Verdict(tuple(faults), {"files": float(len(files))})
 
 

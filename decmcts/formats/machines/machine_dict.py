@@ -29,6 +29,7 @@ _MACHINE_KEYS = (
     "lift_mm",
     "limits",
     "release",
+    "signal_interval_s",
     "rail",
     "rails",
     "heads",
@@ -47,6 +48,7 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
         "lift_mm": machine.lift_mm,
         "limits": limits_to_dict(machine.limits),
         "release": machine.release,
+        "signal_interval_s": machine.signal_interval_s,
         "rails": [_rail_to_dict(rail) for rail in machine.rails],
         "heads": [head_to_dict(head) for head in machine.heads],
     }
@@ -95,6 +97,7 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
         limits=limits,
         rails=_rails(given),
         release=_release(given),
+        signal_interval_s=size(given, "signal_interval_s", defaults.signal_interval_s),
         heads=tuple(head_from(head, _across(bed), limits) for head in given.tables("heads")),
     )
     check_relations(machine, given)

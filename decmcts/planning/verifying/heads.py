@@ -59,7 +59,10 @@ def judge_heads(
     parks = {head.name: head.park for head in plan.machine.heads}
     at = [parks[actions.head] for actions in plan.plan.heads]
     release = plan.machine.release
-    verdict = verify_heads(files, plan.plan, job, document, parks=at, release=release)
+    verdict = verify_heads(
+        files, plan.plan, job, document, parks=at, release=release,
+        interval_s=plan.machine.signal_interval_s,
+    )  # fmt: skip
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
 
@@ -90,8 +93,9 @@ def judge_heads_alone(
     verdict = verify_plan(plan, source=job, rules=rules, trials=trials, seed=seed)
     parks = [chosen.heads[names[file.name]].park for file in files]
     more = verify_heads(
-        paths, plan.plan, job, document, parks=parks, release=chosen.release, read=True
-    )
+        paths, plan.plan, job, document, parks=parks, release=chosen.release,
+        interval_s=chosen.signal_interval_s, read=True,
+    )  # fmt: skip
     every = (*faults, *altered, *verdict.faults, *more.faults)
     return Verdict(every, verdict.counts, (verdict.checked[0], WITHOUT_PLAN))
 

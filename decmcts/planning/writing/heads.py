@@ -66,6 +66,7 @@ class HeadWriter(Protocol):
         header_lines: Sequence[str],
         park: tuple[float, float, float] | None,
         release: Release,
+        interval_s: float,
     ) -> None:
         """Write to `out`."""
         ...
@@ -104,10 +105,12 @@ def write_heads(
                 header_lines=header_lines(planned),
                 park=at[index],
                 release=problem.machine.release,
+                interval_s=problem.machine.signal_interval_s,
             )
         verdict = verify_heads(
             drafts, plan, problem.job, problem.document, parks=at,
-            release=problem.machine.release, told=lambda text: report(Step(text)),
+            release=problem.machine.release, interval_s=problem.machine.signal_interval_s,
+            told=lambda text: report(Step(text)),
         )  # fmt: skip
         require_sound(verdict, stem)
         for path, draft in zip(paths, drafts, strict=True):

@@ -75,10 +75,11 @@ class Made:
         end: str = END,
         change: Callable[[JointPlan], JointPlan] = lambda plan: plan,
         release: Release = "action",
+        interval_s: float = 0.0,
     ) -> None:
         source = folder / "in.gcode"
         source.write_text(start + layers + end)
-        self.release = release
+        self.release, self.interval_s = release, interval_s
         self.job, self.document = read_gcode(source)
         assert len(self.job.contours) == 8 and len(self.document.blocks) == 1
         plain = JointPlan(
@@ -92,13 +93,14 @@ class Made:
         for k, path in enumerate(self.paths):
             write_head_gcode(
                 self.document, self.job, self.plan, k, path, header_lines=["made"], park=PARKS[k],
-                release=release,
+                release=release, interval_s=interval_s,
             )  # fmt: skip
 
     def judged(self):
         return verify_heads(
-            self.paths, self.plan, self.job, self.document, parks=PARKS, release=self.release
-        )
+            self.paths, self.plan, self.job, self.document, parks=PARKS, release=self.release,
+            interval_s=self.interval_s,
+        )  # fmt: skip
 
 
 @pytest.fixture

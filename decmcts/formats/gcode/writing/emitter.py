@@ -22,6 +22,7 @@ from decmcts.print.walls import no_walls, retracts
 NEAR_MM = 1e-3  # two positions this near are one
 ROUNDING_MM = 1e-3  # of filament; less is not worth a line
 APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
+DEFAULT_TRAVEL = 100.0  # mm/s, where the source names none
 BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
 
 
@@ -45,7 +46,7 @@ class Emitter:
         self._ij = f".{max(xy, document.arcs.decimals)}f"
         self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
-        self.travel_feed = settings.travel_feed or 100.0
+        self.travel_feed = settings.travel_feed or DEFAULT_TRAVEL
         self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
         self.e = 0.0
         self.relative_e = document.start.relative_e

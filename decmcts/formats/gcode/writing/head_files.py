@@ -40,6 +40,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -48,7 +49,7 @@ import numpy as np
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.gcode.writing.emitter import Emitter
+from decmcts.formats.gcode.writing.emitter import DEFAULT_TRAVEL, Emitter
 from decmcts.formats.gcode.writing.hot_ends import (
     Hears,
     early_heat,
@@ -89,6 +90,7 @@ def write_head_gcode(
     wait: str = WAIT,
     park: tuple[float, float, float] | None = None,
     release: Release = "action",
+    interval_s: float = 0.0,
 ) -> None:
     """Write the file of one head of a plan.
 
@@ -101,6 +103,8 @@ def write_head_gcode(
         The commands of a synchronisation point, ``{number}`` where its number goes.
     release : "point" or "action"
         What the machine's controllers can signal.
+    interval_s : float
+        The least time between two signals of a head, where they signal points.
 
     Raises
     ------
@@ -111,7 +115,7 @@ def write_head_gcode(
     """
     text = head_gcode_bytes(
         document, job, plan, head_index, header_lines=header_lines, signal=signal,
-        passed=passed, wait=wait, park=park, release=release,
+        passed=passed, wait=wait, park=park, release=release, interval_s=interval_s,
     )  # fmt: skip
     save_text(text, out)
 
@@ -128,6 +132,7 @@ def head_gcode_bytes(
     wait: str = WAIT,
     park: tuple[float, float, float] | None = None,
     release: Release = "action",
+    interval_s: float = 0.0,
 ) -> bytes:
     """Return what `write_head_gcode` writes."""
     head = plan.heads[head_index]
@@ -136,11 +141,12 @@ def head_gcode_bytes(
     home = tuple(head.action_path(0)[0].tolist()) if len(head) else park
     if home is None:
         raise InputError(f"head {head.head} has nothing to do and no park position is given")
-    points = number_sync_points(plan)
+    apart_s = interval_s if release == "point" else 0.0
+    points = number_sync_points(plan, apart_s, partial(_fastest, job))
     if release == "action":
         _refuse_points(points, plan)
     words = _Words(signal, passed, wait)
-    file = _HeadFile(document, job, head_index, tool, points, words)
+    file = _HeadFile(document, job, head_index, tool, points, words, apart_s)
     header = [
         *header_lines,
         f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together",
@@ -148,8 +154,16 @@ def head_gcode_bytes(
     file.begin(header, len(plan.heads), home)
     for k in range(len(head)):
         file.act(head, k)
-    file.end()
+    file.end(len(head))
     return file.emitter.text()
+
+
+def _fastest(job: PrintJob, head: HeadActions, k: int) -> float:
+    """Return the most speed, mm/s, that a head has in one of its actions."""
+    if head.kind[k] == ActionKind.PRINT:
+        c, offsets = int(head.contour[k]), job.contours.offsets
+        return float(job.contours.feed[offsets[c] : offsets[c + 1]].max(initial=1e-3))
+    return max(job.settings.travel_feed or DEFAULT_TRAVEL, job.settings.z_feed)
 
 
 def _refuse_points(points: SyncPoints, plan: JointPlan) -> None:
@@ -257,12 +271,13 @@ class _HeadFile:
         tool: int | None,
         points: SyncPoints,
         words: _Words,
+        apart_s: float,
     ) -> None:
         self.emitter = Emitter(document, job.settings, walls_for(job))
         if tool is not None:
             self.emitter.use(tool)
         self.document, self.job, self.index, self.tool = document, job, index, tool
-        self.points, self.words = points, words
+        self.points, self.words, self.apart_s = points, words, apart_s
         self.blocks = list(document.blocks)
         self.shared = tool is not None and len(np.unique(job.contours.tool)) > 1
         self.told = told_to(document, job)
@@ -334,7 +349,13 @@ class _HeadFile:
         elif kind == ActionKind.WAIT:
             self._dwell(float(head.end_s[k] - head.begin_s[k]))
         if (number := self.points.signals.get((self.index, k), 0)) > 0:
+            self._stand_apart(k)
             self._say(self.words.signal, number)
+
+    def _stand_apart(self, k: int) -> None:
+        """Stand still before a signal at rest that is too near to the one before."""
+        if (self.index, k) in self.points.apart:
+            self._dwell(self.apart_s)
 
     def _dwell(self, seconds: float) -> None:
         """Stand still for a lag, in as many parts as controllers take."""
@@ -356,15 +377,21 @@ class _HeadFile:
             if retracts(self.emitter.walls, self.emitter.settings, way):
                 self.emitter.retract()
 
-    def end(self) -> None:
-        """Write what the source does at its end, without its moves, when all heads are done."""
+    def end(self, count: int) -> None:
+        """Write what the source does at its end, without its moves, when all heads are done.
+
+        `count` is the number of its actions.
+        """
         emitter, end, points = self.emitter, self.document.end, self.points
         if len(points.done) > 1:
+            self._stand_apart(count)
             self._say(self.words.signal, points.done[self.index])
             for number in points.done[: self.index] + points.done[self.index + 1 :]:
                 self._say(self.words.wait, number)
             if self.index > 0:
                 self._say(self.words.wait, points.ended[self.index - 1])
+            if self.index + 1 < len(points.ended):
+                self._dwell(self.apart_s)  # a signal stands below the end code, too
         self._cross(2**31)
         if not self._is_other(end.tool):
             emitter.owe(end.owed, firmware=end.firmware_retracted)
