@@ -187,10 +187,10 @@ def summary_of(before: Metrics, after: Metrics) -> dict[str, dict[str, float]]:
     return rows
 
 
-def gain_table(before: Metrics, after: Metrics) -> Table:
-    """Return the table of what was gained."""
+def gain_table(before: Metrics, after: Metrics, first: str = "before") -> Table:
+    """Return the table of what was gained over what is named `first`."""
     table = Table()
-    for name, justify in (("", "left"), ("before", "right"), ("after", "right"), ("less", "right")):
+    for name, justify in (("", "left"), (first, "right"), ("after", "right"), ("less", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]  # a literal of rich's
     figures = compared(before, after)
     for label, key, unit, digits in ROWS:

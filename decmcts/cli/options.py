@@ -173,6 +173,15 @@ SlowerOption = Annotated[
         help="Write the new order even where its file takes longer or gains nothing",
     ),
 ]
+MakeSafeOption = Annotated[
+    bool,
+    typer.Option(
+        "--make-safe",
+        rich_help_panel=OUTPUT,
+        help="Print layer by layer what would hit the part in the file's own order; without it "
+        "such a file is refused",
+    ),
+]
 TimeOption = Annotated[
     float,
     typer.Option(

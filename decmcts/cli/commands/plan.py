@@ -200,6 +200,7 @@ def run_single(
     slicing: Slicing | None = None,
     plate: int | None = None,
     writes: bool = True,
+    make_safe: bool = True,
     remark: str = "",
 ) -> Result:
     """Read, plan and verify for one head, and show how that goes.
@@ -212,7 +213,9 @@ def run_single(
         compiling_beside(parts_for(search, rules.freedom), told),  # while the source is read
     ):
         found = read(source, machine, limits=limits, mesh=slicing, plate=plate, report=told)
-        return find_order(found, search, rules, writes=writes, report=told, stop=stop)
+        return find_order(
+            found, search, rules, writes=writes, make_safe=make_safe, report=told, stop=stop
+        )
 
 
 def show(
@@ -236,7 +239,8 @@ def show(
     )
     by = result.source.sliced_by
     to.print(title, soft_wrap=True)
-    to.print(gain_table(before, after))
+    safe = result.source.original is not None
+    to.print(gain_table(before, after, "layer by layer" if safe else "before"))
     whole = None if times is not None and times.kept else whole_file_line(planned, times)
     for line in (
         f"sliced by {by}" if by else "",

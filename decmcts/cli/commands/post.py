@@ -51,6 +51,7 @@ def post(
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
+    make_safe: opt.MakeSafeOption = False,
     as_json: opt.JsonOption = False,
 ) -> None:
     """Reorder a G-code file in place, as a slicer's post-processing script."""
@@ -66,9 +67,12 @@ def post(
             show_planned_already(before, path, as_json=as_json)
         return
     search = Search(time_limit, seed, planner, objective, certificate=False)
-    result = run_single(path, machine, search, rules, limits=limits, plate=plate)
+    result = run_single(
+        path, machine, search, rules, limits=limits, plate=plate, make_safe=make_safe
+    )
     with interrupt_stops() as stop, steps() as told:
-        made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
+        slower = allow_slower or result.source.original is not None  # no safe file is slower
+        made = result.write_gcode(path, allow_slower=slower, report=told, stop=stop)
     with written():
         show_rewritten(made, path, as_json=as_json)
 

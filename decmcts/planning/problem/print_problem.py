@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from decmcts.errors import InputError
+from decmcts.feasibility.contacts import CollisionError
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import contacts_between, order_rules, with_contacts
@@ -118,7 +119,8 @@ def named(path: Path) -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(error.what, path=path, line=error.line, advice=error.advice) from error
+        kind = CollisionError if isinstance(error, CollisionError) else InputError
+        raise kind(error.what, path=path, line=error.line, advice=error.advice) from error
 
 
 def refuse_no_feed(contours: Contours) -> None:

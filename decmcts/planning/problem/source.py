@@ -33,6 +33,7 @@ class Source:
     seconds: tuple[tuple[str, float], ...] = ()  # time of each step
     folder: SlicedFolder | None = None  # keeps the G-code of a mesh on disk
     plate: int | None = None  # of a .gcode.3mf; None: the only one with G-code
+    original: Source | None = None  # what was given, where this is a safe order made of it
 
 
 def read_source(

@@ -58,4 +58,6 @@ def draft_single(
         draft, problem.job, problem.document, problem.machine, seams=seams, actions=actions
     )
     require_sound(verdict, path)
+    if (given := problem.source.original) is not None:  # made safe: judged by what was given too
+        require_sound(verify_written(draft, given.job, given.document, problem.machine), path)
     return times
