@@ -1,6 +1,7 @@
 """Exactly once: the extrusions of a result against those of its source.
 
-Both are multisets of straight segments, each of which may be run either way. Segments are
+Both are multisets of straight segments, each of which may be run either way; a dot, pushed on the
+spot, is a segment whose ends are one point. Segments are
 matched first by their ends on a grid of a micrometre; equal ones are matched in the order they
 come in. What rounding put into neighbouring cells is then matched by distance.
 """
@@ -65,11 +66,11 @@ def move_segments(
     extrusion: NDArray[np.float64],
     feed: NDArray[np.float64],
     line: NDArray[np.int64],
+    rows: NDArray[np.int64],
 ) -> Segments:
-    """Return the moves of a file that lay down material."""
-    rows = np.nonzero(extrusion > 0)[0]
+    """Return those moves of a file, `rows`, that lay down material (`sim.content.laid`)."""
     ends = np.hstack([points[rows], points[rows + 1]])
-    return _laid_down(ends, extrusion[rows], feed[rows], line[rows].astype(np.int64), "line")
+    return Segments(ends, extrusion[rows], feed[rows], line[rows].astype(np.int64), "line")
 
 
 def _laid_down(
@@ -79,9 +80,9 @@ def _laid_down(
     place: NDArray[np.int64],
     word: str,
 ) -> Segments:
-    """Drop what has no length: it primes or retracts, it lays nothing down."""
-    moved = (ends[:, :3] != ends[:, 3:]).any(axis=1)
-    return Segments(ends[moved], extrusion[moved], feed[moved], place[moved], word)
+    """Drop what has neither length nor filament."""
+    laid = (ends[:, :3] != ends[:, 3:]).any(axis=1) | (extrusion > 0)
+    return Segments(ends[laid], extrusion[laid], feed[laid], place[laid], word)
 
 
 def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:

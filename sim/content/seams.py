@@ -263,8 +263,9 @@ def _swapped(
         extrusion[inner] = run.extrusion[1:]
         extrusion[[place, inner.stop]], contour[[place, inner.stop]] = 0.0, -1
     placed = None if source.placed is None else source.placed[rows]
+    tool = None if source.tool is None else source.tool[rows]
     return Motions(
         np.concatenate([source.points[:1], ends]), extrusion, np.asarray(source.feed)[rows],
         np.asarray(source.line)[rows], contour, np.asarray(source.width)[rows],
-        np.asarray(source.height)[rows], placed=placed,
+        np.asarray(source.height)[rows], placed=placed, tool=tool,
     )  # fmt: skip

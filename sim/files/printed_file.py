@@ -7,20 +7,24 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
 from sim.content.inventory import Segments, move_segments
+from sim.content.laid import laying_rows
 from sim.replay.material import Beads
 
 
 def laying_moves(motions: Motions) -> NDArray[np.int64]:
     """Return the moves that lay down material."""
-    moved = (motions.points[1:] != motions.points[:-1]).any(axis=1)
-    return np.nonzero((motions.extrusion > 0) & moved)[0]
+    n = len(motions.line)
+    tool = np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
+    known = np.asarray(motions.contour) >= 0
+    return laying_rows(motions.points, np.asarray(motions.extrusion), tool, known)
 
 
 def segments_of(motions: Motions) -> Segments:
     """Return the moves that lay down material, as the inventory compares them."""
     return move_segments(
-        motions.points, motions.extrusion, motions.feed, np.asarray(motions.line, np.int64)
-    )
+        motions.points, motions.extrusion, motions.feed, np.asarray(motions.line, np.int64),
+        laying_moves(motions),
+    )  # fmt: skip
 
 
 def moves_array(motions: Motions) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -35,6 +36,7 @@ from sim.content.inventory import (
     match_segments,
     move_segments,
 )
+from sim.content.laid import ROUNDING_MM, lying
 from sim.content.legs import legs_of
 from sim.content.same_print import check_print
 from sim.content.seams import job_with, seams_of_paths
@@ -75,7 +77,9 @@ def plan_of_files(
     files: Sequence[HeadFile], job: PrintJob, machine: Machine
 ) -> tuple[PlanDocument, list[Fault]]:
     """Return the plan of the files, one head each, and what they lay down unlike the source."""
-    segments = [_segments(file) for file in files]
+    dots = _dots_of(job)
+    laying = [_laying(file, dots) for file in files]
+    segments = [_segments(file, rows) for file, rows in zip(files, laying, strict=True)]
     ours = Segments(
         np.concatenate([s.ends for s in segments]),
         np.concatenate([s.extrusion for s in segments]),
@@ -84,14 +88,21 @@ def plan_of_files(
         "line",
     )
     parts = _by_file(segments, _contours(ours, contour_segments(job.contours)))
-    loops = [path for f, ids in zip(files, parts, strict=True) for path in _beads(f, ids)]
+    loops = [
+        path
+        for file, rows, ids in zip(files, laying, parts, strict=True)
+        for path in _beads(file, rows, ids)
+    ]
     moved = {seam.contour: seam for seam in seams_of_paths(loops, job.contours)}
     entered, _ = job_with(job, moved.values())
     theirs = contour_segments(entered.contours)
     match = match_segments(ours, theirs)
     faults = check_print(ours, theirs, match, theirs.place) or compare(ours, theirs, match)
     parts = _by_file(segments, _contours(ours, theirs))
-    acts = [_acts(file, ids, entered) for file, ids in zip(files, parts, strict=True)]
+    acts = [
+        _acts(file, rows, ids, entered)
+        for file, rows, ids in zip(files, laying, parts, strict=True)
+    ]
     entry = {contour: seam.entry for contour, seam in moved.items()}
     known = Knowledge([file.syncs for file in files])
     all_actions = tuple(
@@ -113,13 +124,13 @@ def _by_file(segments: Sequence[Segments], contour: Ints) -> list[Ints]:
     return np.split(contour, np.cumsum([len(s.ends) for s in segments])[:-1])
 
 
-def _beads(file: HeadFile, contour: Ints) -> list[Floats]:
+def _beads(file: HeadFile, moves: Ints, contour: Ints) -> list[Floats]:
     """Return the path of each bead, (k, 3), given the contour of each laying move.
 
     A segment that is of no contour belongs to the bead before it, if no travel lies in between;
     else to the bead after it.
     """
-    points, moves = file.motion.points, np.array(_laying(file), np.int64)
+    points = file.motion.points
     if not len(moves):
         return []
     apart = (points[moves[1:]] != points[moves[:-1] + 1]).any(axis=1)
@@ -138,12 +149,9 @@ def _parted(run: Ints, contour: Ints) -> list[Ints]:
     return np.split(run, np.flatnonzero(np.diff(ids)) + 1)
 
 
-def _segments(file: HeadFile) -> Segments:
+def _segments(file: HeadFile, rows: Ints) -> Segments:
     motion = file.motion
-    rows = slice(_begin(file), None)
-    return move_segments(
-        motion.points[rows], motion.extrusion[rows], motion.feed[rows], motion.line[rows] + 1
-    )
+    return move_segments(motion.points, motion.extrusion, motion.feed, motion.line + 1, rows)
 
 
 def _begin(file: HeadFile) -> int:
@@ -158,12 +166,12 @@ def _begin(file: HeadFile) -> int:
     return int(file.motion.before[across[0]]) if across else 0
 
 
-def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Act]:
+def _acts(file: HeadFile, rows: Ints, contour: Ints, job: PrintJob) -> list[_Act]:
     """Return the actions of one file."""
     motion, syncs = file.motion, [s.line for s in file.syncs if not s.moving]
-    laid = dict(zip(_laying(file), contour.tolist(), strict=True))
+    laid = dict(zip(rows.tolist(), contour.tolist(), strict=True))
     acts: list[_Act] = []
-    for m in _moving(file):
+    for m in np.union1d(_moving(file), rows).tolist():
         line, key = int(motion.line[m]) + 1, laid.get(m, NO_CONTOUR)
         last = acts[-1] if acts else None
         if last is not None and last.contour != NO_CONTOUR and motion.extrusion[m] < 0:
@@ -184,16 +192,36 @@ def _acts(file: HeadFile, contour: NDArray[np.int64], job: PrintJob) -> list[_Ac
     return acts
 
 
-def _moving(file: HeadFile) -> list[int]:
+def _moving(file: HeadFile) -> Ints:
     """Return the moves after the set-up that change the position."""
-    points = file.motion.points
-    moves = range(_begin(file), len(file.motion.extrusion))
-    return [m for m in moves if (points[m] != points[m + 1]).any()]
+    begin = _begin(file)
+    moved = (np.diff(file.motion.points[begin:], axis=0) != 0).any(axis=1)
+    return np.flatnonzero(moved) + begin
 
 
-def _laying(file: HeadFile) -> list[int]:
-    """Return those moves that lay down material."""
-    return [m for m in _moving(file) if file.motion.extrusion[m] > 0]
+def _laying(file: HeadFile, dots: cKDTree | None) -> Ints:
+    """Return those moves that lay down material; on the spot where the source has dots."""
+    motion, begin = file.motion, _begin(file)
+    rows = np.arange(begin, len(motion.extrusion))
+    step = np.diff(motion.points[begin:], axis=0)
+    filament = motion.extrusion[begin:]
+    beyond = lying(motion.extrusion, np.zeros(len(motion.extrusion), np.int64))[begin:]
+    laid = (filament > 0) & (step[:, :2] != 0).any(axis=1)
+    spots = (beyond > ROUNDING_MM) & ~laid
+    still = spots & (step == 0).all(axis=1)
+    at = motion.points[rows[still]]
+    if dots is not None and len(at):
+        spots[still] = np.isfinite(dots.query(at, distance_upper_bound=SAME_MM)[0])
+    else:
+        spots[still] = False
+    return np.asarray(rows[laid | spots])
+
+
+def _dots_of(job: PrintJob) -> cKDTree | None:
+    """Return the places where the source pushes filament on the spot; None if there are none."""
+    ends = contour_segments(job.contours).ends
+    dots = ends[(ends[:, :3] == ends[:, 3:]).all(axis=1), :3]
+    return cKDTree(dots) if len(dots) else None
 
 
 def _last_above(lines: list[int], line: int) -> list[int]:

@@ -311,8 +311,6 @@ def _judge(
     """Return how far a bead is above the underside of a part that meets it; None if it does not."""
     part, beads = search.parts[number], search.beads
     start, end = beads.start[bead].tolist(), beads.end[bead].tolist()
-    if start == end:
-        return None  # nothing is laid down where the nozzle stands
     row = search.moves[move].tolist()
     reach = float(beads.width[bead]) / 2 + (search.clearance_mm if part.slice else 0.0)
     if not meets(

@@ -1,7 +1,7 @@
 """Groups moves into contours, on plain arrays.
 
-A contour is a maximal continuous extrusion: moves in XY that push filament,
-with nothing between them but pauses that move nothing.
+A contour is a maximal continuous extrusion: moves that lay down filament, with nothing
+between them but pauses that move nothing.
 """
 
 from __future__ import annotations
@@ -13,21 +13,24 @@ from decmcts._kernels.jit import kernel
 
 PUSHED = 1e-7  # mm of filament that counts as extrusion (absolute E carries rounding)
 MOVED = 1e-9  # mm
-BLOB = 0.05  # mm of filament; an E-only push below it inside a contour belongs to it
+BLOB = 0.05  # mm of filament; a push below it inside a contour belongs to it, whatever is owed
 
 
 @kernel
 def group_moves(
     points: NDArray[np.float64],
     extrusion: NDArray[np.float64],
+    surplus: NDArray[np.float64],
+    lays: NDArray[np.bool_],
     barriers_before: NDArray[np.int64],
     first: int,
     last: int,
 ) -> NDArray[np.int64]:
     """Return the contour of each move in first..last, NO_CONTOUR (-1) for the others.
 
-    `barriers_before` counts the barrier lines above each move; a contour never
-    spans one.
+    `lays` are the moves that lay down filament wherever they stand. What is pushed
+    standing still behind one of them, `surplus` beyond what was retracted, lies there too.
+    `barriers_before` counts the barrier lines above each move; a contour never spans one.
     """
     contour = np.full(len(extrusion), -1, np.int64)
     current, n, wall = -1, 0, -1
@@ -39,15 +42,14 @@ def group_moves(
         if barriers_before[m] != wall:
             current = -1
             wall = barriers_before[m]
-        if extrusion[m] > PUSHED and (across or (current >= 0 and abs(dz) < MOVED)):
-            if not across and extrusion[m] > BLOB:
-                current = -1
-                continue
+        stays = not across and abs(dz) <= MOVED
+        blob = extrusion[m] > PUSHED and (extrusion[m] <= BLOB or surplus[m] > BLOB)
+        if lays[m] or (current >= 0 and stays and blob):
             if current < 0:
                 current = n
                 n += 1
             contour[m] = current
-        elif across or abs(dz) > MOVED or abs(extrusion[m]) > PUSHED:
+        elif not stays or abs(extrusion[m]) > PUSHED:
             current = -1
     return contour
 

@@ -12,16 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.gcode.contours import heaviest_label
+from decmcts._kernels.gcode.contours import MOVED, heaviest_label
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.roles import role_of
 from decmcts.formats.gcode.document import StateTable
+from decmcts.formats.gcode.reading.dots import beyond_retracted
 from decmcts.formats.gcode.reading.grouping import Runs
 from decmcts.print.contours import Role
 
 DEFAULT_WIDTH_MM = 0.45
 WIDTH_LIMITS_MM = (0.05, 3.0)  # beyond: E is not in mm of filament, or no bead
+WIDEST_DOT_MM = 10.0
 HEIGHT_LIMITS_MM = (0.01, 1.5)
 _NUMBER = re.compile(r"[-+]?\d*\.?\d+")
 
@@ -38,26 +40,37 @@ class Beads:
     move_height: NDArray[np.float64]  # (k,)
 
 
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """How the extruding moves run, (k,), and their contours, (n,)."""
+
+    pushed: NDArray[np.float64]  # (k,) mm of filament; upright and on the spot what stays there
+    length: NDArray[np.float64]  # (k,) mm
+    across: NDArray[np.bool_]  # (k,) moves across the bed
+    flat: NDArray[np.bool_]  # (n,) has moves across the bed: no dot, no pillar
+    level: NDArray[np.float64]  # (n,) z of its highest bead across the bed, else its lowest z
+
+
 def measure_beads(motion: Motion, runs: Runs, track: Track, *, filament_mm: float) -> Beads:
     """Return the bead of every contour and extruding move."""
     moves = np.flatnonzero(runs.contour >= 0)
     ids = runs.contour[moves]
     state = track.at(motion.line[moves])
     offsets = np.concatenate([[0], np.cumsum(np.bincount(ids, minlength=len(runs)))])
-    length = np.linalg.norm(np.diff(motion.points, axis=0)[moves], axis=1)
-    z = motion.points[moves + 1, 2]
+    shape = _shape_of(motion, runs, moves, offsets)
     height = _stated(track.table, "height")[state]
-    step = _steps(np.maximum.reduceat(z, offsets[:-1]))[ids]
+    step = _steps(shape.level, shape.flat)[ids]
     height = np.where(np.isnan(height) | (height <= 0), step, height)
     width = _stated(track.table, "width")[state]
-    inferred = _width_of(motion.extrusion[moves], length, height, filament_mm, ids, len(runs))
+    inferred = _width_of(shape, height, filament_mm, ids, len(runs))
     width = np.where(np.isnan(width) | (width <= 0), inferred, width)
+    width = np.where(shape.flat[ids], width, _round_width(shape, height, filament_mm, ids))
     roles = np.array([role_of(v) for v in track.table.values], np.int64)
     column = _column(track.table, "type")
-    role = heaviest_label(offsets, length, roles[column][state], len(Role))
+    role = heaviest_label(offsets, shape.length, roles[column][state], len(Role))
     return Beads(
         np.maximum.reduceat(width, offsets[:-1]), np.maximum.reduceat(height, offsets[:-1]),
-        role.astype(np.int8), _layers(motion, runs, track, z, offsets), width, height,
+        role.astype(np.int8), _layers(motion, runs, track, shape.level), width, height,
     )  # fmt: skip
 
 
@@ -78,28 +91,39 @@ def _stated(table: StateTable, slot: str) -> NDArray[np.float64]:
     return numbers[_column(table, slot)]
 
 
-def _steps(top: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the distance of each contour's z to the next level below it."""
-    levels, index = np.unique(np.round(top, 4), return_inverse=True)
+def _steps(level: NDArray[np.float64], flat: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the distance of each contour's level to the next one below it, of `flat` ones."""
+    level = np.round(level, 4)
+    levels = np.unique(level[flat] if flat.any() else level)
     step = np.diff(levels, prepend=0.0)
     usual = step[(step >= HEIGHT_LIMITS_MM[0]) & (step <= HEIGHT_LIMITS_MM[1])]
     middle = float(np.median(usual)) if len(usual) else 0.2
-    bad = (step < HEIGHT_LIMITS_MM[0]) | (step > HEIGHT_LIMITS_MM[1])
-    return np.where(bad, middle, step)[index]
+    own = level - np.append(0.0, levels)[np.searchsorted(levels, level)]
+    return np.where((own < HEIGHT_LIMITS_MM[0]) | (own > HEIGHT_LIMITS_MM[1]), middle, own)
+
+
+def _shape_of(
+    motion: Motion, runs: Runs, moves: NDArray[np.int64], offsets: NDArray[np.int64]
+) -> _Shape:
+    delta = np.diff(motion.points, axis=0)[moves]
+    across = np.hypot(delta[:, 0], delta[:, 1]) > MOVED
+    z = motion.points[moves + 1, 2]
+    flat = np.logical_or.reduceat(across, offsets[:-1])
+    highest = np.maximum.reduceat(np.where(across, z, -np.inf), offsets[:-1])
+    lowest = np.minimum(np.minimum.reduceat(z, offsets[:-1]), motion.points[runs.first, 2])
+    surplus = beyond_retracted(motion)[moves]
+    pushed = np.where(across, motion.extrusion[moves], surplus)
+    length = np.linalg.norm(delta, axis=1)
+    return _Shape(pushed, length, across, flat, np.where(flat, highest, lowest))
 
 
 def _width_of(
-    pushed: NDArray[np.float64],
-    length: NDArray[np.float64],
-    height: NDArray[np.float64],
-    filament_mm: float,
-    ids: NDArray[np.int64],
-    n: int,
+    shape: _Shape, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64], n: int
 ) -> NDArray[np.float64]:
-    """Return the mean width of each contour from its filament, per move."""
+    """Return the mean width of each contour across the bed from its filament, per move."""
     area = np.pi * filament_mm**2 / 4.0
-    volume = np.bincount(ids, pushed, n) * area
-    side = np.bincount(ids, length * height, n)
+    volume = np.bincount(ids, np.where(shape.across, shape.pushed, 0.0), n) * area
+    side = np.bincount(ids, np.where(shape.across, shape.length * height, 0.0), n)
     width = np.divide(volume, side, out=np.zeros(n), where=side > 0)
     low, high = WIDTH_LIMITS_MM
     sound = (width >= low) & (width <= high)
@@ -107,17 +131,31 @@ def _width_of(
     return np.where(sound, width, usual)[ids]
 
 
+def _round_width(
+    shape: _Shape, height: NDArray[np.float64], filament_mm: float, ids: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the diameter of contours that go nowhere across the bed, per move.
+
+    Their filament is a cylinder, from a bead's height below the lowest point up to the
+    highest: so high a vertical bead is, and a dot no higher than its bead.
+    """
+    n = len(shape.flat)
+    volume = np.bincount(ids, shape.pushed, n) * np.pi * filament_mm**2 / 4.0
+    climb = np.bincount(ids, shape.length, n)
+    bead = np.bincount(ids, height, n) / np.maximum(np.bincount(ids, minlength=n), 1)
+    width = np.sqrt(np.maximum(4.0 * volume / (np.pi * np.where(climb > 0.0, climb, bead)), 0.0))
+    return np.clip(width, WIDTH_LIMITS_MM[0], WIDEST_DOT_MM)[ids]
+
+
 def _layers(
     motion: Motion,
     runs: Runs,
     track: Track,
-    z: NDArray[np.float64],
-    offsets: NDArray[np.int64],
+    level: NDArray[np.float64],
 ) -> NDArray[np.int32]:
     """Return the layer of each contour: markers above it, else its level."""
     if len(track.layer_lines):
         above = np.searchsorted(track.layer_lines, motion.line[runs.first])
         _, dense = np.unique(above, return_inverse=True)
         return dense.astype(np.int32)
-    top = np.round(np.maximum.reduceat(z, offsets[:-1]), 4)
-    return np.unique(top, return_inverse=True)[1].astype(np.int32)
+    return np.unique(np.round(level, 4), return_inverse=True)[1].astype(np.int32)

@@ -14,6 +14,7 @@ from decmcts._kernels.gcode.contours import group_moves
 from decmcts.errors import InputError
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
+from decmcts.formats.gcode.reading.dots import beyond_retracted, laying_moves
 from decmcts.formats.gcode.text.lines import Lines
 
 PURGE_MOVES = 20  # a start G-code extrudes no more often before its last set-up command
@@ -47,14 +48,16 @@ def find_runs(lines: Lines, motion: Motion, track: Track) -> Runs:
     walls = np.sort(
         np.concatenate([np.fromiter(track.barriers, np.int64, len(track.barriers)), track.splits])
     )
+    parts = np.searchsorted(walls, motion.line)
+    surplus = beyond_retracted(motion)
+    lays = laying_moves(motion, track, surplus, parts, first)
     contour = group_moves(
-        motion.points, motion.extrusion, np.searchsorted(walls, motion.line), first,
-        len(motion.extrusion),
-    )  # fmt: skip
+        motion.points, motion.extrusion, surplus, lays, parts, first, len(motion.extrusion)
+    )
     n = int(contour.max(initial=-1)) + 1
     if n == 0:
         raise InputError(
-            "nothing is extruded in XY in this file",
+            "nothing is extruded in this file",
             path=lines.path,
             advice="is it G-code of a filament printer, exported whole?",
         )
@@ -72,9 +75,9 @@ def _first_line(lines: Lines, motion: Motion, track: Track) -> int:
     setup = ((lines.letter == 77) & np.isin(lines.code, _SETUP_M)) | (
         (lines.letter == 71) & np.isin(lines.code, _SETUP_G)
     )
-    pushes = np.flatnonzero(
-        (motion.extrusion > 0) & (np.diff(motion.points[:, :2], axis=0) != 0).any(axis=1)
-    )
+    given = motion.extrusion > 0
+    across = given & (np.diff(motion.points[:, :2], axis=0) != 0).any(axis=1)
+    pushes = np.flatnonzero(across if across.any() else given)
     limit = len(lines)
     if len(pushes):
         limit = int(motion.line[pushes[min(PURGE_MOVES, len(pushes) // 2)]])

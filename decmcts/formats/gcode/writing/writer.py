@@ -176,7 +176,7 @@ def print_contour(
     emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False
     _lay(emitter, job, way, said, is_reversed=is_reversed)
-    emitter.tail = points[max(said, default=0) :][::-1]
+    emitter.tail = _level(points[max(said, default=0) :][::-1])
     emitter.top = max(emitter.top, float(points[:, 2].max()))
 
 
@@ -206,6 +206,16 @@ def _lay(
         for point in range(k + 1, until + 1) if said else ():
             if point in said:
                 emitter.say(said[point])
+
+
+def _level(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the first points of a way up to where it goes straight up or down.
+
+    A wipe does not go back into a vertical bead.
+    """
+    step = np.diff(way, axis=0)
+    upright = np.flatnonzero((step[:, 2] != 0.0) & (step[:, :2] == 0.0).all(axis=1))
+    return way[: upright[0] + 1] if len(upright) else way
 
 
 def _go(
