@@ -153,7 +153,9 @@ class Walker:
             return laid
         contour = int(self.actions.contour[k])
         moves = len(_apart(laid.points[:2])) > 1
-        while self.at < self.end and self._stays(self.at) and moves:
+        while self.at < self.end and self._stays(self.at):
+            if not moves and self._is_dot(contour, float(laid.extrusion[0])):
+                break
             self._still()
         if said := self._begins(contour):
             return said
@@ -204,6 +206,15 @@ class Walker:
             self._step(k)
             reached.append(line)
         return ""
+
+    def _is_dot(self, contour: int, filament: float) -> bool:
+        """Tell whether a move of filament alone is what a contour begins with on the spot.
+
+        What stands before it pushes back what was retracted.
+        """
+        owed = float(self.file.motion.extruder[max(self._line(self.at) - 2, 0), 1])
+        pushed = float(self.file.motion.extrusion[self.at])
+        return owed <= self.document.owed[contour] + OWED_MM and abs(pushed - filament) <= E_MM
 
     def _laid(self, k: int) -> Laid | str:
         """Return what the plan's action lays down, from the source's own contour."""
