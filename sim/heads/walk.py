@@ -214,7 +214,7 @@ class Walker:
         """
         owed = float(self.file.motion.extruder[max(self._line(self.at) - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
-        return owed <= self.document.owed[contour] + OWED_MM and abs(pushed - filament) <= E_MM
+        return owed <= self._due(contour) + OWED_MM and abs(pushed - filament) <= E_MM
 
     def _laid(self, k: int) -> Laid | str:
         """Return what the plan's action lays down, from the source's own contour."""
@@ -235,11 +235,14 @@ class Walker:
         """Return what is wrong with the filament retracted where a bead begins."""
         line = self._line(min(self.at, self.end - 1))
         owed = float(self.file.motion.extruder[max(line - 2, 0), 1])
-        epoch = int(self.job.contours.epoch[contour])
-        due = max(0.0, float(self.document.owed[contour]) + self._left.get(epoch, 0.0))
-        if self.file.motion.modes[max(line - 2, 0), 3] or owed > due + OWED_MM:
+        if self.file.motion.modes[max(line - 2, 0), 3] or owed > self._due(contour) + OWED_MM:
             return f"line {line} begins contour {contour} with {owed:g} mm retracted"
         return ""
+
+    def _due(self, contour: int) -> float:
+        """Return what the source has retracted where a contour begins, mm."""
+        epoch = int(self.job.contours.epoch[contour])
+        return max(0.0, float(self.document.owed[contour]) + self._left.get(epoch, 0.0))
 
     def _wipe(self, k: int) -> str:
         """Go past moves that pull filament back along the bead just printed."""

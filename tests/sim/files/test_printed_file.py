@@ -26,6 +26,7 @@ class File:
     placed: None = None
     arc: None = None
     arcs: None = None
+    tool: None = None
 
 
 def file_of(paths, *, lift=1.0, home=False) -> File:

@@ -138,9 +138,11 @@ def test_beads_that_cover_everything_are_refused():
         contacts([[0, 0, 0.5, 5, 0, 0.5]], bead, SQUARE, capacity=Capacity(cells=100))
 
 
-def test_a_bead_without_length_is_no_material():
-    """Priming in place lays nothing down beside the nozzle."""
-    assert contacts([[0, 0, 0.5, 1, 0, 0.5]], bead_row([0, 0, 1.0], [0, 0, 1.0])) == []
+def test_a_dot_is_material():
+    """Filament pushed on the spot stands as high as the nozzle did: no head goes through it."""
+    dot = bead_row([0, 0, 1.0], [0, 0, 1.0])
+    assert contacts([[0, 0, 0.5, 1, 0, 0.5]], dot) == [0]
+    assert contacts([[0, 0, 1.0, 1, 0, 1.0]], dot) == []
 
 
 def test_bodies_are_judged_between_their_two_heights():

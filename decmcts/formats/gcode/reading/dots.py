@@ -8,7 +8,7 @@ bead follows from the same place is no dot: it belongs to that bead, as a restar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,34 @@ Bools = NDArray[np.bool_]
 
 
 def beyond_retracted(motion: Motion) -> Floats:
-    """Return what each move pushes beyond what its tool has retracted above it, (m,) mm."""
-    owed = motion.extruder[np.maximum(motion.line - 1, 0), 1]
-    return np.asarray(motion.extrusion - np.where(motion.line > 0, owed, 0.0))
+    """Return what each move pushes beyond what its tool has retracted before it, (m,) mm."""
+    line, pushed = motion.line, motion.extrusion
+    owed = np.where(line > 0, motion.extruder[np.maximum(line - 1, 0), 1], 0.0)
+    total = np.concatenate([[0.0], np.cumsum(pushed)])[:-1]
+    within = total - total[motion.before[line]]  # pushed by moves of the same line before it
+    return np.asarray(pushed - np.maximum(owed - within, 0.0))
+
+
+def with_dots_apart(motion: Motion) -> Motion:
+    """Return the moves with each push on the spot cut in two where it pays back, and lays a dot.
+
+    The first of the two pays back what was retracted; both are of one line.
+    """
+    surplus = beyond_retracted(motion)
+    still = (np.diff(motion.points, axis=0) == 0.0).all(axis=1)
+    paid = motion.extrusion - surplus
+    cut = np.flatnonzero(still & (surplus > RESTART_MM) & (paid > DOT_MM))
+    if not len(cut):
+        return motion
+    taken = np.insert(np.arange(len(still)), cut, cut)
+    extrusion = motion.extrusion[taken]
+    at = cut + np.arange(len(cut))
+    extrusion[at], extrusion[at + 1] = paid[cut], surplus[cut]
+    return replace(
+        motion, points=np.insert(motion.points, cut + 1, motion.points[cut + 1], axis=0),
+        extrusion=extrusion, feed=motion.feed[taken], line=motion.line[taken],
+        before=motion.before + np.searchsorted(cut, motion.before), arc=motion.arc[taken],
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

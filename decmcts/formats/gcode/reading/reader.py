@@ -21,6 +21,7 @@ from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.document import NO_ARC, Cursor, GcodeDocument, Motions, StateTable
 from decmcts.formats.gcode.reading.beads import Beads, measure_beads
 from decmcts.formats.gcode.reading.combing import with_bare_travels
+from decmcts.formats.gcode.reading.dots import with_dots_apart
 from decmcts.formats.gcode.reading.edges import state_edges
 from decmcts.formats.gcode.reading.gaps import Blocks, cursor_at, find_blocks
 from decmcts.formats.gcode.reading.grouping import Runs, find_runs, refuse_unsafe
@@ -68,7 +69,7 @@ class _Parsed:
 def _parse(path: Path | str, plate: int | None = None) -> _Parsed:
     text = load_text(path, plate)
     lines = split_lines(text, path)
-    motion = interpret(lines)
+    motion = with_dots_apart(interpret(lines))
     track = track_state(lines, motion)
     runs = find_runs(lines, motion, track)
     refuse_unsafe(lines, motion, runs)

@@ -167,11 +167,12 @@ def print_contour(
     step = -1 if is_reversed else 1
     points = way.points[::step]
     begin: tuple[float, float, float] = tuple(points[0].tolist())
-    first = emitter.document.point_state[way.rows[1:]][::step][0]
-    emitter.set_state(int(first), before_travel=True)
+    state = emitter.document.point_state[way.rows[1:]][::step][0]
+    emitter.set_state(int(state), before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
-    if len(emitter.lines) == written and not emitter.parted:
+    first = emitter.top == -np.inf  # what the start code pushes belongs to the first bead
+    if len(emitter.lines) == written and not (emitter.parted or first):
         emitter.say(SPLIT_MARK)  # above what is pushed on the spot, or that were the last bead's
     emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False

@@ -251,12 +251,13 @@ def test_filament_total_is_the_sources(read, tmp_path, text):
 
 
 def test_a_line_said_twice_pushes_its_filament_where_the_source_does(read, tmp_path):
-    """The second pushes on the spot; after a bead that is reversed it would lay one across."""
+    """The second pushes on the spot, at the end of its bead: that one is not reversed."""
     text = "G1 X0 Y0 Z.2\nG1 X9 E.4 F900\nG1 X9 Y0 E.5\n"
     text += "".join(f"G1 X{x}\nG1 X{x + 9} E.4\n" for x in (20, 40, 60))
     job, document = read(text, start=M83)
     out = tmp_path / "o.gcode"
-    toolpath = Toolpath.of(np.arange(4, dtype=np.int32), np.arange(4) < 1)
+    assert job.contours.reversible.tolist() == [False, True, True, True]
+    toolpath = Toolpath.of(np.arange(4, dtype=np.int32)[::-1], np.zeros(4, np.bool_))
     write_gcode(document, job, direct_actions(job, toolpath), out)
     assert same_extrusions(job, document, *read_gcode(out)) == []
     pushed = read_motions(out)
