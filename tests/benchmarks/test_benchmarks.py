@@ -39,6 +39,7 @@ SMALLEST = {  # script: (options, rows, files)
     ),
     "certificates": (ONE, 1, ("certificates.md", "certificates.png")),
     "quality": (ONE, 4, ("quality.md", "quality.png")),
+    "ledger": (ONE, 1, ("ledger.md",)),
 }
 
 

@@ -10,8 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from decmcts.formats.gcode import read_gcode, read_motions
+from decmcts.formats.gcode import Motions, read_gcode, read_motions
 from decmcts.formats.gcode.dialects.stated_times import without_progress
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.planning.verifying.judge import judge
+from sim.faults import FaultKind
+from sim.files.written import verify_written
 
 CORPUS = Path(os.environ.get("DECMCTS_CORPUS", Path(__file__).parents[4] / "shared"))
 
@@ -33,9 +37,26 @@ def test_files_of_a_dozen_slicers(path, again, tmp_path):
     assert job2.contours.epoch.tolist() == job.contours.epoch.tolist()
     blocks = [b"".join(without_progress(block.text)) for block in document.blocks]
     assert [block.text for block in document2.blocks] == blocks
-    total = read_motions(tmp_path / "out.gcode").extrusion.sum()
-    assert total == pytest.approx(read_motions(path).extrusion.sum(), rel=5e-4)
+    due = by_tool(document.moves)
+    assert by_tool(read_motions(tmp_path / "out.gcode")) == pytest.approx(due, abs=1e-4)
     again(job, document, seed=1, seams=True)
+    assert by_tool(read_motions(tmp_path / "out.gcode")) == pytest.approx(due, abs=1e-4)
+
+
+def by_tool(motions: Motions) -> np.ndarray:
+    """Return the filament each tool gives in all, mm."""
+    return np.bincount(motions.tool, motions.extrusion)
+
+
+@pytest.mark.parametrize("path", corpus("gcode", "*.gcode.gz"), ids=lambda p: p.name)
+def test_what_drafts_are_asked_files_are_asked(path, again, tmp_path):
+    """One judge: filament, commands and states of what is written pass `verify --source` too."""
+    job, document = read_gcode(path)
+    again(job, document)
+    out, machine = tmp_path / "out.gcode", load_machine("paper")
+    draft = verify_written(out, job, document, machine, seams=[])
+    assert not draft.kinds() & {FaultKind.STATE, FaultKind.E_TOTAL, FaultKind.COMMAND}
+    assert judge(out, path, machine, seed=0, trials=1).faults == draft.faults
 
 
 @pytest.mark.parametrize("path", corpus("gcode", "*.bgcode"), ids=lambda p: p.name)
