@@ -88,7 +88,7 @@ def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> di
         moved += float(step[~lays].sum())
     edges = sum(len(actions.after_head) for actions in all_actions)
     return {
-        "makespan_s": makespan, "print_time_s": makespan, "waits": waits, "waits_s": rested,
+        "makespan_s": makespan, "waits": waits, "waits_s": rested,
         "contours": prints, "emitted_travel_mm": moved, "extrusionless_travel_mm": bare,
         "cross_head_waits": edges,
     }  # fmt: skip

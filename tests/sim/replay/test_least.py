@@ -118,7 +118,7 @@ def test_a_source_states_feeds_and_accelerations(make):
     assert unknown[0] < 0.5 * known[0]
 
 
-@pytest.mark.parametrize("name", ["makespan_s", "print_time_s", "emitted_travel_mm", "contours"])
+@pytest.mark.parametrize("name", ["makespan_s", "emitted_travel_mm", "contours"])
 def test_figures_that_are_not_the_actions_are_seen(make, name):
     """Whoever compares plans reads these, not the actions."""
     document = make.tower_plan()
