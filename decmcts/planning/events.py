@@ -43,7 +43,7 @@ class Heads:
     """Where the agents of all heads stand."""
 
     agents: tuple[AgentStatus, ...]  # none before they are started
-    bound_s: float  # no joint plan ends earlier
+    bound_s: float  # no joint plan ends earlier; 0: not known yet
 
 
 Event = Step | Note | Sound | Begun | Heads | Progress

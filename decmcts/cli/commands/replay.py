@@ -32,8 +32,9 @@ Keep = Callable[[Heads], None]
 
 
 def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
-    """Return the table of what each head does, with its best makespan over the bound."""
-    title = f"agents; best: makespan in s; bound {bound_s:,.0f} s"
+    """Return the table of what each head does, with its best makespan over a bound above 0."""
+    bound = f"{bound_s:,.0f} s" if bound_s > 0.0 else "not known yet"
+    title = f"agents; best: makespan in s; bound {bound}"
     table = Table(title=title, title_justify="left", box=SIMPLE, show_edge=False, padding=0)
     names = ("head", "phase", "s", "rounds", "best", "÷ bound", "entropy", "sent", "KiB",
              "heard", "KiB")  # fmt: skip
@@ -47,7 +48,7 @@ def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
             f"{a.elapsed_s:.0f}",
             str(a.rounds),
             f"{a.best_makespan_s:,.0f}",
-            f"{a.best_makespan_s / max(bound_s, 1e-9):.3f}",
+            f"{a.best_makespan_s / bound_s:.3f}" if bound_s > 0.0 else "",
             f"{a.entropy:.2f}",
             str(sum(a.sent.values())),
             f"{sent / 1024:,.0f}",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,12 @@ class Prepared:
     orders: OrderChoices  # what orders may choose
     lone_order: Toolpath  # the best order found for one head alone
     entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
-    bound: Bound  # on the makespan
+    bound: Future[Bound]  # on the makespan, found beside all else
+
+    @property
+    def bound_s(self) -> float:
+        """The bound on the makespan as far as it is known; 0 while it is not."""
+        return self.bound.result().bound_s if self.bound.done() else 0.0
 
     def schedule(self, toolpaths: Sequence[Toolpath]) -> JointPlan:
         """Return the exact plan of these toolpaths, one a head."""
@@ -70,6 +76,9 @@ def best_of(
     report(Step("safe travels and times of one head alone"))
     alone = plan_alone(ready, heads)
     machine = lone_machine(problem.machine)
+    if not ready.bound.done():
+        report(Step("a bound on the makespan"))
+        ready.bound.result()
     lone = schedule(problem.job, machine, problem.graph, [ready.lone_order], lags=ready.lags)
     extra: Metrics = {
         "planner": "dec-mcts",
@@ -80,7 +89,7 @@ def best_of(
         "agreed_digest": "" if agreement is None else agreement.digest,
         "live_heads": list(heads),
         "one_head_s": lone.makespan_s,
-        "bound": dataclasses.asdict(ready.bound),
+        "bound": dataclasses.asdict(ready.bound.result()),
         "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
     }
     if result is not None:

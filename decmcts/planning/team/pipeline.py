@@ -5,9 +5,12 @@ No output is written here. See ARCHITECTURE.md, which follows one planning round
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, wait
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -32,13 +35,14 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
 from decmcts.team.schedule.leaning import lean
 
 ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
+BOUND_SHARE = 0.2  # of the search time: so long agents wait for a bound that is not known yet
 
 
 class Launch(Protocol):
@@ -102,6 +106,9 @@ def prepared(
     """Have the source's own order judged, and find all that must be known before agents plan."""
     rules, objective = problem.rules, search.objective
     orders = OrderChoices(rules.freedom.value, rules.seam.value, objective.value)
+    entries = entries_of(problem.job, orders)
+    bounded = partial(makespan_bound, problem.job, problem.machine, problem.graph, entries=entries)
+    bound = begun(bounded)
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
     if writes:
@@ -115,13 +122,28 @@ def prepared(
     lags = lags_of(problem, before)
     report(Step("an order for one head alone"))
     lone = _lone_order(problem, search, lags, stop)
-    entry, entries = first_entries(job, orders, lone), entries_of(job, orders)
+    entry = first_entries(job, orders, lone)
     if entries is not None:
         report(Step("where loops begin"))
     entry = lean(job, machine, graph, orders, entry, entries, lags)
-    report(Step("a bound on the makespan"))
-    bound = makespan_bound(job, machine, graph, entries=entries)
+    if not bound.done():
+        report(Step("a bound on the makespan"))
+        wait([bound], timeout=BOUND_SHARE * search.time_limit_s)
     return Prepared(problem, before, lags, orders, lone, entry, bound)
+
+
+def begun(work: Callable[[], Bound]) -> Future[Bound]:
+    """Begin work in a thread that no exit waits for; kernels and solver run without the lock."""
+    found: Future[Bound] = Future()
+
+    def run() -> None:
+        try:
+            found.set_result(work())
+        except BaseException as error:
+            found.set_exception(error)
+
+    threading.Thread(target=run, name="bound", daemon=True).start()
+    return found
 
 
 def _lone_order(problem: PrintProblem, search: TeamSearch, lags: Lags, stop: Stop) -> Toolpath:
@@ -152,7 +174,7 @@ def _agreed(
     problem = ready.problem
 
     def passed_on(states: tuple[AgentStatus, ...]) -> None:
-        report(Heads(states, ready.bound.bound_s))
+        report(Heads(states, ready.bound_s))
 
     passed_on(())
     try:
