@@ -146,6 +146,8 @@ def allowed_in_plan(
     A move is of the contour it prints. One straight up or down at the end of the contour
     before, or at the start of the next, is that contour's.
     """
+    if not len(actions):  # a head that stays at its park prints nothing that could be allowed
+        return lambda move, bead, depth: np.zeros(len(move), np.bool_)
     printed = np.where(actions.kind == ActionKind.PRINT, actions.contour, NOBODY).astype(np.int64)
     every = np.arange(len(printed))
     prints = printed >= 0
