@@ -74,8 +74,8 @@ def heat_due(document: GcodeDocument, job: PrintJob) -> Due:
 def heats_early(rows: Sequence[tuple[int, bytes]], wait: int, start: Sequence[bytes]) -> int:
     """Return how many of a file's first rows heat bed and hot end while its head waits its turn.
 
-    They stand above the file's first wait, in line `wait`, once each at the most, wait for
-    nothing, and are as hot as the commands `start` of its start code make them first.
+    They are all that stands above the file's first wait, in line `wait`, once each at the most,
+    wait for nothing, and are as hot as the commands `start` of its start code make them first.
     """
     due = set[bytes]()
     for pattern, code in ((_OF_BED, b"M140 S"), (_HOT_END, b"M104 S")):
@@ -87,7 +87,8 @@ def heats_early(rows: Sequence[tuple[int, bytes]], wait: int, start: Sequence[by
     while count < len(rows) and rows[count][0] < wait and rows[count][1] in due:
         due.remove(rows[count][1])
         count += 1
-    return count
+    more = count < len(rows) and rows[count][0] < wait  # then they are the start code's own
+    return 0 if more else count
 
 
 def unheated(

@@ -33,9 +33,9 @@ def test_what_a_command_says_to_a_hot_end(code: bytes, heat: Heat | None) -> Non
         ([b"M140 S60", b"M104 S150"], 2),
         ([b"M104 S150"], 1),
         ([b"M104 S215"], 0),  # hotter than the source is at first
-        ([b"M104 S150", b"M104 S150"], 1),
+        ([b"M104 S150", b"M104 S150"], 0),  # twice
         ([b"M109 S150"], 0),  # waits, so the others would too
-        ([b"M140 S60", b"G28"], 1),
+        ([b"M140 S60", b"G28"], 0),  # more than heat
     ],
 )
 def test_a_head_may_heat_while_it_waits_its_turn(early: list[bytes], count: int) -> None:
@@ -43,6 +43,13 @@ def test_a_head_may_heat_while_it_waits_its_turn(early: list[bytes], count: int)
     start = [b"M104 S0", b"M190 S60", b"M109 R150", b"G28", b"M109 S215", b"M140 S70"]
     assert heats_early(list(enumerate(early, 1)), 9, start) == count
     assert heats_early(list(enumerate(early, 9)), 9, start) == 0
+
+
+def test_a_start_code_that_begins_with_heat_is_not_taken_for_early_heat() -> None:
+    """The first head waits for nobody; its first sync point stands below its whole start code."""
+    start = [b"M104 S215", b"G28"]
+    assert heats_early([(1, b"M104 S215"), (2, b"G28"), (3, b"G90")], 9, start) == 0
+    assert heats_early([(1, b"M104 S215"), (3, b"M104 S215"), (4, b"G28")], 2, start) == 1
 
 
 @pytest.mark.parametrize(
