@@ -32,7 +32,9 @@ from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
 from sim.experiments.made_print import made_gcode, made_tools_gcode
+from sim.experiments.made_scarf import scarf_gcode
 from sim.experiments.mutants import Mutant, NotHereError
+from sim.experiments.mutants_contacts import CONTACT_MUTANTS
 from sim.experiments.mutants_gcode import GCODE_MUTANTS, HEAD_MUTANTS, TOOL_MUTANTS
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
 
@@ -40,7 +42,7 @@ KEY = ("of", "mutant", "seed")
 ONE_HEAD, TWO_HEADS = "mk4s", "dual-gantry"
 VERDICTS = {0: "passed", 1: "caught", 2: "refused"}  # by exit code; any other: crashed
 MEMORY_BYTES = 6 * 2**30  # address space: a judge that wants more has run away
-ALL = ("plan", "gcode", "tools", "team", "heads")
+ALL = ("plan", "gcode", "tools", "contacts", "team", "heads")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,15 @@ def main() -> int:
 
 
 def subject_of(kind: str, folder: Path) -> Subject:
-    """Plan the made print for one head or two and return what of it is spoilt."""
+    """Plan the made print for one head or two and return what of it is spoilt.
+
+    Of contacts it is the made source with scarf seams, which is a good result of itself.
+    """
+    if kind == "contacts":
+        source = folder / "scarf.gcode"
+        source.write_text(scarf_gcode([(60.0, 100.0), (140.0, 100.0)]))
+        against = ["--source", str(source), "--machine", ONE_HEAD]
+        return Subject(CONTACT_MUTANTS, source.read_text().splitlines(), gcode_saver(against))
     team = kind in ("team", "heads")
     machine = TWO_HEADS if team else ONE_HEAD
     source, plan, out = (folder / f"{machine}.{end}" for end in ("in.gcode", "json", "gcode"))
@@ -194,7 +204,7 @@ def captured() -> Iterator[io.StringIO]:
 def page(rows: Rows) -> str:
     """Return the Markdown page of all rows."""
     why: dict[str, str] = {}
-    for mutants in (PLAN_MUTANTS, GCODE_MUTANTS, TOOL_MUTANTS, HEAD_MUTANTS):
+    for mutants in (PLAN_MUTANTS, GCODE_MUTANTS, TOOL_MUTANTS, CONTACT_MUTANTS, HEAD_MUTANTS):
         why |= {mutant.name: mutant.harmless for mutant in mutants}
     table, count = [], dict.fromkeys(("caught", "refused", "harmless", "missed", "crashed"), 0)
     for (kind, mutant), runs in grouped(rows.rows, "of", "mutant").items():
