@@ -26,7 +26,7 @@ from decmcts.formats.gcode import (
     read_written,
     same_extrusions,
 )
-from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.formats.gcode.text.source_text import line_with_number, load_text
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
@@ -90,7 +90,8 @@ def verify_written(
     )
     if matched.is_other:
         return Verdict(tuple(matched.faults))
-    faults = matched.faults + written.faults + _check_text(written, source, job, document, matched)
+    faults = check_line_numbers(path, plate) + matched.faults + written.faults
+    faults += _check_text(written, source, job, document, matched)
     if actions is not None:
         faults += _check_waits(written.text, motions, matched.laid, actions)
     counts = {
@@ -113,6 +114,14 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     checked = ("the file is its source, byte for byte",)
     counts = {"moves": float(len(moves.line))}
     return Verdict(tuple(matched.faults), counts, checked, matched.warnings)
+
+
+def check_line_numbers(path: Path | str, plate: int | None) -> list[Fault]:
+    """Check that no line has a number: none is read here, so none may be written."""
+    if (line := line_with_number(path, plate)) is None:
+        return []
+    text = f"line {line} has a line number, and a firmware stops where the next is another"
+    return [Fault(FaultKind.COMMAND, text)]
 
 
 def _unreadable(error: InputError) -> Fault:

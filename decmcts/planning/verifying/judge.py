@@ -10,7 +10,7 @@ from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.files.reading import read_bytes
 from decmcts.formats.gcode import read_gcode
-from decmcts.formats.gcode.text.source_text import has_plates, line_with_number, load_text
+from decmcts.formats.gcode.text.source_text import has_plates, load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Note, Report, unheard
@@ -20,8 +20,8 @@ from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from sim.content.same_print import is_other_print
-from sim.faults import Fault, FaultKind, Verdict
-from sim.files.written import verify_same, verify_written
+from sim.faults import Verdict
+from sim.files.written import check_line_numbers, verify_same, verify_written
 from sim.heads.file import header_of
 from sim.rules.cooling import check_stated
 from sim.rules.order_rules import usual_rules
@@ -87,16 +87,12 @@ def judge(
     if origin:
         report(Note(origin))
     job, document = read_gcode(source, of_source)
-    if load_text(result, of_result) == load_text(source, of_source):
-        verdict = verify_same(job, document, chosen)
-    else:
-        verdict = verify_written(result, job, document, chosen, plate=of_result)
-    copied = read_bytes(result) == read_bytes(source)
-    counted = None if copied else line_with_number(result, of_result)
-    if counted is None:
+    if load_text(result, of_result) != load_text(source, of_source):
+        return verify_written(result, job, document, chosen, plate=of_result)
+    verdict = verify_same(job, document, chosen)
+    if read_bytes(result) == read_bytes(source):  # what a slicer wrote may have line numbers
         return verdict
-    text = f"line {counted} has a line number, and a firmware stops where the next is another"
-    return replace(verdict, faults=(Fault(FaultKind.COMMAND, text), *verdict.faults))
+    return replace(verdict, faults=(*check_line_numbers(result, of_result), *verdict.faults))
 
 
 def judge_plan(
