@@ -87,15 +87,18 @@ class Walker:
         self._alike: dict[tuple[int, int], str] = {}
         starts = [document.start, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
+        first = int(job.contours.epoch.min(initial=0))
+        behind = [(first, document.start), *((b.epoch, b.end) for b in document.blocks)]
+        self._left: dict[int, float] = {}  # what stays retracted behind the source's own lines, mm
+        for epoch, cursor in behind:
+            left = max(0.0, cursor.pulled - cursor.owed)
+            self._left[epoch] = max(self._left.get(epoch, 0.0), left)
         self._deepest = max(
             *(settings.retract_mm for settings in job.settings.each()),
             float(document.owed.max(initial=0.0)),
             *(c.owed for c in starts),
-        )
+        ) + max(self._left.values())
         beyond = max(c.owed - c.pulled for c in starts)
-        self._left = {  # what the source leaves retracted behind its own lines, mm, by epoch
-            b.epoch: max(0.0, b.end.pulled - b.end.owed) for b in document.blocks
-        }
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
         self._feeds = (job.settings.travel_feed or 100.0, job.settings.z_feed or 0.0)
 

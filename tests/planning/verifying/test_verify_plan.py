@@ -56,7 +56,7 @@ def spoilt(plan, change) -> None:
 
 def infill_first(rows) -> None:
     """Print the infill before the perimeter it is anchored in; no pair forbids it."""
-    rows["precedence"] = []
+    rows["precedence"], rows["metrics"] = [], {}  # figures of the old order
     actions = rows["heads"][0]["actions"]
     one, two = (k for k, a in enumerate(actions) if a["contour"] in (1, 2))
     for key in ("contour", "path"):
