@@ -17,7 +17,7 @@ from tests.cli.test_bad_input import SQUARE, gcode
 RESULT = {
     "schema", "input", "machine", "slicer", "edges", "barriers", "notes", "seconds", "before",
     "after", "gain", "file_time_s", "verified", "written", "kept_source",
-    "planned_already", "sliced_by",
+    "made_safe", "planned_already", "sliced_by",
 }  # fmt: skip
 DOCUMENTED = Path(__file__).parents[2] / "docs" / "json-output.md"
 

@@ -39,7 +39,7 @@ class Blocks:
     barriers: tuple[Barrier, ...]
     epoch: NDArray[np.int32]  # (n,)
     tied: NDArray[np.bool_]  # (n,) part of a verbatim sequence, may not be reversed
-    held: NDArray[np.bool_]  # (n,) a macro decides what is retracted when it begins: it stays first
+    held: NDArray[np.bool_]  # (n,) what is pushed or pulled above belongs to it: it stays first
     parted: NDArray[np.bool_]  # (n,) a block stands before it
 
 
@@ -75,9 +75,8 @@ def find_blocks(
     end = motion.line[runs.first[1:]]
     whole = np.zeros(n, np.bool_)
     whole[1:] = towers[1:] & towers[:-1]
-    whole[1:] |= deposits(motion, runs, gaps)
     held = np.zeros(n, np.bool_)
-    held[1:] = unsettled(gaps, _unknown(track, begin, end))
+    held[1:] = deposits(motion, runs, gaps) | unsettled(gaps, _unknown(track, begin, end))
     whole |= held
     walls = np.fromiter(track.barriers, np.int64, len(track.barriers))
     low, high = np.searchsorted(walls, begin), np.searchsorted(walls, end)
