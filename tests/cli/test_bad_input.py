@@ -25,17 +25,6 @@ def gcode(body: str) -> str:
     return HEAD + LAYER + body + TAIL
 
 
-def towers_printed_one_by_one() -> str:
-    """Two towers 5 mm apart, the left one to its full height before the right one."""
-    text = HEAD
-    for x in (100.0, 105.0):
-        for layer in range(1, 6):
-            z = 0.2 * layer
-            text += LAYER.replace("0.2", f"{z:.1f}", 1).replace("Z.2", f"Z{z:.1f}")
-            text += f"G1 X{x} Y100 F7800\nG1 X{x} Y104 E.2 F1800\n"
-    return text + TAIL
-
-
 TEXTS = {
     "empty file": ("", "empty"),
     "number cut off": (gcode("G1 X100 Y100 F7800\nG1 X E.8\n"), "X"),
@@ -45,7 +34,6 @@ TEXTS = {
     "inches": (gcode("G20\n" + SQUARE), "G20"),
     "relative positions": (gcode("G91\nG1 X5 Y5 E.3\nG1 X5 E.3\n"), "G91"),
     "larger than the bed": (gcode(SQUARE.replace("X120", "X920")), "bed"),
-    "collides with the head": (towers_printed_one_by_one(), "layer"),
 }
 
 

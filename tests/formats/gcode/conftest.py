@@ -71,7 +71,10 @@ def toolpath_of(job: PrintJob, seed: int | None) -> Toolpath:
     if seed is None:
         return Toolpath.as_sliced(n)
     rng = np.random.default_rng(seed)
-    order = np.lexsort((rng.random(n), job.contours.epoch)).astype(np.int32)
+    epoch = job.contours.epoch
+    later = np.diff(epoch, prepend=-1) == 0  # what a refill is followed by stays first
+    later |= ~np.isin(epoch, job.refills)
+    order = np.lexsort((rng.random(n), later, epoch)).astype(np.int32)
     return Toolpath.of(order, (rng.random(n) < 0.5) & job.contours.reversible[order])
 
 
