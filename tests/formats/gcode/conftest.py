@@ -53,7 +53,8 @@ def again(tmp_path: Path) -> Callable[..., tuple[PrintJob, GcodeDocument, bytes]
         out = tmp_path / "out.gcode"
         path = toolpath_of(job, seed)
         if seams:
-            path = replace(path, entry=random_entries(job.contours, seed or 0)[path.order])
+            entry = random_entries(job.contours, seed or 0)[path.order]
+            path = replace(path, entry=np.where(path.order > 0, entry, 0).astype(entry.dtype))
         actions = direct_actions(job, path)
         write_gcode(document, job, actions, out)
         job2, document2 = read_gcode(out)
@@ -71,11 +72,10 @@ def toolpath_of(job: PrintJob, seed: int | None) -> Toolpath:
     if seed is None:
         return Toolpath.as_sliced(n)
     rng = np.random.default_rng(seed)
-    epoch = job.contours.epoch
-    later = np.diff(epoch, prepend=-1) == 0  # what a refill is followed by stays first
-    later |= ~np.isin(epoch, job.refills)
-    order = np.lexsort((rng.random(n), later, epoch)).astype(np.int32)
-    return Toolpath.of(order, (rng.random(n) < 0.5) & job.contours.reversible[order])
+    later = np.arange(n) > 0  # what the start primes the nozzle for stays first
+    order = np.lexsort((rng.random(n), later, job.contours.epoch)).astype(np.int32)
+    turned = (rng.random(n) < 0.5) & job.contours.reversible[order]
+    return Toolpath.of(order, turned & (order > 0))
 
 
 @pytest.fixture

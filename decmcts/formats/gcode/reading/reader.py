@@ -187,21 +187,7 @@ def _refills(parsed: _Parsed, blocks: Blocks) -> tuple[int, ...]:
     next_one = np.searchsorted(parsed.motion.line[parsed.runs.first], lines)
     within = (next_one > 0) & (next_one < len(blocks.epoch))
     fed = np.union1d(blocks.epoch[next_one[within]], blocks.epoch[blocks.held])
-    if _begins_primed(parsed):
-        fed = np.union1d(fed, blocks.epoch[:1])
     return tuple(fed.tolist())
-
-
-def _begins_primed(parsed: _Parsed) -> bool:
-    """Tell whether the start pushes filament where the first contour begins, and for it alone.
-
-    Begun elsewhere, the print would have that filament as a dot.
-    """
-    motion, first = parsed.motion, int(parsed.runs.first[0])
-    pushes = np.flatnonzero(motion.extrusion[:first] > 0.0)
-    if not len(pushes) or _preamble_end(parsed) != int(motion.line[first]):
-        return False
-    return bool((motion.points[pushes[-1] + 1] == motion.points[first]).all())
 
 
 def _limits(parsed: _Parsed, line: int, stated: MotionLimits) -> MotionLimits:
@@ -282,13 +268,11 @@ def _contours(
     state[offsets[:-1]] = state[offsets[:-1] + 1]
     rounding_mm = 0.5 * 10.0 ** -motion.decimals[0]
     reversible = _reversible(points, extrusion, offsets, beads.role, rounding_mm)
-    primed = np.zeros(n, np.bool_)
-    primed[0] = _begins_primed(parsed)
     contours = Contours(
         points=points, offsets=offsets, extrusion=extrusion, feed=feed, width=beads.width,
         height=beads.height, role=beads.role, closed=_closed(points, offsets, beads.width),
         layer=beads.layer, tool=motion.modes[motion.line[runs.first], 2].astype(np.int16),
-        reversible=reversible & ~blocks.tied & ~one_way & ~primed,
+        reversible=reversible & ~blocks.tied & ~one_way,
         epoch=blocks.epoch, line=(motion.line[runs.first] + 1).astype(np.int32),
     )  # fmt: skip
     state.setflags(write=False)
