@@ -55,7 +55,7 @@ def test_a_result_has_its_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str
     verdict = said(
         ["verify", str(made), "--source", str(source), "--machine", "paper"], capsys
     )  # same extrusions
-    assert verdict.keys() == {"schema", "file", "ok", "faults", "checked"}
+    assert verdict.keys() == {"schema", "file", "ok", "faults", "checked", "warnings"}
     assert (verdict["schema"], verdict["ok"]) == ("decmcts-verdict/1", True)
 
 
