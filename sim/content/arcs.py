@@ -19,12 +19,11 @@ from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.document import Arcs
 from decmcts.print.job import PrintJob
-from sim.content.inventory import E_TOLERANCE_MM, FEED_TOLERANCE_MM_S
+from sim.content.inventory import NO_MATCH, altered
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
 NEAR_MM = 3e-3  # ends and centres together, rounding to three decimals on both sides
 ROUND_MM = 5e-3  # of the radius of a part, whose end is rounded, against that of the whole
-NONE = -1
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -62,16 +61,16 @@ def turns_of(motions: Motions, *, all_moves: bool = True) -> Turns:
     if motions.arc is None or motions.arcs is None:
         return _turns(np.zeros(0, np.int64), Arcs.none(), np.zeros((1, 3)), *_NO_MOVES)
     contour = np.asarray(motions.contour, np.int64)
-    arc = np.where((contour >= 0) | all_moves, np.asarray(motions.arc, np.int64), NONE)
+    arc = np.where((contour >= 0) | all_moves, np.asarray(motions.arc, np.int64), NO_MATCH)
     line = np.asarray(motions.line, np.int64)
     return _turns(arc, motions.arcs, motions.points, motions.extrusion, motions.feed, line, contour)
 
 
 def turns_between(motion: Motion, begin: int, end: int) -> Turns:
     """Return the arcs of the moves begin..end - 1 of a file, of no contour that is known."""
-    arc = np.full(len(motion.arc), NONE, np.int64)
+    arc = np.full(len(motion.arc), NO_MATCH, np.int64)
     arc[begin:end] = motion.arc[begin:end]
-    none = np.full(len(arc), NONE, np.int64)
+    none = np.full(len(arc), NO_MATCH, np.int64)
     return _turns(
         arc, motion.arcs, motion.points, motion.extrusion, motion.feed, motion.line + 1, none
     )
@@ -92,9 +91,9 @@ def _turns(
     arc: Ints, table: Arcs, points: Floats, extrusion: Floats, feed: Floats, line: Ints,
     contour: Ints,
 ) -> Turns:  # fmt: skip
-    """Return the arcs of which moves have these numbers, NONE: of no arc."""
-    begins = np.flatnonzero((arc != NONE) & (np.diff(arc, prepend=NONE) != 0))
-    stops = np.flatnonzero((arc != NONE) & (np.diff(arc, append=NONE) != 0))
+    """Return the arcs of which moves have these numbers, NO_MATCH: of no arc."""
+    begins = np.flatnonzero((arc != NO_MATCH) & (np.diff(arc, prepend=NO_MATCH) != 0))
+    stops = np.flatnonzero((arc != NO_MATCH) & (np.diff(arc, append=NO_MATCH) != 0))
     laid = np.concatenate([[0.0], np.cumsum(extrusion)])
     lays = laid[stops + 1] > laid[begins]
     begins, stops = begins[lays], stops[lays]
@@ -131,21 +130,11 @@ def check_arcs(ours: Turns, source: Turns, moved: AbstractSet[int]) -> list[Faul
         Contours of the source that are entered elsewhere: their arcs may come in parts.
     """
     match = _matched(ours, source)
-    pairs = np.flatnonzero(match != NONE)
-    faults = []
-    for kind, a, b, tolerance, unit in (
-        (FaultKind.EXTRUSION, ours.extrusion, source.extrusion, E_TOLERANCE_MM, "mm of filament"),
-        (FaultKind.FEED, ours.feed, source.feed, FEED_TOLERANCE_MM_S, "mm/s"),
-    ):
-        off = pairs[np.abs(a[pairs] - b[match[pairs]]) > tolerance]
-        lines = [
-            f"{ours.text(i)} has {a[i]:.5f} {unit}, the source {b[match[i]]:.5f}"
-            for i in off[:LIMIT].tolist()
-        ]
-        faults += listed(kind, lines, total=len(off))
+    pairs = np.flatnonzero(match != NO_MATCH)
+    faults = altered(ours, source, match)
     gone = np.setdiff1d(np.arange(len(source.line)), match[pairs])
     may_part = gone[np.isin(source.contour[gone], list(moved))]
-    extra = np.flatnonzero(match == NONE)
+    extra = np.flatnonzero(match == NO_MATCH)
     foreign = extra[~_are_parts(ours, extra, source, may_part)]
     gone = np.setdiff1d(gone, may_part)
     lines = [f"{ours.text(i)} is not in the source" for i in foreign[:LIMIT].tolist()]
@@ -155,8 +144,8 @@ def check_arcs(ours: Turns, source: Turns, moved: AbstractSet[int]) -> list[Faul
 
 
 def _matched(ours: Turns, source: Turns) -> Ints:
-    """Return for each of our arcs the source's arc it is, or NONE; none twice, (n,)."""
-    match = np.full(len(ours.line), NONE, np.int64)
+    """Return for each of our arcs the source's arc it is, or NO_MATCH; none twice, (n,)."""
+    match = np.full(len(ours.line), NO_MATCH, np.int64)
     if not len(ours.line) or not len(source.line):
         return match
     mine, theirs = (np.hstack([turns.ends, turns.centre]) for turns in (ours, source))

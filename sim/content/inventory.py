@@ -9,7 +9,7 @@ come in. What rounding put into neighbouring cells is then matched by distance.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,12 +195,37 @@ def compare(ours: Segments, source: Segments, match: NDArray[np.int64]) -> list[
     extra = np.nonzero(match == NO_MATCH)[0]
     known = np.isin(_keys(ours)[extra], _keys(source))
     doubled, foreign = extra[known], extra[~known]
-    pairs = np.nonzero(match != NO_MATCH)[0]
     faults = [
         *_each(FaultKind.MISSING, source, gone, "is not in the result"),
         *_each(FaultKind.DOUBLED, ours, doubled, "comes more often than in the source"),
         *_each(FaultKind.EXTRUSION, ours, foreign, "is not in the source"),
     ]
+    faults += altered(ours, source, match)
+    return faults + _compare_total(ours, source)
+
+
+class Laid(Protocol):
+    """What lays filament, piece by piece: segments, or arcs."""
+
+    @property
+    def extrusion(self) -> NDArray[np.float64]:
+        """Filament, (n,) mm."""
+        ...
+
+    @property
+    def feed(self) -> NDArray[np.float64]:
+        """Feed, (n,) mm/s."""
+        ...
+
+    def text(self, i: int) -> str:
+        """Return the words for one piece."""
+        ...
+
+
+def altered(ours: Laid, source: Laid, match: NDArray[np.int64]) -> list[Fault]:
+    """Return what has other filament or another feed than the source's piece it is."""
+    pairs = np.flatnonzero(match != NO_MATCH)
+    faults: list[Fault] = []
     for kind, a, b, tolerance, unit in (
         (FaultKind.EXTRUSION, ours.extrusion, source.extrusion, E_TOLERANCE_MM, "mm of filament"),
         (FaultKind.FEED, ours.feed, source.feed, FEED_TOLERANCE_MM_S, "mm/s"),
@@ -211,7 +236,7 @@ def compare(ours: Segments, source: Segments, match: NDArray[np.int64]) -> list[
             for i in off[:LIMIT].tolist()
         ]
         faults += listed(kind, lines, total=len(off))
-    return faults + _compare_total(ours, source)
+    return faults
 
 
 def _each(kind: FaultKind, segments: Segments, rows: NDArray[np.int64], text: str) -> list[Fault]:
