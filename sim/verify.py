@@ -211,7 +211,7 @@ def verify_motions(
         Loops of `job` the file enters at another vertex (`sim.content.seams.seams_of_file`).
     """
     started = time.perf_counter()
-    matched = check_moves(motions, source, machine, job=job, seams=seams, forgiven=lambda: source)
+    matched = check_moves(motions, source, machine, job=job, seams=seams)
     if matched.is_other:
         return Verdict(tuple(matched.faults))
     counts = {

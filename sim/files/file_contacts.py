@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,7 +28,6 @@ from sim.replay.material import (
     as_material,
     find_contacts,
     or_undecided,
-    over_tip,
     place_of,
 )
 
@@ -37,6 +35,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 WIPE_MM = 0.02  # a wipe keeps so near to the contour it wipes along
+LOOKED_AT = 10 * LIMIT  # contacts that are looked for; what is allowed is none of them
 FILE_TOLERANCE_MM = 2e-3  # overlap that counts as touching: files have three decimals
 
 
@@ -44,70 +43,89 @@ FILE_TOLERANCE_MM = 2e-3  # overlap that counts as touching: files have three de
 class Printed:
     """What a file prints, in terms of its source."""
 
-    contours: Contours  # the source's, as it numbers them
-    contour: Ints  # (n,) of each laying move, which of them it prints; below 0: none
+    contour: Ints  # (n,) of each laying move, which contour of the source it prints; below 0: none
     match: Ints  # (n,) which of the source's segments, in the source's order
+    contours: Contours | None = None  # the source's; None: no contact between them is its own
 
 
 def check_file_material(
-    motions: Motions,
-    match: Ints,
-    machine: Machine,
-    *,
-    printed: Printed | None = None,
-    source: Callable[[], Motions | None] = lambda: None,
+    motions: Motions, printed: Printed, machine: Machine, source: Motions
 ) -> tuple[list[Fault], tuple[str, ...]]:
     """Move the first head of the machine through the file; return faults and warnings.
 
     Contacts between contours are none to report where the source makes them too
-    (`sim.replay.contacts`). Those of other moves that the source makes too, in its end code for
-    one, are warnings.
-
-    Parameters
-    ----------
-    match : (n,) for each laying move the place of its segment in the source
-    printed : Printed | None
-        None: no contact between contours is the source's.
-    source
-        Returns the source's moves; called only when there are contacts.
+    (`sim.replay.contacts`). Those of other moves are warnings where the source makes the same
+    move behind the same bead, in its end code for one.
     """
     if not (np.asarray(motions.contour) >= 0).any():
         return [], ()
     said: list[str] = []
-    faults = or_undecided(lambda: _file_faults(motions, match, machine, printed, source, said))
+    faults = or_undecided(lambda: _file_faults(motions, printed, machine, source, said))
     return faults, tuple(said)
 
 
 def _file_faults(
-    motions: Motions,
-    match: Ints,
-    machine: Machine,
-    printed: Printed | None,
-    source: Callable[[], Motions | None],
-    said: list[str],
+    motions: Motions, printed: Printed, machine: Machine, source: Motions, said: list[str]
 ) -> list[Fault]:
     faults: list[Fault] = []
-    file = _file_of(motions, match, machine, printed)
-    if printed is not None:
+    file = _file_of(motions, printed, machine)
+    if printed.contours is not None:
         file.meetings = source_meetings(
             printed.contours, machine, machine.heads[0], FILE_TOLERANCE_MM
         )
         faults = _check_meetings(file.meetings, printed)
-    contacts = [c for c in file.contacts(machine) if not file.is_wipe(c)]
-    theirs = source() if contacts and (file.own[[c.move for c in contacts]] < 0).any() else None
-    forgiven: set[tuple[float, ...]] = set()
-    if theirs is not None:
-        order = np.arange(len(laying_moves(theirs)))
-        other = _file_of(theirs, order, machine, None)
-        found = (other.moves[c.move] for c in other.contacts(machine))
-        forgiven = {key for move in found for key in _keys(move)}
-    lines: list[str] = []
-    for c in contacts:
-        same = file.own[c.move] < 0 and not forgiven.isdisjoint(_keys(file.moves[c.move]))
-        (said if same else lines).append(file.text(c))
-    if len(said) > SHOWN:
-        said[SHOWN:] = [f"and {len(said) - SHOWN} more like it, as in the source"]
-    return faults + listed(FaultKind.HEAD_MATERIAL, lines)
+    allowed = file.allowed()
+    contacts = file.contacts(machine, allowed)
+    if (file.own[[c.move for c in contacts]] < 0).any():
+        forgiven = _forgiven(file, source)
+        said += _warnings(
+            file, file.contacts(machine, lambda *near: allowed(*near) | ~forgiven(*near))
+        )
+        contacts = file.contacts(machine, lambda *near: allowed(*near) | forgiven(*near))
+    return faults + listed(FaultKind.HEAD_MATERIAL, [file.text(c) for c in contacts])
+
+
+def _warnings(file: _File, contacts: list[Contact]) -> list[str]:
+    lines = [file.text(c) for c in contacts[:SHOWN]]
+    if (more := len(contacts) - SHOWN) > 0:
+        count = f"over {more}" if len(contacts) >= LOOKED_AT else str(more)
+        lines.append(f"and {count} more like it, as in the source")
+    return lines
+
+
+def _forgiven(file: _File, source: Motions) -> Allowed:
+    """Return which contacts the source makes too: on the same move, behind the same bead.
+
+    The same move past the same bead makes the same contact, so the source is not searched.
+    Linear in the moves of both but for a sort.
+    """
+    contour, rows = np.asarray(source.contour, np.int64), moving(source)
+    rows = rows[contour[rows] < 0]
+    ours, theirs = _paths(file.moves), _paths(moves_array(source)[rows])
+    _, key = np.unique(np.vstack([theirs, ours]), axis=0, return_inverse=True)
+    latest = np.full(len(rows) + len(ours), NOBODY)
+    np.maximum.at(latest, key[: len(rows)], rows)
+    until = np.where(file.own < 0, latest[key[len(rows) :]], NOBODY)
+    laid = np.flatnonzero(contour >= 0)
+    printed = np.full(
+        max(int(contour.max(initial=0)), int(file.whose.max(initial=0))) + 2, len(contour)
+    )
+    printed[contour[laid]] = laid
+
+    def forgiven(move: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
+        return np.asarray(printed[file.whose[bead]] < until[move])
+
+    return forgiven
+
+
+def _paths(moves: Floats) -> Ints:
+    """Return what makes two moves the same, (m, 6): both ends, or how low it goes upright."""
+    ends = np.round(moves * 1000.0).astype(np.int64)
+    upright = (ends[:, 0] == ends[:, 3]) & (ends[:, 1] == ends[:, 4])
+    low = np.minimum(ends[:, 2], ends[:, 5])
+    for column in (2, 5):
+        ends[:, column] = np.where(upright, low, ends[:, column])
+    return ends
 
 
 @dataclass(slots=True)
@@ -126,22 +144,31 @@ class _File:
     contours: Contours | None = None
     meetings: Meetings | None = None
 
-    def contacts(self, machine: Machine) -> list[Contact]:
-        """Return where the head meets a bead, but for what the source meets too."""
+    def contacts(self, machine: Machine, allowed: Allowed) -> list[Contact]:
+        """Return where the head meets a bead, but for what is allowed; `LOOKED_AT` at most."""
         return find_contacts(
             self.moves, self.beads, machine.heads[0], clearance_mm=machine.clearance_mm,
-            tolerance_mm=FILE_TOLERANCE_MM, limit=10 * LIMIT,
-            allowed=None if self.meetings is None else self._allowed(self.meetings),
+            tolerance_mm=FILE_TOLERANCE_MM, limit=LOOKED_AT, allowed=allowed,
         )  # fmt: skip
 
-    def _allowed(self, meetings: Meetings) -> Allowed:
+    def allowed(self) -> Allowed:
+        """Return which contacts the contours of the source make too."""
+        meetings = self.meetings
+        if meetings is None:
+            return lambda move, bead, depth: np.zeros(len(move), np.bool_)
         left = self._upright(self.before, self.last, 3)
         due = self._upright(self.after, self.next, 0)
+        wipes: dict[int, bool] = {}
 
         def allowed(move: Ints, bead: Ints, depth: Floats) -> NDArray[np.bool_]:
             met = meetings.allow(self.own[move], self.whose[bead], depth)
             for contour in (left, due):
                 met |= meetings.allow(contour[move], self.whose[bead], depth)
+            wiped = ~met & meetings.allow(self.before[move], self.whose[bead], depth)
+            for k in np.flatnonzero(wiped & (self.own[move] < 0)).tolist():
+                if (row := int(move[k])) not in wipes:
+                    wipes[row] = self._is_wipe(row)
+                met[k] = wipes[row]
             return met
 
         return allowed
@@ -154,17 +181,11 @@ class _File:
         above = np.minimum(self.moves[:, 2], self.moves[:, 5]) >= point[:, 2] - AT_MM
         return np.where(near & above & (at == known), contour, NOBODY)
 
-    def is_wipe(self, contact: Contact) -> bool:
-        """Tell whether a move wipes along the contour printed before it, meeting what that met."""
-        c, k = int(self.before[contact.move]), contact.move
-        if self.contours is None or self.meetings is None or c < 0 or self.own[k] >= 0:
-            return False
-        row, bead = np.array([c]), self.whose[[contact.bead]]
-        depth = over_tip(self.moves, self.beads, np.array([k]), np.array([contact.bead]))
-        if not self.meetings.allow(row, bead, depth)[0]:
-            return False
-        start, end = self.moves[k, :2], self.moves[k, 3:5]
-        path = shapely.linestrings(self.contours.polyline(c)[:, :2])
+    def _is_wipe(self, move: int) -> bool:
+        """Tell whether a move wipes along the contour printed before it."""
+        assert self.contours is not None
+        start, end = self.moves[move, :2], self.moves[move, 3:5]
+        path = shapely.linestrings(self.contours.polyline(int(self.before[move]))[:, :2])
         steps = start + np.linspace(0.0, 1.0, 9)[:, None] * (end - start)
         return bool((shapely.distance(shapely.points(steps), path) < WIPE_MM).all())
 
@@ -177,13 +198,12 @@ class _File:
         )
 
 
-def _file_of(motions: Motions, match: Ints, machine: Machine, printed: Printed | None) -> _File:
+def _file_of(motions: Motions, printed: Printed, machine: Machine) -> _File:
     rows, laid = moving(motions), laying_moves(motions)
-    beads = beads_of(motions, match)
+    beads = beads_of(motions, printed.match)
     beads = replace(beads, since=np.searchsorted(rows, beads.since))
-    contour = np.full(len(laid), NOBODY) if printed is None else printed.contour
     every = np.full(len(motions.line), NOBODY)
-    every[laid] = np.maximum(contour, NOBODY)
+    every[laid] = np.maximum(printed.contour, NOBODY)
     own = every[rows]
     count = np.arange(len(own))
     last = np.maximum.accumulate(np.where(own >= 0, count, -1))
@@ -198,13 +218,13 @@ def _file_of(motions: Motions, match: Ints, machine: Machine, printed: Printed |
         every[laid[np.asarray(motions.contour)[laid] >= 0]],
         last,
         due,
-        None if printed is None else printed.contours,
+        printed.contours,
     )
 
 
 def _check_meetings(meetings: Meetings, printed: Printed) -> list[Fault]:
     """Check that contours that touch in the source keep their order and run as sliced."""
-    n = len(printed.contours)
+    n = meetings.n
     laid = np.flatnonzero(printed.contour >= 0)
     contour = printed.contour[laid]
     first, last = np.full(n, len(laid)), np.full(n, -1)
@@ -219,10 +239,3 @@ def _check_meetings(meetings: Meetings, printed: Printed) -> list[Fault]:
         *broken_pairs(bead[broken], nozzle[broken]),
         *turned_touching(np.unique(contour[1:][same]), touching),
     ]
-
-
-def _keys(move: NDArray[np.float64]) -> list[tuple[float, ...]]:
-    """Return what makes two moves the same: both ends, or how low it goes straight up or down."""
-    ends = tuple(np.round(move, 3).tolist())
-    upright = ends[:2] == ends[3:5]
-    return [ends, min(ends[:3], ends[3:])] if upright else [ends]

@@ -6,7 +6,7 @@ barriers allow; and the head, moved through the file, touches nothing printed be
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +46,6 @@ def check_moves(
     *,
     job: PrintJob | None = None,
     seams: Sequence[Moved] = (),
-    forgiven: Callable[[], Motions | None] = lambda: None,
 ) -> Matched:
     """Check the moves of a file; whatever judges a file of one head asks here.
 
@@ -56,11 +55,8 @@ def check_moves(
         The source's print; when given, nothing may have moved across its barriers.
     seams : Sequence[Moved]
         Loops of `job` the file enters at another vertex.
-    forgiven
-        Returns the moves whose contacts a file may make too; called where there are contacts
-        on moves that print no contour.
     """
-    turns, moved = turns_of(source), {seam.contour for seam in seams}
+    given, turns, moved = source, turns_of(source), {seam.contour for seam in seams}
     if job is not None:
         source = motions_with(source, job.contours, seams)
     ours, theirs = segments_of(motions), segments_of(source)
@@ -77,10 +73,8 @@ def check_moves(
         faults += check_file_priming(job.contours, printed, refills=job.refills)
     faults += check_file_extent(motions, source, machine)
     faults += check_file_feeds(motions, source)
-    known = None
-    if job is not None and len(job.contours):
-        known = Printed(job.contours, printed, match)
+    contours = job.contours if job is not None and len(job.contours) else None
     contacts, warnings = check_file_material(
-        motions, match, machine, printed=known, source=forgiven
+        motions, Printed(printed, match, contours), machine, given
     )
     return Matched(faults + contacts, False, ours, laid, printed, warnings)

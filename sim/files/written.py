@@ -85,9 +85,7 @@ def verify_written(
     except InputError as error:
         return Verdict((_unreadable(error),))
     motions = written.motions
-    matched = check_moves(
-        motions, source, machine, job=job, seams=written.seams, forgiven=lambda: source
-    )
+    matched = check_moves(motions, source, machine, job=job, seams=written.seams)
     if matched.is_other:
         return Verdict(tuple(matched.faults))
     faults = check_line_numbers(path, plate) + matched.faults + written.faults
@@ -110,7 +108,7 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     """
     moves = document.moves
     assert moves is not None
-    matched = check_moves(moves, moves, machine, job=job, forgiven=lambda: moves)
+    matched = check_moves(moves, moves, machine, job=job)
     checked = ("the file is its source, byte for byte",)
     counts = {"moves": float(len(moves.line))}
     return Verdict(tuple(matched.faults), counts, checked, matched.warnings)
