@@ -8,12 +8,15 @@ moving the head through the contours in the source's order; nothing a plan says 
 
 Deep ones are none of these. The tip may go into a bead by as much as that is high. On one layer
 of the source it may pass beside a bead that stands higher, up to where the head gets wider.
+A source with a deep one between layers is not safe in its own order (parts printed one by one,
+too near each other). Then only what happens within a layer is the slicer's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import shapely
@@ -83,18 +86,54 @@ def source_meetings(
     if not len(contours) or not _may_meet(contours):
         return none
     moves, owner, beads = _as_printed(contours)
-    pairs, depth = deepest_contacts(
-        moves, owner, as_material(beads, machine, tolerance_mm), head,
-        clearance_mm=machine.clearance_mm, tolerance_mm=tolerance_mm,
-    )  # fmt: skip
+    beads, margins = as_material(beads, machine, tolerance_mm), (machine.clearance_mm, tolerance_mm)
+    deep = partial(_deep, contours, head)
+    pairs, depth = deepest_contacts(moves, owner, beads, head, margins=margins, ends_at=deep)
+    if deep(pairs, depth).any():
+        pairs, depth = _within_layers(contours, (moves, owner, beads), head, margins)
+    kept = np.argsort(pairs[:, 0] * len(contours) + pairs[:, 1])
+    kept = kept[depth[kept] <= _most(contours, head, pairs[kept])]
+    pairs, depth = pairs[kept], depth[kept]
+    key = pairs[:, 0] * len(contours) + pairs[:, 1]
+    return Meetings(len(contours), key, depth, _beside(contours, pairs))
+
+
+def _most(contours: Contours, head: Head, pairs: Ints) -> Floats:
+    """Return how deep the contact of each pair may be, (k,) mm."""
     most = contours.height[pairs[:, 1]] + SLACK_MM
     same = contours.layer[pairs[:, 0]] == contours.layer[pairs[:, 1]]
     wider = [s.height_mm for s in head.slices if s.height_mm > 0.0]
-    most = np.where(same, np.maximum(most, min([WIDER_MM, *wider])), most)
-    key = pairs[:, 0] * len(contours) + pairs[:, 1]
-    kept = np.argsort(key)
-    kept = kept[depth[kept] <= most[kept]]
-    return Meetings(len(contours), key[kept], depth[kept], _beside(contours, pairs[kept]))
+    return np.asarray(np.where(same, np.maximum(most, min([WIDER_MM, *wider])), most))
+
+
+def _deep(contours: Contours, head: Head, pairs: Ints, depth: Floats) -> NDArray[np.bool_]:
+    """Tell which contacts no order that is safe has: too deep, and between layers, (k,)."""
+    other = contours.layer[pairs[:, 0]] != contours.layer[pairs[:, 1]]
+    return np.asarray(other & (depth > _most(contours, head, pairs)))
+
+
+def _within_layers(
+    contours: Contours, printed: tuple[Floats, Ints, Beads], head: Head,
+    margins: tuple[float, float],
+) -> tuple[Ints, Floats]:  # fmt: skip
+    """Return the contacts between contours of one layer, layer by layer; flat ones have none."""
+    moves, owner, beads = printed
+    layer = contours.layer
+    low, high = np.full(layer.max() + 1, np.inf), np.full(layer.max() + 1, -np.inf)
+    np.minimum.at(low, layer, contours.bottom)
+    np.maximum.at(high, layer, contours.top)
+    pairs, depths = [np.empty((0, 2), np.int64)], [np.empty(0)]
+    for each in np.flatnonzero(high > low).tolist():
+        rows = np.flatnonzero(layer[owner] == each)
+        laid = layer[beads.label] == each
+        some = Beads(
+            beads.start[laid], beads.end[laid], beads.width[laid], beads.height[laid],
+            np.searchsorted(rows, beads.since[laid]), beads.label[laid],
+        )  # fmt: skip
+        found, depth = deepest_contacts(moves[rows], owner[rows], some, head, margins=margins)
+        pairs.append(found)
+        depths.append(depth)
+    return np.concatenate(pairs), np.concatenate(depths)
 
 
 def _beside(contours: Contours, pairs: Ints) -> NDArray[np.bool_]:

@@ -121,6 +121,10 @@ Allowed = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], 
 """Tells of moves, beads, and how far each bead stands above the tip, which may meet."""
 
 
+Ends = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]
+"""Tells which contacts, as pairs of owners (k, 2) and depths (k,), settle a question."""
+
+
 def over_tip(
     moves: NDArray[np.float64], beads: Beads, move: NDArray[np.int64], bead: NDArray[np.int64]
 ) -> NDArray[np.float64]:
@@ -135,8 +139,8 @@ def deepest_contacts(
     beads: Beads,
     head: Head,
     *,
-    clearance_mm: float,
-    tolerance_mm: float,
+    margins: tuple[float, float],
+    ends_at: Ends | None = None,
     capacity: Capacity = CAPACITY,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return which owners of moves meet which beads' owners, and how deep.
@@ -144,6 +148,9 @@ def deepest_contacts(
     Parameters
     ----------
     owner : (m,) whose each move is, from 0; the beads' owners are their labels
+    margins : the clearance kept from beads, and the overlap that counts as touching, mm
+    ends_at : which contacts, given as returned, make all others of no interest: where more is
+        near than fits, and one of those is among the first, only such are returned
 
     Returns
     -------
@@ -151,21 +158,34 @@ def deepest_contacts(
     depth : (k,) mm from the tip to the top of the bead, the greatest of all contacts of the pair
     """
     order = np.argsort(beads.since, kind="stable")
-    parts = parts_of(head)
-    margins = (clearance_mm, tolerance_mm)
-    found, total = _candidates(moves, beads, order, parts, margins, capacity)
+    search = Search(moves, beads, parts_of(head), *margins)
+    found, total = _candidates(moves, beads, order, search.parts, margins, capacity)
     while total > capacity.first:
+        if ends_at is not None:
+            deepest = _deepest(search, owner, order, found, ends_at)
+            if len(deepest[0]):
+                return deepest
         if capacity.first >= capacity.most:
             raise UndecidedError(f"over {capacity.most} near misses in the source's own order")
         capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
-        found, total = _candidates(moves, beads, order, parts, margins, capacity)
-    search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
-    polygons = [shapely.Polygon(part.polygon) for part in parts]
+        found, total = _candidates(moves, beads, order, search.parts, margins, capacity)
+    return _deepest(search, owner, order, found)
+
+
+def _deepest(
+    search: Search, owner: NDArray[np.int64], order: NDArray[np.int64],
+    found: NDArray[np.int64], only: Ends | None = None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:  # fmt: skip
+    """Return the pairs of owners that meet, and how deep, of candidates; `only` some of them."""
+    moves, beads = search.moves, search.beads
+    polygons = [shapely.Polygon(part.polygon) for part in search.parts]
     near = order[found[:, 1]]
     over = over_tip(moves, beads, found[:, 0], near)
     pair = np.stack([owner[found[:, 0]], beads.label[near]], axis=1)
     deepest: dict[tuple[int, int], float] = {}
-    for k in np.lexsort((-over, pair[:, 1], pair[:, 0])).tolist():
+    wanted = np.ones(len(found), np.bool_) if only is None else only(pair, over)
+    ranked = np.lexsort((-over, pair[:, 1], pair[:, 0]))
+    for k in ranked[wanted[ranked]].tolist():
         key = (int(pair[k, 0]), int(pair[k, 1]))
         move, _, part = found[k].tolist()
         if (

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.gcode.moves import RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.formats.gcode.controller.targets import Targets
 from decmcts.formats.gcode.dialects.dialect import Event, Kind, classify
 from decmcts.formats.gcode.dialects.layers import with_note
 from decmcts.formats.gcode.dialects.roles import CANONICAL, trailing_role
@@ -109,7 +110,7 @@ class _Recorder:
 
 def track_state(lines: Lines, motion: Motion) -> Track:
     """Return the machine state and the barriers of a file."""
-    recorder = _Recorder()
+    recorder, targets = _Recorder(), Targets()
     layers, splits = list[int](), list[int]()
     barriers: dict[int, str] = {}
     sections: list[tuple[int, int]] = []
@@ -140,9 +141,13 @@ def track_state(lines: Lines, motion: Motion) -> Track:
             sections.append((opened, line))
             opened = -1
         elif kind == Kind.BARRIER or (kind == Kind.MODE and _changes(motion, line)):
-            barriers[line] = event.text if kind == Kind.BARRIER else "coordinate mode"
+            reason = event.text if kind == Kind.BARRIER else "coordinate mode"
+            code = _code(lines, line)
+            if targets.again(code, reason):
+                continue
+            barriers[line] = reason
             if event.slot:
-                recorder.put(event.slot, _code(lines, line), line)
+                recorder.put(event.slot, code, line)
     return Track(
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
         np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),
