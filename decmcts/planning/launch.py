@@ -6,7 +6,7 @@ from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
-from decmcts.planning.problem.print_problem import problem_of
+from decmcts.planning.problem.layer_by_layer import safe_problem
 from decmcts.planning.problem.source import Source
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
@@ -63,5 +63,5 @@ def launch(
     ['left', 'right']
     """
     with compilation_told(report) as told, compiling_beside([TEAM], told):
-        problem = problem_of(source, rules, told)
+        problem = safe_problem(source, rules, told)
         return Result(plan_team(problem, search, writes=writes, report=told, stop=stop), search)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from decmcts.errors import InputError
-from decmcts.feasibility.contacts import CollisionError
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import RULES, SEARCH, Objective, Rules, Search
-from decmcts.planning.problem.layer_by_layer import layer_by_layer
-from decmcts.planning.problem.print_problem import PrintProblem, problem_of
+from decmcts.planning.problem.layer_by_layer import safe_problem
 from decmcts.planning.problem.source import Source, first_head
 from decmcts.planning.result import Result
 from decmcts.search.sequence.pace import pace_of
@@ -74,20 +71,6 @@ def plan(
     walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls
     parts = parts_for(search, rules.freedom, walls=walls)
     with compilation_told(report) as told, compiling_beside(parts, told):
-        problem = _problem(one, rules, told, make_safe=make_safe)
+        problem = safe_problem(one, rules, told, make_safe=make_safe)
         planned = plan_one_head(problem, search, writes=writes, report=told, stop=stop)
     return Result(planned, search)
-
-
-def _problem(source: Source, rules: Rules, report: Report, *, make_safe: bool) -> PrintProblem:
-    """Return the problem of a source, or of a safe order made of it where its own has none."""
-    try:
-        return problem_of(source, rules, report)
-    except CollisionError as error:
-        if not make_safe:
-            raise InputError(
-                error.what, path=error.path, line=error.line,
-                advice="--make-safe prints it layer by layer instead, where that is safe",
-            ) from error  # fmt: skip
-        collision = error
-    return problem_of(layer_by_layer(source, collision, report), rules, report)

@@ -36,6 +36,7 @@ class Matched:
     segments: Segments  # (n,) of the file, in its order
     laid: NDArray[np.int64]  # (n,) the moves that lay them
     contour: NDArray[np.int64]  # (n,) the source's contour each of them is of, -1: of none
+    source_line: NDArray[np.int64]  # (n,) where the source lays each of them, -1: nowhere
     warnings: tuple[str, ...] = ()  # contacts that the source makes on the same moves
 
 
@@ -64,8 +65,9 @@ def check_moves(
     contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
     printed = np.where(match >= 0, contour[match] if len(contour) else -1, -1)
     laid = laying_moves(motions)
+    lines = np.where(match >= 0, theirs.place[match] if len(theirs.place) else -1, -1)
     if other := check_print(ours, theirs, match, contour):
-        return Matched(other, True, ours, laid, printed)
+        return Matched(other, True, ours, laid, printed, lines)
     faults = compare(ours, theirs, match) + check_arcs(turns_of(motions), turns, moved)
     if job is not None and len(job.contours):
         epoch = np.where(contour >= 0, job.contours.epoch[np.maximum(contour, 0)], -1)
@@ -77,4 +79,4 @@ def check_moves(
     contacts, warnings = check_file_material(
         motions, Printed(printed, match, contours), machine, given
     )
-    return Matched(faults + contacts, False, ours, laid, printed, warnings)
+    return Matched(faults + contacts, False, ours, laid, printed, lines, warnings)

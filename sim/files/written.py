@@ -27,6 +27,7 @@ from decmcts.formats.gcode import (
     same_extrusions,
 )
 from decmcts.formats.gcode.text.source_text import line_with_number, load_text
+from decmcts.formats.mesh import is_mesh
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
@@ -35,6 +36,7 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import check_commands
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves
+from sim.files.temperatures import check_temperatures
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
 SAME_PLACE_MM = 0.02
@@ -153,7 +155,20 @@ def _check_text(
     line = np.asarray(written.motions.line)[laid]
     faults, places = check_commands(written.text, document, line, epoch)
     filament = check_filament(written.motions, source, document, places, (laid, contour))
-    return faults + filament
+    return faults + filament + _check_heat(written, document, matched)
+
+
+def _check_heat(written: Written, document: GcodeDocument, matched: Matched) -> list[Fault]:
+    """Check the temperatures of a file; of a mesh sliced here there is no source that says any."""
+    if is_mesh(Path(document.path)):
+        return []
+    try:
+        source = load_text(document.path, document.plate)
+    except InputError as error:
+        return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
+    known = matched.source_line >= 0
+    line = np.asarray(written.motions.line)[matched.laid[known]]
+    return check_temperatures(written.text, source, line, matched.source_line[known])
 
 
 def _check_waits(

@@ -7,20 +7,18 @@ draft that is written is deleted.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
-from decmcts.formats.gcode import GcodeDocument, read_motions, write_gcode
+from decmcts.formats.gcode import GcodeDocument, write_gcode
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.problem.source_lines import SourceLines
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, PlanDocument
-from sim.faults import Fault, Verdict
+from sim.faults import Verdict
 from sim.files.written import verify_written
 from sim.verify import verify_plan
 
@@ -72,32 +70,20 @@ def refuse_unsound(
         write_gcode(problem.document, problem.job, actions, draft)
         verdict = verify(draft, problem.job, problem.document, problem.machine, actions=actions)
         if not verdict.ok:
-            raise _refusal(problem, verdict, _source_line(problem, draft, verdict.faults[0]))
+            lines = SourceLines.of(draft, problem.job.contours.line)
+            raise _refusal(problem, verdict, lines)
     return verdict.warnings
 
 
-def _refusal(problem: PrintProblem, verdict: Verdict, line: int | None) -> InputError:
+def _refusal(problem: PrintProblem, verdict: Verdict, lines: SourceLines | None) -> InputError:
     """Return the error that says what is wrong with the source's own order."""
-    count = len(verdict.faults)
+    count, shown = len(verdict.faults), verdict.shown
+    shown = shown if lines is None else lines.said(shown)
+    line = None if lines is None else lines.first(verdict.faults[0].text)
     return InputError(
         f"in its own order this print fails verification with {count} fault{'s' * (count > 1)}, "
-        f"so no other order is searched: {verdict.shown}",
+        f"so no other order is searched: {shown}",
         path=problem.path,
         line=line,
         advice="export the G-code again, and report this if it stays so",
     )
-
-
-def _source_line(problem: PrintProblem, draft: Path, fault: Fault) -> int | None:
-    """Return the source's line of the contour at the line of the draft a fault names."""
-    named = re.search(r"\bline (\d+)", fault.text)
-    try:
-        motions = read_motions(draft)
-    except InputError:
-        return None
-    contour = np.asarray(motions.contour)
-    at = int(np.searchsorted(motions.line, int(named[1]))) if named else len(contour)
-    bead = contour[at:][contour[at:] >= 0]
-    if not len(bead) or int(bead[0]) >= len(problem.job.contours):
-        return None
-    return int(problem.job.contours.line[bead[0]]) or None

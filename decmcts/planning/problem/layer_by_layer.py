@@ -3,7 +3,8 @@
 Parts that are printed one after the other may stand so near that the head hits the finished one
 (`CollisionError`). Flat layers printed from the bottom to the top never stand in the way. The
 source is written anew in that order, the file is judged against the source, and planned in its
-place. So everything that follows starts from an order that is safe, and compares with it.
+place. So everything that follows starts from an order that is safe, and compares with it. Lines
+are those of the source in all that is said.
 """
 
 from __future__ import annotations
@@ -12,24 +13,58 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.feasibility.contacts import CollisionError
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.formats.gcode import read_gcode, write_gcode
+from decmcts.formats.gcode import GcodeDocument, read_gcode, write_gcode
 from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.formats.gcode.dialects.stated_times import restated
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Report, Step
-from decmcts.planning.problem.print_problem import parked_above
+from decmcts.planning.options import Rules
+from decmcts.planning.problem.print_problem import PrintProblem, parked_above, problem_of
 from decmcts.planning.problem.slicing import SlicedFolder
 from decmcts.planning.problem.source import Source
+from decmcts.planning.problem.source_lines import SourceLines
 from decmcts.print.contours import Contours
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
+from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
+from sim.faults import Verdict
 from sim.files.written import verify_written
 
 SAME_MM = 3  # decimals of heights that are one layer
+ADVICE = (
+    "print with more room between the objects, slice without printing them one by one, or take "
+    "out of the file what stands in the way"
+)
+
+
+def safe_problem(
+    source: Source, rules: Rules, report: Report, *, make_safe: bool = True
+) -> PrintProblem:
+    """Return the problem of a source, or of a safe order made of it where its own has none.
+
+    Raises
+    ------
+    InputError
+        When the machine cannot print it; where `make_safe` is False, also when its own order is
+        not safe.
+    """
+    try:
+        return problem_of(source, rules, report)
+    except CollisionError as error:
+        if not make_safe:
+            raise InputError(
+                error.what, path=error.path, line=error.line,
+                advice="--make-safe prints it layer by layer instead, where that is safe",
+            ) from error  # fmt: skip
+        collision = error
+    return problem_of(layer_by_layer(source, collision, report), rules, report)
 
 
 def layer_by_layer(source: Source, collision: CollisionError, report: Report) -> Source:
@@ -43,24 +78,18 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     report(Step("the source's own order would hit the part: writing it layer by layer"))
     job, folder = source.job, SlicedFolder()
     order = bottom_up(job.contours)
-    lone = parked_above(source.machine, job.contours)
-    none = DependencyGraph.from_pairs(len(job.contours), np.empty((0, 2), np.int32))
-    plan = schedule(job, lone, none, [Toolpath.of(order, np.zeros(len(order), np.bool_))])
-    draft, actions = folder.path / "layers.gcode", plan.heads[0]
-    write_gcode(source.document, job, actions, draft)
-    if not is_mesh(Path(source.document.path)):
-        limits, own = lone.limits, source.own_limits
-        was = print_time(source.document.path, limits, own_limits=own, plate=source.plate)
-        now = print_time(draft, limits, own_limits=own)
-        if was.total_s > 0.0:
-            draft.write_bytes(restated(draft.read_bytes(), now.total_s / was.total_s))
-    verdict = verify_written(draft, job, source.document, lone, actions=actions)
+    if (barrier := barrier_between(job.contours, source.document, order)) is not None:
+        raise _no_order(source, collision, f"nothing may be moved across {barrier}")
+    draft = folder.path / "layers.gcode"
+    verdict = _write(source, order, draft)
     if not verdict.ok:
-        raise _no_order(source, collision, verdict.shown)
+        lines = SourceLines.of(draft, job.contours.line[order])
+        raise _no_order(source, collision, lines.said(str(verdict.faults[0])))
     layered, document = read_gcode(draft)
+    layered, document = _with_source_lines(layered, document, source, order)
     note = (
-        f"the source's own order would hit the part: {collision.what}; "
-        "printed layer by layer instead, and compared with that"
+        f"the source's own order would hit the part (line {collision.line}: {collision.what}); "
+        "it is printed layer by layer instead, and compared with that"
     )
     layered = replace(layered, name=job.name, notes=(*layered.notes, note))
     return replace(
@@ -68,7 +97,7 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     )
 
 
-def bottom_up(contours: Contours) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
+def bottom_up(contours: Contours) -> NDArray[np.int32]:
     """Return the contours by height of their tops, in the source's order where equal, (n,).
 
     Nothing crosses a barrier.
@@ -77,13 +106,72 @@ def bottom_up(contours: Contours) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
     return np.lexsort((np.arange(len(contours)), top, contours.epoch)).astype(np.int32)
 
 
+def barrier_between(
+    contours: Contours, document: GcodeDocument, order: NDArray[np.int32]
+) -> str | None:
+    """Return what an order goes down again behind; None where it never does.
+
+    It goes down where a contour ends below the bottom of one before it, and that is so only
+    behind a barrier.
+    """
+    bottom, top = contours.bottom[order], np.round(contours.top[order], SAME_MM)
+    highest = np.maximum.accumulate(np.round(bottom, SAME_MM))
+    down = np.flatnonzero(top[1:] < highest[:-1])
+    if not len(down):
+        return None
+    k = int(down[0]) + 1
+    low, high = int(contours.epoch[order[k - 1]]), int(contours.epoch[order[k]])
+    for block in document.blocks:
+        if low < block.epoch <= high:
+            text = block.text.decode("utf-8", "replace").split(";", 1)[0].strip().split("\n")[0]
+            return f"line {block.line}, {text} ({block.reason})"
+    first = contours.line[contours.epoch == high].min()
+    return f"line {first}, above which something is set that nothing has set before"
+
+
+def _write(source: Source, order: NDArray[np.int32], draft: Path) -> Verdict:
+    """Write a source in an order, for one head that reaches all of it, and judge what is written.
+
+    Its times are the new order's.
+    """
+    job, machine = source.job, _one_head(source.machine, source.job.contours)
+    none = DependencyGraph.from_pairs(len(job.contours), np.empty((0, 2), np.int32))
+    plan = schedule(job, machine, none, [Toolpath.of(order, np.zeros(len(order), np.bool_))])
+    write_gcode(source.document, job, plan.heads[0], draft)
+    if not is_mesh(Path(source.document.path)):
+        limits, own = machine.limits, source.own_limits
+        was = print_time(source.document.path, limits, own_limits=own, plate=source.plate)
+        now = print_time(draft, limits, own_limits=own)
+        if was.total_s > 0.0:
+            draft.write_bytes(restated(draft.read_bytes(), now.total_s / was.total_s))
+    return verify_written(draft, job, source.document, machine, actions=plan.heads[0])
+
+
+def _one_head(machine: Machine, contours: Contours) -> Machine:
+    """Return the machine with its first head alone, which reaches everything if it had others."""
+    alone = machine if len(machine.heads) == 1 else lone_machine(machine)
+    return parked_above(alone, contours)
+
+
+def _with_source_lines(
+    layered: PrintJob, document: GcodeDocument, source: Source, order: NDArray[np.int32]
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return what was read of the draft with lines as in the source, where each is the same."""
+    ours, own = layered.contours, source.job.contours
+    if len(ours) == len(own):
+        layered = replace(layered, contours=replace(ours, line=own.line[order]))
+    if len(document.blocks) == len(source.document.blocks):
+        pairs = zip(document.blocks, source.document.blocks, strict=True)
+        document = replace(document, blocks=tuple(replace(a, line=b.line) for a, b in pairs))
+        layered = replace(layered, barriers=source.job.barriers)
+    return layered, document
+
+
 def _no_order(source: Source, collision: CollisionError, why: str) -> InputError:
     """Return the error for a print that cannot be printed layer by layer either."""
-    barriers = [f"line {b.line}, {b.text} ({b.reason})" for b in source.job.barriers]
-    walls = f"; nothing may be moved across {'; '.join(barriers[:3])}" if barriers else ""
     return InputError(
-        f"{collision.what}; layer by layer it cannot be printed either ({why}){walls}",
+        f"{collision.what}; layer by layer it cannot be printed either: {why}",
         path=source.path,
         line=collision.line,
-        advice="print with more room between objects, or slice without printing them one by one",
+        advice=ADVICE,
     )

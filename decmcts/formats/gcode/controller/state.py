@@ -37,6 +37,7 @@ class Track:
     barriers: dict[int, str]  # line -> reason
     splits: NDArray[np.int64]  # lines that part contours and nothing else
     sections: NDArray[np.int64]  # (s, 2) first and last line of a slicer's tool change
+    repeats: NDArray[np.int64]  # lines that set a temperature that is in force, and do nothing
 
     def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
         """Return the state in force when a line begins."""
@@ -113,6 +114,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
     recorder, targets = _Recorder(), Targets()
     layers, splits = list[int](), list[int]()
     barriers: dict[int, str] = {}
+    repeats: list[int] = []
     sections: list[tuple[int, int]] = []
     opened, last_layer = -1, ""
     known = cache(classify)  # most lines say what others said
@@ -144,6 +146,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
             reason = event.text if kind == Kind.BARRIER else "coordinate mode"
             code = _code(lines, line)
             if targets.again(code, reason):
+                repeats.append(line)
                 continue
             barriers[line] = reason
             if event.slot:
@@ -151,7 +154,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
     return Track(
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
         np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),
-        np.asarray(sections, np.int64).reshape(-1, 2),
+        np.asarray(sections, np.int64).reshape(-1, 2), np.asarray(repeats, np.int64),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Temperatures as far as a file's own commands tell them: is a target said once more?
+"""Temperatures as far as a file's own commands tell them, and which are said once more.
 
 Slicers that print parts one by one say bed and hot end anew before each part. The target that is
 in force already changes nothing, and needs no barrier. What is not known is not taken for known.

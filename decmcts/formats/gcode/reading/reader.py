@@ -174,7 +174,7 @@ def _print_of(
         limits = replace(limits, travel_acceleration=settings.travel_acceleration)
     job = PrintJob(
         name, contours, settings, blocks.barriers, _slicer(lines.text),
-        _notes(blocks, settings, point_arc), limits, None if unsaid else said,
+        _notes(parsed, blocks, settings, point_arc), limits, None if unsaid else said,
         _refills(parsed, blocks),
     )  # fmt: skip
     return job, document
@@ -330,9 +330,16 @@ def _slicer(text: bytes) -> str:
 
 
 def _notes(
-    blocks: Blocks, settings: ProcessSettings, point_arc: NDArray[np.int32]
+    parsed: _Parsed, blocks: Blocks, settings: ProcessSettings, point_arc: NDArray[np.int32]
 ) -> tuple[str, ...]:
-    notes = []
+    notes, span = [], parsed.motion.line[[parsed.runs.first[0], parsed.runs.last[-1]]]
+    again = parsed.track.repeats[np.searchsorted(parsed.track.repeats, span[0]) :]
+    if len(again := again[again < span[1]]):
+        text = parsed.lines.raw(int(again[0])).decode("utf-8", "replace").split(";", 1)[0].strip()
+        notes.append(
+            f"temperatures that are in force already are left out: {len(again)}, first {text} "
+            f"(line {again[0] + 1})"
+        )
     if curved := len(np.unique(point_arc[point_arc != NO_ARC])):
         notes.append(
             f"{curved} arc{'s' * (curved != 1)}, planned as chords at most {CHORD_ERROR_MM} mm "

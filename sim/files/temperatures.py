@@ -1,0 +1,102 @@
+"""The judge's book of temperatures: what each heater is told when a bead is laid.
+
+Each bead of a file is laid with bed, chamber and hot ends told what they are told in the source
+when it is laid there. Both files are read command by command. Behind a command that may heat or
+cool in a way of its own (a macro, a tool change, homing) a heater's target is not known: it is
+what that command left, the n-th of its kind in the file.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode.text.lines import command_of
+from sim.faults import LIMIT, Fault, FaultKind, listed
+
+_HEAT = re.compile(rb"M1(04|09|40|90|41|91) ?(.*)", re.I | re.S)
+_VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
+_TOOL = re.compile(rb"T ?(\d+)", re.I)
+_HEATERS = {b"04": "hot end", b"09": "hot end", b"40": "bed", b"90": "bed"}
+# What a result may have more or less often, or elsewhere, than its source. None of it heats.
+_QUIET = re.compile(
+    rb"(?:G0*(?:[0-4]|1[01](?!.*P)|17|20|21|90|91|92)|M0*(?:73|74|82|83|106|107|117|126|127|201|203"
+    rb"|204|205|207|208|220|221|400|486|566|572|593|624|625|900))(?![0-9.])|"
+    rb"SET_(?:PRINT_STATS_INFO|VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION|FAN_SPEED)\b|"
+    rb"EXCLUDE_OBJECT\w*",
+    re.I,
+)
+_LINE = re.compile(rb"^(?![ \t]*(?:[;(\r\n]|[Gg]0*[0-3](?![0-9.])))[^\n]+", re.M)
+
+Told = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
+Ints = NDArray[np.int64]
+
+
+def check_temperatures(text: bytes, source: bytes, line: Ints, source_line: Ints) -> list[Fault]:
+    """Check that each bead is laid with all heaters told what the source tells them there.
+
+    Parameters
+    ----------
+    text, source
+        The file and its source.
+    line, source_line : (n,)
+        Where each bead is laid in the file, and where in the source, from 1.
+    """
+    ours, theirs = list(_book(text)), list(_book(source))
+    number = {told: k for k, told in enumerate(dict.fromkeys(told for _, told in ours + theirs))}
+    a, b = _in_force(ours, number, line), _in_force(theirs, number, source_line)
+    words = list(number)
+    wrong = np.flatnonzero(a != b)
+    lines = [
+        f"line {line[k]} is printed with {_differing(words[a[k]], words[b[k]])} "
+        f"(line {source_line[k]} there)"
+        for k in wrong[:LIMIT].tolist()
+    ]
+    return listed(FaultKind.STATE, lines, total=len(wrong))
+
+
+def _book(text: bytes) -> Iterator[tuple[int, Told]]:
+    """Yield lines, from 1, and what all heaters are told behind each."""
+    told: dict[str, str] = {}
+    tool, others, at, number = 0, 0, 0, 1
+    yield 0, ()
+    for row in _LINE.finditer(text):
+        code = command_of(row[0])
+        if not code or _QUIET.match(code):
+            continue
+        number += text.count(b"\n", at, row.start())
+        at = row.start()
+        heat = _HEAT.match(code)
+        words = heat[2] if heat else b""
+        value, named = _VALUE.search(words), _TOOL.search(words)
+        left = _TOOL.sub(b"", _VALUE.sub(b"", words)).strip()
+        if heat is not None and value is not None and not left:
+            heater = _HEATERS.get(heat[1], "chamber")
+            if heater == "hot end":
+                heater += f" {int(named[1]) if named else tool}"
+            told[heater] = f"at {float(value[1]):g} degrees"
+        else:
+            others += 1
+            selected = _TOOL.fullmatch(code)
+            tool = int(selected[1]) if selected else tool
+            known = {*told, f"hot end {tool}", "bed", "chamber"}
+            told = dict.fromkeys(known, f"as command {others} that may heat left it")
+        yield number, tuple(sorted(told.items()))
+
+
+def _in_force(book: list[tuple[int, Told]], number: dict[Told, int], line: Ints) -> Ints:
+    """Return which of the numbered states holds at each line, (n,)."""
+    rows = np.array([row for row, _ in book], np.int64)
+    states = np.array([number[told] for _, told in book], np.int64)
+    return np.asarray(states[np.searchsorted(rows, line, side="left") - 1])
+
+
+def _differing(ours: Told, theirs: Told) -> str:
+    """Return the words for the first heater that is told something else."""
+    mine, own = dict(ours), dict(theirs)
+    heater = next(h for h in sorted({*mine, *own}) if mine.get(h) != own.get(h))
+    here, there = mine.get(heater, "told nothing"), own.get(heater, "told nothing")
+    return f"the {heater} {here}, in the source {there}"
