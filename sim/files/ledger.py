@@ -53,8 +53,8 @@ def check_filament(
     if not len(laid[0]):
         return []
     theirs = np.flatnonzero(np.asarray(source.contour) >= 0)
-    own = _Book.of(source, theirs, np.asarray(source.contour)[theirs], _in_source(document))
-    book = _Book.of(motions, *laid, [(1, places.begin - 1), *places.blocks])
+    own = Book.of(source, theirs, np.asarray(source.contour)[theirs], lines_in_source(document))
+    book = Book.of(motions, *laid, [(1, places.begin - 1), *places.blocks])
     return [
         *_check_totals(motions, source),
         *_check_nets(book, own, motions),
@@ -64,7 +64,7 @@ def check_filament(
 
 
 @dataclass(frozen=True, slots=True)
-class _Book:
+class Book:
     """The stretches of a file in order: of each contour one before it; two where lines stand."""
 
     bead: Ints  # (n,) the move each contour begins with
@@ -82,11 +82,11 @@ class _Book:
     deepest: Floats  # (n,) least running sum from bead to bead, the source's own lines included
 
     @staticmethod
-    def of(motions: Motions, laid: Ints, contour: Ints, spans: Spans) -> _Book:
+    def of(motions: Motions, laid: Ints, contour: Ints, spans: Spans) -> Book:
         """Return the book of the moves between beads; `spans` are the source's own lines."""
         first = np.concatenate([[True], np.diff(contour) != 0])
         bead, behind = laid[first], np.concatenate([[-1], laid[:-1][first[1:]]]) + 1
-        line, tools = np.asarray(motions.line), _tools(motions)
+        line, tools = np.asarray(motions.line), tools_of(motions)
         above, since = behind.copy(), behind.copy()  # a stretch ends, the next begins
         stands = np.full(len(bead), -1, np.int64)
         for number, span in enumerate(spans):
@@ -102,7 +102,7 @@ class _Book:
         if stands[0] == 0:  # what the start code does is its own
             for each in upper:
                 each[0] = 0.0
-        return _Book(
+        return Book(
             bead, contour[first], tools[bead], stands, *lower, *upper,
             tools[np.maximum(behind - 1, 0)],
             changes[np.maximum(behind - 1, 0)] == changes[bead], _stretch(total, behind, bead)[1],
@@ -129,12 +129,13 @@ def _stretch(total: Floats, begin: Ints, end: Ints) -> tuple[Floats, Floats, Flo
     return total[end] - total[begin], low, high
 
 
-def _tools(motions: Motions) -> Ints:
+def tools_of(motions: Motions) -> Ints:
+    """Return the tool in use, (m,)."""
     n = len(motions.line)
     return np.zeros(n, np.int64) if motions.tool is None else np.asarray(motions.tool, np.int64)
 
 
-def _in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
+def lines_in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
     """Return the lines of start code and blocks in the source, first and last, from 1."""
     above = document.preamble.count(b"\n")
     spans = [(b.line, b.line + len(b.text.splitlines()) - 1) for b in document.blocks]
@@ -143,7 +144,7 @@ def _in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
 
 def _check_totals(motions: Motions, source: Motions) -> list[Fault]:
     """Compare what each tool gives in the whole file."""
-    ours, theirs = _tools(motions), _tools(source)
+    ours, theirs = tools_of(motions), tools_of(source)
     most = int(max(ours.max(initial=0), theirs.max(initial=0))) + 1
     has = np.bincount(ours, np.asarray(motions.extrusion), most)
     due = np.bincount(theirs, np.asarray(source.extrusion), most)
@@ -154,7 +155,7 @@ def _check_totals(motions: Motions, source: Motions) -> list[Fault]:
     return listed(FaultKind.E_TOTAL, lines)
 
 
-def _check_nets(book: _Book, own: _Book, motions: Motions) -> list[Fault]:
+def _check_nets(book: Book, own: Book, motions: Motions) -> list[Fault]:
     """Compare what the stretches before contours, and around the source's lines, push in all."""
     n = int(max(own.contour.max(initial=0), book.contour.max(initial=0))) + 1
     parted = own.lines >= 0
@@ -189,7 +190,7 @@ def _left(net: float) -> str:
     return f"{abs(net):.4g} mm retracted"
 
 
-def _check_depths(book: _Book, own: _Book, motions: Motions) -> list[Fault]:
+def _check_depths(book: Book, own: Book, motions: Motions) -> list[Fault]:
     """Check that nowhere more is pulled, or pushed beyond it, than the source does with that tool.
 
     What it does for a change of tools holds above and below that change only.
@@ -224,7 +225,7 @@ def _check_depths(book: _Book, own: _Book, motions: Motions) -> list[Fault]:
     return listed(FaultKind.STATE, texts, total=total)
 
 
-def _check_firmware(book: _Book, own: _Book, motions: Motions, source: Motions) -> list[Fault]:
+def _check_firmware(book: Book, own: Book, motions: Motions, source: Motions) -> list[Fault]:
     """Check that the firmware retracts only for tools for which it does in the source.
 
     And that no bead is begun retracted by it which in the source is not.
@@ -232,13 +233,13 @@ def _check_firmware(book: _Book, own: _Book, motions: Motions, source: Motions) 
     if motions.withdrawn is None:
         return []
     within = slice(int(book.bead[0]), int(book.bead[-1]))
-    theirs = np.unique(_tools(source)[_withdrawn(source)])
+    theirs = np.unique(tools_of(source)[_withdrawn(source)])
     foreign = within.start + np.flatnonzero(
-        _withdrawn(motions)[within] & ~np.isin(_tools(motions)[within], theirs)
+        _withdrawn(motions)[within] & ~np.isin(tools_of(motions)[within], theirs)
     )
     texts = [
         f"above line {motions.line[k]} the firmware retracts, in the source it does not for tool "
-        f"{_tools(motions)[k]}"
+        f"{tools_of(motions)[k]}"
         for k in foreign[:LIMIT].tolist()
     ]
     due = np.zeros(int(max(own.contour.max(), book.contour.max())) + 1, np.bool_)

@@ -79,7 +79,7 @@ def verify_written(
         Which of a .gcode.3mf is judged.
     """
     started = time.perf_counter()
-    source = document.moves if document.moves is not None else _moves_of(document)
+    source = document.moves if document.moves is not None else moves_of(document)
     if source is None:
         raise InputError("the source's moves are not known", path=document.path)
     try:
@@ -208,7 +208,7 @@ def _check_waits(
     return listed(FaultKind.COOLING, lines)
 
 
-def _moves_of(document: GcodeDocument) -> Motions | None:
+def moves_of(document: GcodeDocument) -> Motions | None:
     """Return the moves of the source; None where it was no G-code file."""
     try:
         return read_motions(document.path, document.plate)

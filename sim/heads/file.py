@@ -21,6 +21,7 @@ _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[
 _SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
+_FILAMENT = re.compile(rb"G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
 _E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
 _LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool
@@ -119,7 +120,7 @@ def command_of_between(lines: Lines, first: int, last: int) -> bool:
 
 def own_commands(
     text: bytes, tool: int | None, *, homes: bool, relative_e: bool, selected: int | None = None,
-    all_heat: bool = False, all_off: bool = False,
+    all_heat: bool = False, all_off: bool = False, fed: bool = True,
 ) -> list[bytes]:  # fmt: skip
     """Return those commands of verbatim lines of the source that one head's file must have.
 
@@ -139,6 +140,8 @@ def own_commands(
     all_heat, all_off : bool
         Temperatures that name no tool heat this head, or switch it off, whichever tool is
         selected.
+    fed : bool
+        Whether filament of the tool in use is this head's: not where it is for another's bead.
     """
     kept = []
     for code in filter(None, map(command_of, text.split(b"\n"))):
@@ -153,7 +156,9 @@ def own_commands(
             continue
         elif (heat := heat_of(own)) and (all_heat or (all_off and not heat.heats)):
             kept.append(own)
-        elif others and own == code and _OF_TOOL.match(code):
+        elif (others and own == code and _OF_TOOL.match(code)) or (
+            not fed and _FILAMENT.match(code)
+        ):
             kept += _e_set(code, relative_e)
         else:
             kept.append(own)

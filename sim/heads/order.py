@@ -62,6 +62,7 @@ class Parts:
     end_code: int  # the first line of the end code; below all lines where it has none
     begin: int  # first move of the body
     end: int  # past its last move
+    blocks: tuple[tuple[int, ...], ...] = ()  # lines of each block, none where it has no command
 
 
 def check_sync(files: Sequence[HeadFile], known: Knowledge, release: Release) -> list[Fault]:

@@ -23,9 +23,11 @@ from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import accepted, is_move, known_settings
+from sim.files.written import moves_of
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.intervals import check_intervals
+from sim.heads.ledger import Bead, Printed, behind, belongs_to_bead, check_filament, dues_of
 from sim.heads.order import Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, SAME_MM, Walk, Walker, differing
@@ -80,6 +82,8 @@ def verify_heads(
         faults += found + _check_arcs(file, part, actions, arcs)
         parts.append(part)
         walks.append(walk)
+    if all(walk.complete for walk in walks):
+        faults += _check_filament(files, parts, walks, plan, job, document)
     told("what the files' sync points order")
     known = Knowledge([file.syncs for file in files])
     faults += check_sync(files, known, release)
@@ -88,6 +92,23 @@ def verify_heads(
     if not known.stuck and all(walk.complete for walk in walks):
         faults += check_order(files, plan, known, parts, walks, apart_s, read=read)
     return Verdict(tuple(faults), {"files": float(len(files))})
+
+
+def _check_filament(
+    files: Sequence[HeadFile], parts: Sequence[Parts], walks: Sequence[Walk], plan: JointPlan,
+    job: PrintJob, document: GcodeDocument,
+) -> list[Fault]:  # fmt: skip
+    """Check what all files give against what the source gives, by tool and between beads."""
+    source = document.moves if document.moves is not None else moves_of(document)
+    if source is None or not len(job.contours):
+        return []
+    heads = []
+    for file, part, walk, actions in zip(files, parts, walks, plan.heads, strict=True):
+        if walk.laid:
+            tool = int(job.contours.tool[walk.laid[0][0]])
+            beads = [Bead(*laid) for laid in walk.laid]
+            heads.append(Printed(actions.head, file, tool, part.begin, beads, part.blocks))
+    return check_filament(heads, dues_of(source, job, document), job, document)
 
 
 def _check_arcs(file: HeadFile, part: Parts, actions: HeadActions, arcs: Turns) -> list[Fault]:
@@ -151,16 +172,19 @@ def _judge_one(
         file.lines.raw, min(end_code, _below_end(file)) - 1, document.postamble, own_end
     )
     words += _check_end(file, document, begins, others=others)
+    printed = set(actions.contour[actions.kind == ActionKind.PRINT].tolist())
     theirs = [
         own_of(
             b.text,
             homes=False,
             relative_e=b.begin.relative_e,
             selected=_selected(job, b.begin.tool),
+            fed=not belongs_to_bead(b) or behind(b, job) in printed,
         )
         for b in document.blocks
     ]
     blocks = _take_blocks(file, document, theirs, low, high, words)
+    part = replace(part, blocks=tuple(map(tuple, blocks)))
     taken = {line for found in blocks for line in found}
     if others and taken:
         words += _check_left(file, max(taken), end_code)

@@ -36,6 +36,7 @@ class Walk:
     first: list[int] = field(default_factory=list)  # (k,) line of each action's first move
     last: list[int] = field(default_factory=list)  # (k,) line of the last move up to its end
     reached: list[list[int]] = field(default_factory=list)  # (k,) line of the move to each point
+    laid: list[tuple[int, int, int]] = field(default_factory=list)  # contour, moves begin..end - 1
     faults: list[str] = field(default_factory=list)
     complete: bool = False
 
@@ -164,6 +165,7 @@ class Walker:
             return said
         reached = self.walk.reached[k]
         reached.append(self._line(self.at - 1))
+        self.walk.laid.append((contour, self.at, self.at + len(laid.extrusion)))
         if (stop := self.at + len(laid.extrusion)) <= self.end and self._as_laid(laid, stop):
             reached += self._moves.line[self.at : stop]
             if stop > self.at:

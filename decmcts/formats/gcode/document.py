@@ -68,6 +68,7 @@ class Block:
     moves: bool  # it moves the head, so both ends must be met exactly
     line: int  # source line, from 1
     reason: str
+    reasons: tuple[str, ...] = ()  # of all barriers in it
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,7 +119,7 @@ def _block(
         cursor_at(motion, track, first, owed=-net_before(motion, runs, first)),
         cursor_at(motion, track, last, owed=net_behind(motion, runs, last)),
         bool(placed.any() or np.ptp(moved, axis=0).max() > 1e-9), first + 1,
-        inside[0] if inside else "extrusion outside a contour",
+        inside[0] if inside else "extrusion outside a contour", tuple(inside),
     )  # fmt: skip
 
 

@@ -48,6 +48,8 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
+from decmcts.formats.gcode.reading.ledger import UNKNOWN
+from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.emitter import DEFAULT_TRAVEL, Emitter
 from decmcts.formats.gcode.writing.hot_ends import (
@@ -147,6 +149,7 @@ def head_gcode_bytes(
         _refuse_points(points, plan)
     words = _Words(signal, passed, wait)
     file = _HeadFile(document, job, head_index, tool, points, words, apart_s)
+    file.prints.update(head.contour[head.kind == ActionKind.PRINT].tolist())
     header = [
         *header_lines,
         f"head {head.head}, file {head_index + 1} of {len(plan.heads)}: to be run together",
@@ -282,6 +285,8 @@ class _HeadFile:
         self.shared = tool is not None and len(np.unique(job.contours.tool)) > 1
         self.told = told_to(document, job)
         self.left = 0.0  # filament retracted, mm, when the source left this head's tool
+        self.prints: set[int] = set()  # contours
+        self.due: dict[int, float] = {}  # filament, mm, to be pushed for contours behind blocks
 
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
         """Set up and go to the park position, one head after the other."""
@@ -341,6 +346,7 @@ class _HeadFile:
         elif kind == ActionKind.PRINT:
             contour = int(head.contour[k])
             self._cross(int(self.job.contours.epoch[contour]))
+            emitter.owed += self.due.pop(contour, 0.0)
             print_contour(
                 emitter, self.job, contour, [], is_reversed=bool(head.reversed[k]),
                 entry=int(head.entry[k]), passed=passed,
@@ -412,10 +418,15 @@ class _HeadFile:
             block = self.blocks.pop(0)
             emitter, begin = self.emitter, block.begin
             stood, feed = emitter.at, emitter.feed
+            behind = int(np.searchsorted(self.job.contours.epoch, block.epoch))
+            spares = _feeds_one_bead(block) and behind not in self.prints
             text = self._own(
-                block.text, keep_homing=False, relative_e=begin.relative_e, tool=begin.tool
-            )
-            if not self._is_other(begin.tool):
+                block.text, keep_homing=False, relative_e=begin.relative_e, tool=begin.tool,
+                fed=not spares,
+            )  # fmt: skip
+            if spares:
+                pass  # what is pushed and pulled here is for a bead of another head
+            elif not self._is_other(begin.tool):
                 emitter.owe(begin.owed, firmware=begin.firmware_retracted)
             elif pushes(text):
                 emitter.owe(self.left, firmware=emitter.firmware_retracted)
@@ -423,27 +434,36 @@ class _HeadFile:
             emitter.set_e(begin.e)
             emitter.verbatim(text)
             emitter.cold = emitter.cold and not heats(text)
-            self._take(block, text)
+            self._take(block, text, spares=spares, behind=behind)
             if block.moves:
                 self._resume(block.end)
             elif begin.relative_e:  # E stood where this head had come
                 self._count_from(block.end)
             emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
 
-    def _take(self, block: Block, text: bytes) -> None:
-        """Take over from a block; what moves left out have retracted is not this head's."""
+    def _take(self, block: Block, text: bytes, *, spares: bool, behind: int) -> None:
+        """Take over from a block; what moves left out have retracted is not this head's.
+
+        What the source pushes behind it, beyond what it shows retracted, is for the contour
+        behind it, or, where a command may have pulled unseen, for the head that has run it.
+        """
         emitter, owed = self.emitter, self.emitter.owed
         pulled = emitter.firmware_retracted
         emitter.take(block.end)
         emitter.owed = self._owed_after(
             text, owed, block.begin.e, relative_e=block.begin.relative_e
         )
-        if self._is_other(block.end.tool):
+        if spares or self._is_other(block.end.tool):
             emitter.firmware_retracted = pulled
         if not self._is_other(block.begin.tool):
             self.left = emitter.owed
-        if not self._is_other(block.end.tool):  # what the source pushes beyond what it shows pulled
-            emitter.owed += block.end.owed - block.end.pulled
+        beyond = block.end.owed - block.end.pulled
+        if _feeds_one_bead(block):
+            self.due[behind] = beyond
+        elif not self._is_other(block.end.tool) and (
+            block.moves or block.begin.tool != block.end.tool or _commands(text)
+        ):
+            emitter.owed += beyond
 
     def _owed_after(self, text: bytes, owed: float, e: float, *, relative_e: bool) -> float:
         return owed_after(text, owed, e=e, relative_e=relative_e, e_area=self.document.e_area)
@@ -458,13 +478,27 @@ class _HeadFile:
 
     def _own(
         self, text: bytes, *, keep_homing: bool, relative_e: bool, tool: int = 0,
-        told: Hears | None = None,
+        told: Hears | None = None, fed: bool = True,
     ) -> bytes:  # fmt: skip
         """Return lines as this controller needs them; `tool` is in use above them."""
         return own_lines(
             text, self.tool, selected=tool if self.shared else None, keep_homing=keep_homing,
-            relative_e=relative_e, newline=self.document.newline, told=told or self.told,
+            relative_e=relative_e, newline=self.document.newline, told=told or self.told, fed=fed,
         )  # fmt: skip
+
+
+def _feeds_one_bead(block: Block) -> bool:
+    """Tell whether what a block does with filament is for the bead behind it, and no other.
+
+    Not where something may move filament unseen, or tools change: each head that has these lines
+    does so with its own filament.
+    """
+    return not UNKNOWN.union({"tool change"}).intersection(block.reasons)
+
+
+def _commands(text: bytes) -> bool:
+    """Tell whether some of these lines command anything."""
+    return any(map(command_of, text.split(b"\n")))
 
 
 def _split_first(text: bytes, header: Sequence[str]) -> tuple[bytes, bytes]:

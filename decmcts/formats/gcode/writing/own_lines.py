@@ -41,6 +41,7 @@ def own_lines(
     relative_e: bool,
     newline: bytes,
     told: Hears = OWN,
+    fed: bool = True,
 ) -> bytes:
     """Return lines as a head's controller needs them; what is left out stays as a comment.
 
@@ -54,14 +55,17 @@ def own_lines(
         How E counts above the lines.
     told : Hears
         Of temperatures that name no tool, which the head is told while another is selected.
+    fed : bool
+        Whether what moves filament alone is this head's.
     """
     kept: list[bytes] = []
     for line in without_progress(text):
         relative_e = _relative_after(line, relative_e)
         others = selected is not None and selected != tool
         moves = _MOVE.match(line) or (not keep_homing and _HOMING.match(line))
-        if moves or (others and _FILAMENT.match(line)):
-            why = b"heads share the bed" if moves else b"another head's tool"
+        if moves or ((others or not fed) and _FILAMENT.match(line)):
+            why = b"another head's tool" if others else b"another head's bead"
+            why = b"heads share the bed" if moves else why
             kept.append(b"; left out, " + why + b": " + line)
             if (e := _E_WORD.match(line)) and not relative_e:  # later E words count from here
                 kept.append((b"" if line.endswith(b"\n") else newline) + b"G92 E" + e.group(1))

@@ -1,0 +1,243 @@
+"""The judge's book of filament over the files of several heads.
+
+The source is the measure, as in `sim.files.ledger`. A bead takes with it what the source's moves
+push less what they pull in the gap before it (its *net*), whichever head prints it. So all heads'
+files together give with each tool what the source gives, and a bead begins with as much retracted.
+
+Around lines of the source that stand word for word (blocks):
+
+- What a block holds, and what is pushed and pulled beside it, belongs to the contour behind it: the
+  head that prints that contour has it, no other.
+- Where tools change in a block, or a pause or an unknown command may move filament, each head that
+  has its lines has what belongs to them too: each does so with filament of its own.
+- Likewise the start code: each head begins with as much retracted as its lines leave, and makes up
+  for as much more, or less, as the source does.
+
+How much is retracted is counted here, from the moves of the files and of the source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import GcodeDocument, Motions
+from decmcts.formats.gcode.document import Block
+from decmcts.print.job import PrintJob
+from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.ledger import MORE_MM, NET_MM, TOTAL_MM, Book, lines_in_source, tools_of
+from sim.heads.file import HeadFile
+
+UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
+# that may move filament unseen, or after which it is another tool's
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Bead:
+    """A contour that a file prints: moves begin..end - 1."""
+
+    contour: int
+    begin: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Printed:
+    """What one head's file prints, and where it has the source's own lines."""
+
+    name: str
+    file: HeadFile
+    tool: int
+    begin: int  # its first move below the start code
+    beads: Sequence[Bead]  # in its order
+    blocks: Sequence[Sequence[int]]  # lines (from 1) of each block, none where it has no command
+
+
+@dataclass(frozen=True, slots=True)
+class Dues:
+    """What the source does with filament around its contours and its own lines, mm."""
+
+    net: Floats  # (n,) goes with each contour
+    extrusion: Floats  # (n,) of each contour
+    above: Floats  # (b,) pushed less pulled above each block since the bead before; NaN: unknown
+    left: Floats  # (b,) pushed behind each block beyond what is retracted there
+    start: float  # likewise behind the start code
+    start_tool: int
+    deepest: dict[int, float]  # most that each tool retracts
+    shared: bool  # several tools print
+
+
+def belongs_to_bead(block: Block) -> bool:
+    """Tell whether what a block does with filament belongs to the contour behind it alone."""
+    return not any(reason.startswith(UNSEEN) for reason in block.reasons)
+
+
+def behind(block: Block, job: PrintJob) -> int:
+    """Return the contour that the source prints first behind a block."""
+    return int(np.searchsorted(job.contours.epoch, block.epoch))
+
+
+def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
+    """Return the source's own account; linear in its moves."""
+    contour, extrusion = np.asarray(source.contour), np.asarray(source.extrusion)
+    laid = np.flatnonzero(contour >= 0)
+    spans = lines_in_source(document)
+    book = Book.of(source, laid, contour[laid], spans)
+    n, tools, line = len(job.contours), tools_of(source), np.asarray(source.line)
+    owed = _owed_by_tool(extrusion, tools)
+    left, above = np.zeros(len(document.blocks)), np.full(len(document.blocks), np.nan)
+    net, start = np.zeros(n), 0.0
+    for k, c in enumerate(book.contour.tolist()):
+        stands = int(book.lines[k])
+        if stands < 0:
+            net[c] = book.net[k]
+            continue
+        last = spans[stands]
+        assert last is not None
+        at = int(np.searchsorted(line, last[1] + 1))
+        pushed = float(book.net[k] - owed[tools[book.bead[k]]][at])
+        if stands == 0:
+            start = pushed
+        else:
+            above[stands - 1], left[stands - 1] = book.net_above[k], pushed
+            net[c] = pushed if belongs_to_bead(document.blocks[stands - 1]) else 0.0
+    deepest = {t: float(values.max()) for t, values in owed.items()}
+    given = np.asarray(np.bincount(contour[laid], extrusion[laid], n), np.float64)
+    shared = len(np.unique(job.contours.tool)) > 1
+    return Dues(net, given, above, left, start, document.start.tool, deepest, shared)
+
+
+def _owed_by_tool(extrusion: Floats, tools: Ints) -> dict[int, Floats]:
+    """Return how much each tool has retracted before each move and behind all, (m + 1,) mm."""
+    return {t: _owed(np.where(tools == t, extrusion, 0.0)) for t in np.unique(tools).tolist()}
+
+
+def _owed(extrusion: Floats) -> Floats:
+    """Return what is retracted before each move and behind all, (m + 1,) mm."""
+    pulled = np.concatenate([[0.0], np.cumsum(-extrusion)])
+    return np.asarray(pulled - np.minimum.accumulate(pulled))
+
+
+def check_filament(
+    heads: Sequence[Printed], dues: Dues, job: PrintJob, document: GcodeDocument
+) -> list[Fault]:
+    """Check the filament of all heads' files against the source's; linear in their moves."""
+    texts, over = list[str](), dict[int, float]()
+    for head in heads:
+        account = _Account(head, dues, job, document)
+        texts += [f"head {head.name}, {text}" for text in account.run()]
+        over[head.tool] = over.get(head.tool, 0.0) + account.over
+    lines = [
+        f"the files of all heads give {abs(much):.5f} mm of filament of tool {tool} "
+        f"{'more' if much > 0.0 else 'less'} than the source does"
+        for tool, much in over.items()
+        if abs(much) > TOTAL_MM
+    ]
+    return [*listed(FaultKind.STATE, texts), *listed(FaultKind.E_TOTAL, lines)]
+
+
+class _Account:
+    """Goes through one file from bead to bead and keeps what is retracted."""
+
+    def __init__(self, head: Printed, dues: Dues, job: PrintJob, document: GcodeDocument) -> None:
+        self.head, self.dues, self.job, self.document = head, dues, job, document
+        self.total = np.concatenate([[0.0], np.cumsum(head.file.motion.extrusion)])
+        self.retracted = float(_owed(head.file.motion.extrusion[: head.begin])[-1])
+        if self._mine(dues.start_tool):
+            self.retracted += dues.start
+        self.at = head.begin  # the move behind the last bead, or the source's own lines
+        self.over = 0.0  # mm given beyond what is due
+        self.texts: list[str] = []
+
+    def run(self) -> list[str]:
+        """Return what is wrong, in words."""
+        mine = {bead.contour for bead in self.head.beads}
+        blocks = list(zip(self.document.blocks, self.head.blocks, strict=True))
+        crossed = 0
+        for bead in self.head.beads:
+            epoch = int(self.job.contours.epoch[bead.contour])
+            while crossed < len(blocks) and blocks[crossed][0].epoch <= epoch:
+                block, lines = blocks[crossed]
+                self._cross(crossed, block, lines, behind(block, self.job) in mine)
+                crossed += 1
+            self._begin(bead)
+        return self.texts[:LIMIT]
+
+    def _begin(self, bead: Bead) -> None:
+        """Check the stretch before a bead, and the bead."""
+        dues = self.dues
+        due = self.retracted + float(dues.net[bead.contour])
+        if self.at > bead.begin:  # lines in another order, which is a fault of its own
+            self.at = bead.begin
+        net = self._stretch(bead.begin, f"bead of contour {bead.contour}")
+        if abs(net - due) > NET_MM:
+            self.texts.append(
+                f"line {self._line(bead.begin)} begins contour {bead.contour} with "
+                f"{_words(net - self.retracted)}, the source with {_words(due - self.retracted)}"
+            )
+        given = float(self.total[bead.end] - self.total[bead.begin])
+        self.over += net - due + given - float(dues.extrusion[bead.contour])
+        self.at, self.retracted = bead.end, 0.0
+
+    def _cross(self, number: int, block: Block, lines: Sequence[int], mine: bool) -> None:
+        """Check the stretch above a block's lines, and take over what they do."""
+        own = mine or not belongs_to_bead(block)
+        if lines:
+            motion = self.head.file.motion
+            first, last = (int(motion.before[k]) for k in (lines[0] - 1, lines[-1]))
+            if first < self.at:
+                return  # moved, which is a fault of its own
+            net = self._stretch(first, f"block of line {block.line}")
+            above = float(self.dues.above[number])
+            if own and self._mine(block.begin.tool) and np.isfinite(above):
+                due = self.retracted + above
+                if abs(net - due) > NET_MM:
+                    self.texts.append(
+                        f"above line {lines[0]} the source's line {block.line} is begun with "
+                        f"{_words(net - self.retracted)}, in the source with {_words(above)}"
+                    )
+                self.over += net - due
+                self.retracted = -above
+            else:
+                if net > NET_MM:
+                    self.texts.append(
+                        f"above line {lines[0]} {net:.4g} mm are pushed on the spot for no bead"
+                    )
+                self.retracted -= net
+            for filament in motion.extrusion[first:last].tolist():
+                self.retracted = max(0.0, self.retracted - filament)
+            self.at = last
+        runs = bool(lines) or block.begin.tool != block.end.tool
+        if not belongs_to_bead(block) and runs and self._mine(block.end.tool):
+            self.retracted += float(self.dues.left[number])
+
+    def _stretch(self, end: int, what: str) -> float:
+        """Return the net of the moves up to `end`; notes where they retract too much."""
+        within = self.total[self.at : end + 1] - self.total[self.at]
+        most = self.dues.deepest.get(self.head.tool, 0.0)
+        if (deep := -float(within.min()) + max(self.retracted, 0.0)) > most + MORE_MM and (
+            within.min() < -MORE_MM
+        ):
+            self.texts.append(
+                f"above line {self._line(end)}, before the {what}, tool {self.head.tool} has "
+                f"{deep:.4g} mm retracted, in the source {most:.4g} at most"
+            )
+        return float(within[-1])
+
+    def _mine(self, tool: int) -> bool:
+        return not self.dues.shared or tool == self.head.tool
+
+    def _line(self, move: int) -> int:
+        lines = self.head.file.motion.line
+        return int(lines[min(move, len(lines) - 1)]) + 1
+
+
+def _words(net: float) -> str:
+    """Return in words what is left retracted, or pushed on the spot."""
+    return f"{net:.4g} mm pushed on the spot" if net > 0.0 else f"{abs(net):.4g} mm retracted"
