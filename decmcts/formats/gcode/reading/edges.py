@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
-from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT
+from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
 from decmcts.formats.gcode.reading.grouping import Runs
 
-_RESTORABLE = (*BEFORE_TRAVEL, *DESCRIBES)
 
 
 def state_edges(
@@ -31,9 +30,10 @@ def state_edges(
     last = track.table.rows[track.at(motion.line[runs.last])]
     _mark_first_layer(edge, motion, runs, track, layer)
     for k, slot in enumerate(track.table.slots):
-        if slot in _RESTORABLE or slot.startswith(SILENT):
+        used = np.unique([first[:, k], last[:, k]])
+        if slot in DESCRIBES or slot.startswith(SILENT) or _can_be_left(track, slot, used):
             continue
-        missing = _missing(track.table.values, np.unique([first[:, k], last[:, k]]))
+        missing = _missing(track.table.values, used)
         one_way |= missing[first[:, k]] & ~missing[last[:, k]]
         unset = np.flatnonzero(missing[first[:, k]])
         if not len(unset):
@@ -43,6 +43,12 @@ def state_edges(
             edge[unset[-1]] = True
     edge[0] = False
     return edge, one_way
+
+
+def _can_be_left(track: Track, slot: str, used: NDArray[np.int32]) -> bool:
+    """Tell whether the source has a command that ends each of an object's or label's values."""
+    table = track.table
+    return slot in BEFORE_TRAVEL and all(table.leave[k] for k in used.tolist() if k != UNSET)
 
 
 def _missing(values: tuple[str, ...], used: NDArray[np.int32]) -> NDArray[np.bool_]:

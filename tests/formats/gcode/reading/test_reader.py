@@ -197,3 +197,16 @@ def test_parameter_first_set_in_the_print_ends_an_epoch(read):
     """M205 Y after M205 X adds to it; before it, Y was the firmware's own, which nobody knows."""
     job, _ = read("M205 X8\n" + SQUARE + "M205 Y5\n" + LINE)
     assert job.contours.epoch.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("label", "end", "epoch"),
+    [("M486 S0", "", [0, 1, 2]), ("M486 S0", "M486 S-1", [0, 0, 0]), (";MESH:a", "", [0, 0, 0])],
+)
+def test_a_label_that_nothing_ends_is_not_gone_back_behind(read, label, end, epoch):
+    """Set within a contour: what lies before it cannot be printed later without the label."""
+    lines = [f"G1 X{x} Y0 F6000\nG1 X{x + 5} E.5 F900\n@G1 X{x + 9} E.4\n" for x in (0, 20, 40)]
+    text = "".join(lines).split("@")
+    text.insert(2, f"{label}\n")
+    job, _ = read("M83\n" + "".join(text) + (f"{end}\n" if end else "") + "M84\n")
+    assert job.contours.epoch.tolist() == epoch
