@@ -16,7 +16,6 @@ from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNS
 from decmcts.formats.gcode.reading.grouping import Runs
 
 
-
 def state_edges(
     motion: Motion, runs: Runs, track: Track, layer: NDArray[np.int32]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
