@@ -76,6 +76,8 @@ _REASONS = {
     "M701": "filament change", "M702": "filament change", "G4": "dwell", "G28": "homing",
     "G29": "bed probing", "G92": "coordinates set anew", "M400": "wait for moves to end",
 }  # fmt: skip
+UNKNOWN = frozenset({"unknown macro", "unknown command", "filament change", "pause"})
+# reasons of barriers that may move filament unseen
 _WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]*)")
 
 

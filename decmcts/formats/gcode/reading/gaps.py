@@ -17,10 +17,10 @@ from decmcts._kernels.gcode.moves import FIRMWARE_RETRACTED, RELATIVE_E, TOOL
 from decmcts._kernels.gcode.scan import X, Z
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
+from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.document import Block, Cursor
 from decmcts.formats.gcode.reading.grouping import Runs
 from decmcts.formats.gcode.reading.ledger import (
-    UNKNOWN,
     Gaps,
     deposits,
     net_before,

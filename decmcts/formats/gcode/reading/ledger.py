@@ -20,7 +20,6 @@ from decmcts.formats.gcode.reading.grouping import Runs
 DEPOSIT_MM = 0.2  # filament left in a gap beyond the habit: a blob, not a retraction
 SETTLED_MM = 0.01  # of filament; a gap whose net is less has pushed back what it pulled
 PULLED = 0.01  # mm of filament that counts as a retraction
-UNKNOWN = frozenset({"unknown macro", "unknown command", "filament change", "pause"})
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -47,8 +47,8 @@ from typing import BinaryIO, TextIO
 import numpy as np
 
 from decmcts.errors import InputError
+from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
-from decmcts.formats.gcode.reading.ledger import UNKNOWN
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.emitter import DEFAULT_TRAVEL, Emitter
