@@ -3,7 +3,8 @@
     python benchmarks/mutations.py [--seeds 0,1,2] [--of plan,team,gcode]
 
 A small print made by code is planned for one head (`plan`, `gcode`) and for two
-(`team`, `heads`), and one of two tools for one head (`tools`). Each mutant is made once a
+(`team`, `heads`), one of two tools for one head (`tools`), and parts printed one by one, too
+near each other (`safe`). Each mutant is made once a
 seed and given to `decmcts verify` with the source and the machine. Writes mutations.csv
 (resumable) and mutations.md in docs/results; exits with 1 if a mutant is missed or the judge
 crashes.
@@ -31,18 +32,25 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
+from sim.experiments.made_one_by_one import one_by_one
 from sim.experiments.made_print import made_gcode, made_tools_gcode
 from sim.experiments.made_scarf import scarf_gcode
 from sim.experiments.mutants import Mutant, NotHereError
 from sim.experiments.mutants_contacts import CONTACT_MUTANTS
 from sim.experiments.mutants_gcode import GCODE_MUTANTS, HEAD_MUTANTS, TOOL_MUTANTS
+from sim.experiments.mutants_order import PARTS, SAFE_MUTANTS, TEMPERATURE_MUTANTS
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
 
 KEY = ("of", "mutant", "seed")
 ONE_HEAD, TWO_HEADS = "mk4s", "dual-gantry"
 VERDICTS = {0: "passed", 1: "caught", 2: "refused"}  # by exit code; any other: crashed
 MEMORY_BYTES = 6 * 2**30  # address space: a judge that wants more has run away
-ALL = ("plan", "gcode", "tools", "contacts", "team", "heads")
+ALL = ("plan", "gcode", "tools", "safe", "contacts", "team", "heads")
+
+
+OF_FILES: dict[str, tuple[Mutant[Any], ...]] = {
+    "gcode": GCODE_MUTANTS + TEMPERATURE_MUTANTS, "tools": TOOL_MUTANTS, "safe": SAFE_MUTANTS
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,21 +99,22 @@ def subject_of(kind: str, folder: Path) -> Subject:
     team = kind in ("team", "heads")
     machine = TWO_HEADS if team else ONE_HEAD
     source, plan, out = (folder / f"{machine}.{end}" for end in ("in.gcode", "json", "gcode"))
-    if kind == "tools":
-        source, plan, out = (folder / f"tools.{end}" for end in ("in.gcode", "json", "gcode"))
+    if kind in ("tools", "safe"):
+        source, plan, out = (folder / f"{kind}.{end}" for end in ("in.gcode", "json", "gcode"))
     stem = folder / machine
     against = ["--source", str(source), "--machine", machine]
     if not plan.exists():
         centres = [(60.0, 150.0), (240.0, 150.0)] if team else [(60.0, 100.0), (200.0, 100.0)]
-        source.write_text(made_tools_gcode() if kind == "tools" else made_gcode(centres))
+        others = {"tools": made_tools_gcode(), "safe": one_by_one(PARTS)}
+        source.write_text(others.get(kind, made_gcode(centres)))
         command, target = ("launch", stem) if team else ("plan", out)
-        require(["--time-limit", "3", "--plan", str(plan), "-o", str(target)],
+        longer = ["--allow-slower"] if kind == "safe" else []
+        require(["--time-limit", "3", "--plan", str(plan), "-o", str(target), *longer],
                 command, source, machine)  # fmt: skip
     if kind in ("plan", "team"):
         return Subject(PLAN_MUTANTS, json.loads(plan.read_text()), plan_saver(against))
-    if kind in ("gcode", "tools"):
-        mutants = GCODE_MUTANTS if kind == "gcode" else TOOL_MUTANTS
-        return Subject(mutants, out.read_text().splitlines(), gcode_saver(against))
+    if kind in OF_FILES:
+        return Subject(OF_FILES[kind], out.read_text().splitlines(), gcode_saver(against))
     heads = sorted(folder.glob(f"{machine}_*.gcode"))
     texts = [path.read_text().splitlines() for path in heads]
     return Subject(HEAD_MUTANTS, texts, heads_saver([h.name for h in heads], plan, against))
@@ -204,7 +213,7 @@ def captured() -> Iterator[io.StringIO]:
 def page(rows: Rows) -> str:
     """Return the Markdown page of all rows."""
     why: dict[str, str] = {}
-    for mutants in (PLAN_MUTANTS, GCODE_MUTANTS, TOOL_MUTANTS, CONTACT_MUTANTS, HEAD_MUTANTS):
+    for mutants in (PLAN_MUTANTS, *OF_FILES.values(), CONTACT_MUTANTS, HEAD_MUTANTS):
         why |= {mutant.name: mutant.harmless for mutant in mutants}
     table, count = [], dict.fromkeys(("caught", "refused", "harmless", "missed", "crashed"), 0)
     for (kind, mutant), runs in grouped(rows.rows, "of", "mutant").items():

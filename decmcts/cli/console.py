@@ -23,7 +23,7 @@ from rich.table import Table
 from decmcts.cli import signals
 from decmcts.planning.events import Event, Heads, Note, Report, Step
 from decmcts.planning.events import Progress as Searched
-from decmcts.print.metrics import Metrics
+from decmcts.print.metrics import Metrics, compared_order
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 err = Console(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
@@ -187,9 +187,9 @@ def summary_of(before: Metrics, after: Metrics) -> dict[str, dict[str, float]]:
     return rows
 
 
-def gain_table(before: Metrics, after: Metrics, first: str = "before") -> Table:
-    """Return the table of what was gained over what is named `first`."""
-    table = Table()
+def gain_table(before: Metrics, after: Metrics) -> Table:
+    """Return the table of what was gained."""
+    table, first = Table(), compared_order(before)
     for name, justify in (("", "left"), (first, "right"), ("after", "right"), ("less", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]  # a literal of rich's
     figures = compared(before, after)

@@ -33,6 +33,7 @@ class Metrics(TypedDict, total=False):
     time_limit_s: float
     iterations: int
     as_sliced: bool  # order, directions and entries are the source's
+    made_safe: bool  # the source's own order would hit the part; `before` is layer by layer
     kept_source: bool  # the new order would have taken longer, or gained nothing
     version: str
 
@@ -54,3 +55,8 @@ class Metrics(TypedDict, total=False):
     one_head_s: float
     bound: Mapping[str, float]  # fields of `decmcts.team.bounds.makespan.Bound`
     agents: Sequence[Mapping[str, object]]
+
+
+def compared_order(before: Metrics) -> str:
+    """Return the words for the order that a plan is compared with."""
+    return "layer by layer" if before.get("made_safe") else "before"

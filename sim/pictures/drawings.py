@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.pictures.activity import activity
 from sim.pictures.canvas import TRAVEL, head_colour, save
@@ -42,12 +43,12 @@ def action_segments(
 
 def draw_plan(path: Path | str, before: PlanDocument, after: PlanDocument) -> None:
     """Draw two plans side by side, from above and from the side; travel in red."""
-    extent = _extent([before, after])
+    extent, first = _extent([before, after]), compared_order(before.metrics)
     wide, deep, high = extent[1] - extent[0]
     views, size = _view_sizes(wide, deep, high)
     figure = Figure(figsize=size)
     axes = figure.subplots(2, 2, squeeze=False)
-    for column, (name, document) in enumerate((("before", before), ("after", after))):
+    for column, (name, document) in enumerate(((first, before), ("after", after))):
         axes[0, column].set_title(f"{name}\n{_caption(document)}", fontsize=10)
         for row, (i, j) in enumerate(((0, 1), (0, 2))):
             axes[row, column].set_position(views[row][column])

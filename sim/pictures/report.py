@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 
 from decmcts.formats.files.atomic import write_whole
+from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.pictures.activity import activity
@@ -74,7 +75,7 @@ def write_report(
     script = json.dumps(page).replace("<", "\\u003c")  # a name must not end the script element
     heads = len(after.plan.heads)
     sections = [
-        ("What was gained", _table(gained(before, after))),
+        ("What was gained", _table(gained(before, after), compared_order(before.metrics))),
         ("Toolpath", CONTROLS + "".join(f"<p class=note>{html.escape(n)}</p>" for n in notes)),
         ("Heads over time", _div(plot_gantt(after), 170 + 70 * heads)),
     ]
@@ -93,8 +94,8 @@ def write_report(
     write_whole(path, text.encode())
 
 
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    head = "<tr><th></th><th>before</th><th>after</th><th>change</th></tr>"
+def _table(rows: Sequence[Sequence[str]], first: str) -> str:
+    head = f"<tr><th></th><th>{first}</th><th>after</th><th>change</th></tr>"
     cells = (
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
@@ -161,8 +162,10 @@ def scene_of(
     """
     curves: list[dict[str, Any]] = []
     nozzles: list[dict[str, Any]] = []
-    notes: list[str] = []
-    for scene, name, document in (("scene", "before", before), ("scene2", "after", after)):
+    notes, compared = list[str](), compared_order(before.metrics)
+    if before.metrics.get("made_safe"):
+        notes.append("The source's own order would hit the part: its layers are compared with.")
+    for scene, name, document in (("scene", compared, before), ("scene2", "after", after)):
         points = sum(len(actions.path) for actions in document.plan.heads)
         step = max(1, -(-points // most))
         if step > 1:
@@ -229,6 +232,7 @@ def _curve(
 
 def scene_layout(documents: Sequence[PlanDocument]) -> dict[str, Any]:
     """Return plotly's layout: two views of the same box around the print."""
+    first = compared_order(documents[0].metrics)
     points = np.concatenate([d.contours.points for d in documents])
     low, high = points.min(axis=0), points.max(axis=0)
     low[2] = 0.0
@@ -248,7 +252,7 @@ def scene_layout(documents: Sequence[PlanDocument]) -> dict[str, Any]:
     }
     titles = [
         {"text": f"<b>{text}</b>", "x": x, "y": 1.0, "xref": "paper", "yref": "paper"}
-        for text, x in (("before", 0.24), ("after", 0.76))
+        for text, x in ((first, 0.24), ("after", 0.76))
     ]
     return {
         "scene": {**view, "domain": {"x": [0.0, 0.495], "y": [0.0, 1.0]}},

@@ -13,9 +13,11 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.verifying.judge import digest_of
+from sim.experiments.made_one_by_one import one_by_one
 from sim.experiments.made_print import made_gcode
 from sim.experiments.mutants import NotHereError
 from sim.experiments.mutants_gcode import GCODE_MUTANTS
+from sim.experiments.mutants_order import PARTS, SAFE_MUTANTS, TEMPERATURE_MUTANTS
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
 from sim.experiments.mutants_waits import WAIT_MUTANTS
 from sim.faults import FaultKind
@@ -43,6 +45,19 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
     code = run(
         ["plan", str(source), "-o", str(folder / "out.gcode"), "--plan", str(folder / "plan.json"),
          "--machine", MACHINE, "--planner", "greedy", "--time-limit", "0.2", "--no-certificate"]
+    )  # fmt: skip
+    assert code == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def safe(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Plan parts that the source prints one by one, too near each other; as `good`."""
+    folder = tmp_path_factory.mktemp("safe")
+    (folder / "in.gcode").write_text(one_by_one(PARTS))
+    code = run(
+        ["plan", str(folder / "in.gcode"), "-o", str(folder / "out.gcode"), "--machine", MACHINE,
+         "--planner", "greedy", "--time-limit", "0.2", "--no-certificate", "--allow-slower"]
     )  # fmt: skip
     assert code == 0
     return folder
@@ -95,7 +110,7 @@ def test_spoilt_waits_do_not_pass(make, tmp_path: Path, mutant, seed: int):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mutant", GCODE_MUTANTS, ids=lambda m: m.name)
+@pytest.mark.parametrize("mutant", GCODE_MUTANTS + TEMPERATURE_MUTANTS, ids=lambda m: m.name)
 def test_spoilt_gcode_does_not_pass(good: Path, tmp_path: Path, mutant):
     """Each kind is caught or refused, or does no harm for a stated reason; none crashes."""
     lines = (good / "out.gcode").read_text().splitlines()
@@ -105,3 +120,22 @@ def test_spoilt_gcode_does_not_pass(good: Path, tmp_path: Path, mutant):
         pytest.fail("the made print has no place for this mutant")
     (tmp_path / "out.gcode").write_text("\n".join(lines) + "\n")
     assert judged(tmp_path / "out.gcode", good) in ((0, 1, 2) if mutant.harmless else (1, 2))
+
+
+@pytest.mark.slow
+def test_a_print_made_safe_passes(safe: Path):
+    """By the file that was given."""
+    assert judged(safe / "out.gcode", safe) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mutant", SAFE_MUTANTS, ids=lambda m: m.name)
+def test_a_spoilt_print_made_safe_does_not_pass(safe: Path, tmp_path: Path, mutant):
+    """The source's own order least of all."""
+    lines = (safe / "out.gcode").read_text().splitlines()
+    try:
+        mutant.spoil(lines, np.random.default_rng(0))
+    except NotHereError:
+        pytest.fail("the print has no place for this mutant")
+    (tmp_path / "out.gcode").write_text("\n".join(lines) + "\n")
+    assert judged(tmp_path / "out.gcode", safe) == 1

@@ -239,8 +239,7 @@ def show(
     )
     by = result.source.sliced_by
     to.print(title, soft_wrap=True)
-    safe = result.source.original is not None
-    to.print(gain_table(before, after, "layer by layer" if safe else "before"))
+    to.print(gain_table(before, after))
     whole = None if times is not None and times.kept else whole_file_line(planned, times)
     for line in (
         f"sliced by {by}" if by else "",

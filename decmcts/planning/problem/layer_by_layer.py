@@ -86,7 +86,10 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
         lines = SourceLines.of(draft, job.contours.line[order])
         raise _no_order(source, collision, lines.said(str(verdict.faults[0])))
     layered, document = read_gcode(draft)
+    if len(layered.contours) != len(order):
+        raise _no_order(source, collision, "what was written so reads as other contours")
     layered, document = _with_source_lines(layered, document, source, order)
+    layered, document = with_epochs(layered, document, job.contours.epoch[order])
     note = (
         f"the source's own order would hit the part (line {collision.line}: {collision.what}); "
         "it is printed layer by layer instead, and compared with that"
@@ -157,14 +160,35 @@ def _with_source_lines(
     layered: PrintJob, document: GcodeDocument, source: Source, order: NDArray[np.int32]
 ) -> tuple[PrintJob, GcodeDocument]:
     """Return what was read of the draft with lines as in the source, where each is the same."""
-    ours, own = layered.contours, source.job.contours
-    if len(ours) == len(own):
-        layered = replace(layered, contours=replace(ours, line=own.line[order]))
+    line = source.job.contours.line[order]
+    layered = replace(layered, contours=replace(layered.contours, line=line))
     if len(document.blocks) == len(source.document.blocks):
         pairs = zip(document.blocks, source.document.blocks, strict=True)
         document = replace(document, blocks=tuple(replace(a, line=b.line) for a, b in pairs))
         layered = replace(layered, barriers=source.job.barriers)
     return layered, document
+
+
+def with_epochs(
+    layered: PrintJob, document: GcodeDocument, own: NDArray[np.int32]
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return what was read of the draft so that nothing crosses what it may not in the source.
+
+    Parameters
+    ----------
+    own : (n,) epochs of the source, in the draft's order: never falling
+    """
+    ours = layered.contours.epoch
+    begins = (np.diff(ours, prepend=ours[:1]) != 0) | (np.diff(own, prepend=own[:1]) != 0)
+    epoch = np.cumsum(begins).astype(np.int32)
+    first = np.searchsorted(ours, np.arange(ours.max() + 1))
+    anew = epoch[first].tolist()
+    blocks = tuple(replace(block, epoch=anew[block.epoch]) for block in document.blocks)
+    job = replace(
+        layered, contours=replace(layered.contours, epoch=epoch),
+        refills=tuple(anew[e] for e in layered.refills),
+    )  # fmt: skip
+    return job, replace(document, blocks=blocks)
 
 
 def _no_order(source: Source, collision: CollisionError, why: str) -> InputError:

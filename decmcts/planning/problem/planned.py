@@ -41,6 +41,8 @@ class Planned:
 def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:
     """Wrap a plan with all that is needed to check and draw it."""
     metrics: Metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}
+    if problem.source.original is not None:
+        metrics["made_safe"] = True  # so no figure of it is compared with the source's own order
     return PlanDocument(
         problem.digest, problem.machine, problem.job.contours, problem.graph.pairs(), plan, metrics,
         problem.min_layer_time_s, problem.rules.on(problem.machine), problem.job.accelerations,

@@ -12,11 +12,16 @@ from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.planned import Planned
+from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.lines import header_lines
 from decmcts.planning.writing.places import STDOUT, put, require_sound
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import JointPlan
+from sim.content.same_print import is_other_print
+from sim.faults import Verdict
+from sim.heads.file import read_head_file
+from sim.heads.plan import plan_of_files
 from sim.heads.together import verify_heads
 
 
@@ -113,6 +118,23 @@ def write_heads(
             told=lambda text: report(Step(text)),
         )  # fmt: skip
         require_sound(verdict, stem)
+        if (given := problem.source.original) is not None:
+            report(Step("judging the files by what was given"))
+            require_sound(_by_given(drafts, given, problem.machine), stem)
         for path, draft in zip(paths, drafts, strict=True):
             put(draft.read_bytes(), path)
     return paths
+
+
+def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdict:
+    """Judge files of a print that was made safe by the source that was given, in its numbers."""
+    plan, altered = plan_of_files([read_head_file(draft) for draft in drafts], given.job, machine)
+    if is_other_print(altered):
+        return Verdict(tuple(altered))
+    parks = {head.name: head.park for head in machine.heads}
+    verdict = verify_heads(
+        drafts, plan.plan, given.job, given.document,
+        parks=[parks[actions.head] for actions in plan.plan.heads], release=machine.release,
+        interval_s=machine.signal_interval_s, read=True,
+    )  # fmt: skip
+    return Verdict((*altered, *verdict.faults))

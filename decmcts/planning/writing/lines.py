@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from decmcts.formats.gcode.writing.own_header import TRAVEL, as_sliced
+from decmcts.formats.gcode.writing.own_header import SAFE, TRAVEL, as_sliced
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.file_times import compared_with
 from decmcts.print.plan import ActionKind, PlanDocument
@@ -24,10 +24,12 @@ def header_lines(planned: Planned) -> list[str]:
     travel_mm = was["extrusionless_travel_mm"]
     if sliced is not None and sliced.travel_mm is not None:
         travel_mm = sliced.travel_mm
+    made_safe = planned.problem.source.original is not None or (sliced and sliced.made_safe)
     whole = aim != "makespan" and compared_with(planned) is not None  # `with_time` says it later
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
         f"planner {now['planner']} for {aim}, freedom {now['freedom']}{seam}, seed {now['seed']}",
+        *([SAFE] if made_safe else []),
         TRAVEL.format(was=travel_mm, now=now["extrusionless_travel_mm"]),
         *([] if whole else [PRINT_TIME.format(was=was["print_time_s"], now=now["print_time_s"])]),
         *(line for line in (cooling_line(planned.after), layers_line(planned)) if line),

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from decmcts.cli.run import run
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode.writing.own_header import SAFE
+from decmcts.planning.problem.layer_by_layer import with_epochs
 from sim.experiments.made_one_by_one import BETWEEN, one_by_one
 
 SHORT = ["--planner", "greedy", "--time-limit", "0.2", "--machine", "mk4s", "--no-certificate"]
@@ -24,9 +28,16 @@ def test_they_are_printed_layer_by_layer(tmp_path: Path, capfd: pytest.CaptureFi
     given = ["--source", str(source), "--machine", "mk4s"]
     assert run(["verify", str(source), *given]) == 1
     capfd.readouterr()
-    assert run(["plan", str(source), "-o", str(out), *SHORT, "--allow-slower", "--json"]) == 0
+    report = tmp_path / "report.html"
+    plan = ["plan", str(source), "-o", str(out), *SHORT, "--allow-slower"]
+    assert run([*plan, "--json", "--report", str(report)]) == 0
     said = json.loads(capfd.readouterr().out)
     assert said["made_safe"]
+    assert said["before"]["made_safe"]
+    assert "<th>layer by layer</th>" in report.read_text()
+    header = out.read_text().split("verified: ", 1)[0]
+    assert f"; {SAFE}\n" in header
+    assert "(layer by layer -> in this order)" in header
     assert any("printed layer by layer instead" in note for note in said["notes"])
     assert run(["verify", str(out), *given]) == 0
 
@@ -125,3 +136,24 @@ def test_contours_keep_the_lines_of_the_file_that_was_given(tmp_path: Path):
     begins = [k for k, row in enumerate(rows, 1) if " E0.2" in row and " E" not in rows[k - 2]]
     assert sorted(lines) == begins
     assert lines != begins
+
+
+def test_parts_that_begin_anew_have_no_second_layer_for_all(tmp_path: Path):
+    """The fan of the first part's second layer parts nothing: the next part begins without it."""
+    path = tmp_path / "in.gcode"
+    path.write_text(one_by_one(2, later=("M106 S170",)))
+    assert read_gcode(path)[0].contours.epoch.max() == 0
+    path.write_text(one_by_one(1, later=("M106 S170",)))
+    assert read_gcode(path)[0].contours.epoch.max() == 1
+
+
+def test_nothing_crosses_what_it_may_not_in_the_source(tmp_path: Path):
+    """What the layered file parts is parted, and so is what the source parts."""
+    path = tmp_path / "in.gcode"
+    path.write_text(one_by_one(1, later=("M106 S170",), start=("M204 S900",)))
+    job, document = read_gcode(path)
+    own = np.repeat(np.arange(5), 2).astype(np.int32)  # a layer each
+    job, document = with_epochs(job, document, own)
+    assert job.contours.epoch.tolist() == own.tolist()
+    job, _ = with_epochs(job, document, np.zeros(10, np.int32))
+    assert job.contours.epoch.tolist() == own.tolist()

@@ -15,6 +15,8 @@ from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
 from decmcts.formats.gcode.reading.grouping import Runs
 
+DOWN_MM = 1e-3  # heights nearer than that are one
+
 
 def state_edges(
     motion: Motion, runs: Runs, track: Track, layer: NDArray[np.int32]
@@ -67,10 +69,16 @@ def _mark_first_layer(
     track: Track,
     layer: NDArray[np.int32],
 ) -> None:
-    """Mark in place where the second layer begins, if cooling is another there."""
+    """Mark in place where the second layer begins, if cooling is another there.
+
+    Not where the print comes down again to the first, for the next of several parts.
+    """
     later = np.flatnonzero(layer > 0)
     fans = [k for k, slot in enumerate(track.table.slots) if slot.startswith("fan")]
-    if not len(later) or (layer[later[0] :] == 0).any() or not fans:
+    if not len(later) or not later[0] or not fans:
+        return
+    z = motion.points[runs.last + 1, 2]
+    if (layer[later[0] :] == 0).any() or z[later[0] :].min() < z[: later[0]].max() + DOWN_MM:
         return
     moves = np.flatnonzero(runs.contour >= 0)
     cooling = track.table.rows[track.at(motion.line[moves])][:, fans]

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 TRAVEL = "extrusionless travel {was:.1f} mm -> {now:.1f} mm"
-TIME = "time of the whole file {was:.0f} s -> {now:.0f} s (as sliced -> in this order)"
+TIME = "time of the whole file {was:.0f} s -> {now:.0f} s ({order} -> in this order)"
+SAFE = "the slicer's own order would hit the part: all is compared with it layer by layer"
 _HEADER = re.compile(  # as `decmcts.planning.writing.lines` words it
     rb"^; reordered by decmcts ([^\s;]*)[^\n]*\n(?:;[^\n]*\n){0,12}?"
     rb"; verified: every extrusion[^\n]*\n",
@@ -29,6 +30,7 @@ class AsSliced:
     version: str  # of the program that planned it first or last
     travel_mm: float | None
     time_s: float | None
+    made_safe: bool = False  # the slicer's order would hit the part; both are of a safe one
 
 
 def as_sliced(text: bytes) -> AsSliced | None:
@@ -42,6 +44,7 @@ def as_sliced(text: bytes) -> AsSliced | None:
         header[1].decode("utf-8", "replace"),
         _number(_TRAVEL_MM.search(header[0])),
         _number(_TIME_S.search(header[0])),
+        SAFE.encode() in header[0],
     )
 
 
@@ -78,7 +81,8 @@ def with_time(text: bytes, was_s: float | None, now_s: float) -> bytes:
     header = _HEADER.search(text)
     if header is None or was_s is None:
         return text
-    line = f"; {TIME.format(was=was_s, now=now_s)}".encode()
+    order = "layer by layer" if SAFE.encode() in header[0] else "as sliced"
+    line = f"; {TIME.format(was=was_s, now=now_s, order=order)}".encode()
     end = text.rfind(b"\n", 0, text.rfind(b"; verified:", header.start(), header.end())) + 1
     newline = b"\r\n" if header[0].endswith(b"\r\n") else b"\n"
     return text[:end] + line + newline + text[end:]
