@@ -49,6 +49,7 @@ from sim.replay.execution import (
 from sim.replay.growth import beads_for, moves_of
 from sim.replay.material import as_material, find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_times
+from sim.replay.signals import check_signals
 from sim.rules.cooling import check_cooling
 from sim.rules.order import PartialOrder, order_of
 from sim.rules.order_rules import check_order, statements, usual_rules
@@ -175,7 +176,7 @@ def _check_execution(
     seed: int,
 ) -> list[Fault]:
     """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
-    faults = check_times(document.contours, legs.whole)
+    faults = check_times(document, legs.whole) + check_signals(document, legs.whole)
     faults += or_undecided(lambda: check_material(document, legs, order, meetings, counts))
     faults += check_heads(document, legs, order)
     faults += check_rail(document, legs, order)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from decmcts.print.contours import Contours
 from decmcts.print.machine import MotionLimits
 
+DEFAULT_TRAVEL = 100.0  # mm/s, where the source names none
+
 
 @dataclass(frozen=True, slots=True)
 class Retraction:

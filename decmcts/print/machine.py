@@ -112,6 +112,7 @@ class Machine:
     limits: MotionLimits = field(default_factory=MotionLimits)
     release: Release = "action"  # what a head can signal: points of a print, or only its end
     signal_interval_s: float = 0.1  # least time between signals of a head, where it signals points
+    rest_s: float = 0.45  # what a head that stops for another loses until it moves again
     source: str = ""  # where the shape comes from
 
     def limits_of(self, head: Head) -> MotionLimits:

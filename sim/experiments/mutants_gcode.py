@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from sim.experiments.mutants import Mutant, NotHereError, pick
 
 Lines = list[str]
@@ -347,13 +348,20 @@ def numbers_exchanged(pattern: re.Pattern[str]) -> Callable[[Lines, Rng], None]:
     """Return a mutant that exchanges two lines of a kind."""
 
     def spoil(lines: Lines, rng: Rng) -> None:
-        rows = _rows(lines, pattern)
-        k = pick(list(range(len(rows) - 1)), rng)
+        rows, beads = _rows(lines, pattern), _rows(lines, BEAD)
+        # behind the last bead all heads give two, and each waits for both
+        k = pick([k for k in range(len(rows) - 1) if beads and rows[k] < beads[-1]], rng)
         if lines[rows[k]] == lines[rows[k + 1]]:
             raise NotHereError
         lines[rows[k]], lines[rows[k + 1]] = lines[rows[k + 1]], lines[rows[k]]
 
     return spoil
+
+
+def without_its_stop(lines: Lines, rng: Rng) -> None:
+    """Give a signal at rest in motion, without the M400 above it."""
+    k = pick([k for k in _rows(lines, SIGNAL) if k and lines[k - 1] == "M400"], rng)
+    lines[k - 1 : k + 1] = [lines[k].replace("SIGNAL", "PASSED")]
 
 
 def contour_to_the_other(files: Files, rng: Rng) -> None:
@@ -386,6 +394,12 @@ HEAD_MUTANTS: tuple[Mutant[Files], ...] = (
     Mutant("a signal in motion at rest", in_one(change(PASSED, r"(.*N=\d+)", r"M400\n\1"))),
     Mutant("a signal at rest in motion", in_one(change(SIGNAL, "SIGNAL", "PASSED"))),
     Mutant("no M400 before a signal", in_one(remove(r"^M400"))),
+    Mutant("a signal at rest without its stop", in_one(without_its_stop)),
+    Mutant("M400 before a wait", in_one(change(WAIT, r"(SYNC_WAIT N=\d+)", r"M400\n\1"))),
+    Mutant(
+        "a dwell before a signal in motion",
+        in_one(change(PASSED, r"(.*N=\d+)", rf"G4 P90 {WAIT_MARK}\n\1")),
+    ),
     Mutant("no wait for heat", in_one(remove(r"^M109"))),
     Mutant("hotter while it waits its turn", in_one(change(r"^M104 S.*while", r"S\d+", "S290"))),
     Mutant("no time between two signals", in_one(remove(r"^G4 P10\d"))),

@@ -39,7 +39,7 @@ from sim.experiments.mutants_actions import (
     upper_layer_first,
     wait_that_moves,
 )
-from sim.experiments.mutants_waits import TIME_MUTANTS, WAIT_MUTANTS
+from sim.experiments.mutants_waits import STOP_MUTANTS, TIME_MUTANTS, WAIT_MUTANTS
 
 Plan = dict[str, Any]
 Rng = np.random.Generator
@@ -227,6 +227,9 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("another digest", another_digest),
     *WAIT_MUTANTS,
     *TIME_MUTANTS,
+    *STOP_MUTANTS,
+    Mutant("no time to start again", _machine_field("rest_s", 0.0), sealed=True),
+    Mutant("signals told apart at once", _machine_field("signal_interval_s", 0.0), sealed=True),
     Mutant("the heads exchanged", heads_exchanged),
     Mutant("other metrics", other_metrics, harmless="nobody can see in a plan how it was found"),
 )

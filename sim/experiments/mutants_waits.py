@@ -185,3 +185,57 @@ TIME_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("a makespan that is not", makespan_denied),
     Mutant("travels said shorter", travel_denied),
 )
+
+
+def _ended_s(plan: Plan, actions: list[dict[str, Any]], k: int) -> float:
+    """Return when the action before has ended, and all those whose ends an action waits for."""
+    named = _all_actions(plan)
+    ends = [
+        named[edge[HEAD]][edge[ACTION]]["end_s"] + edge[LAG]
+        for edge in actions[k]["after"]
+        if edge[POINT] is None
+    ]
+    return max(float(end) for end in (actions[k - 1]["end_s"], *ends))
+
+
+def started_at_once(plan: Plan, rng: Rng) -> None:
+    """Let a head that waits go on as soon as it may, as if nothing had to be started again."""
+    rest_s = plan["machine"]["rest_s"]
+    found = [
+        (actions, k)
+        for actions in _all_actions(plan).values()
+        for k in range(1, len(actions))
+        if actions[k]["after"] and rest_s > 0.0
+        and abs(actions[k]["begin_s"] - _ended_s(plan, actions, k) - rest_s) < 1e-6
+    ]  # fmt: skip
+    if not found:
+        raise NotHereError
+    actions, k = found[int(rng.integers(len(found)))]
+    actions[k]["begin_s"] -= rest_s
+    actions[k]["end_s"] -= rest_s
+
+
+def signals_too_near(plan: Plan, rng: Rng) -> None:
+    """Let the last action of a head wait for the first point behind an end that is waited for."""
+    machine, named = plan["machine"], _all_actions(plan)
+    found = [
+        (name, edge)
+        for name, actions in named.items()
+        for action in actions
+        for edge in action["after"]
+        if edge[POINT] is None and len(named[edge[HEAD]]) > edge[ACTION] + 1
+        and not named[edge[HEAD]][edge[ACTION] + 1]["after"]
+        and named[edge[HEAD]][edge[ACTION] + 1]["kind"] == "travel"
+        and _points(plan, [edge[HEAD], edge[ACTION] + 1]) > 2
+    ]  # fmt: skip
+    if not found or machine["release"] != "point" or not machine["signal_interval_s"]:
+        raise NotHereError
+    name, edge = found[int(rng.integers(len(found)))]
+    named[name][-1]["after"].append([edge[HEAD], edge[ACTION] + 1, 1, 0.0])
+    plan["metrics"]["cross_head_waits"] = plan["metrics"].get("cross_head_waits", 0) + 1
+
+
+STOP_MUTANTS: tuple[Mutant[Plan], ...] = (
+    Mutant("a head starts again at once", started_at_once),
+    Mutant("signals too near", signals_too_near),
+)

@@ -49,7 +49,8 @@ class HeadFile:
     track: Track
     syncs: tuple[Sync, ...]
     rest: tuple[tuple[int, bytes], ...]  # line (from 1) and command of all that is no sync point
-    loose: tuple[int, ...]  # lines of sync points at rest that no M400 stands before
+    loose: tuple[int, ...]  # lines of signals at rest that no M400 stands before
+    still: tuple[int, ...]  # lines of signals in motion that a dwell stands before
 
     def row(self, line: int) -> bytes:
         """Return a line (from 1) as it stands."""
@@ -67,10 +68,10 @@ def read_head_file(path: Path | str) -> HeadFile:
     lines = split_lines(load_text(path), path)
     motion = interpret(lines)
     name, place = header_of(lines.text)
-    syncs, rest, loose = _parted(lines)
+    syncs, rest, loose, still = _parted(lines)
     return HeadFile(
         str(path), name, place, lines, motion, track_state(lines, motion), tuple(syncs),
-        tuple(rest), tuple(loose),
+        tuple(rest), tuple(loose), tuple(still),
     )  # fmt: skip
 
 
@@ -83,12 +84,17 @@ def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
     return match[1].decode("utf-8", "replace"), (int(match[2]), int(match[3]))
 
 
-def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int]]:
-    """Return the sync points of a file, its other commands, and sync points that lack an M400.
+def _parted(
+    lines: Lines,
+) -> tuple[list[Sync], list[tuple[int, bytes]], list[int], list[int]]:
+    """Return sync points, other commands, signals that lack an M400, and those behind a dwell.
 
-    An M400 right before a sync point at rest belongs to it.
+    An M400 right before a signal at rest belongs to it. A wait has none: nothing behind it is
+    read before it is over, so the moves above run out. A signal in motion is given when the last
+    move above it ends, so not as late as a dwell above it.
     """
-    syncs, rest, loose = list[Sync](), list[tuple[int, bytes]](), list[int]()
+    syncs, rest, loose, still = list[Sync](), list[tuple[int, bytes]](), list[int](), list[int]()
+    above = b""
     for k in range(len(lines)):
         code = command_of(lines.raw(k))
         if not code:
@@ -96,26 +102,21 @@ def _parted(lines: Lines) -> tuple[list[Sync], list[tuple[int, bytes]], list[int
         match = _SYNC.match(code)
         if match is None:
             rest.append((k + 1, code))
-            continue
-        moving = match[1] == b"PASSED"
-        syncs.append(Sync(k + 1, match[1] != b"WAIT", int(match[2]), moving))
-        if moving:
-            continue
-        if rest and rest[-1][1] == b"M400" and not command_of_between(lines, rest[-1][0], k):
-            rest.pop()
         else:
-            loose.append(k + 1)
-    return syncs, rest, loose
+            syncs.append(Sync(k + 1, match[1] != b"WAIT", int(match[2]), match[1] == b"PASSED"))
+            if syncs[-1].moving and above.startswith(b"G4 "):
+                still.append(k + 1)
+            if match[1] == b"SIGNAL" and above == b"M400":
+                rest.pop()
+            elif match[1] == b"SIGNAL":
+                loose.append(k + 1)
+        above = code
+    return syncs, rest, loose, still
 
 
 def axis_moves(file: HeadFile) -> list[int]:
     """Return the lines (from 1) that move along an axis; homing is none."""
     return [line for line, code in file.rest if _AXIS_MOVE.match(code)]
-
-
-def command_of_between(lines: Lines, first: int, last: int) -> bool:
-    """Tell whether a line first..last - 1 (from 0) commands anything."""
-    return any(command_of(lines.raw(k)) for k in range(first, last))
 
 
 def own_commands(

@@ -115,6 +115,7 @@ def check_order(
                 lines.append(f"head {name} ends before head {other} has printed all it has to")
             if g == h - 1 and known.done(h, parts[h].end_code, g) < _last_end(files[g], parts[g]):
                 lines.append(f"the end codes of heads {other} and {name} may run at once")
+        lines += _in_motion(files[h], given, firsts, lasts, h, name)
         begins = _next_moves(walks[h])
         lines += _unkept(rests[h], begins, plan, known, walks, h)
         lines += _unrested(rests[h], begins, plan, known, walks, h)
@@ -122,6 +123,23 @@ def check_order(
         if not read:
             lines += _unplanned(files, plan, parts, walks, h, given, windows, firsts, intervals)
     return listed(FaultKind.PRECEDENCE, lines)
+
+
+def _in_motion(
+    file: HeadFile, given: Mapping[int, tuple[int, Sync]], firsts: list[int], lasts: list[int],
+    h: int, name: str,
+) -> list[str]:  # fmt: skip
+    """Return the signals of one head's set-up, and those its end waits for, that are in motion.
+
+    What has been set up or switched off is no move, so it may come later than the last one.
+    """
+    early = [s.line for s in file.syncs if s.moving and s.line < firsts[h]]
+    behind = [s for s in file.syncs if not s.signal and s.line > lasts[h]]
+    late = [s for s in behind if given[s.number][1].moving]
+    return [f"head {name} line {line} signals its set-up, and not at rest" for line in early] + [
+        f"head {name} line {s.line} waits behind its print for a signal not given at rest"
+        for s in late
+    ]
 
 
 def _next_moves(walk: Walk) -> list[int]:
@@ -234,7 +252,8 @@ def _unplanned(
         other_low, other_high = windows[g]
         actions = range(bisect_right(high, sync.line), bisect_left(low, sync.line))
         ended = range(bisect_right(other_high, line) - 1, bisect_left(other_low, line) - 1)
-        told = _passed(walks[g], line) if signal.moving else {(a, ACTION_END) for a in ended}
+        told = {(a, ACTION_END) for a in ended}
+        told |= _passed(walks[g], line) if signal.moving else set()
         edges = [e for k in actions for e in plan.heads[h].after_edges(k) if e.head == g]
         meant = {(e.action, ACTION_END if _is_end(plan, e) else e.point) for e in edges}
         if (signal.moving or line >= firsts[g]) and not told & meant:

@@ -311,17 +311,21 @@ def _waits(h: int, acts: list[list[_Act]], known: Knowledge) -> list[list[After]
 def _timed(
     document: PlanDocument, all_actions: tuple[HeadActions, ...], job: PrintJob
 ) -> tuple[HeadActions, ...]:
-    """Return all actions with times that keep their order, at the slowest feed of the print."""
+    """Return all actions with times that keep their order, at the slowest feed of the print.
+
+    Behind each stands what the machine's controllers need to start and to tell signals apart.
+    """
     legs = legs_of(all_actions)
     order = order_of(legs.all_actions)
     if not isinstance(order, PartialOrder):
         return all_actions
     slowest = float(job.contours.feed[job.contours.feed > 0.0].min(initial=1.0))
+    stands = document.machine.rest_s + document.machine.signal_interval_s
     seconds = []
     for h, (actions, whole) in enumerate(zip(legs.all_actions, all_actions, strict=True)):
         least = legs.arrivals(h, least_arrivals(document, whole, job, rests=True))
         seconds.append(ACTION_S + _lengths(actions) / slowest + least[actions.path_offsets[1:] - 1])
-    begin = execute(legs.all_actions, order, seconds)
+    begin = execute(legs.all_actions, order, [taken + stands for taken in seconds])
     timed = []
     for h, actions in enumerate(all_actions):
         ends = begin[h] + seconds[h]

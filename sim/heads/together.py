@@ -199,7 +199,8 @@ def _judge_one(
     for line, code in file.rest[low:high]:
         if line not in taken and not (is_move(code) or accepted(file.row(line), known)):
             words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
-    words += [f"line {line}: no M400 stands before this sync point" for line in file.loose]
+    words += [f"line {line}: no M400 stands before this signal at rest" for line in file.loose]
+    words += [f"line {line}: a dwell stands before this signal in motion" for line in file.still]
     where = f"head {actions.head}, "
     return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])
 

@@ -4,15 +4,18 @@ No action is shorter than its motion under the limits (`sim.replay.least`), and 
 of its own times and lengths is what its actions add up to. The plan does not state when an
 action passes a point. That is never sooner than if all the way to there is printed at the
 source's feed, without acceleration, and never later than the action's end. These limits are
-what nominal times are checked against.
+what nominal times are checked against. Where a head stops for another one, its controller takes
+`rest_s` until it moves again: behind each wait, and behind each end that it signals at rest.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
@@ -24,23 +27,57 @@ MODEL = 0.02  # share of the least time of an action that rounded points may tak
 ROUNDING = 1e-3  # share that rounded coordinates may make a way shorter
 
 
-def check_times(contours: Contours, all_actions: tuple[HeadActions, ...]) -> list[Fault]:
-    """Check each action against the one before it and all it waits for, lags included."""
+def check_times(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[Fault]:
+    """Check each action against the one before it and all it waits for, lags and rests included."""
     lines: list[str] = []
-    for actions in all_actions:
+    rest_s = document.machine.rest_s
+    stopped = _stopped(all_actions, document.machine.release)
+    for h, actions in enumerate(all_actions):
         begin, end = actions.begin_s, actions.end_s
-        own = np.concatenate([[True], begin[1:] >= end[:-1] - TIME_TOLERANCE_S])[: len(actions)]
-        kept = (end >= begin) & own
+        free = np.concatenate([[0.0], end[:-1]])[: len(actions)]
         for a in np.flatnonzero(np.diff(actions.after_offsets)).tolist():
-            due = max(
-                _passed(contours, all_actions, edge) + edge.lag_s for edge in actions.after_edges(a)
+            due = (
+                _passed(document.contours, all_actions, edge) + edge.lag_s
+                for edge in actions.after_edges(a)
             )
-            kept[a] &= begin[a] >= due - TIME_TOLERANCE_S
+            free[a] = max(free[a], *due)
+        late = (end < begin) | (begin < free - TIME_TOLERANCE_S)
         lines += [
             f"{describe(actions, a)} begins before what it waits for has happened"
-            for a in np.nonzero(~kept)[0].tolist()
+            for a in np.flatnonzero(late).tolist()
+        ]
+        soon = begin < free + rest_s - TIME_TOLERANCE_S
+        lines += [
+            f"{describe(actions, a)} begins {begin[a] - free[a]:.3f} s after the head could stop, "
+            f"its controller takes {rest_s:g} s to start again"
+            for a in np.flatnonzero(stopped[h] & soon & ~late).tolist()
         ]
     return listed(FaultKind.TIMES, lines)
+
+
+def _stopped(all_actions: tuple[HeadActions, ...], release: Release) -> list[NDArray[np.bool_]]:
+    """Tell of each action whether its head surely stands still, its moves run out, before it.
+
+    It does where it waits for another head, and behind an end that another head waits for if it
+    can signal that at rest only. Controllers that signal in motion stop behind a wait alone, where
+    the head has not moved.
+    """
+    stopped = []
+    for h, actions in enumerate(all_actions):
+        waits = np.zeros(len(actions) + 1, np.bool_)
+        owner = np.repeat(np.arange(len(actions)), np.diff(actions.after_offsets))
+        waits[owner[actions.after_head != h]] = True
+        stopped.append(waits)
+    for g, actions in enumerate(all_actions):
+        for h, other in enumerate(all_actions):
+            mine = (actions.after_head == h) & (h != g)
+            action, point = actions.after_action[mine], actions.after_point[mine]
+            last = np.diff(other.path_offsets)[action] - 1
+            ended = (point == ACTION_END) | (point == last)
+            if release == "point":
+                ended &= other.kind[action] == ActionKind.WAIT
+            stopped[h][action[ended] + 1] = True
+    return [waits[:-1] for waits in stopped]
 
 
 def check_least(
@@ -104,7 +141,7 @@ def _passed(contours: Contours, all_actions: tuple[HeadActions, ...], edge: Afte
     """Return the least time at which what is waited for can have happened."""
     actions = all_actions[edge.head]
     begin, end = float(actions.begin_s[edge.action]), float(actions.end_s[edge.action])
-    if edge.point == ACTION_END:
+    if edge.point in (ACTION_END, len(actions.action_path(edge.action)) - 1):
         return end
     return min(begin + _least_seconds(contours, actions, edge.action, edge.point), end)
 

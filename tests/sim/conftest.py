@@ -114,7 +114,7 @@ def two_head_machine(*, rail: bool = True) -> Machine:
     right = Head("right", slices, bodies, park=(240.0, 50.0, 20.0))
     return Machine(
         "two", (0.0, 0.0), (200.0, 200.0), (left, right), head_clearance_mm=1.0, limits=FAST,
-        rails=(Rail(0, ("left", "right"), 25.0),) if rail else (),
+        rails=(Rail(0, ("left", "right"), 25.0),) if rail else (), rest_s=0.0,
     )  # fmt: skip
 
 

@@ -65,13 +65,13 @@ def spoil(made: Made, head: int, change: Callable[[str], str]) -> None:
 
 
 def signal(text: str) -> re.Match[str]:
-    """The only signal in motion of a file."""
-    (match,) = PASSED.finditer(text)
-    return match
+    """The first signal of a file within a bead, else the first in motion."""
+    every = list(PASSED.finditer(text))
+    return next((m for m in every if re.match(r"G1 .* E0\.", text[m.end() :])), every[0])
 
 
 def test_honest_files_pass(made: Made) -> None:
-    """Each file signals once in motion, between the two segments of a bead."""
+    """Each file signals once within a bead, between its two segments."""
     assert made.judged().faults == ()
     for text in texts(made):
         match = signal(text)
@@ -81,10 +81,11 @@ def test_honest_files_pass(made: Made) -> None:
 
 
 def test_the_other_head_waits_for_that_number_at_rest(made: Made) -> None:
-    """Only the head in front goes on; who waits does so before it begins, behind an M400."""
+    """Only the head in front goes on; who waits does so before it begins, without an M400."""
     left, right = texts(made)
     for text, other in ((left, right), (right, left)):
-        assert f"M400\nSYNC_WAIT N={signal(text)[1]}\n" in other
+        assert f"\nSYNC_WAIT N={signal(text)[1]}\n" in other
+        assert f"M400\nSYNC_WAIT N={signal(text)[1]}\n" not in other
 
 
 @pytest.mark.parametrize("head", [0, 1])
@@ -138,16 +139,42 @@ def test_a_head_that_stops_in_its_bead_is_seen(made: Made, head: int) -> None:
     assert any("stops the head within action" in fault.text for fault in made.judged().faults)
 
 
+def test_ends_are_signalled_in_motion_where_heads_can(made: Made) -> None:
+    """A stop costs a rest, and an end needs none: all that was waited for is behind the head."""
+    ends = 0
+    for text in texts(made):
+        assert len(signals(text)) in (2, 3)  # set up, done, and but for the last head ended
+        ends += len(PASSED.findall(text)) - 1
+    assert ends == 2
+    for path in made.paths:
+        ended = re.compile(r"^SYNC_PASSED N=(\d+)\n(?!G1 .* E0\.)", re.M)
+        path.write_text(ended.sub(r"M400\nSYNC_SIGNAL N=\1\n", path.read_text()))
+    assert made.judged().faults == ()  # a stop that is not needed is safe
+
+
 @pytest.mark.parametrize("head", [0, 1])
 def test_a_signal_at_rest_that_does_not_stop_the_head_is_seen(made: Made, head: int) -> None:
-    """An end given in motion is given before the head has retracted and come to rest."""
+    """Whoever hears that a head is done runs its end code: it switches off the motors."""
 
     def hasty(text: str) -> str:
         match = signals(text)[1]
         return cut(text, match, match[0].removeprefix("M400\n").replace("SIGNAL", "PASSED"))
 
     spoil(made, head, hasty)
-    assert not made.judged().ok
+    assert any("at rest" in fault.text for fault in made.judged().faults)
+
+
+@pytest.mark.parametrize("head", [0, 1])
+def test_an_end_signalled_before_the_wipe_is_seen(made: Made, head: int) -> None:
+    """The head goes back along its bead, where the other one may be by then."""
+
+    def early(text: str) -> str:
+        match = next(m for m in PASSED.finditer(text) if m[1] != signal(text)[1])
+        wipe = list(re.finditer(r"^G1 X.* E-.*\n", text[: match.start()], re.M))[-1]
+        return moved(text, match, wipe.start())
+
+    spoil(made, head, early)
+    assert FaultKind.PRECEDENCE in made.judged().kinds()
 
 
 def test_a_wait_for_an_end_is_none_for_a_point(tmp_path: Path) -> None:
@@ -164,12 +191,12 @@ def test_controllers_that_meet_at_rest_get_no_such_files(made: Made) -> None:
             write_head_gcode(made.document, made.job, made.plan, head, io.StringIO())
     made.release = "action"
     assert (
-        sum("which the machine's controllers cannot" in f.text for f in made.judged().faults) == 2
+        sum("which the machine's controllers cannot" in f.text for f in made.judged().faults) == 4
     )
 
 
 def test_the_last_point_is_the_end(tmp_path: Path) -> None:
-    """Who waits for the last point of a bead waits for a head at rest."""
+    """Who waits for the last point of a bead waits until the head has wiped, too."""
     made = Made(tmp_path, change=lambda plan: with_edges(plan, {0: [2, 2]}))
     assert made.judged().faults == ()
     assert not any(PASSED.search(text) for text in texts(made))
@@ -209,9 +236,7 @@ def test_lags_are_dwelt_behind_the_wait(tmp_path: Path) -> None:
         for change in (
             cut(text, dwell),
             cut(text, dwell, dwell[0].replace("2500", "2400")),
-            moved(
-                text, dwell, text.rindex("M400\n", 0, text.rindex("SYNC_WAIT", 0, dwell.start()))
-            ),
+            moved(text, dwell, text.rindex("SYNC_WAIT", 0, dwell.start())),
         ):
             made.paths[head].write_text(change)
             assert any("does not dwell for 2.5 s" in fault.text for fault in made.judged().faults)

@@ -19,7 +19,7 @@ from sim.experiments.mutants import NotHereError
 from sim.experiments.mutants_gcode import GCODE_MUTANTS
 from sim.experiments.mutants_order import PARTS, SAFE_MUTANTS, TEMPERATURE_MUTANTS
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
-from sim.experiments.mutants_waits import WAIT_MUTANTS
+from sim.experiments.mutants_waits import STOP_MUTANTS, WAIT_MUTANTS
 from sim.faults import FaultKind
 from sim.verify import verify_plan
 
@@ -33,7 +33,8 @@ JUDGED = {  # what a reader cannot see
     "waits for the actions before": FaultKind.HEAD_HEAD,
     "lags dropped": FaultKind.COOLING,
 }
-WITH_TWO_HEADS = {mutant.name for mutant in WAIT_MUTANTS} | {"the heads exchanged"}
+WITH_TWO_HEADS = {mutant.name for mutant in (*WAIT_MUTANTS, *STOP_MUTANTS)}
+WITH_TWO_HEADS.add("the heads exchanged")
 
 
 @pytest.fixture(scope="module")

@@ -36,6 +36,7 @@ def make_machine() -> Machine:
             Head("right", slices, park=(140.0, 30.0, 5.0), **right),
         ),
         rails=(Rail(0, ("left", "right"), SEPARATION),),
+        rest_s=0.0,
     )
 
 

@@ -30,6 +30,7 @@ _MACHINE_KEYS = (
     "limits",
     "release",
     "signal_interval_s",
+    "rest_s",
     "rail",
     "rails",
     "heads",
@@ -49,6 +50,7 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
         "limits": limits_to_dict(machine.limits),
         "release": machine.release,
         "signal_interval_s": machine.signal_interval_s,
+        "rest_s": machine.rest_s,
         "rails": [_rail_to_dict(rail) for rail in machine.rails],
         "heads": [head_to_dict(head) for head in machine.heads],
     }
@@ -98,6 +100,7 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
         rails=_rails(given),
         release=_release(given),
         signal_interval_s=size(given, "signal_interval_s", defaults.signal_interval_s),
+        rest_s=size(given, "rest_s", defaults.rest_s),
         heads=tuple(head_from(head, _across(bed), limits) for head in given.tables("heads")),
     )
     check_relations(machine, given)

@@ -1,7 +1,8 @@
 """Units become actions: whole paths, waits and nominal times.
 
 The times follow from the partial order and the time model: each action begins when
-the one before it on its head, and those it comes after, have ended.
+the one before it on its head, and those it comes after, have ended, and the head has
+started again where it has stopped (`decmcts.team.schedule.standing`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
 from decmcts.print.toolpath import Toolpath, visit_points
 from decmcts.team.engine.order import UnitOrder
 from decmcts.team.schedule.rests import find_rests, with_rests
+from decmcts.team.schedule.standing import with_stops
 from decmcts.team.schedule.timing import ActionTimes, action_times
 
 
@@ -63,7 +65,8 @@ def join_actions(
             for head, rows, actions in zip(machine.heads, _rows(order), all_actions, strict=True)
         )
     )
-    return plan if rests is None else with_rests(plan, order, rests)
+    plan = plan if rests is None else with_rests(plan, order, rests)
+    return plan if len(machine.heads) < 2 else with_stops(plan, job, machine, times)
 
 
 def _passing(order: UnitOrder, times: Sequence[ActionTimes]) -> NDArray[np.float64]:

@@ -68,7 +68,7 @@ def test_each_edge_wait_and_move_is_looked_at_once(tmp_path: Path) -> None:
     assert grows_linearly(work, 8)
 
 
-@pytest.mark.parametrize("spoil", ["G4 P250", "M400\nSYNC_WAIT"])
+@pytest.mark.parametrize("spoil", ["G4 P250", "SYNC_WAIT"])
 def test_the_last_of_many_dwells_and_waits_still_counts(tmp_path: Path, spoil: str) -> None:
     """What is found once for a file must still be found for its last edge."""
     paths, plan, job, document = files_of(6, tmp_path)

@@ -34,7 +34,7 @@ def signals(path: Path) -> list[str]:
     return [word for word, _ in WORDS.findall(path.read_text())]
 
 
-@pytest.mark.parametrize(("interval_s", "moving"), [(0.0, 1), (0.1, 1), (0.2, 0)])
+@pytest.mark.parametrize(("interval_s", "moving"), [(0.0, 2), (0.1, 2), (0.2, 1)])
 def test_signals_too_near_are_one_at_the_later_point(tmp_path, interval_s, moving):
     """Klipper drops changes nearer than 0.1 s: whoever counts would wait for ever."""
     made = Made(tmp_path, change=both_ways, release="point", interval_s=interval_s)
@@ -84,7 +84,9 @@ def test_no_interval_makes_heads_wait_for_each_other(tmp_path, seed, interval_s)
 def test_without_an_interval_all_stays(tmp_path):
     """Machines that signal at rest, and those that tell any two apart."""
     made = Made(tmp_path, change=both_ways, release="point")
-    free = number_sync_points(made.plan)
-    assert free == number_sync_points(made.plan, 0.0, lambda head, k: 1.0)
-    late = number_sync_points(made.plan, 0.2, lambda head, k: 20.0)
+    free = number_sync_points(made.plan, made.job, "point")
+    assert free.at_rest == frozenset() and not free.apart
+    rests = number_sync_points(made.plan, made.job, "action")
+    assert rests.signals == free.signals and rests.at_rest == set(free.signals)
+    late = number_sync_points(made.plan, made.job, "point", 0.2)
     assert len(late.signals) + len(late.passed) < len(free.signals) + len(free.passed)

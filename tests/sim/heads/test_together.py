@@ -113,7 +113,7 @@ def test_honest_files_pass(made):
     assert made.judged().faults == ()
 
 
-SYNC = re.compile(r"M400\nSYNC_(?:WAIT|SIGNAL) N=\d+\n")
+SYNC = re.compile(r"(?:M400\nSYNC_SIGNAL|SYNC_WAIT) N=\d+\n")
 
 
 def nth(text: str, pattern: str, n: int) -> re.Match[str]:
@@ -132,11 +132,15 @@ def moved(text: str, match: re.Match[str], place: int) -> str:
 
 
 def waits(text: str) -> list[re.Match[str]]:
-    return list(re.finditer(r"M400\nSYNC_WAIT N=\d+\n", text))
+    return list(re.finditer(r"SYNC_WAIT N=\d+\n", text))
 
 
 def signals(text: str) -> list[re.Match[str]]:
     return list(re.finditer(r"M400\nSYNC_SIGNAL N=\d+\n", text))
+
+
+def in_motion(signal: re.Match[str]) -> str:
+    return signal[0].removeprefix("M400\n").replace("SIGNAL", "PASSED")
 
 
 def later_bead(text: str, match: re.Match[str]) -> str:
@@ -177,10 +181,15 @@ BROKEN = {
     "two signals swapped": lambda t: swapped_numbers(t, signals(t)[1], signals(t)[2]),
     "a wait moved behind the bead": lambda t: later_bead(t, waits(t)[-3]),
     "a signal moved before its bead": lambda t: earlier_bead(t, signals(t)[1]),
-    "another number": lambda t: cut(t, waits(t)[2], "M400\nSYNC_WAIT N=77\n"),
+    "another number": lambda t: cut(t, waits(t)[2], "SYNC_WAIT N=77\n"),
     "no M400 before a signal": lambda t: t.replace(
         signals(t)[1][0], signals(t)[1][0].removeprefix("M400\n")
     ),
+    "M400 before a wait": lambda t: cut(t, waits(t)[2], "M400\n" + waits(t)[2][0]),
+    "the set-up signalled in motion": lambda t: cut(t, signals(t)[0], in_motion(signals(t)[0])),
+    "an end signalled in motion": lambda t: cut(t, signals(t)[1], in_motion(signals(t)[1])),
+    "done signalled in motion": lambda t: cut(t, signals(t)[-2], in_motion(signals(t)[-2])),
+    "the end code signalled in motion": lambda t: cut(t, signals(t)[-1], in_motion(signals(t)[-1])),
     "a wait that is a comment": lambda t: cut(
         t, waits(t)[2], waits(t)[2][0].replace("SYNC", ";SYNC")
     ),

@@ -16,13 +16,12 @@ from decmcts._kernels.geometry.walls import Walls
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.formats.gcode.dialects.layers import LayerWords, layer_words
 from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
-from decmcts.print.job import ProcessSettings
+from decmcts.print.job import DEFAULT_TRAVEL, ProcessSettings
 from decmcts.print.walls import no_walls, retracts
 
 NEAR_MM = 1e-3  # two positions this near are one
 ROUNDING_MM = 1e-3  # of filament; less is not worth a line
 APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
-DEFAULT_TRAVEL = 100.0  # mm/s, where the source names none
 BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
 
 

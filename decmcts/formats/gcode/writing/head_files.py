@@ -16,20 +16,20 @@ Where the plan orders actions of different heads the files hold
 
     M400
     SYNC_SIGNAL N=7      ; number 7 is reached, give it to the other controllers
-    M400
     SYNC_WAIT N=7        ; do not go on before number 7 was given
 
-Numbers are the same in all files of a plan. M400 lets the moves before it end
-first. Where an action waits for a point within another head's, that head says in
-motion, between two moves and without M400,
+Numbers are the same in all files of a plan. M400 lets the moves before it end first. A wait
+has none: nothing behind it is read before it is over, so the moves above it run out. Where the
+machine's controllers can `release` points, a head says between two moves, or behind the last
+move of an action, without M400,
 
     SYNC_PASSED N=8      ; number 8 is reached when the move before this line has ended
 
-and the waiting head dwells behind its waits for as long as its lags ask. It does so
-whenever the signal came: files keep no time among each other. It dwells too, retracted,
-where the plan rests for cooling. SYNC_PASSED must
-neither stop the head nor run before the move above it has ended, so files have it
-only where the machine's controllers can `release` points (docs/gcode.md).
+This must neither stop the head nor run before the move above it has ended (docs/gcode.md). Such
+heads stop only to signal where they have not moved.
+
+The waiting head dwells behind its waits for as long as its lags ask, whenever the signal came:
+files keep no time among each other. It dwells too, retracted, where the plan rests for cooling.
 
 The commands are macros the machine's host provides; other words for them are an
 argument. A controller that ignores them must not run these files.
@@ -40,7 +40,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -51,7 +50,7 @@ from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.text.source_text import save_text
-from decmcts.formats.gcode.writing.emitter import DEFAULT_TRAVEL, Emitter
+from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.hot_ends import (
     Hears,
     early_heat,
@@ -144,7 +143,7 @@ def head_gcode_bytes(
     if home is None:
         raise InputError(f"head {head.head} has nothing to do and no park position is given")
     apart_s = interval_s if release == "point" else 0.0
-    points = number_sync_points(plan, apart_s, partial(_fastest, job))
+    points = number_sync_points(plan, job, release, apart_s)
     if release == "action":
         _refuse_points(points, plan)
     words = _Words(signal, passed, wait)
@@ -159,14 +158,6 @@ def head_gcode_bytes(
         file.act(head, k)
     file.end(len(head))
     return file.emitter.text()
-
-
-def _fastest(job: PrintJob, head: HeadActions, k: int) -> float:
-    """Return the most speed, mm/s, that a head has in one of its actions."""
-    if head.kind[k] == ActionKind.PRINT:
-        c, offsets = int(head.contour[k]), job.contours.offsets
-        return float(job.contours.feed[offsets[c] : offsets[c + 1]].max(initial=1e-3))
-    return max(job.settings.travel_feed or DEFAULT_TRAVEL, job.settings.z_feed)
 
 
 def _refuse_points(points: SyncPoints, plan: JointPlan) -> None:
@@ -305,7 +296,7 @@ class _HeadFile:
         if self.index > 0:
             for line in early_heat(rest):
                 emitter.say(line)
-            self._say(self.words.wait, self.index)
+            self._wait(self.index)
         emitter.verbatim(rest)
         self._resume(document.start)
         x, y, z = park
@@ -313,9 +304,9 @@ class _HeadFile:
         emitter.say(f"G1 X{x:.3f} Y{y:.3f} F{emitter.travel_feed * 60:.0f}")
         emitter.at, emitter.feed = (x, y, z), emitter.travel_feed
         if n_heads > 1:
-            self._say(self.words.signal, self.index + 1)
+            self._signal(self.index + 1)
             if self.index + 1 < n_heads:
-                self._say(self.words.wait, n_heads)
+                self._wait(n_heads)
 
     def _resume(self, cursor: Cursor) -> None:
         """Set modes and E as the source has them, after lines of it were left out."""
@@ -334,7 +325,7 @@ class _HeadFile:
         """Write one action with what it waits for and what it signals."""
         emitter = self.emitter
         for number in self.points.waits.get((self.index, k), ()):
-            self._say(self.words.wait, number)
+            self._wait(number)
         self._dwell(self.points.lags.get((self.index, k), 0.0))
         passed = {
             point: self.words.passed.format(number=number)
@@ -355,8 +346,15 @@ class _HeadFile:
         elif kind == ActionKind.WAIT:
             self._dwell(float(head.end_s[k] - head.begin_s[k]))
         if (number := self.points.signals.get((self.index, k), 0)) > 0:
+            self._end_of(k, number)
+
+    def _end_of(self, k: int, number: int) -> None:
+        """Signal that an action has ended, without a stop where the controllers can."""
+        if (self.index, k) in self.points.at_rest:
             self._stand_apart(k)
-            self._say(self.words.signal, number)
+            self._signal(number)
+        else:
+            self.emitter.say(self.words.passed.format(number=number))
 
     def _stand_apart(self, k: int) -> None:
         """Stand still before a signal at rest that is too near to the one before."""
@@ -391,11 +389,11 @@ class _HeadFile:
         emitter, end, points = self.emitter, self.document.end, self.points
         if len(points.done) > 1:
             self._stand_apart(count)
-            self._say(self.words.signal, points.done[self.index])
+            self._signal(points.done[self.index])
             for number in points.done[: self.index] + points.done[self.index + 1 :]:
-                self._say(self.words.wait, number)
+                self._wait(number)
             if self.index > 0:
-                self._say(self.words.wait, points.ended[self.index - 1])
+                self._wait(points.ended[self.index - 1])
             if self.index + 1 < len(points.ended):
                 self._dwell(self.apart_s)  # a signal stands below the end code, too
         self._cross(2**31)
@@ -410,7 +408,7 @@ class _HeadFile:
         )
         emitter.verbatim(own)
         if self.index + 1 < len(points.ended):
-            self._say(self.words.signal, points.ended[self.index])
+            self._signal(points.ended[self.index])
 
     def _cross(self, epoch: int) -> None:
         """Write the blocks of all epochs up to `epoch`, without their moves."""
@@ -472,9 +470,14 @@ class _HeadFile:
         """Tell whether a tool is another head's."""
         return self.shared and tool != self.tool
 
-    def _say(self, template: str, number: int) -> None:
+    def _signal(self, number: int) -> None:
+        """Signal at rest."""
         self.emitter.say("M400")
-        self.emitter.say(template.format(number=number))
+        self.emitter.say(self.words.signal.format(number=number))
+
+    def _wait(self, number: int) -> None:
+        """Wait for a number; the moves above run out by themselves."""
+        self.emitter.say(self.words.wait.format(number=number))
 
     def _own(
         self, text: bytes, *, keep_homing: bool, relative_e: bool, tool: int = 0,

@@ -1,0 +1,132 @@
+"""Which places of a plan heads signal, so that their controllers tell any two apart.
+
+A controller that drops changes of an output nearer than some interval must not give two signals
+within it. Of nearer ones one is given, at the later point of the same action. At the end of an
+action the head may stand until it is time. Planner and writer of files ask here; the judge has
+logic of its own (`sim.heads.intervals`, `sim.replay.signals`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.job import DEFAULT_TRAVEL, PrintJob
+from decmcts.print.machine import Release
+from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
+
+Action = tuple[int, int]  # head and action
+Place = tuple[int, int, int]  # head, action and point
+SPARE = 1.02  # times the interval, besides
+SPARE_S = 1e-3  # for rounded paths and feeds
+ROUNDING_MM = 1e-3  # of positions in files
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """What each head signals."""
+
+    at: Mapping[Place, Place]  # where each place that is waited for is signalled
+    apart: frozenset[Action] = frozenset()  # before whose signal the head has to stand a while;
+    # the action behind its last one: before that it is done
+
+    def at_rest(self, plan: JointPlan, release: Release) -> set[Action]:
+        """Return the actions behind which a head stands still to signal that they have ended.
+
+        Where controllers signal in motion it does where it has not moved, and where it has to
+        stand anyway.
+        """
+        ended = {(h, k) for h, k, point in self.at.values() if point == ACTION_END}
+        if release == "action":
+            return ended
+        return {(h, k) for h, k in ended if (h, k) in self.apart or _stays(plan.heads[h], k)}
+
+
+def _stays(head: HeadActions, k: int) -> bool:
+    """Tell whether a head's file has no move for an action."""
+    if head.kind[k] in (ActionKind.PRINT, ActionKind.WAIT):
+        return bool(head.kind[k] == ActionKind.WAIT)
+    return bool(np.abs(np.diff(head.action_path(k), axis=0)).max(initial=0.0) <= ROUNDING_MM)
+
+
+def place_of(plan: JointPlan, edge: After) -> Place:
+    """Return head, action and point of what is waited for; its last point is its end."""
+    offsets = plan.heads[edge.head].path_offsets
+    last = int(offsets[edge.action + 1] - offsets[edge.action]) - 1
+    return edge.head, edge.action, ACTION_END if edge.point == last else edge.point
+
+
+def signals_of(plan: JointPlan, job: PrintJob, interval_s: float) -> Signals:
+    """Return where heads signal what others wait for, at least `interval_s` apart.
+
+    Times are the least that the moves of a file can take, so they do not depend on limits. Within
+    an action a head waits for nobody, so no wait becomes part of a cycle. Complexity O(points).
+    """
+    asked = {
+        place_of(plan, edge)
+        for h, head in enumerate(plan.heads)
+        for k in np.flatnonzero(np.diff(head.after_offsets)).tolist()
+        for edge in head.after_edges(k)
+        if edge.head != h
+    }
+    if interval_s <= 0.0:
+        return Signals({place: place for place in asked})
+    due_s = interval_s * SPARE + SPARE_S
+    points: dict[Action, list[int]] = {}
+    for h, k, point in asked:
+        points.setdefault((h, k), []).append(point)
+    found: dict[Place, Place] = {}
+    apart: set[Action] = set()
+    for h, head in enumerate(plan.heads):
+        begun, told = 0.0, 0.0  # least seconds: of the action, and when the last signal was given
+        for k in range(len(head)):
+            clock = begun + _clock(job, head, k)
+            begun = float(clock[-1])
+            kept, target = _spread(points.get((h, k), []), clock, told, due_s)
+            found.update({(h, k, p): (h, k, to) for p, to in target.items()})
+            if kept == [ACTION_END] and clock[-1] - told < due_s:
+                apart.add((h, k))
+                begun += due_s
+            told = (begun if kept[-1] == ACTION_END else float(clock[kept[-1]])) if kept else told
+        if begun - told < due_s:
+            apart.add((h, len(head)))
+    return Signals(found, frozenset(apart))
+
+
+def _clock(job: PrintJob, head: HeadActions, k: int) -> NDArray[np.float64]:
+    """Return the least seconds to each point of an action, from its begin, (n,)."""
+    if head.kind[k] == ActionKind.WAIT:
+        return np.array([float(head.end_s[k] - head.begin_s[k])])
+    length = np.linalg.norm(np.diff(head.action_path(k), axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(length) / _fastest(job, head, k)])
+
+
+def _fastest(job: PrintJob, head: HeadActions, k: int) -> float:
+    """Return the most speed, mm/s, that a head has in one of its actions."""
+    if head.kind[k] == ActionKind.PRINT:
+        c, offsets = int(head.contour[k]), job.contours.offsets
+        return float(job.contours.feed[offsets[c] : offsets[c + 1]].max(initial=1e-3))
+    return max(job.settings.travel_feed or DEFAULT_TRAVEL, job.settings.z_feed)
+
+
+def _spread(
+    points: list[int], clock: NDArray[np.float64], told: float, interval_s: float
+) -> tuple[list[int], dict[int, int]]:
+    """Return the points of an action that are signalled, and for each point that which is its.
+
+    Points are in their order, `ACTION_END` last. Each is at least `interval_s` after the one
+    before and after `told`, but an end, at which the head can stand.
+    """
+    due = sorted(points, key=lambda p: len(clock) if p == ACTION_END else p)
+    kept: list[int] = []
+    for point in reversed(due):
+        if not kept or clock[kept[-1]] - clock[point] >= interval_s:  # the end is clock[-1]
+            kept.append(point)
+    kept.reverse()
+    while kept and kept[0] != ACTION_END and clock[kept[0]] - told < interval_s:
+        kept = kept[1:] or [ACTION_END]
+    rank = {p: len(clock) if p == ACTION_END else p for p in (*due, *kept)}
+    return kept, {p: next(to for to in kept if rank[to] >= rank[p]) for p in due}

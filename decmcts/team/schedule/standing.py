@@ -1,0 +1,97 @@
+"""What heads lose where they stop for one another, in the times of a joint plan.
+
+Behind a wait, and behind a signal at rest, a controller has run out of moves and takes
+`rest_s` until the head moves again. Whether a wait is over already when a head comes to it
+depends on the timing, so all of them cost that much. Where heads signal in motion, signals are
+`signal_interval_s` apart (`decmcts.print.signals`): waits for points too near to another become
+waits for later ones, and where a head must stand before it may signal, its action ends later.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts._kernels.engine.stops import times_with_stops
+from decmcts.print.job import PrintJob
+from decmcts.print.machine import Machine
+from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
+from decmcts.print.signals import SPARE, SPARE_S, Signals, place_of, signals_of
+from decmcts.team.schedule.timing import ActionTimes
+
+Floats = NDArray[np.float64]
+
+
+def with_stops(
+    plan: JointPlan, job: PrintJob, machine: Machine, times: Sequence[ActionTimes]
+) -> JointPlan:
+    """Return the plan of several heads with waits for what is signalled, and times with stops.
+
+    `times` are those of the heads' actions without their waits for cooling.
+    """
+    interval_s = machine.signal_interval_s if machine.release == "point" else 0.0
+    signals = signals_of(plan, job, interval_s)
+    plan = JointPlan(tuple(_waiting(plan, h, signals) for h in range(len(plan.heads))))
+    stands = _stands(plan, machine, signals)
+    seconds = [head.end_s - head.begin_s for head in plan.heads]
+    for h, k in signals.apart:
+        if k < len(plan.heads[h]):
+            seconds[h][k] += interval_s * SPARE + SPARE_S
+    first = np.cumsum([0, *map(len, plan.heads)]).astype(np.int64)
+    counts = np.concatenate([np.diff(head.after_offsets) for head in plan.heads])
+    offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    after = np.concatenate([first[head.after_head] + head.after_action for head in plan.heads])
+    passing = np.concatenate([_passing(plan, head, seconds, times) for head in plan.heads])
+    taken = np.concatenate(seconds)
+    begin = times_with_stops(
+        first, offsets, after.astype(np.int64), passing, np.concatenate(stands), taken
+    )
+    return JointPlan(
+        tuple(
+            replace(head, begin_s=begin[a:b], end_s=begin[a:b] + taken[a:b])
+            for head, a, b in zip(plan.heads, first[:-1], first[1:], strict=True)
+        )
+    )
+
+
+def _waiting(plan: JointPlan, h: int, signals: Signals) -> HeadActions:
+    """Return the actions of one head, which wait for what is signalled."""
+    head = plan.heads[h]
+    points = head.after_point.copy()
+    for k in np.flatnonzero(np.diff(head.after_offsets)).tolist():
+        row = int(head.after_offsets[k])
+        for e, edge in enumerate(head.after_edges(k)):
+            if edge.point != ACTION_END and edge.head != h:
+                points[row + e] = signals.at[place_of(plan, edge)][2]
+    return replace(head, after_point=points)
+
+
+def _stands(plan: JointPlan, machine: Machine, signals: Signals) -> list[Floats]:
+    """Return the seconds that each head stands before its actions, so that it can start."""
+    at_rest = signals.at_rest(plan, machine.release)
+    stands = []
+    for h, head in enumerate(plan.heads):
+        stops = np.diff(head.after_offsets) > 0
+        behind = [k + 1 for g, k in at_rest if g == h and k + 1 < len(head)]
+        stops[behind] = True
+        stands.append(np.where(stops, machine.rest_s, 0.0))
+    return stands
+
+
+def _passing(
+    plan: JointPlan, head: HeadActions, seconds: Sequence[Floats], times: Sequence[ActionTimes]
+) -> Floats:
+    """Return the seconds from the begin of what a head waits for until it may go on, (m,)."""
+    found = np.empty(len(head.after_head))
+    for g, other in enumerate(plan.heads):
+        mine = head.after_head == g
+        action, point = head.after_action[mine].astype(np.int64), head.after_point[mine]
+        timed = seconds[g][action].copy()
+        within = point != ACTION_END
+        unit = np.cumsum(other.kind != ActionKind.WAIT) - 1  # `times` has no waits
+        timed[within] = times[g].until(unit[action[within]], point[within])
+        found[mine] = timed
+    return np.asarray(found + head.after_lag_s)
