@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.print.sync_words import USUAL_WORDS, SyncWords
+
 Axes = tuple[float, float, float, float]  # x, y, z and the filament e
 Release = Literal["point", "action"]
 
@@ -113,6 +115,7 @@ class Machine:
     release: Release = "action"  # what a head can signal: points of a print, or only its end
     signal_interval_s: float = 0.1  # least time between signals of a head, where it signals points
     rest_s: float = 0.45  # what a head that stops for another loses until it moves again
+    words: SyncWords = USUAL_WORDS  # with which its heads' files signal and wait
     source: str = ""  # where the shape comes from
 
     def limits_of(self, head: Head) -> MotionLimits:

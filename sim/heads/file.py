@@ -14,11 +14,12 @@ from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
+from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.heads.heat import SELECTS, heat_of
+from sim.heads.words import Reader
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
 _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
-_SYNC = re.compile(rb"SYNC_(SIGNAL|PASSED|WAIT) N=(\d{1,9})\Z")
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _FILAMENT = re.compile(rb"G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
@@ -51,14 +52,15 @@ class HeadFile:
     rest: tuple[tuple[int, bytes], ...]  # line (from 1) and command of all that is no sync point
     loose: tuple[int, ...]  # lines of signals at rest that no M400 stands before
     still: tuple[int, ...]  # lines of signals in motion that a dwell stands before
+    amiss: tuple[tuple[int, str], ...]  # lines of signals that count wrong, and how
 
     def row(self, line: int) -> bytes:
         """Return a line (from 1) as it stands."""
         return self.lines.raw(line - 1)
 
 
-def read_head_file(path: Path | str) -> HeadFile:
-    """Read the file of one head.
+def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile:
+    """Read the file of one head; `words` are what its sync points look like.
 
     Raises
     ------
@@ -68,10 +70,10 @@ def read_head_file(path: Path | str) -> HeadFile:
     lines = split_lines(load_text(path), path)
     motion = interpret(lines)
     name, place = header_of(lines.text)
-    syncs, rest, loose, still = _parted(lines)
+    syncs, rest, loose, still, amiss = _parted(lines, Reader(words, place[0]))
     return HeadFile(
         str(path), name, place, lines, motion, track_state(lines, motion), tuple(syncs),
-        tuple(rest), tuple(loose), tuple(still),
+        tuple(rest), tuple(loose), tuple(still), tuple(amiss),
     )  # fmt: skip
 
 
@@ -84,34 +86,37 @@ def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
     return match[1].decode("utf-8", "replace"), (int(match[2]), int(match[3]))
 
 
-def _parted(
-    lines: Lines,
-) -> tuple[list[Sync], list[tuple[int, bytes]], list[int], list[int]]:
-    """Return sync points, other commands, signals that lack an M400, and those behind a dwell.
+def _parted(lines: Lines, reader: Reader) -> tuple[
+    list[Sync], list[tuple[int, bytes]], list[int], list[int], list[tuple[int, str]],
+]:  # fmt: skip
+    """Return sync points, other commands, and signals that lack an M400, follow a dwell, or err.
 
     An M400 right before a signal at rest belongs to it. A wait has none: nothing behind it is
     read before it is over, so the moves above run out. A signal in motion is given when the last
     move above it ends, so not as late as a dwell above it.
     """
     syncs, rest, loose, still = list[Sync](), list[tuple[int, bytes]](), list[int](), list[int]()
+    amiss: list[tuple[int, str]] = []
     above = b""
     for k in range(len(lines)):
         code = command_of(lines.raw(k))
         if not code:
             continue
-        match = _SYNC.match(code)
-        if match is None:
+        found = reader.read(code, stands=above == b"M400")
+        if found is None:
             rest.append((k + 1, code))
         else:
-            syncs.append(Sync(k + 1, match[1] != b"WAIT", int(match[2]), match[1] == b"PASSED"))
-            if syncs[-1].moving and above.startswith(b"G4 "):
+            syncs.append(Sync(k + 1, found.signal, found.number, found.moving))
+            amiss += [(k + 1, what) for what in found.amiss]
+            if found.moving and above.startswith(b"G4 "):
                 still.append(k + 1)
-            if match[1] == b"SIGNAL" and above == b"M400":
-                rest.pop()
-            elif match[1] == b"SIGNAL":
-                loose.append(k + 1)
+            if found.signal and not found.moving:
+                if above == b"M400":
+                    rest.pop()
+                else:
+                    loose.append(k + 1)
         above = code
-    return syncs, rest, loose, still
+    return syncs, rest, loose, still, amiss
 
 
 def axis_moves(file: HeadFile) -> list[int]:

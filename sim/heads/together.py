@@ -20,6 +20,7 @@ from decmcts.formats.gcode import GcodeDocument
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import accepted, is_move, known_settings
@@ -28,6 +29,7 @@ from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_
 from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.intervals import check_intervals
 from sim.heads.ledger import Bead, Printed, behind, belongs_to_bead, check_filament, dues_of
+from sim.heads.macros import check_words
 from sim.heads.order import Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
 from sim.heads.walk import OWED_MM, SAME_MM, Walk, Walker, differing
@@ -44,6 +46,7 @@ def verify_heads(
     parks: Sequence[Point],
     release: Release = "action",
     interval_s: float = 0.0,
+    words: SyncWords = USUAL_WORDS,
     read: bool = False,
     told: Callable[[str], None] = lambda step: None,
 ) -> Verdict:
@@ -59,6 +62,8 @@ def verify_heads(
         Whether the machine's controllers can signal in motion.
     interval_s : float
         The least time between two signals of a head, where they signal in motion.
+    words : SyncWords
+        The lines with which the machine's files signal and wait.
     read : bool
         Whether the plan was read from these files (`sim.heads.plan`).
     told : function
@@ -68,7 +73,7 @@ def verify_heads(
     try:
         for path in paths:
             told(f"reading {Path(path).name} back")
-            files.append(read_head_file(path))
+            files.append(read_head_file(path, words))
     except InputError as error:
         return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
     faults = _check_names(files, plan)
@@ -86,7 +91,7 @@ def verify_heads(
         faults += _check_filament(files, parts, walks, plan, job, document)
     told("what the files' sync points order")
     known = Knowledge([file.syncs for file in files])
-    faults += check_sync(files, known, release)
+    faults += check_words(words, release) + check_sync(files, known, release)
     apart_s = interval_s if release == "point" else 0.0
     faults += check_intervals(files, apart_s)
     if not known.stuck and all(walk.complete for walk in walks):
@@ -200,6 +205,7 @@ def _judge_one(
         if line not in taken and not (is_move(code) or accepted(file.row(line), known)):
             words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
     words += [f"line {line}: no M400 stands before this signal at rest" for line in file.loose]
+    words += [f"line {line} {what}" for line, what in file.amiss]
     words += [f"line {line}: a dwell stands before this signal in motion" for line in file.still]
     where = f"head {actions.head}, "
     return part, walk, listed(FaultKind.COMMAND, [where + text for text in words])

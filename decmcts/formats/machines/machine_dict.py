@@ -6,6 +6,7 @@ named; its heads are read in `formats.heads`, files in `machine_file`.
 
 from __future__ import annotations
 
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from decmcts.formats.heads.lengths import pair, size
 from decmcts.formats.heads.limits_dict import limits_from, limits_to_dict
 from decmcts.formats.machines.machine_relations import AXES, check_relations
 from decmcts.print.machine import Machine, MotionLimits, Rail, Release
+from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 
 _RELEASES = ("point", "action")
 _MACHINE_KEYS = (
@@ -31,6 +33,7 @@ _MACHINE_KEYS = (
     "release",
     "signal_interval_s",
     "rest_s",
+    "words",
     "rail",
     "rails",
     "heads",
@@ -51,6 +54,7 @@ def machine_to_dict(machine: Machine) -> dict[str, Any]:
         "release": machine.release,
         "signal_interval_s": machine.signal_interval_s,
         "rest_s": machine.rest_s,
+        "words": asdict(machine.words),
         "rails": [_rail_to_dict(rail) for rail in machine.rails],
         "heads": [head_to_dict(head) for head in machine.heads],
     }
@@ -101,6 +105,7 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
         release=_release(given),
         signal_interval_s=size(given, "signal_interval_s", defaults.signal_interval_s),
         rest_s=size(given, "rest_s", defaults.rest_s),
+        words=_words(given),
         heads=tuple(head_from(head, _across(bed), limits) for head in given.tables("heads")),
     )
     check_relations(machine, given)
@@ -112,6 +117,22 @@ def _release(given: Fields) -> Release:
     if value not in _RELEASES:
         given.fail("release", f"expected 'point' or 'action', found {shown(value)}")
     return "point" if value == "point" else "action"
+
+
+def _words(given: Fields) -> SyncWords:
+    usual = USUAL_WORDS
+    if "words" not in given.values:
+        return usual
+    table = given.table("words")
+    table.only(*(field.name for field in fields(SyncWords)))
+    words = SyncWords(
+        signal=table.text("signal", usual.signal),
+        passed=table.text("passed", usual.passed),
+        wait=table.text("wait", usual.wait),
+    )
+    for name, why in words.faults():
+        table.fail(name, f"{shown(getattr(words, name))} {why}")
+    return words
 
 
 def _rails(given: Fields) -> tuple[Rail, ...]:

@@ -61,7 +61,7 @@ def judge_heads(
     release = plan.machine.release
     verdict = verify_heads(
         files, plan.plan, job, document, parks=at, release=release,
-        interval_s=plan.machine.signal_interval_s,
+        interval_s=plan.machine.signal_interval_s, words=plan.machine.words,
     )  # fmt: skip
     return Verdict((*faults, *verdict.faults), verdict.counts)
 
@@ -78,7 +78,7 @@ def judge_heads_alone(
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
-    files = [read_head_file(path) for path in paths]
+    files = [read_head_file(path, chosen.words) for path in paths]
     names = {head.name: k for k, head in enumerate(chosen.heads)}
     faults = misnamed(paths, named, chosen)
     if sorted(file.name for file in files) != sorted(names):
@@ -94,7 +94,7 @@ def judge_heads_alone(
     parks = [chosen.heads[names[file.name]].park for file in files]
     more = verify_heads(
         paths, plan.plan, job, document, parks=parks, release=chosen.release,
-        interval_s=chosen.signal_interval_s, read=True,
+        interval_s=chosen.signal_interval_s, words=chosen.words, read=True,
     )  # fmt: skip
     every = (*faults, *altered, *verdict.faults, *more.faults)
     return Verdict(every, verdict.counts, (verdict.checked[0], WITHOUT_PLAN))

@@ -22,6 +22,7 @@ from sim.content.same_print import is_other_print
 from sim.faults import Verdict
 from sim.heads.file import read_head_file
 from sim.heads.plan import plan_of_files
+from decmcts.print.sync_words import SyncWords
 from sim.heads.together import verify_heads
 
 
@@ -72,6 +73,7 @@ class HeadWriter(Protocol):
         park: tuple[float, float, float] | None,
         release: Release,
         interval_s: float,
+        words: SyncWords,
     ) -> None:
         """Write to `out`."""
         ...
@@ -111,11 +113,12 @@ def write_heads(
                 park=at[index],
                 release=problem.machine.release,
                 interval_s=problem.machine.signal_interval_s,
+                words=problem.machine.words,
             )
         verdict = verify_heads(
             drafts, plan, problem.job, problem.document, parks=at,
             release=problem.machine.release, interval_s=problem.machine.signal_interval_s,
-            told=lambda text: report(Step(text)),
+            words=problem.machine.words, told=lambda text: report(Step(text)),
         )  # fmt: skip
         require_sound(verdict, stem)
         if (given := problem.source.original) is not None:
@@ -128,13 +131,14 @@ def write_heads(
 
 def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdict:
     """Judge files of a print that was made safe by the source that was given, in its numbers."""
-    plan, altered = plan_of_files([read_head_file(draft) for draft in drafts], given.job, machine)
+    files = [read_head_file(draft, machine.words) for draft in drafts]
+    plan, altered = plan_of_files(files, given.job, machine)
     if is_other_print(altered):
         return Verdict(tuple(altered))
     parks = {head.name: head.park for head in machine.heads}
     verdict = verify_heads(
         drafts, plan.plan, given.job, given.document,
         parks=[parks[actions.head] for actions in plan.plan.heads], release=machine.release,
-        interval_s=machine.signal_interval_s, read=True,
+        interval_s=machine.signal_interval_s, words=machine.words, read=True,
     )  # fmt: skip
     return Verdict((*altered, *verdict.faults))

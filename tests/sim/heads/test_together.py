@@ -15,6 +15,7 @@ from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.writing.own_lines import own_lines
 from decmcts.print.machine import Release
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
+from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind
 from sim.heads.file import own_commands
@@ -76,10 +77,11 @@ class Made:
         change: Callable[[JointPlan], JointPlan] = lambda plan: plan,
         release: Release = "action",
         interval_s: float = 0.0,
+        words: SyncWords = USUAL_WORDS,
     ) -> None:
         source = folder / "in.gcode"
         source.write_text(start + layers + end)
-        self.release, self.interval_s = release, interval_s
+        self.release, self.interval_s, self.words = release, interval_s, words
         self.job, self.document = read_gcode(source)
         assert len(self.job.contours) == 8 and len(self.document.blocks) == 1
         plain = JointPlan(
@@ -93,13 +95,13 @@ class Made:
         for k, path in enumerate(self.paths):
             write_head_gcode(
                 self.document, self.job, self.plan, k, path, header_lines=["made"], park=PARKS[k],
-                release=release, interval_s=interval_s,
+                release=release, interval_s=interval_s, words=words,
             )  # fmt: skip
 
     def judged(self):
         return verify_heads(
             self.paths, self.plan, self.job, self.document, parks=PARKS, release=self.release,
-            interval_s=self.interval_s,
+            interval_s=self.interval_s, words=self.words,
         )  # fmt: skip
 
 

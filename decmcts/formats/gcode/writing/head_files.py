@@ -31,15 +31,14 @@ heads stop only to signal where they have not moved.
 The waiting head dwells behind its waits for as long as its lags ask, whenever the signal came:
 files keep no time among each other. It dwells too, retracted, where the plan rests for cooling.
 
-The commands are macros the machine's host provides; other words for them are an
-argument. A controller that ignores them must not run these files.
+The commands are macros the machine's host provides; a machine may have other words for them
+(`decmcts.print.sync_words`). A controller that ignores them must not run these files.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -66,11 +65,9 @@ from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
+from decmcts.print.sync_words import USUAL_WORDS, SyncWords, said
 from decmcts.print.walls import retracts, walls_for
 
-SIGNAL = "SYNC_SIGNAL N={number}"
-PASSED = "SYNC_PASSED N={number}"
-WAIT = "SYNC_WAIT N={number}"
 PRIMES_MM = 0.1  # of filament; less primes nothing
 LONGEST_DWELL_S = 600.0  # of one G4
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
@@ -86,9 +83,7 @@ def write_head_gcode(
     out: Path | str | BinaryIO | TextIO,
     *,
     header_lines: Sequence[str] = (),
-    signal: str = SIGNAL,
-    passed: str = PASSED,
-    wait: str = WAIT,
+    words: SyncWords = USUAL_WORDS,
     park: tuple[float, float, float] | None = None,
     release: Release = "action",
     interval_s: float = 0.0,
@@ -100,8 +95,8 @@ def write_head_gcode(
     park : tuple of float | None
         Where the head stands while it has no action; needed where it has none
         at all, since homing leaves it where no plan looked.
-    signal, passed, wait : str
-        The commands of a synchronisation point, ``{number}`` where its number goes.
+    words : SyncWords
+        The lines of synchronisation points.
     release : "point" or "action"
         What the machine's controllers can signal.
     interval_s : float
@@ -115,8 +110,8 @@ def write_head_gcode(
         by commands of its own during the print, or when `out` cannot be written.
     """
     text = head_gcode_bytes(
-        document, job, plan, head_index, header_lines=header_lines, signal=signal,
-        passed=passed, wait=wait, park=park, release=release, interval_s=interval_s,
+        document, job, plan, head_index, header_lines=header_lines, words=words,
+        park=park, release=release, interval_s=interval_s,
     )  # fmt: skip
     save_text(text, out)
 
@@ -128,9 +123,7 @@ def head_gcode_bytes(
     head_index: int,
     *,
     header_lines: Sequence[str] = (),
-    signal: str = SIGNAL,
-    passed: str = PASSED,
-    wait: str = WAIT,
+    words: SyncWords = USUAL_WORDS,
     park: tuple[float, float, float] | None = None,
     release: Release = "action",
     interval_s: float = 0.0,
@@ -146,7 +139,6 @@ def head_gcode_bytes(
     points = number_sync_points(plan, job, release, apart_s)
     if release == "action":
         _refuse_points(points, plan)
-    words = _Words(signal, passed, wait)
     file = _HeadFile(document, job, head_index, tool, points, words, apart_s)
     file.prints.update(head.contour[head.kind == ActionKind.PRINT].tolist())
     header = [
@@ -245,15 +237,6 @@ def _refuse_own_moves(document: GcodeDocument, job: PrintJob) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Words:
-    """The commands of synchronisation points, with ``{number}``."""
-
-    signal: str
-    passed: str
-    wait: str
-
-
 class _HeadFile:
     """The file of one head while it is written."""
 
@@ -264,7 +247,7 @@ class _HeadFile:
         index: int,
         tool: int | None,
         points: SyncPoints,
-        words: _Words,
+        words: SyncWords,
         apart_s: float,
     ) -> None:
         self.emitter = Emitter(document, job.settings, walls_for(job))
@@ -328,7 +311,7 @@ class _HeadFile:
             self._wait(number)
         self._dwell(self.points.lags.get((self.index, k), 0.0))
         passed = {
-            point: self.words.passed.format(number=number)
+            point: self._said(self.words.passed, number)
             for point, number in self.points.passed.get((self.index, k), {}).items()
         }
         kind = head.kind[k]
@@ -354,7 +337,7 @@ class _HeadFile:
             self._stand_apart(k)
             self._signal(number)
         else:
-            self.emitter.say(self.words.passed.format(number=number))
+            self.emitter.say(self._said(self.words.passed, number))
 
     def _stand_apart(self, k: int) -> None:
         """Stand still before a signal at rest that is too near to the one before."""
@@ -470,14 +453,17 @@ class _HeadFile:
         """Tell whether a tool is another head's."""
         return self.shared and tool != self.tool
 
+    def _said(self, line: str, number: int) -> str:
+        return said(line, number, *self.points.given[number])
+
     def _signal(self, number: int) -> None:
         """Signal at rest."""
         self.emitter.say("M400")
-        self.emitter.say(self.words.signal.format(number=number))
+        self.emitter.say(self._said(self.words.signal, number))
 
     def _wait(self, number: int) -> None:
         """Wait for a number; the moves above run out by themselves."""
-        self.emitter.say(self.words.wait.format(number=number))
+        self.emitter.say(self._said(self.words.wait, number))
 
     def _own(
         self, text: bytes, *, keep_homing: bool, relative_e: bool, tool: int = 0,

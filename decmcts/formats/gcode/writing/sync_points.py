@@ -10,7 +10,7 @@ move, so one head goes after the other.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from decmcts.print.job import PrintJob
@@ -32,6 +32,8 @@ class SyncPoints:
     ended: tuple[int, ...]  # (heads,) given when a head's end code has run
     apart: frozenset[Action]  # before whose signal the head has to stand a while;
     # the action behind its last one: before that it is done
+    given: Mapping[int, tuple[int, int]]  # number -> place of the file it is given in, from 1, and
+    # how many signals that file has up to it
 
 
 def number_sync_points(
@@ -52,6 +54,8 @@ def number_sync_points(
     first = len(plan.heads) + 1
     numbers = {at: first + n for n, at in enumerate(sorted(given, key=lambda at: _due(plan, at)))}
     last = first + len(numbers)
+    done = tuple(range(last, last + len(plan.heads)))
+    ended = tuple(range(last + len(plan.heads), last + 2 * len(plan.heads)))
     passed: dict[Action, dict[int, int]] = {}
     for (head, action, point), number in numbers.items():
         if point != ACTION_END:
@@ -69,10 +73,25 @@ def number_sync_points(
             for at, edges in waited.items()
             if (lag := max(edge.lag_s for edge in edges)) > 0.0
         },
-        tuple(range(last, last + len(plan.heads))),
-        tuple(range(last + len(plan.heads), last + 2 * len(plan.heads))),
+        done,
+        ended,
         signals.apart,
+        _counted(len(plan.heads), numbers, done, ended),
     )
+
+
+def _counted(
+    heads: int, numbers: Mapping[Place, int], done: Sequence[int], ended: Sequence[int]
+) -> dict[int, tuple[int, int]]:
+    """Return the file and the count of each number, in the order in which files have them."""
+    found = {}
+    within: list[list[Place]] = [[] for _ in range(heads)]
+    for place in sorted(numbers, key=lambda p: (p[0], p[1], p[2] == ACTION_END, p[2])):
+        within[place[0]].append(place)
+    for h, places in enumerate(within):
+        every = [h + 1, *(numbers[place] for place in places), done[h], ended[h]]
+        found.update({number: (h + 1, count) for count, number in enumerate(every, 1)})
+    return found
 
 
 def _due(plan: JointPlan, place: Place) -> tuple[float, int, int, bool, int]:
