@@ -18,11 +18,11 @@ from decmcts.planning.writing.places import STDOUT, put, require_sound
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import JointPlan
+from decmcts.print.sync_words import SyncWords
 from sim.content.same_print import is_other_print
 from sim.faults import Verdict
 from sim.heads.file import read_head_file
 from sim.heads.plan import plan_of_files
-from decmcts.print.sync_words import SyncWords
 from sim.heads.together import verify_heads
 
 

@@ -217,9 +217,12 @@ def test_documented_example_is_a_plan():
 def test_documented_machine_is_one(tmp_path):
     """Likewise for machine files."""
     text = (DOCS / "machine-format.md").read_text(encoding="utf-8")
-    (example,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
-    (tmp_path / "m.toml").write_text(example, encoding="utf-8")
-    assert load_machine(str(tmp_path / "m.toml")).name == "workshop"
+    words, example = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (tmp_path / "m.toml").write_text(example + words, encoding="utf-8")
+    machine = load_machine(str(tmp_path / "m.toml"))
+    assert (
+        machine.name == "workshop" and machine.words.wait == "SYNC_WAIT HEAD={head} COUNT={count}"
+    )
 
 
 def write_and_read(plan: Any, folder: Path | None = None) -> PlanDocument:
