@@ -3,11 +3,11 @@
     python benchmarks/mutations.py [--seeds 0,1,2] [--of plan,team,gcode]
 
 A small print made by code is planned for one head (`plan`, `gcode`) and for two
-(`team`, `heads`), one of two tools for one head (`tools`), and parts printed one by one, too
-near each other (`safe`). Each mutant is made once a
-seed and given to `decmcts verify` with the source and the machine. Writes mutations.csv
-(resumable) and mutations.md in docs/results; exits with 1 if a mutant is missed or the judge
-crashes.
+(`team`, `heads`), and so are one of two tools (`tools`, `head_tools`) and one with dots and
+vertical beads (`dots`, `head_dots`); and parts printed one by one, too near each other, for one
+head (`safe`). Each mutant is made once a seed and given to `decmcts verify` with the source and
+the machine. Writes mutations.csv (resumable) and mutations.md in
+docs/results; exits with 1 if a mutant is missed or the judge crashes.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -32,24 +33,31 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
+from sim.experiments.made_dots import made_dots_gcode
 from sim.experiments.made_one_by_one import one_by_one
 from sim.experiments.made_print import made_gcode, made_tools_gcode
 from sim.experiments.made_scarf import scarf_gcode
 from sim.experiments.mutants import Mutant, NotHereError
 from sim.experiments.mutants_contacts import CONTACT_MUTANTS
-from sim.experiments.mutants_gcode import GCODE_MUTANTS, HEAD_MUTANTS, TOOL_MUTANTS
+from sim.experiments.mutants_dots import DOT_MUTANTS, HEAD_DOT_MUTANTS
+from sim.experiments.mutants_gcode import GCODE_MUTANTS
+from sim.experiments.mutants_heads import HEAD_MUTANTS
 from sim.experiments.mutants_order import PARTS, SAFE_MUTANTS, TEMPERATURE_MUTANTS
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
+from sim.experiments.mutants_tools import HEAD_TOOL_MUTANTS, TOOL_MUTANTS
 
 KEY = ("of", "mutant", "seed")
 ONE_HEAD, TWO_HEADS = "mk4s", "dual-gantry"
 VERDICTS = {0: "passed", 1: "caught", 2: "refused"}  # by exit code; any other: crashed
 MEMORY_BYTES = 6 * 2**30  # address space: a judge that wants more has run away
-ALL = ("plan", "gcode", "tools", "safe", "contacts", "team", "heads")
-
-
+ALL = (
+    "plan", "gcode", "tools", "dots", "safe", "contacts", "team", "heads", "head_tools",
+    "head_dots",
+)  # fmt: skip
 OF_FILES: dict[str, tuple[Mutant[Any], ...]] = {
-    "gcode": GCODE_MUTANTS + TEMPERATURE_MUTANTS, "tools": TOOL_MUTANTS, "safe": SAFE_MUTANTS
+    "gcode": GCODE_MUTANTS + TEMPERATURE_MUTANTS, "tools": TOOL_MUTANTS, "dots": DOT_MUTANTS,
+    "safe": SAFE_MUTANTS, "heads": HEAD_MUTANTS,
+    "head_tools": HEAD_TOOL_MUTANTS, "head_dots": HEAD_DOT_MUTANTS,
 }  # fmt: skip
 
 
@@ -96,28 +104,47 @@ def subject_of(kind: str, folder: Path) -> Subject:
         source.write_text(scarf_gcode([(60.0, 100.0), (140.0, 100.0)]))
         against = ["--source", str(source), "--machine", ONE_HEAD]
         return Subject(CONTACT_MUTANTS, source.read_text().splitlines(), gcode_saver(against))
-    team = kind in ("team", "heads")
-    machine = TWO_HEADS if team else ONE_HEAD
-    source, plan, out = (folder / f"{machine}.{end}" for end in ("in.gcode", "json", "gcode"))
-    if kind in ("tools", "safe"):
-        source, plan, out = (folder / f"{kind}.{end}" for end in ("in.gcode", "json", "gcode"))
-    stem = folder / machine
+    several = kind == "team" or "head" in kind
+    made = {"plan": "gcode", "team": "heads"}.get(kind, kind)
+    machine = TWO_HEADS if several else ONE_HEAD
+    if kind == "head_tools":
+        machine = str(tools_apart(folder / "machine.toml"))
+    source, plan, out = (folder / f"{made}.{end}" for end in ("in.gcode", "json", "out.gcode"))
     against = ["--source", str(source), "--machine", machine]
     if not plan.exists():
-        centres = [(60.0, 150.0), (240.0, 150.0)] if team else [(60.0, 100.0), (200.0, 100.0)]
-        others = {"tools": made_tools_gcode(), "safe": one_by_one(PARTS)}
-        source.write_text(others.get(kind, made_gcode(centres)))
-        command, target = ("launch", stem) if team else ("plan", out)
+        source.write_text(source_of(made))
+        command, target = ("launch", folder / made) if several else ("plan", out)
         longer = ["--allow-slower"] if kind == "safe" else []
         require(["--time-limit", "3", "--plan", str(plan), "-o", str(target), *longer],
                 command, source, machine)  # fmt: skip
     if kind in ("plan", "team"):
         return Subject(PLAN_MUTANTS, json.loads(plan.read_text()), plan_saver(against))
-    if kind in OF_FILES:
+    if not several:
         return Subject(OF_FILES[kind], out.read_text().splitlines(), gcode_saver(against))
-    heads = sorted(folder.glob(f"{machine}_*.gcode"))
+    heads = sorted(folder.glob(f"{made}_*.gcode"))
     texts = [path.read_text().splitlines() for path in heads]
-    return Subject(HEAD_MUTANTS, texts, heads_saver([h.name for h in heads], plan, against))
+    return Subject(OF_FILES[kind], texts, heads_saver([h.name for h in heads], plan, against))
+
+
+def source_of(made: str) -> str:
+    """Return the print made for files of a kind."""
+    if made in ("tools", "head_tools"):
+        return made_tools_gcode(macro=made == "tools")
+    if made == "safe":
+        return one_by_one(PARTS)
+    if made in ("dots", "head_dots"):
+        return made_dots_gcode((30, 150) if made == "dots" else (30, 240))
+    return made_gcode([(60.0, 150.0), (240.0, 150.0)] if made == "heads"
+                      else [(60.0, 100.0), (200.0, 100.0)])  # fmt: skip
+
+
+def tools_apart(path: Path) -> Path:
+    """Write the machine of two heads with one tool for each."""
+    preset = files("decmcts") / "machines" / f"{TWO_HEADS}.toml"
+    begin, *heads = preset.read_text().split("[[heads]]\n")
+    with_tools = [f"[[heads]]\ntools = [{k}]\n{text}" for k, text in enumerate(heads)]
+    path.write_text(begin + "".join(with_tools))
+    return path
 
 
 def require(options: list[str], command: str, source: Path, machine: str) -> None:
@@ -154,12 +181,12 @@ def gcode_saver(against: list[str]) -> Callable[[Any, Path], list[str]]:
 
 
 def heads_saver(
-    files: list[str], plan: Path, against: list[str]
+    file_names: list[str], plan: Path, against: list[str]
 ) -> Callable[[Any, Path], list[str]]:
     def save(good: Any, folder: Path) -> list[str]:
-        for name, lines in zip(files, good, strict=True):
+        for name, lines in zip(file_names, good, strict=True):
             (folder / name).write_text("\n".join(lines) + "\n")
-        return [*(str(folder / name) for name in files), "--plan", str(plan), *against]
+        return [*(str(folder / name) for name in file_names), "--plan", str(plan), *against]
 
     return save
 
@@ -213,7 +240,7 @@ def captured() -> Iterator[io.StringIO]:
 def page(rows: Rows) -> str:
     """Return the Markdown page of all rows."""
     why: dict[str, str] = {}
-    for mutants in (PLAN_MUTANTS, *OF_FILES.values(), CONTACT_MUTANTS, HEAD_MUTANTS):
+    for mutants in (PLAN_MUTANTS, CONTACT_MUTANTS, *OF_FILES.values()):
         why |= {mutant.name: mutant.harmless for mutant in mutants}
     table, count = [], dict.fromkeys(("caught", "refused", "harmless", "missed", "crashed"), 0)
     for (kind, mutant), runs in grouped(rows.rows, "of", "mutant").items():

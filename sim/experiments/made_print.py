@@ -79,12 +79,12 @@ def _path(points: Sequence[tuple[float, float]], feed: int) -> Iterator[str]:
     yield "G1 E-0.80000 F2100"
 
 
-def made_tools_gcode() -> str:
+def made_tools_gcode(*, macro: bool = True) -> str:
     """Return the G-code of four towers of two tools.
 
     T0 retracts 0.8 mm. T1 retracts 2 mm and pushes 2.03 back. For a change of tools 10 mm are
     pulled, and pushed with the tool that comes, for the first time too. Behind the third layer T0
-    pulls 1.5 mm that a macro pushes back, and one loop begins with 0.1 mm pushed on the spot.
+    pulls 1.5 mm that a `macro` pushes back, and one loop begins with 0.1 mm pushed on the spot.
     """
     lines = [";LAYER_CHANGE", ";Z:0.2", ";HEIGHT:0.2", "G1 Z0.200 F720"]
     for layer in range(LAYERS):
@@ -95,7 +95,7 @@ def made_tools_gcode() -> str:
             for k, centre in enumerate(((x, 100.0), (x, 150.0))):
                 extra = 0.1 if (layer, tool, k) == (4, 0, 1) else 0.0
                 lines += _loop(centre, pull if k == 0 else 10.0, (push + extra) if k else 0.0)
-            if (layer, tool) == (2, 0):
+            if macro and (layer, tool) == (2, 0):
                 lines[-1:] = ["G1 E-1.50000 F2100", "CLEAN_NOZZLE", "G1 E-10.00000 F2100"]
     return START + "\n".join(lines) + "\n" + END
 

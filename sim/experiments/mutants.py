@@ -1,8 +1,10 @@
 """Mutants: ways to spoil a good result, each with what a judge must make of it.
 
 A mutant changes a result in place. The result is then wrong, unless the mutant states why the
-change is harmless. The changes are in `mutants_plan` (with `mutants_actions` and
-`mutants_waits`) and in `mutants_gcode`; `benchmarks/mutations.py` tries them all.
+change is harmless. Changes of plans are in `mutants_plan` (with `mutants_actions` and
+`mutants_waits`). Those of files are made of `gcode_lines`: `mutants_gcode`, `mutants_contacts`,
+`mutants_dots`, `mutants_tools`, and `mutants_heads` for several heads. `benchmarks/mutations.py`
+tries them all.
 
 References
 ----------

@@ -1,127 +1,63 @@
-"""Mutants of a G-code file, as the list of its lines, and of the files of several heads."""
+"""Mutants of a G-code file of one head, as the list of its lines."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 
-import numpy as np
-
-from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
+from sim.experiments.gcode_lines import (
+    ARC,
+    BEAD,
+    PRIME,
+    RETRACT,
+    TRAVEL,
+    Lines,
+    Rng,
+    Spoil,
+    change,
+    insert,
+    remove,
+    rows_of,
+    some_bead,
+    some_contour,
+    within,
+)  # fmt: skip
 from sim.experiments.mutants import Mutant, NotHereError, pick
-
-Lines = list[str]
-Files = list[Lines]  # one a head
-Rng = np.random.Generator
-
-BEAD = re.compile(r"^G1 X\S+ Y\S+ E\d")
-ARC = re.compile(r"^G[23] .*E\d")
-TRAVEL = re.compile(r"^G1 X\S+ Y\S+( F\S+)?$")
-RETRACT = re.compile(r"^G1 E-")
-PRIME = re.compile(r"^G1 E\d")
-SIGNAL = re.compile(r"^SYNC_SIGNAL")
-PASSED = re.compile(r"^SYNC_PASSED")
-WAIT = re.compile(r"^SYNC_WAIT")
-
-
-def _rows(lines: Lines, pattern: str | re.Pattern[str]) -> list[int]:
-    return [k for k, line in enumerate(lines) if re.search(pattern, line)]
-
-
-def _bead(lines: Lines, rng: Rng) -> int:
-    return pick(_rows(lines, BEAD), rng)
-
-
-def _between(lines: Lines, rng: Rng) -> int:
-    """Return a place between two contours: a retraction with beads before and after it."""
-    beads = _rows(lines, BEAD)
-    return pick([k for k in _rows(lines, RETRACT) if beads[0] < k < beads[-1]], rng)
-
-
-def insert(text: str) -> Callable[[Lines, Rng], None]:
-    """Return a mutant that puts lines between two contours."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        at = _between(lines, rng)
-        lines[at:at] = text.split("\n")
-
-    return spoil
-
-
-def within(text: str) -> Callable[[Lines, Rng], None]:
-    """Return a mutant that puts lines before a bead."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        at = _bead(lines, rng)
-        lines[at:at] = text.split("\n")
-
-    return spoil
-
-
-def remove(pattern: str | re.Pattern[str], *, all_of_them: bool = False) -> Callable[..., None]:
-    """Return a mutant that takes out one line, or all, that fit a pattern."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        rows = _rows(lines, pattern)
-        rows = rows if all_of_them and rows else [pick(rows, rng)]
-        for k in reversed(rows):
-            del lines[k]
-
-    return spoil
-
-
-def change(pattern: str | re.Pattern[str], old: str, new: str) -> Callable[[Lines, Rng], None]:
-    """Return a mutant that rewrites part of one line that fits a pattern."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        k = pick([k for k in _rows(lines, pattern) if re.search(old, lines[k])], rng)
-        lines[k] = re.sub(old, new, lines[k], count=1)
-
-    return spoil
 
 
 def bead_twice(lines: Lines, rng: Rng) -> None:
     """Print one bead twice."""
-    at = _bead(lines, rng)
+    at = some_bead(lines, rng)
     lines.insert(at, lines[at])
 
 
 def contour_twice(lines: Lines, rng: Rng) -> None:
     """Print one whole contour twice."""
-    first, last = _contour(lines, rng)
+    first, last = some_contour(lines, rng)
     lines[last:last] = lines[first:last]
-
-
-def _contour(lines: Lines, rng: Rng) -> tuple[int, int]:
-    """Return where a contour with its priming begins and, past its retraction, ends."""
-    primes, retracts = _rows(lines, PRIME), _rows(lines, RETRACT)
-    k = int(rng.integers(2, len(primes) - 2))
-    first = max(j for j in _rows(lines, TRAVEL) if j < primes[k])
-    return first, min(j for j in retracts if j > primes[k]) + 1
 
 
 def contour_dropped(lines: Lines, rng: Rng) -> None:
     """Leave one contour out."""
-    first, last = _contour(lines, rng)
+    first, last = some_contour(lines, rng)
     del lines[first:last]
 
 
 def beads_exchanged(lines: Lines, rng: Rng) -> None:
     """Exchange two lines of one contour, so that other beads are laid."""
-    beads = _rows(lines, BEAD)
+    beads = rows_of(lines, BEAD)
     k = pick([k for k in beads if k + 1 in beads], rng)
     lines[k], lines[k + 1] = lines[k + 1], lines[k]
 
 
 def arc_turned(lines: Lines, rng: Rng) -> None:
     """Run one arc the other way round its centre."""
-    k = pick(_rows(lines, ARC), rng)
+    k = pick(rows_of(lines, ARC), rng)
     lines[k] = lines[k].replace("G2", "G?").replace("G3", "G2").replace("G?", "G3")
 
 
 def arc_straight(lines: Lines, rng: Rng) -> None:
     """Go straight to the end of one arc."""
-    k = pick(_rows(lines, ARC), rng)
+    k = pick(rows_of(lines, ARC), rng)
     lines[k] = re.sub(r" [IJ]\S+", "", "G1" + lines[k][2:])
 
 
@@ -134,7 +70,7 @@ def layers_exchanged(lines: Lines, rng: Rng) -> None:
     lines[:] = [line.replace("G1 Z@", "G1 Z0.600") for line in z]
 
 
-def cut_off(share: float) -> Callable[[Lines, Rng], None]:
+def cut_off(share: float) -> Spoil:
     """Return a mutant that ends the file early."""
 
     def spoil(lines: Lines, rng: Rng) -> None:
@@ -145,14 +81,14 @@ def cut_off(share: float) -> Callable[[Lines, Rng], None]:
 
 def travel_down(lines: Lines, rng: Rng) -> None:
     """Let a travel go down into the print first."""
-    rows = _rows(lines, TRAVEL)
+    rows = rows_of(lines, TRAVEL)
     at = rows[-1]
     lines.insert(at, "G1 Z0.100")
 
 
 def no_feed(lines: Lines, rng: Rng) -> None:
     """Let a travel have no speed."""
-    k = pick(_rows(lines, TRAVEL), rng)
+    k = pick(rows_of(lines, TRAVEL), rng)
     lines[k] = re.sub(r" F\S+", "", lines[k]) + " F0"
 
 
@@ -163,7 +99,7 @@ def with_carriage_returns(lines: Lines, rng: Rng) -> None:
 
 def with_comments(lines: Lines, rng: Rng) -> None:
     """Put a comment behind a bead."""
-    k = _bead(lines, rng)
+    k = some_bead(lines, rng)
     lines[k] += " ; looks fine"
 
 
@@ -238,202 +174,5 @@ GCODE_MUTANTS: tuple[Mutant[Lines], ...] = (
             HARMLESS_COMMANDS.get(text, ""),
         )
         for text in COMMANDS
-    ),
-)
-
-
-def other_retraction(own: str, other: str) -> Callable[[Lines, Rng], None]:
-    """Return a mutant that lets a tool retract, and push back, as far as another does."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        pairs = [k for k in _rows(lines, rf"^G1 E-{own}") for j in (_pushed(lines, k),)
-                 if lines[j].startswith(f"G1 E{own}")]  # fmt: skip
-        k = pick(pairs, rng)
-        for row in (k, _pushed(lines, k)):
-            lines[row] = lines[row].replace(own, other)
-
-    return spoil
-
-
-def _pushed(lines: Lines, pulled: int) -> int:
-    """Return the next line that pushes filament alone."""
-    return next((k for k in _rows(lines, PRIME) if k > pulled), pulled)
-
-
-def pushes_exchanged(lines: Lines, rng: Rng) -> None:
-    """Let one tool push half a millimetre less and the other more: together nothing is lost."""
-    a, b = pick(_rows(lines, r"^G1 E0\.80"), rng), pick(_rows(lines, r"^G1 E2\.03"), rng)
-    lines[a] = lines[a].replace("E0.80", "E0.30")
-    lines[b] = lines[b].replace("E2.03", "E2.53")
-
-
-def pull_behind_its_macro(lines: Lines, rng: Rng) -> None:
-    """Pull behind the macro that should push back."""
-    k = pick(_rows(lines, r"^CLEAN_NOZZLE"), rng)
-    lines[k - 1], lines[k] = lines[k], lines[k - 1]
-
-
-def by_firmware(lines: Lines, rng: Rng) -> None:
-    """Leave one retraction to a firmware that may know none."""
-    rows = [
-        k for k in _rows(lines, r"^G1 E-0\.80") if lines[_pushed(lines, k)].startswith("G1 E0.80")
-    ]
-    k = pick(rows, rng)
-    lines[_pushed(lines, k)], lines[k] = "G11", "G10"
-
-
-TOOL_MUTANTS: tuple[Mutant[Lines], ...] = (  # of the made print with two tools
-    Mutant("a tool's first push dropped", remove(r"^G1 E10\.")),
-    Mutant("a tool retracts as far as the other", other_retraction("0.80000", "2.00000")),
-    Mutant("a tool retracts as far as for a change", other_retraction("0.80000", "10.00000")),
-    Mutant("a pull behind the macro that pays it", pull_behind_its_macro),
-    Mutant("a push back before a macro that pays", change(r"^CLEAN", r"^", "G1 E1.50000\n")),
-    Mutant("a push on the spot dropped", change(r"^G1 E0\.9", "E0.9", "E0.8")),
-    Mutant("a push on the spot doubled", change(r"^G1 E0\.9", "E0.9", "E1.0")),
-    Mutant("a restart distance dropped", change(r"^G1 E2\.03", "E2.03", "E2.00")),
-    Mutant("pushes of two tools exchanged", pushes_exchanged),
-    Mutant("a retraction left to the firmware", by_firmware),
-)
-
-
-def in_one(spoil: Callable[[Lines, Rng], None]) -> Callable[[Files, Rng], None]:
-    """Return a mutant of one head's file, whichever it fits."""
-
-    def spoil_files(files: Files, rng: Rng) -> None:
-        for k in rng.permutation(len(files)).tolist():
-            try:
-                return spoil(files[k], rng)
-            except NotHereError:
-                continue
-        raise NotHereError
-
-    return spoil_files
-
-
-def exchange_files(files: Files, rng: Rng) -> None:
-    """Give each controller the other one's file."""
-    files[0][:], files[1][:] = list(files[1]), list(files[0])
-
-
-def same_file_twice(files: Files, rng: Rng) -> None:
-    """Give both controllers one file."""
-    files[1][:] = list(files[0])
-
-
-def moved_earlier(pattern: re.Pattern[str]) -> Callable[[Lines, Rng], None]:
-    """Return a mutant that moves a line to before the contour it stands behind."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        beads = _rows(lines, BEAD)
-        k = pick([k for k in _rows(lines, pattern) if beads and beads[0] < k < beads[-1]], rng)
-        line = lines.pop(k)
-        lines.insert(max(j for j in beads if j < k), line)
-
-    return spoil
-
-
-def moved_later(pattern: re.Pattern[str]) -> Callable[[Lines, Rng], None]:
-    """Return a mutant that moves a line to behind the next bead."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        beads = _rows(lines, BEAD)
-        k = pick([k for k in _rows(lines, pattern) if beads and beads[0] < k < beads[-1]], rng)
-        line = lines.pop(k)
-        lines.insert(min(j for j in _rows(lines, BEAD) if j >= k) + 1, line)
-
-    return spoil
-
-
-def numbers_exchanged(pattern: re.Pattern[str]) -> Callable[[Lines, Rng], None]:
-    """Return a mutant that exchanges two lines of a kind."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        rows, beads = _rows(lines, pattern), _rows(lines, BEAD)
-        # behind the last bead all heads give two, and each waits for both
-        k = pick([k for k in range(len(rows) - 1) if beads and rows[k] < beads[-1]], rng)
-        if lines[rows[k]] == lines[rows[k + 1]]:
-            raise NotHereError
-        lines[rows[k]], lines[rows[k + 1]] = lines[rows[k + 1]], lines[rows[k]]
-
-    return spoil
-
-
-def without_its_stop(lines: Lines, rng: Rng) -> None:
-    """Give a signal at rest in motion, without the M400 above it."""
-    k = pick([k for k in _rows(lines, SIGNAL) if k and lines[k - 1] == "M400"], rng)
-    lines[k - 1 : k + 1] = [lines[k].replace("SIGNAL", "PASSED")]
-
-
-def contour_to_the_other(files: Files, rng: Rng) -> None:
-    """Let one head print a contour of the other."""
-    first, last = _contour(files[0], rng)
-    moved = files[0][first:last]
-    del files[0][first:last]
-    at = _between(files[1], rng)
-    files[1][at + 1 : at + 1] = moved
-
-
-HEAD_MUTANTS: tuple[Mutant[Files], ...] = (
-    Mutant("files exchanged", exchange_files),
-    Mutant("one file twice", same_file_twice),
-    Mutant("a contour given to the other head", contour_to_the_other),
-    Mutant("a wait dropped", in_one(remove(WAIT))),
-    Mutant("all waits dropped", in_one(remove(WAIT, all_of_them=True))),
-    Mutant("a signal dropped", in_one(remove(SIGNAL))),
-    Mutant("a signal twice", in_one(change(SIGNAL, r"(SYNC_SIGNAL N=\d+)", r"\1\n\1"))),
-    Mutant("another number waited for", in_one(change(WAIT, r"N=(\d+)", r"N=9\1"))),
-    Mutant("another number signalled", in_one(change(SIGNAL, r"N=(\d+)", r"N=9\1"))),
-    Mutant("a signal too soon", in_one(moved_earlier(SIGNAL))),
-    Mutant("a wait too late", in_one(moved_later(WAIT))),
-    Mutant("signals exchanged", in_one(numbers_exchanged(SIGNAL))),
-    Mutant("waits exchanged", in_one(numbers_exchanged(WAIT))),
-    Mutant("a signal in motion dropped", in_one(remove(PASSED))),
-    Mutant("a signal in motion twice", in_one(change(PASSED, r"(.*N=\d+)", r"\1\n\1"))),
-    Mutant("a signal in motion too soon", in_one(moved_earlier(PASSED))),
-    Mutant("a signal in motion too late", in_one(moved_later(PASSED))),
-    Mutant("a signal in motion at rest", in_one(change(PASSED, r"(.*N=\d+)", r"M400\n\1"))),
-    Mutant("a signal at rest in motion", in_one(change(SIGNAL, "SIGNAL", "PASSED"))),
-    Mutant("no M400 before a signal", in_one(remove(r"^M400"))),
-    Mutant("a signal at rest without its stop", in_one(without_its_stop)),
-    Mutant("M400 before a wait", in_one(change(WAIT, r"(SYNC_WAIT N=\d+)", r"M400\n\1"))),
-    Mutant(
-        "a dwell before a signal in motion",
-        in_one(change(PASSED, r"(.*N=\d+)", rf"G4 P90 {WAIT_MARK}\n\1")),
-    ),
-    Mutant("no wait for heat", in_one(remove(r"^M109"))),
-    Mutant("hotter while it waits its turn", in_one(change(r"^M104 S.*while", r"S\d+", "S290"))),
-    Mutant("no time between two signals", in_one(remove(r"^G4 P10\d"))),
-    *(
-        Mutant(one.name, in_one(one.spoil), one.harmless)
-        for one in GCODE_MUTANTS
-        if one.name
-        in (
-            "a bead dropped",
-            "a bead twice",
-            "a contour dropped",
-            "a contour twice",
-            "more filament",
-            "an arc dropped",
-            "an arc the other way round",
-            "an arc as a straight line",
-            "an arc around another centre",
-            "a bead a little elsewhere",
-            "another feed",
-            "a travel elsewhere",
-            "a travel through the print",
-            "no retraction",
-            "no priming",
-            "another fan speed",
-            "no M83",
-            "no homing",
-            "cut off in the middle",
-            "the end cut off",
-            "between contours: G28",
-            "between contours: PAUSE",
-            "between contours: G92 X0",
-            "between contours: M84",
-            "between contours: G1 Z0.05",
-            "a comment more",
-        )
     ),
 )

@@ -10,9 +10,9 @@ import re
 
 import numpy as np
 
+from sim.experiments.gcode_lines import Lines, change, insert, moved_earlier, moved_later
 from sim.experiments.made_one_by_one import one_by_one
 from sim.experiments.mutants import Mutant, NotHereError
-from sim.experiments.mutants_gcode import Lines, change, insert, moved_earlier, moved_later
 
 Rng = np.random.Generator
 

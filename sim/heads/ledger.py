@@ -69,7 +69,8 @@ class Dues:
     left: Floats  # (b,) pushed behind each block beyond what is retracted there
     start: float  # likewise behind the start code
     start_tool: int
-    deepest: dict[int, float]  # most that each tool retracts
+    usual: dict[int, float]  # most that each tool retracts from bead to bead while it is in use
+    beside: Floats  # (b,) most that is retracted above each block, or behind it
     shared: bool  # several tools print
 
 
@@ -107,10 +108,15 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
         else:
             above[stands - 1], left[stands - 1] = book.net_above[k], pushed
             net[c] = pushed if belongs_to_bead(document.blocks[stands - 1]) else 0.0
-    deepest = {t: float(values.max()) for t, values in owed.items()}
+    beside = np.zeros(len(document.blocks))
+    parted = book.lines > 0
+    deep = -np.minimum(np.minimum(book.low, book.low_above), book.deepest)
+    beside[book.lines[parted] - 1] = deep[parted]
+    kept = book.kept & (np.arange(len(book.bead)) > 0)
+    usual = {t: float(-book.deepest[kept & (book.tool == t)].min(initial=0.0)) for t in owed}
     given = np.asarray(np.bincount(contour[laid], extrusion[laid], n), np.float64)
     shared = len(np.unique(job.contours.tool)) > 1
-    return Dues(net, given, above, left, start, document.start.tool, deepest, shared)
+    return Dues(net, given, above, left, start, document.start.tool, usual, beside, shared)
 
 
 def _owed_by_tool(extrusion: Floats, tools: Ints) -> dict[int, Floats]:
@@ -151,6 +157,7 @@ class _Account:
         self.retracted = float(_owed(head.file.motion.extrusion[: head.begin])[-1])
         if self._mine(dues.start_tool):
             self.retracted += dues.start
+        self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
         self.at = head.begin  # the move behind the last bead, or the source's own lines
         self.over = 0.0  # mm given beyond what is due
         self.texts: list[str] = []
@@ -183,11 +190,13 @@ class _Account:
             )
         given = float(self.total[bead.end] - self.total[bead.begin])
         self.over += net - due + given - float(dues.extrusion[bead.contour])
-        self.at, self.retracted = bead.end, 0.0
+        self.at, self.retracted, self.most = bead.end, 0.0, 0.0
 
     def _cross(self, number: int, block: Block, lines: Sequence[int], mine: bool) -> None:
         """Check the stretch above a block's lines, and take over what they do."""
         own = mine or not belongs_to_bead(block)
+        if own:
+            self.most = max(self.most, float(self.dues.beside[number]))
         if lines:
             motion = self.head.file.motion
             first, last = (int(motion.before[k]) for k in (lines[0] - 1, lines[-1]))
@@ -220,7 +229,7 @@ class _Account:
     def _stretch(self, end: int, what: str) -> float:
         """Return the net of the moves up to `end`; notes where they retract too much."""
         within = self.total[self.at : end + 1] - self.total[self.at]
-        most = self.dues.deepest.get(self.head.tool, 0.0)
+        most = max(self.most, self.dues.usual.get(self.head.tool, 0.0))
         if (deep := -float(within.min()) + max(self.retracted, 0.0)) > most + MORE_MM and (
             within.min() < -MORE_MM
         ):

@@ -17,7 +17,7 @@ from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, JointPlan
 from sim.experiments.mutants import Mutant, NotHereError
-from sim.experiments.mutants_gcode import HEAD_MUTANTS
+from sim.experiments.mutants_heads import HEAD_MUTANTS
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
 from sim.heads.plan import plan_of_files

@@ -15,7 +15,8 @@ from decmcts.planning.verifying.judge import judge
 from decmcts.print.toolpath import Toolpath
 from sim.experiments.made_print import made_gcode, made_tools_gcode
 from sim.experiments.mutants import NotHereError
-from sim.experiments.mutants_gcode import GCODE_MUTANTS, TOOL_MUTANTS
+from sim.experiments.mutants_gcode import GCODE_MUTANTS
+from sim.experiments.mutants_tools import TOOL_MUTANTS
 from sim.faults import FaultKind
 from sim.files.written import verify_written
 from tests.direct_actions import direct_actions

@@ -259,6 +259,8 @@ class _HeadFile:
         self.shared = tool is not None and len(np.unique(job.contours.tool)) > 1
         self.told = told_to(document, job)
         self.left = 0.0  # filament retracted, mm, when the source left this head's tool
+        changes = (b for b in document.blocks if b.begin.tool != b.end.tool == tool)
+        self.first_use = next(changes, None) if self._is_other(document.start.tool) else None
         self.prints: set[int] = set()  # contours
         self.due: dict[int, float] = {}  # filament, mm, to be pushed for contours behind blocks
 
@@ -274,6 +276,8 @@ class _HeadFile:
         self.left = emitter.owed
         if not self._is_other(document.start.tool):
             emitter.owed += document.start.owed - document.start.pulled
+        elif self.first_use is not None:  # so it is not retracted once more until then
+            emitter.owed += self.first_use.end.owed - self.first_use.end.pulled
         first, rest = _split_first(with_header(preamble, header, document.newline), header)
         emitter.verbatim(first)
         if self.index > 0:
@@ -441,8 +445,10 @@ class _HeadFile:
         beyond = block.end.owed - block.end.pulled
         if _feeds_one_bead(block):
             self.due[behind] = beyond
-        elif not self._is_other(block.end.tool) and (
-            block.moves or block.begin.tool != block.end.tool or _commands(text)
+        elif (
+            block is not self.first_use
+            and not self._is_other(block.end.tool)
+            and (block.moves or block.begin.tool != block.end.tool or _commands(text))
         ):
             emitter.owed += beyond
 

@@ -1,0 +1,105 @@
+"""Mutants of the filament of several tools, in the file of one head or in files of several."""
+
+from __future__ import annotations
+
+from sim.experiments.gcode_lines import (
+    PRIME,
+    Files,
+    Lines,
+    Rng,
+    Spoil,
+    change,
+    in_one,
+    remove,
+    rows_of,
+)  # fmt: skip
+from sim.experiments.mutants import Mutant, pick
+
+
+def other_retraction(own: str, other: str) -> Spoil:
+    """Return a mutant that lets a tool retract, and push back, as far as another does."""
+
+    def spoil(lines: Lines, rng: Rng) -> None:
+        pairs = [k for k in rows_of(lines, rf"^G1 E-{own}") for j in (_pushed(lines, k),)
+                 if lines[j].startswith(f"G1 E{own}")]  # fmt: skip
+        k = pick(pairs, rng)
+        for row in (k, _pushed(lines, k)):
+            lines[row] = lines[row].replace(own, other)
+
+    return spoil
+
+
+def _pushed(lines: Lines, pulled: int) -> int:
+    """Return the next line that pushes filament alone."""
+    return next((k for k in rows_of(lines, PRIME) if k > pulled), pulled)
+
+
+def pushes_exchanged(lines: Lines, rng: Rng) -> None:
+    """Let one tool push half a millimetre less and the other more: together nothing is lost."""
+    a, b = pick(rows_of(lines, r"^G1 E0\.80"), rng), pick(rows_of(lines, r"^G1 E2\.03"), rng)
+    lines[a] = lines[a].replace("E0.80", "E0.30")
+    lines[b] = lines[b].replace("E2.03", "E2.53")
+
+
+def pull_behind_its_macro(lines: Lines, rng: Rng) -> None:
+    """Pull behind the macro that should push back."""
+    k = pick(rows_of(lines, r"^CLEAN_NOZZLE"), rng)
+    lines[k - 1], lines[k] = lines[k], lines[k - 1]
+
+
+def by_firmware(lines: Lines, rng: Rng) -> None:
+    """Leave one retraction to a firmware that may know none."""
+    rows = [
+        k for k in rows_of(lines, r"^G1 E-0\.80") if lines[_pushed(lines, k)].startswith("G1 E0.80")
+    ]
+    k = pick(rows, rng)
+    lines[_pushed(lines, k)], lines[k] = "G11", "G10"
+
+
+TOOL_MUTANTS: tuple[Mutant[Lines], ...] = (  # of the made print with two tools
+    Mutant("a tool's first push dropped", remove(r"^G1 E10\.")),
+    Mutant("a tool retracts as far as the other", other_retraction("0.80000", "2.00000")),
+    Mutant("a tool retracts as far as for a change", other_retraction("0.80000", "10.00000")),
+    Mutant("a pull behind the macro that pays it", pull_behind_its_macro),
+    Mutant("a push back before a macro that pays", change(r"^CLEAN", r"^", "G1 E1.50000\n")),
+    Mutant("a push on the spot dropped", change(r"^G1 E0\.9", "E0.9", "E0.8")),
+    Mutant("a push on the spot doubled", change(r"^G1 E0\.9", "E0.9", "E1.0")),
+    Mutant("a restart distance dropped", change(r"^G1 E2\.03", "E2.03", "E2.00")),
+    Mutant("pushes of two tools exchanged", pushes_exchanged),
+    Mutant("a retraction left to the firmware", by_firmware),
+)
+
+
+def push_to_the_other(files: Files, rng: Rng) -> None:
+    """Let one head push half a millimetre less, and the head of the other tool as much more."""
+    a, b = (
+        pick(rows_of(lines, pattern), rng)
+        for lines, pattern in zip(files, (r"^G1 E0\.80", r"^G1 E2\.03"), strict=True)
+    )
+    files[0][a] = files[0][a].replace("E0.80", "E0.30")
+    files[1][b] = files[1][b].replace("E2.03", "E2.53")
+
+
+def line_to_the_other(files: Files, rng: Rng) -> None:
+    """Take a push out of one head's file and put it into the other's, at its first push."""
+    a = pick(rows_of(files[0], r"^G1 E0\.80"), rng)
+    files[1].insert(rows_of(files[1], PRIME)[0], files[0].pop(a))
+
+
+def extra_for_another_bead(lines: Lines, rng: Rng) -> None:
+    """Push for one bead what is due before another."""
+    a, b = pick(rows_of(lines, r"^G1 E0\.90"), rng), pick(rows_of(lines, r"^G1 E0\.80"), rng)
+    lines[a] = lines[a].replace("E0.90", "E0.80")
+    lines[b] = lines[b].replace("E0.80", "E0.90")
+
+
+HEAD_TOOL_MUTANTS: tuple[Mutant[Files], ...] = (  # of the made print with two tools, a head each
+    Mutant("a push dropped in one head's file", in_one(remove(r"^G1 E2\.03"))),
+    Mutant("a head's restart distance dropped", in_one(change(r"^G1 E2\.03", "E2.03", "E2.00"))),
+    Mutant("a head's first push dropped", in_one(remove(r"^G1 E10\."))),
+    Mutant("a head's retraction doubled", in_one(change(r"^G1 E-0\.80", "E-0.80", "E-1.60"))),
+    Mutant("a push given to the other tool", push_to_the_other),
+    Mutant("a push in the other head's file", line_to_the_other),
+    Mutant("filament for one bead given to another", in_one(extra_for_another_bead)),
+    Mutant("a head retracts as the other", in_one(other_retraction("0.80000", "2.00000"))),
+)
