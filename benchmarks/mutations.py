@@ -34,7 +34,6 @@ from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
 from sim.experiments.made_dots import made_dots_gcode
-from sim.experiments.made_one_by_one import one_by_one
 from sim.experiments.made_print import made_gcode, made_tools_gcode
 from sim.experiments.made_scarf import scarf_gcode
 from sim.experiments.mutants import Mutant, NotHereError
@@ -42,7 +41,7 @@ from sim.experiments.mutants_contacts import CONTACT_MUTANTS
 from sim.experiments.mutants_dots import DOT_MUTANTS, HEAD_DOT_MUTANTS
 from sim.experiments.mutants_gcode import GCODE_MUTANTS
 from sim.experiments.mutants_heads import HEAD_MUTANTS
-from sim.experiments.mutants_order import PARTS, SAFE_MUTANTS, TEMPERATURE_MUTANTS
+from sim.experiments.mutants_order import SAFE_MUTANTS, TEMPERATURE_MUTANTS, made_unsafe
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
 from sim.experiments.mutants_tools import HEAD_TOOL_MUTANTS, TOOL_MUTANTS
 
@@ -131,7 +130,7 @@ def source_of(made: str) -> str:
     if made in ("tools", "head_tools"):
         return made_tools_gcode(macro=made == "tools")
     if made == "safe":
-        return one_by_one(PARTS)
+        return made_unsafe()
     if made in ("dots", "head_dots"):
         return made_dots_gcode((30, 150) if made == "dots" else (30, 240))
     return made_gcode([(60.0, 150.0), (240.0, 150.0)] if made == "heads"

@@ -16,6 +16,7 @@ START = (
 )
 END = "G1 Z60.000 F720\nM104 S0\nM140 S0\nM107\nG1 X5.000 Y180.000 F6000\nM84\n"
 BETWEEN = ("M140 S60", "M104 S210 ; set temperature", "M107")
+COOLER = ("M104 S205", "M106 S170")  # before the second layer of each part
 
 
 def one_by_one(

@@ -10,19 +10,24 @@ import re
 
 import numpy as np
 
-from sim.experiments.gcode_lines import Lines, change, insert, moved_earlier, moved_later
-from sim.experiments.made_one_by_one import one_by_one
+from sim.experiments.gcode_lines import Lines, change, insert, moved_earlier, moved_later, remove
+from sim.experiments.made_one_by_one import COOLER, one_by_one
 from sim.experiments.mutants import Mutant, NotHereError
 
 Rng = np.random.Generator
 
-COOLER = re.compile(r"^M104 S205")
+_COOLER = re.compile(r"^M104 S205")
 PARTS = 3  # of the print that was made safe
+
+
+def made_unsafe() -> str:
+    """Return parts one by one, hotter in their first layers."""
+    return one_by_one(PARTS, later=COOLER)
 
 
 def in_its_own_order(lines: Lines, rng: Rng) -> None:
     """Print one part after the other, as the source does."""
-    lines[:] = ["; spoilt", *one_by_one(PARTS).splitlines()]
+    lines[:] = ["; spoilt", *made_unsafe().splitlines()]
 
 
 def labels_exchanged(lines: Lines, rng: Rng) -> None:
@@ -48,17 +53,19 @@ def part_first(lines: Lines, rng: Rng) -> None:
 
 
 TEMPERATURE_MUTANTS: tuple[Mutant[Lines], ...] = (
-    Mutant("another temperature", change(COOLER, "S205", "S206")),
-    Mutant("a temperature of another tool", change(COOLER, "S205", "S205 T1")),
-    Mutant("a temperature of the bed", change(COOLER, "M104", "M140")),
-    Mutant("a temperature a bead too soon", moved_earlier(COOLER)),
-    Mutant("a temperature a bead too late", moved_later(COOLER)),
+    Mutant("another temperature", change(_COOLER, "S205", "S206")),
+    Mutant("a temperature of another tool", change(_COOLER, "S205", "S205 T1")),
+    Mutant("a temperature of the bed", change(_COOLER, "M104", "M140")),
+    Mutant("a temperature a bead too soon", moved_earlier(_COOLER)),
+    Mutant("a temperature a bead too late", moved_later(_COOLER)),
     Mutant("a temperature given up again", insert("M104 S210")),
 )
 SAFE_MUTANTS: tuple[Mutant[Lines], ...] = (
+    *TEMPERATURE_MUTANTS,
+    Mutant("a temperature line gone", remove(_COOLER)),
     Mutant("the source's own order", in_its_own_order),
     Mutant("the labels of two parts exchanged", labels_exchanged),
     Mutant("one part a layer ahead", part_first),
-    Mutant("a temperature between parts", insert("M104 S205")),
+    Mutant("a temperature between parts", insert("M104 S215")),
     Mutant("another fan speed between parts", change(r"^M106", r"S\d+", "S13")),
 )

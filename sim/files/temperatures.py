@@ -2,8 +2,8 @@
 
 Each bead of a file is laid with bed, chamber and hot ends told what they are told in the source
 when it is laid there. Both files are read command by command. Behind a command that may heat or
-cool in a way of its own (a macro, a tool change, homing) a heater's target is not known: it is
-what that command left, the n-th of its kind in the file.
+cool in a way of its own (a macro, a tool change, homing with a hot nozzle) a heater's target is not
+known: it is what that command left, the n-th of its kind in the file.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ _QUIET = re.compile(
     rb"EXCLUDE_OBJECT\w*",
     re.I,
 )
+_HOMES = re.compile(rb"G0*2[89](?![0-9])", re.I)  # some cool the nozzle, with which they probe
 _LINE = re.compile(rb"^(?![ \t]*(?:[;(\r\n]|[Gg]0*[0-3](?![0-9.])))[^\n]+", re.M)
 
 Told = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
@@ -83,7 +84,9 @@ def _book(text: bytes) -> Iterator[tuple[int, Told]]:
             selected = _TOOL.fullmatch(code)
             tool = int(selected[1]) if selected else tool
             known = {*told, f"hot end {tool}", "bed", "chamber"}
-            told = dict.fromkeys(known, f"as command {others} that may heat left it")
+            if _HOMES.match(code):
+                known = {heater for heater in known if heater.startswith("hot")}
+            told |= dict.fromkeys(known, f"as command {others} that may heat left it")
         yield number, tuple(sorted(told.items()))
 
 

@@ -12,6 +12,7 @@ import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.commands import check_commands
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves
+from sim.files.phases import in_phases
 from sim.files.temperatures import check_temperatures
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
@@ -67,7 +69,8 @@ def verify_written(
 
     All that is asked of such a file is asked here: of a draft before it is put in place, and of
     a file that `decmcts verify` is given. Contacts on moves that make the same contact in the
-    source (in its end code, say) are the source's own and are warnings.
+    source (in its end code, say) are the source's own and are warnings. Where the source goes
+    through the same temperatures part by part, a file may do so once (`sim.files.phases`).
 
     Parameters
     ----------
@@ -78,6 +81,21 @@ def verify_written(
     plate : int | None
         Which of a .gcode.3mf is judged.
     """
+    judge = partial(
+        _verify, path, machine=machine, seams=seams, actions=actions, plate=plate
+    )  # fmt: skip
+    verdict = judge(job, document)
+    if verdict.ok or (phases := in_phases(job, document)) is None:
+        return verdict
+    again = judge(*phases)
+    return again if len(again.faults) < len(verdict.faults) else verdict
+
+
+def _verify(
+    path: Path | str, job: PrintJob, document: GcodeDocument, machine: Machine, *,
+    seams: Sequence[Moved] | None, actions: HeadActions | None, plate: int | None,
+) -> Verdict:  # fmt: skip
+    """Return the verdict on a file with the epochs and the blocks that are given."""
     started = time.perf_counter()
     source = document.moves if document.moves is not None else moves_of(document)
     if source is None:

@@ -13,11 +13,10 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan, write_plan
 from decmcts.planning.verifying.judge import digest_of
-from sim.experiments.made_one_by_one import one_by_one
 from sim.experiments.made_print import made_gcode
 from sim.experiments.mutants import NotHereError
 from sim.experiments.mutants_gcode import GCODE_MUTANTS
-from sim.experiments.mutants_order import PARTS, SAFE_MUTANTS, TEMPERATURE_MUTANTS
+from sim.experiments.mutants_order import SAFE_MUTANTS, TEMPERATURE_MUTANTS, made_unsafe
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
 from sim.experiments.mutants_waits import STOP_MUTANTS, WAIT_MUTANTS
 from sim.faults import FaultKind
@@ -55,7 +54,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def safe(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Plan parts that the source prints one by one, too near each other; as `good`."""
     folder = tmp_path_factory.mktemp("safe")
-    (folder / "in.gcode").write_text(one_by_one(PARTS))
+    (folder / "in.gcode").write_text(made_unsafe())
     code = run(
         ["plan", str(folder / "in.gcode"), "-o", str(folder / "out.gcode"), "--machine", MACHINE,
          "--planner", "greedy", "--time-limit", "0.2", "--no-certificate", "--allow-slower"]

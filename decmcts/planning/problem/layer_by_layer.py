@@ -35,6 +35,7 @@ from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
 from sim.faults import Verdict
+from sim.files.phases import in_phases
 from sim.files.written import verify_written
 
 SAME_MM = 3  # decimals of heights that are one layer
@@ -79,7 +80,10 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     job, folder = source.job, SlicedFolder()
     order = bottom_up(job.contours)
     if (barrier := barrier_between(job.contours, source.document, order)) is not None:
-        raise _no_order(source, collision, f"nothing may be moved across {barrier}")
+        if (phases := in_phases(job, source.document)) is None:
+            raise _no_order(source, collision, f"nothing may be moved across {barrier}")
+        once = replace(source, job=phases[0], document=phases[1])
+        return layer_by_layer(once, collision, report)
     draft = folder.path / "layers.gcode"
     verdict = _write(source, order, draft)
     if not verdict.ok:
@@ -88,7 +92,7 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     layered, document = read_gcode(draft)
     if len(layered.contours) != len(order):
         raise _no_order(source, collision, "what was written so reads as other contours")
-    layered, document = _with_source_lines(layered, document, source, order)
+    layered = _with_source_lines(layered, job, order)
     layered, document = with_epochs(layered, document, job.contours.epoch[order])
     note = (
         f"the source's own order would hit the part (line {collision.line}: {collision.what}); "
@@ -156,17 +160,15 @@ def _one_head(machine: Machine, contours: Contours) -> Machine:
     return parked_above(alone, contours)
 
 
-def _with_source_lines(
-    layered: PrintJob, document: GcodeDocument, source: Source, order: NDArray[np.int32]
-) -> tuple[PrintJob, GcodeDocument]:
-    """Return what was read of the draft with lines as in the source, where each is the same."""
-    line = source.job.contours.line[order]
-    layered = replace(layered, contours=replace(layered.contours, line=line))
-    if len(document.blocks) == len(source.document.blocks):
-        pairs = zip(document.blocks, source.document.blocks, strict=True)
-        document = replace(document, blocks=tuple(replace(a, line=b.line) for a, b in pairs))
-        layered = replace(layered, barriers=source.job.barriers)
-    return layered, document
+def _with_source_lines(layered: PrintJob, source: PrintJob, order: NDArray[np.int32]) -> PrintJob:
+    """Return what was read of the draft with the source's lines of contours and barriers."""
+    line = {(barrier.text, barrier.reason): barrier.line for barrier in source.barriers}
+    barriers = tuple(
+        replace(barrier, line=line.get((barrier.text, barrier.reason), barrier.line))
+        for barrier in layered.barriers
+    )
+    contours = replace(layered.contours, line=source.contours.line[order])
+    return replace(layered, contours=contours, barriers=barriers)
 
 
 def with_epochs(

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.problem.print_problem import parked_above
 from decmcts.planning.verifying.held import Held
+from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import PlanDocument
+from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.same_print import is_other_print
 from sim.faults import Fault, FaultKind, Verdict, listed
-from sim.heads.file import header_of, read_head_file
+from sim.files.phases import in_phases
+from sim.heads.file import HeadFile, header_of, read_head_file
 from sim.heads.plan import plan_of_files
 from sim.heads.together import verify_heads
 from sim.rules.order_rules import usual_rules
@@ -86,17 +89,34 @@ def judge_heads_alone(
         text = f"there are files of heads {there}; machine {chosen.name} has {due}"
         text += "" if machine else " (another is named with --machine)"
         return Verdict((*faults, Fault(FaultKind.MISSING, text)))
-    plan, altered = plan_of_files(files, job, chosen)
-    if is_other_print(altered):
-        return Verdict((*faults, *altered))
-    rules = held.over(usual_rules(chosen)) if held.any_rule else None
-    verdict = verify_plan(plan, source=job, rules=rules, trials=trials, seed=seed)
     parks = [chosen.heads[names[file.name]].park for file in files]
-    more = verify_heads(
-        paths, plan.plan, job, document, parks=parks, release=chosen.release,
-        interval_s=chosen.signal_interval_s, words=chosen.words, read=True,
+    rules = held.over(usual_rules(chosen)) if held.any_rule else None
+    judge = partial(
+        _judge_alone, paths, files, machine=chosen, parks=parks, rules=rules, seed=seed,
+        trials=trials,
     )  # fmt: skip
-    every = (*faults, *altered, *verdict.faults, *more.faults)
+    found = judge(source=(job, document))
+    if not found.ok and (phases := in_phases(job, document)) is not None:
+        found = min(judge(source=phases), found, key=lambda verdict: len(verdict.faults))
+    return Verdict((*faults, *found.faults), found.counts, found.checked)
+
+
+def _judge_alone(
+    paths: Sequence[Path], files: Sequence[HeadFile], *, source: tuple[PrintJob, GcodeDocument],
+    machine: Machine, parks: Sequence[tuple[float, float, float]], rules: OrderRules | None,
+    seed: int, trials: int,
+) -> Verdict:  # fmt: skip
+    """Verify files of heads against one reading of their source."""
+    job, document = source
+    plan, altered = plan_of_files(files, job, machine)
+    if is_other_print(altered):
+        return Verdict(tuple(altered))
+    verdict = verify_plan(plan, source=job, rules=rules, trials=trials, seed=seed)
+    more = verify_heads(
+        paths, plan.plan, job, document, parks=parks, release=machine.release,
+        interval_s=machine.signal_interval_s, words=machine.words, read=True,
+    )  # fmt: skip
+    every = (*altered, *verdict.faults, *more.faults)
     return Verdict(every, verdict.counts, (verdict.checked[0], WITHOUT_PLAN))
 
 

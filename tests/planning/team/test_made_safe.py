@@ -8,16 +8,19 @@ from pathlib import Path
 import pytest
 
 from decmcts.cli.run import run
-from sim.experiments.made_one_by_one import one_by_one
+from sim.experiments.made_one_by_one import COOLER, one_by_one
 
 TEAM = ["--machine", "dual-gantry"]
 
 
 @pytest.mark.slow
-def test_launch_begins_with_a_safe_order(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+@pytest.mark.parametrize("later", [("M106 S170",), COOLER], ids=["fan", "temperature"])
+def test_launch_begins_with_a_safe_order(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], later: tuple[str, ...]
+):
     """Its files pass by the source that was given, which does not pass by itself."""
     source, stem = tmp_path / "in.gcode", tmp_path / "out"
-    source.write_text(one_by_one(3, pitch_mm=10.0))
+    source.write_text(one_by_one(3, pitch_mm=10.0, later=later))
     files = [str(tmp_path / f"out_{head}.gcode") for head in ("left", "right")]
     assert run(["verify", str(source), "--source", str(source), *TEAM]) == 1
     capfd.readouterr()

@@ -70,3 +70,10 @@ def test_a_reader_that_takes_changes_for_repetitions_is_found_out(
     out.write_text(one_by_one(2, ("M104 S210",)))
     verdict = verify_written(out, job, document, load_machine("rail-3"))
     assert any("205" in fault.text for fault in verdict.faults), verdict.shown
+
+
+def test_homing_may_cool_a_nozzle_but_no_bed():
+    """Printers that probe with the nozzle cool it for that."""
+    source = b"M140 S60\nM104 S200\nG28\nM104 S200\nM140 S60\nG1 X1 E1\n"
+    assert faults(b"M140 S60\nM104 S200\nG28\nM104 S200\nG1 X1 E1\n", [5], source) == []
+    assert len(faults(b"M140 S60\nM104 S200\nG28\nM140 S60\nG1 X1 E1\n", [5], source)) == 1

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.gcode.moves import RELATIVE_E, RELATIVE_XYZ
 from decmcts.formats.gcode.controller.motion import Motion
-from decmcts.formats.gcode.controller.targets import Targets
+from decmcts.formats.gcode.controller.targets import Targets, target_of
 from decmcts.formats.gcode.dialects.dialect import Event, Kind, classify
 from decmcts.formats.gcode.dialects.layers import with_note
 from decmcts.formats.gcode.dialects.roles import CANONICAL, trailing_role
@@ -150,7 +150,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
                 continue
             barriers[line] = reason
             if event.slot:
-                recorder.put(event.slot, code, line)
+                recorder.put(event.slot, target_of(code), line)
     return Track(
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
         np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),

@@ -12,9 +12,16 @@ from dataclasses import dataclass, field
 SETS = re.compile(r"M(104|140)\s+S\s*(\d+\.?\d*|\.\d+)(?:\s+T\s*(\d+))?", re.I)
 WAITS = re.compile(r"M1(09|90)\s+[SR]\s*(\d+\.?\d*|\.\d+)(?:\s+T\s*(\d+))?", re.I)
 _HEATERS = {"104": "hot end", "09": "hot end", "140": "bed", "90": "bed"}
-# Barriers behind which each heater is as warm as before. Homing and probing are none of them:
-# printers that probe with the nozzle cool it for that.
+# Printers that probe with the nozzle cool it for that.
+COOL_NOZZLE = ("homing", "bed probing")
+# Barriers behind which each heater is as warm as before.
 KEEP_HEAT = ("dwell", "coordinates set anew", "wait for moves to end", "coordinate mode")
+
+
+def target_of(code: str) -> str:
+    """Return the target that a command sets, whether it waits or not; of others the command."""
+    told = SETS.fullmatch(code) or WAITS.fullmatch(code)
+    return code if told is None else f"{float(told[2]):g} degrees"
 
 
 @dataclass(slots=True)
@@ -30,7 +37,9 @@ class Targets:
         """
         told = SETS.fullmatch(code) or WAITS.fullmatch(code)
         if told is None:
-            if reason not in KEEP_HEAT:
+            if reason in COOL_NOZZLE:
+                self.known = {k: v for k, v in self.known.items() if k[0] != "hot end"}
+            elif reason not in KEEP_HEAT:
                 self.known.clear()
             return False
         heater, target, tool = _HEATERS[told[1]], float(told[2]), told[3] or ""
