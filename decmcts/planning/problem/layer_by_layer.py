@@ -88,7 +88,8 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     verdict = _write(source, order, draft)
     if not verdict.ok:
         lines = SourceLines.of(draft, job.contours.line[order])
-        raise _no_order(source, collision, lines.said(str(verdict.faults[0])))
+        why = lines.said(str(verdict.faults[0])) + _in_one_piece(job.contours)
+        raise _no_order(source, collision, why)
     layered, document = read_gcode(draft)
     if len(layered.contours) != len(order):
         raise _no_order(source, collision, "what was written so reads as other contours")
@@ -191,6 +192,18 @@ def with_epochs(
         refills=tuple(anew[e] for e in layered.refills),
     )  # fmt: skip
     return job, replace(document, blocks=blocks)
+
+
+def _in_one_piece(contours: Contours) -> str:
+    """Return the words for the highest contour that climbs more than layers are apart, if any."""
+    climb = contours.top - contours.bottom
+    k = int(climb.argmax())
+    if climb[k] <= contours.height.max():
+        return ""
+    return (
+        f"; line {contours.line[k]} climbs from z {contours.bottom[k]:.3f} to "
+        f"{contours.top[k]:.3f} mm in one piece, which no order splits"
+    )
 
 
 def _no_order(source: Source, collision: CollisionError, why: str) -> InputError:

@@ -199,3 +199,17 @@ def test_parts_one_by_one_as_cura_writes_them(tmp_path: Path):
     source.write_text(";Generated with Cura_SteamEngine 5.6.0\n" + "\n".join(rows))
     assert run(["plan", str(source), "-o", str(out), *SHORT, "--allow-slower"]) == 0
     assert run(["verify", str(out), "--source", str(source), "--machine", "mk4s"]) == 0
+
+
+@pytest.mark.slow
+def test_pillars_near_each_other_are_refused_as_what_they_are(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    """A vertical bead is printed whole: a head as wide as their distance cannot do two."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    pillar = "G1 X{} Y60 F8000\nG1 Z0.5\nG1 X{} E0.5 F1000\nG1 Z6 E1.2 F200\nG1 Z8 F8000\n"
+    pillars = "".join(pillar.format(x, x + 3) for x in (20, 30, 40))
+    source.write_text("M104 S210\nG28\nG90\nM83\n" + pillars + "M104 S0\nM84\n")
+    assert run(["plan", str(source), "-o", str(out), *SHORT]) == 2
+    said = capfd.readouterr().err
+    assert "line 7 climbs from z 0.500 to 6.000 mm in one piece, which no order splits" in said
