@@ -215,6 +215,14 @@ def started_at_once(plan: Plan, rng: Rng) -> None:
     actions[k]["end_s"] -= rest_s
 
 
+def _first_point_s(actions: list[dict[str, Any]], k: int) -> float:
+    """Return the seconds from the end of an action to point 1 of the next, at even speed."""
+    later = actions[k + 1]
+    steps = np.linalg.norm(np.diff(np.array(later["path"]), axis=0), axis=1)
+    takes = later["end_s"] - later["begin_s"]
+    return float(later["begin_s"] - actions[k]["end_s"] + takes * steps[0] / steps.sum())
+
+
 def signals_too_near(plan: Plan, rng: Rng) -> None:
     """Let the last action of a head wait for the first point behind an end that is waited for."""
     machine, named = plan["machine"], _all_actions(plan)
@@ -227,12 +235,19 @@ def signals_too_near(plan: Plan, rng: Rng) -> None:
         and not named[edge[HEAD]][edge[ACTION] + 1]["after"]
         and named[edge[HEAD]][edge[ACTION] + 1]["kind"] == "travel"
         and _points(plan, [edge[HEAD], edge[ACTION] + 1]) > 2
+        and _first_point_s(named[edge[HEAD]], edge[ACTION]) < machine["signal_interval_s"] / 2
     ]  # fmt: skip
     if not found or machine["release"] != "point" or not machine["signal_interval_s"]:
         raise NotHereError
     name, edge = found[int(rng.integers(len(found)))]
-    named[name][-1]["after"].append([edge[HEAD], edge[ACTION] + 1, 1, 0.0])
-    plan["metrics"]["cross_head_waits"] = plan["metrics"].get("cross_head_waits", 0) + 1
+    last, rest_s = named[name][-1], machine["rest_s"]
+    last["after"].append([edge[HEAD], edge[ACTION] + 1, 1, 0.0])
+    last["begin_s"] += rest_s  # so that the head can start again
+    last["end_s"] += rest_s
+    done = max(actions[-1]["end_s"] for actions in named.values() if actions)
+    due = {"cross_head_waits": sum(len(a["after"]) for h in named.values() for a in h)}
+    due |= dict.fromkeys(OF_THE_WHOLE, done)
+    plan["metrics"].update((key, due[key]) for key in due if key in plan["metrics"])
 
 
 STOP_MUTANTS: tuple[Mutant[Plan], ...] = (

@@ -150,14 +150,14 @@ def test_a_wait_for_a_point_begins_when_that_is_passed(case: Callable[..., Any],
             assert head.begin_s[k] == pytest.approx(due + REST_S), (h, k)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", [0, 1, 3])  # which have a place for either
 @pytest.mark.parametrize("mutant", STOP_MUTANTS, ids=lambda mutant: mutant.name)
 def test_times_without_stops_are_a_fault(
     case: Callable[..., Any], tmp_path: Path, mutant: Mutant[dict[str, Any]], seed: int
 ) -> None:
     """In a plan that is right in all else, so nothing but the times gives it away."""
     chosen = case(seed)
-    machine, plan = planned(chosen, seed, release="point", signal_interval_s=0.1, rest_s=REST_S)
+    machine, plan = planned(chosen, seed, release="point", signal_interval_s=0.6, rest_s=REST_S)
     document = PlanDocument("", machine, chosen.job.contours, chosen.graph.pairs(), plan, {})
     write_plan(document, tmp_path / "plan.json")
     good = verify_plan(read_plan(tmp_path / "plan.json"), trials=0).kinds()
@@ -165,8 +165,11 @@ def test_times_without_stops_are_a_fault(
     spoilt = json.loads((tmp_path / "plan.json").read_text())
     mutant.spoil(spoilt, np.random.default_rng(seed))
     (tmp_path / "plan.json").write_text(json.dumps(spoilt))
-    found = verify_plan(read_plan(tmp_path / "plan.json"), trials=0).kinds()
-    assert found == good | {FaultKind.TIMES}
+    verdict = verify_plan(read_plan(tmp_path / "plan.json"), trials=0)
+    assert verdict.kinds() == good | {FaultKind.TIMES}
+    said = [fault.text for fault in verdict.faults if fault.kind == FaultKind.TIMES]
+    due = "to start again" if mutant.name == "a head starts again at once" else "tells 0.6 s apart"
+    assert all(due in text for text in said), said
 
 
 def test_one_head_alone_never_stops(case: Callable[..., Any]) -> None:
