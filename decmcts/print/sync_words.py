@@ -7,6 +7,7 @@ then, this one included; {level}, 1 and 0 in turn with the count, for an output 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from string import Formatter
@@ -52,6 +53,12 @@ def fields_of(line: str) -> set[str]:
     if any(spec or conversion for _, _, spec, conversion in parts):
         raise ValueError("has more than a name in braces")
     return {name for _, name, _, _ in parts if name is not None}
+
+
+def pattern_of(line: str) -> str:
+    """Return a regular expression of a line with any numbers in it, its blanks single."""
+    parts = Formatter().parse(" ".join(line.split()))
+    return "".join(re.escape(text) + (r"\d+" if name else "") for text, name, _, _ in parts)
 
 
 def said(line: str, number: int, head: int, count: int) -> str:

@@ -60,7 +60,7 @@ from decmcts.formats.gcode.writing.hot_ends import (
 )
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.own_lines import owed_after, own_lines, pushed_by_moves, pushes
-from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
+from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points, refuse_words
 from decmcts.formats.gcode.writing.writer import print_contour
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
@@ -164,9 +164,10 @@ def _refuse_points(points: SyncPoints, plan: JointPlan) -> None:
 def refuse_for_heads(document: GcodeDocument, job: PrintJob, machine: Machine) -> None:
     """Raise InputError where no files of several heads can be written, whatever the plan.
 
-    So before any plan: moves of the source's own, heads that may print with more than one
-    tool of the source, and tools that would print cold.
+    So before any plan: moves of the source's own, lines that would be read as sync points, heads
+    that may print with more than one tool of the source, and tools that would print cold.
     """
+    refuse_words(document, machine.words)
     _refuse_own_moves(document, job)
     _refuse_named_states(document)
     tools = np.unique(job.contours.tool).tolist()

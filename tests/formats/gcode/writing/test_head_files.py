@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.gcode import unprimed_note, write_head_gcode
+from decmcts.formats.gcode import refuse_for_heads, unprimed_note, write_head_gcode
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan, end_edges
+from decmcts.print.sync_words import SyncWords
 from decmcts.print.toolpath import Toolpath
 from tests.direct_actions import direct_actions
 
@@ -159,3 +161,29 @@ def test_macros_that_may_move_the_head_are_refused(read, plan):
     job, document = read(TEXT + "TIMELAPSE_TAKE_FRAME\nG1 X0 Y9\nG1 X5 E1\n", start=START)
     with pytest.raises(InputError, match="TIMELAPSE"):
         write_head_gcode(document, job, plan[2], 0, io.StringIO())
+
+
+RRF = SyncWords("M42 P1 S{level}", "M42 P1 S{level}", "WAIT H{head} C{count}")
+
+
+@pytest.mark.parametrize(
+    ("where", "line"),
+    [("start", 3), ("block", 11), ("end", None), ("state", None)],
+)
+def test_a_source_that_signals_by_itself_is_refused(read, where, line):
+    """It would be counted as a signal of the head, by the other controllers and by the judge."""
+    said = "M42 P1  S1 ; light\n"
+    words = RRF if where != "state" else replace(RRF, signal="M106 P2 S{number}")
+    start, text = START.replace("M104 S200 T1\n", ""), TEXT
+    if where == "start":
+        start = start.replace("G28\n", f"G28\n{said}")
+    if where == "block":
+        text = text.replace("G1 X40", f"{said}G1 X40")
+    if where == "state":
+        text = text.replace("G1 X40", "M106 P2 S9\nG1 X40")
+    job, document = read(text + (said if where == "end" else "") + END, start=start)
+    machine = replace(load_machine("dual-gantry"), words=words)
+    with pytest.raises(InputError, match="with which heads' files signal or wait") as caught:
+        refuse_for_heads(document, job, machine)
+    assert caught.value.line == line
+    refuse_for_heads(document, job, load_machine("dual-gantry"))
