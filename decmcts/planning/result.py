@@ -25,7 +25,7 @@ class Figures:
 
     travel_mm: float  # extrusionless, from the end of each contour to the next one's start
     emitted_travel_mm: float  # as moved, lifts and detours included
-    print_time_s: float  # of the plan; of several heads the makespan
+    print_time_s: float  # the plan's makespan; of a written file from its first bead to its last
 
     @staticmethod
     def of(document: PlanDocument) -> Figures:

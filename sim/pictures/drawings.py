@@ -20,6 +20,7 @@ from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.pictures.activity import activity
 from sim.pictures.canvas import TRAVEL, head_colour, save
+from sim.pictures.round_beads import draw_from_above, draw_from_the_side, round_beads_of
 
 SEGMENTS = 100_000  # of one head drawn in one view; with more, whole paths are left out
 
@@ -115,6 +116,9 @@ def _draw_view(
             axis.add_collection(
                 LineCollection(list(segments), colors=colour, linewidths=width, alpha=alpha)
             )
+            if printing:
+                draw = draw_from_above if j == 1 else draw_from_the_side
+                draw(axis, round_beads_of(actions, document.contours), colour)
     axis.set_xlim(extent[:, i])
     axis.set_ylim(extent[:, j])
     axis.set_aspect("equal", adjustable="box")
@@ -131,7 +135,17 @@ def _legend(document: PlanDocument) -> list[Line2D]:
         )
         for k, actions in enumerate(all_actions)
     ]
-    return [*handles, Line2D([], [], color=TRAVEL, lw=2, label="travel")]
+    handles.append(Line2D([], [], color=TRAVEL, lw=2, label="travel"))
+    beads = [round_beads_of(actions, document.contours).is_dot for actions in all_actions]
+    dots = np.concatenate([np.zeros(0, np.bool_), *beads])
+    colour = head_colour(0, len(all_actions))
+    for there, name, face in (
+        (dots.any(), "dot", colour), ((~dots).any(), "vertical bead", "none"),
+    ):  # fmt: skip
+        if there:
+            mark = Line2D([], [], marker="o", ls="", mec=colour, mfc=face, label=name)
+            handles.append(mark)
+    return handles
 
 
 def draw_gantt(path: Path | str, document: PlanDocument) -> None:

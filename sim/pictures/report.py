@@ -27,6 +27,7 @@ from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.pictures.activity import activity
 from sim.pictures.canvas import TRAVEL, head_colour
 from sim.pictures.report_script import SCRIPT
+from sim.pictures.round_beads import with_outlines
 
 History = Sequence[Sequence[float]] | NDArray[np.float64]
 POINTS = 200_000  # of one plan in the 3-D view
@@ -174,9 +175,9 @@ def scene_of(
             )
         heads = len(document.plan.heads)
         for index, actions in enumerate(document.plan.heads):
-            first = len(curves)
+            first, outlined = len(curves), with_outlines(actions, document.contours)
             for printing in (True, False):
-                rows = action_polyline(actions, printing=printing, step=step)
+                rows = action_polyline(outlined, printing=printing, step=step)
                 colour = head_colour(index, heads) if printing else TRAVEL
                 curves.append(_curve(rows, actions.head, colour, scene, printing))
             colour = head_colour(index, max(2, heads))

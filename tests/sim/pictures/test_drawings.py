@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from decmcts.print.plan import JointPlan
+from decmcts.print.plan import ActionKind, JointPlan
 from sim.pictures import drawings as pictures
 from sim.pictures.activity import EXACT, activity
 from sim.pictures.drawings import action_segments, draw_gantt, draw_plan
 from sim.pictures.machine_picture import draw_machine
+from sim.pictures.round_beads import round_beads_of, with_outlines
 
 RED = np.array([214, 39, 40]) / 255
 
@@ -86,3 +87,47 @@ def test_an_idle_head_is_drawn_idle(make, tmp_path):
     edges, shares = activity(idle, plan.makespan_s)
     assert shares.shape == (len(edges) - 1, 2)
     assert pictures.head_colour(0, 1) != pictures.head_colour(0, 2)
+
+
+def with_round(make):
+    """A plan whose first contours are a dot and a vertical bead."""
+    document = make.tower_plan()
+    (actions,) = document.plan.heads
+    path, contours = actions.path.copy(), document.contours
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)[:2]
+    for k, rise in zip(prints.tolist(), (0.0, 3.0), strict=True):
+        a, b = actions.path_offsets[k : k + 2]
+        path[a:b] = path[a]
+        path[b - 1, 2] += rise
+    return replace(document, plan=JointPlan((replace(actions, path=path),))), prints, contours
+
+
+def test_dots_and_vertical_beads_have_their_width(make):
+    """Their paths are points seen from above: nothing of them was drawn."""
+    document, prints, contours = with_round(make)
+    (actions,) = document.plan.heads
+    beads = round_beads_of(actions, contours)
+    assert beads.action.tolist() == prints.tolist()
+    assert beads.is_dot.tolist() == [True, False]
+    assert (beads.high - beads.low).tolist() == pytest.approx([0.0, 3.0])
+    outlined = with_outlines(actions, contours)
+    for k in range(len(actions)):
+        path, now = actions.action_path(k), outlined.action_path(k)
+        if k not in prints:
+            assert (path == now).all()
+            continue
+        wide = contours.width[actions.contour[k]]
+        assert np.ptp(now, axis=0)[:2] == pytest.approx(wide)
+        assert (now[:, 2].min(), now[:, 2].max()) == (path[:, 2].min(), path[:, 2].max())
+
+
+@pytest.mark.slow
+def test_dots_and_vertical_beads_are_drawn(make, tmp_path):
+    """From above, as discs and rings, and from the side; the legend names them."""
+    document, _, _ = with_round(make)
+    contours = replace(document.contours, width=np.full(len(document.contours), 3.0))
+    plain, wide = tmp_path / "plain.png", tmp_path / "wide.png"
+    draw_plan(plain, document, document)
+    draw_plan(wide, document, replace(document, contours=contours))
+    grey = [(np.abs(imread(p)[:, :, :3] - 0.56).max(axis=2) < 0.15).sum() for p in (plain, wide)]
+    assert grey[1] > grey[0] + 500

@@ -30,6 +30,8 @@ from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import Program
 from decmcts.print.walls import has_walls
 
+DOT_MM = 0.2  # of filament beyond what was pulled; less restarts the flow
+FEW_DOTS = 2  # places with dots before the first bead; at fewer the nozzle is primed
 STILL_MM = 1e-5  # filament that moves less does not
 _STOPS_G = (40, 280, 290, 920)  # G4, G28, G29, G92: moves end before them
 _STOPS_M = (0, 10, 250, 1090, 1160, 1900, 2260, 4000, 6000, 6010)
@@ -115,8 +117,7 @@ def _print_seconds(
 
     A part of the same sum as the whole file's time, so it is never longer.
     """
-    across = np.hypot(*np.diff(program.points, axis=0)[:, :2].T)
-    beads = np.flatnonzero((program.filament > STILL_MM) & (across > 0.0))
+    beads = _beads(program)
     if not len(beads):
         return 0.0
     first, last = int(beads[0]), int(beads[-1])
@@ -124,6 +125,23 @@ def _print_seconds(
     inside = dwells[(dwells > line[first]) & (dwells < line[last])] - 1
     moving = float(seconds[first : last + 1].sum())
     return moving + sum(_dwell(lines, n) for n in inside.tolist())
+
+
+def _beads(program: Program) -> NDArray[np.int64]:
+    """Return the moves that lay beads, dots and vertical beads too.
+
+    A push on the spot or straight up lays what goes beyond the filament that was pulled. Before
+    all beads across the bed it does so only where it is not the one place of a purge.
+    """
+    across = np.hypot(*np.diff(program.points, axis=0)[:, :2].T) > 0.0
+    pulled = np.concatenate([[0.0], np.cumsum(-program.filament)])
+    owed = pulled - np.minimum.accumulate(pulled)
+    given = ~across & (program.filament - owed[:-1] > DOT_MM)
+    beads = across & (program.filament > STILL_MM)
+    early = given & ~np.logical_or.accumulate(beads)
+    if len(np.unique(program.points[1:][early][:, :2], axis=0)) < FEW_DOTS:
+        given &= ~early
+    return np.flatnonzero(beads | given)
 
 
 def retractions_of(program: Program) -> int:

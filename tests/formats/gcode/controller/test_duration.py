@@ -133,3 +133,14 @@ def test_the_examples_take_as_long_as_their_slicer_says(name):
     """Two plates sliced by PrusaSlicer 2.5.0, whose estimate stands in the file: within 1 %."""
     text = load_text(sample_path(f"{name}.gcode.gz"))
     assert text_time(text, MotionLimits()).total_s == pytest.approx(estimate(text), rel=0.01)
+
+
+def test_dots_and_vertical_beads_are_of_the_print():
+    """Braille ends with dots, which were left out; a file of dots alone had no print time."""
+    dots = "".join(f"G1 X{10 * k} F6000\nG1 E1.5 F60\nG1 E-1 F2400\n" for k in (1, 2, 3))
+    pillar = "G1 X60 F6000\nG1 E1 F2400\nG1 Z4 E.6 F240\n"
+    for body in (dots, "G1 X5 E1 F600\nG1 E-1 F2400\n" + dots, dots + pillar):
+        said = text_time((START + body).encode(), LIMITS)
+        assert said.print_s > 0.9 * said.total_s - 0.5
+    purged = text_time((START + "G1 E30 F60\nG1 X10 F6000\nG1 X20 E1 F600\n").encode(), LIMITS)
+    assert purged.print_s < 2.0 < 30.0 < purged.total_s

@@ -1,0 +1,124 @@
+"""Dots and vertical beads in pictures: contours that go nowhere across the bed.
+
+Their paths are points, seen from above, so they are drawn by their width: a dot as a disc, a
+vertical bead as a ring around a point, from the side as columns.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import EllipseCollection, PolyCollection
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours
+from decmcts.print.plan import ActionKind, HeadActions
+
+CORNERS = 16  # of a circle in the report page
+TURN_MM = 1.0  # a vertical bead's outline goes round once for so much of its height,
+TURNS = 20  # and so often at the most
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class RoundBeads:
+    """Dots and vertical beads that a head prints."""
+
+    action: NDArray[np.int64]  # (k,)
+    centre: Floats  # (k, 2) mm
+    low: Floats  # (k,) lowest z of the nozzle, mm
+    high: Floats  # (k,) highest
+    width: Floats  # (k,) mm
+    height: Floats  # (k,) of the bead, mm
+
+    @property
+    def is_dot(self) -> NDArray[np.bool_]:
+        """Tell which are dots, (k,)."""
+        return np.asarray(self.high - self.low <= 0.0)
+
+
+def round_beads_of(actions: HeadActions, contours: Contours) -> RoundBeads:
+    """Return the dots and vertical beads of a head; linear in its points."""
+    printed = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    first = actions.path_offsets[printed]
+    none = len(printed) == 0
+    ends = np.stack([first, actions.path_offsets[printed + 1]], axis=1).ravel()
+    padded = np.vstack([actions.path, np.zeros((1, 3))])
+    low = np.zeros((0, 3)) if none else np.minimum.reduceat(padded, ends)[::2]
+    high = np.zeros((0, 3)) if none else np.maximum.reduceat(padded, ends)[::2]
+    kept = (low[:, :2] == high[:, :2]).all(axis=1)
+    contour = actions.contour[printed[kept]]
+    return RoundBeads(
+        printed[kept], low[kept, :2], low[kept, 2], high[kept, 2], contours.width[contour],
+        contours.height[contour],
+    )  # fmt: skip
+
+
+def draw_from_above(axis: Any, beads: RoundBeads, colour: str) -> None:
+    """Draw discs for dots, and rings around a point for vertical beads."""
+    for size, rows, filled in (
+        (1.0, beads.is_dot, True), (1.0, ~beads.is_dot, False), (0.3, ~beads.is_dot, True),
+    ):  # fmt: skip
+        width = size * beads.width[rows]
+        axis.add_collection(
+            EllipseCollection(
+                width,
+                width,
+                np.zeros(len(width)),
+                units="xy",
+                offsets=beads.centre[rows],
+                transOffset=axis.transData,
+                facecolors=colour if filled else "none",
+                edgecolors="none" if filled else colour,
+                linewidths=1.0,
+                alpha=0.8,
+            )
+        )
+
+
+def draw_from_the_side(axis: Any, beads: RoundBeads, colour: str) -> None:
+    """Draw what dots and vertical beads fill, seen along y."""
+    left, right = (beads.centre[:, 0] + side * beads.width / 2 for side in (-1, 1))
+    low = beads.low - beads.height
+    corners = np.stack(
+        [np.stack([x, z], axis=1) for x, z in (
+            (left, low), (right, low), (right, beads.high), (left, beads.high)
+        )], axis=1,
+    )  # fmt: skip
+    axis.add_collection(
+        PolyCollection(list(corners), facecolors=colour, edgecolors="none", alpha=0.6)
+    )
+
+
+def with_outlines(actions: HeadActions, contours: Contours) -> HeadActions:
+    """Return the actions with the outlines of dots and vertical beads as their paths.
+
+    A dot is a circle with another of half its size in it, a vertical bead a helix with a circle
+    at its top. Only for drawing: other heads' points of these paths are not counted anew.
+    """
+    beads = round_beads_of(actions, contours)
+    paths = [actions.action_path(k) for k in range(len(actions))]
+    for k in range(len(beads.action)):
+        paths[int(beads.action[k])] = _outline(beads, k)
+    if not len(beads.action):
+        return actions
+    offsets = np.cumsum([0, *map(len, paths)]).astype(np.int64)
+    return replace(actions, path=np.concatenate(paths), path_offsets=offsets)
+
+
+def _outline(beads: RoundBeads, k: int) -> Floats:
+    low, high, radius = beads.low[k], beads.high[k], beads.width[k] / 2
+    turns = 0 if beads.is_dot[k] else int(np.clip((high - low) / TURN_MM, 2, TURNS))
+    steps = np.arange((turns + 1) * CORNERS + 1)
+    angle = 2 * np.pi * steps / CORNERS
+    z = np.full(len(steps), high)
+    if turns:
+        z = low + (high - low) * np.minimum(steps / (turns * CORNERS), 1.0)
+    round_it = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    inner = np.stack([*(beads.centre[k] + radius / 2 * round_it[-CORNERS - 1 :]).T,
+                      np.full(CORNERS + 1, high)], axis=1)  # fmt: skip
+    outer = np.column_stack([beads.centre[k] + radius * round_it, z])
+    return np.concatenate([outer, inner]) if not turns else outer
