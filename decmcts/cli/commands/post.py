@@ -71,8 +71,7 @@ def post(
         path, machine, search, rules, limits=limits, plate=plate, make_safe=make_safe
     )
     with interrupt_stops() as stop, steps() as told:
-        slower = allow_slower or result.source.original is not None  # no safe file is slower
-        made = result.write_gcode(path, allow_slower=slower, report=told, stop=stop)
+        made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
     with written():
         show_rewritten(made, path, as_json=as_json)
 

@@ -3,7 +3,8 @@
 Whole files are compared (start and end G-code, waits, retractions and lifts included), by one
 time model. A search for `travel` that ended in a longer file is followed by a short one for
 `time`; where that is longer too the source is kept, byte for byte. So it is where the new order
-gains nothing that counts (`file_times.gains`). A mesh has no source file.
+gains nothing that counts (`file_times.gains`). A mesh has no source file. A source whose own order
+would hit the part is never kept.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from pathlib import Path
 
 from decmcts.formats.files.atomic import write_whole
 from decmcts.formats.files.drafts import draft_folder
+from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.formats.gcode.text.source_text import load_text, packed_text
+from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import Objective, Search
@@ -55,7 +58,8 @@ def write_no_slower(
         times = draft_of(planned, draft, path)
         if times.longer and not allow_slower:
             planned, times = _again(planned, search, times, draft, path, draft_of, report, stop)
-        if not allow_slower and (times.longer or not gains(planned, times)):
+        unsafe = planned.problem.source.original is not None
+        if not (allow_slower or unsafe) and (times.longer or not gains(planned, times)):
             planned, times = _kept(planned, times, path, report)
         else:
             put(_packed(draft.read_bytes(), path, planned, times), path, packed=True)
@@ -108,8 +112,12 @@ def _kept(
 
 def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> bytes:
     """Return the G-code of a result as a file of this name holds it."""
-    source = planned.problem.source
-    ratio = times.after_s / times.before_s if times.before_s else 1.0
+    source, was_s = planned.problem.source, times.before_s
+    if source.original is not None and not is_mesh(source.path):
+        source = source.original  # which states the time of its own order
+        limits, own = planned.problem.machine.limits, source.own_limits
+        was_s = print_time(source.path, limits, own_limits=own, plate=source.plate).total_s
+    ratio = times.after_s / was_s if was_s else 1.0
     return packed_text(text, path, source.path, source.plate, time_ratio=ratio)
 
 

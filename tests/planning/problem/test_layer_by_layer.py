@@ -10,10 +10,12 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_header import SAFE
 from decmcts.planning.problem.layer_by_layer import with_epochs
 from sim.experiments.made_one_by_one import BETWEEN, COOLER, one_by_one
 from sim.files.phases import in_phases
+from tests.formats.gcode.text.packed import gcode_3mf
 
 SHORT = ["--planner", "greedy", "--time-limit", "0.2", "--machine", "mk4s", "--no-certificate"]
 POST = [option for option in SHORT if option != "--no-certificate"]
@@ -213,3 +215,27 @@ def test_pillars_near_each_other_are_refused_as_what_they_are(
     assert run(["plan", str(source), "-o", str(out), *SHORT]) == 2
     said = capfd.readouterr().err
     assert "line 7 climbs from z 0.500 to 6.000 mm in one piece, which no order splits" in said
+
+
+@pytest.mark.slow
+def test_an_unsafe_source_is_never_kept(tmp_path: Path, capfd: pytest.CaptureFixture[str]):
+    """Be the new order no faster than layer by layer: what was given hits the part."""
+    source, out = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(one_by_one(2, layers=2))
+    short = ["--planner", "slicer", *SHORT[2:]]
+    assert run(["plan", str(source), "-o", str(out), *short, "--json"]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert not said["kept_source"]
+    assert run(["verify", str(out), "--source", str(source), "--machine", "mk4s"]) == 0
+
+
+@pytest.mark.slow
+def test_the_plate_of_an_archive_is_made_safe_in_its_place(tmp_path: Path):
+    """The other plate stays as it is."""
+    source, out = tmp_path / "in.gcode.3mf", tmp_path / "out.gcode.3mf"
+    source.write_bytes(gcode_3mf({1: one_by_one(1).encode(), 2: one_by_one(2).encode()}))
+    assert run(["plan", str(source), "-o", str(out), *SHORT, "--plate", "2"]) == 0
+    assert load_text(out, 1) == load_text(source, 1)
+    assert load_text(out, 2) != load_text(source, 2)
+    given = ["--source", str(source), "--machine", "mk4s", "--plate", "2"]
+    assert run(["verify", str(out), *given]) == 0
