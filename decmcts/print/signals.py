@@ -81,35 +81,38 @@ def signals_of(plan: JointPlan, job: PrintJob, interval_s: float) -> Signals:
     found: dict[Place, Place] = {}
     apart: set[Action] = set()
     for h, head in enumerate(plan.heads):
-        begun, told = 0.0, 0.0  # least seconds: of the action, and when the last signal was given
-        for k in range(len(head)):
-            clock = begun + _clock(job, head, k)
-            begun = float(clock[-1])
-            kept, target = _spread(points.get((h, k), []), clock, told, due_s)
+        clock, stood, told = _clock(job, head), 0.0, 0.0  # told: when the last signal was given
+        for k in sorted(action for g, action in points if g == h):
+            first, end = int(head.path_offsets[k]), int(head.path_offsets[k + 1])
+            passed = clock[first:end] + stood
+            kept, target = _spread(points[h, k], passed, told, due_s)
             found.update({(h, k, p): (h, k, to) for p, to in target.items()})
-            if kept == [ACTION_END] and clock[-1] - told < due_s:
+            if kept == [ACTION_END] and passed[-1] - told < due_s:
                 apart.add((h, k))
-                begun += due_s
-            told = (begun if kept[-1] == ACTION_END else float(clock[kept[-1]])) if kept else told
-        if begun - told < due_s:
+                stood += due_s
+                told = float(passed[-1]) + due_s
+            else:
+                told = float(passed[-1] if kept[-1] == ACTION_END else passed[kept[-1]])
+        if (float(clock[-1]) if len(clock) else 0.0) + stood - told < due_s:
             apart.add((h, len(head)))
     return Signals(found, frozenset(apart))
 
 
-def _clock(job: PrintJob, head: HeadActions, k: int) -> NDArray[np.float64]:
-    """Return the least seconds to each point of an action, from its begin, (n,)."""
-    if head.kind[k] == ActionKind.WAIT:
-        return np.array([float(head.end_s[k] - head.begin_s[k])])
-    length = np.linalg.norm(np.diff(head.action_path(k), axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(length) / _fastest(job, head, k)])
-
-
-def _fastest(job: PrintJob, head: HeadActions, k: int) -> float:
-    """Return the most speed, mm/s, that a head has in one of its actions."""
-    if head.kind[k] == ActionKind.PRINT:
-        c, offsets = int(head.contour[k]), job.contours.offsets
-        return float(job.contours.feed[offsets[c] : offsets[c + 1]].max(initial=1e-3))
-    return max(job.settings.travel_feed or DEFAULT_TRAVEL, job.settings.z_feed)
+def _clock(job: PrintJob, head: HeadActions) -> NDArray[np.float64]:
+    """Return the least seconds until a head has come to each point of its paths, (n,)."""
+    prints, c = head.kind == ActionKind.PRINT, job.contours
+    fastest = np.full(
+        len(head), max(job.settings.travel_feed or DEFAULT_TRAVEL, job.settings.z_feed)
+    )
+    if prints.any():
+        most = np.maximum(np.maximum.reduceat(c.feed, c.offsets[:-1]), 1e-3)
+        fastest[prints] = most[head.contour[prints]]
+    length = np.linalg.norm(np.diff(head.path, axis=0, prepend=head.path[:1]), axis=1)
+    length[head.path_offsets[:-1]] = 0.0
+    seconds = length / np.repeat(fastest, np.diff(head.path_offsets))
+    waits = np.flatnonzero(head.kind == ActionKind.WAIT)
+    seconds[head.path_offsets[waits + 1] - 1] += head.end_s[waits] - head.begin_s[waits]
+    return np.asarray(np.cumsum(seconds))
 
 
 def _spread(
