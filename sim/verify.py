@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from itertools import combinations, permutations
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,7 @@ from sim.replay.execution import (
     meetings,
     rail_breaks,
     run_trial,
+    shared_pieces,
     timing_factors,
 )
 from sim.replay.growth import beads_for, moves_of
@@ -363,9 +364,10 @@ def check_replays(
         _, courses = run_trial(document.machine, legs.all_actions, order, passing, factors)
         ends = max((float(c.time[-1]) for c in courses), default=0.0)
         counts.setdefault("makespan_s", ends)
-        for pair in combinations(range(len(legs.all_actions)), 2):
-            contacts += meetings(document.machine, courses, pair, name, LIMIT)
-        breaks += rail_breaks(document.machine, courses, name)
+        shared = shared_pieces(courses)
+        for pair, pieces in shared.items():
+            contacts += meetings(document.machine, pieces, pair, name, LIMIT)
+        breaks += rail_breaks(document.machine, shared, name)
         counts["replays"] = counts.get("replays", 0) + 1
     counts["contacts"] = len(contacts)
     return [

@@ -16,7 +16,9 @@ import numba
 from numba.core import registry, sigutils
 from numba.core.compiler import CompileResult
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.errors import NumbaError
 
+from decmcts.jit.borrowing import borrows
 from decmcts.jit.library import compiling, compiling_kernel, hand_environments, set_attribute
 from decmcts.jit.store import Store
 
@@ -27,6 +29,7 @@ _Dispatcher: Any = registry.CPUDispatcher  # numba has no types of its own
 _Result: Any = CompileResult
 _normalized: Any = sigutils.normalize_signature
 _lock: Any = global_compiler_lock
+_COUNTS = "_nrt"  # numba's option: whether to count who holds an array
 _reports: list[Report] = []
 _compiled_now: list[str] = []  # kernels this process makes, or waits for
 _turn = threading.Lock()  # held while kernels of another thread come first
@@ -82,6 +85,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
             set_attribute(function.__name__, "alwaysinline" if inlined else "noinline")
         super().__init__(py_func=function, targetoptions=options)
         self._store = store
+        self._borrows: bool | None = None  # not known yet
 
     def compile(self, signature: Any) -> Any:
         """Return what runs this combination of types, known, loaded or made."""
@@ -94,7 +98,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
             if known is not None and (compiling() or not _only_linked(known)):
                 return known.entry_point
             if compiling():
-                return super().compile(signature)
+                return self._made(signature)
             key = self._key(types)
             _compiled_now.append(key[0])
             try:
@@ -117,12 +121,29 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
             report(self.py_func.__name__)
         self.overloads.pop(types, None)
         with compiling_kernel(self.py_func.__qualname__), _no_collection():
-            super().compile(types)
+            self._made(types)
         made = self.overloads[types]
         hand_environments(made.library)
         if not made.library.has_dynamic_globals:
             self._store.write(key, made._reduce())
         return made.entry_point
+
+    def _made(self, signature: Any) -> Any:
+        """Compile, without counting who holds an array where the function only borrows them.
+
+        Where that fails the function makes one in a way that its text does not show.
+        """
+        if self._borrows is None:
+            self._borrows = borrows(self.py_func, compiled=Kernel)
+        self.targetoptions[_COUNTS] = not self._borrows  # else what calls this one says
+        try:
+            return super().compile(signature)
+        except NumbaError:
+            if not self._borrows:
+                raise
+        self._borrows, self.targetoptions[_COUNTS] = False, True
+        self._compiler._failed_cache.clear()
+        return super().compile(signature)
 
     def _take(self, found: Any) -> Any:
         """Use machine code from the store."""

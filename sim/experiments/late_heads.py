@@ -16,14 +16,20 @@ planning of several printing robots, under timing error.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.print.plan import ActionKind, PlanDocument
 from sim.content.legs import Legs, legs_of
-from sim.replay.execution import Course, arrivals_of, course_of, meetings, rail_breaks
+from sim.replay.execution import (
+    Course,
+    arrivals_of,
+    course_of,
+    meetings,
+    rail_breaks,
+    shared_pieces,
+)
 from sim.rules.order import PartialOrder, order_of
 from sim.verify import all_actions_of
 
@@ -90,10 +96,10 @@ class Rehearsal:
         """Execute the plan in this trouble and count what goes wrong."""
         begin = self._begins(trouble, self._planned if by_the_clock else None)
         machine, courses = self.document.machine, self._courses(begin, trouble)
-        pairs = list(combinations(range(len(courses)), 2))
-        met = [m for pair in pairs for m in meetings(machine, courses, pair, "", MOST_MEETINGS)]
+        shared = shared_pieces(courses)
+        met = [m for at, p in shared.items() for m in meetings(machine, p, at, "", MOST_MEETINGS)]
         contacts = sum(m.gap_mm <= 0.0 for m in met)
-        broken = len(rail_breaks(machine, courses, ""))
+        broken = len(rail_breaks(machine, shared, ""))
         end = max((float(c.time[-1]) for c in courses), default=0.0)
         return Run(end, contacts, len(met), broken, self._too_early(begin, trouble))
 

@@ -9,7 +9,7 @@ far larger than that. Actions that others wait for midway are replayed leg by le
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -178,15 +178,13 @@ def course_of(
 
 
 def meetings(
-    machine: Machine, courses: list[Course], pair: tuple[int, int], trial: str, limit: int
+    machine: Machine, pieces: Pieces, pair: tuple[int, int], trial: str, limit: int
 ) -> list[Meeting]:
-    """Return the times at which two heads come nearer than the clearance, or break the rail."""
-    a, b = courses[pair[0]], courses[pair[1]]
+    """Return the times at which two heads come nearer than the clearance."""
     reach = machine.head_clearance_mm - TOLERANCE_MM
     mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pair)
     if not mine or not theirs:
         return []
-    pieces = _shared_pieces(a, b)
     gaps = _swept_gaps(pieces)
     every = np.arange(len(pieces.time) - 1)
     near = _near_pieces(
@@ -222,8 +220,15 @@ class Pieces:
     actions: Ints  # (k, 2)
 
 
+def shared_pieces(courses: list[Course]) -> dict[tuple[int, int], Pieces]:
+    """Return for each pair of heads, the lower first, both on one time axis."""
+    pairs = combinations(range(len(courses)), 2)
+    return {(a, b): _shared_pieces(courses[a], courses[b]) for a, b in pairs}
+
+
 def _shared_pieces(a: Course, b: Course) -> Pieces:
-    time = np.unique(np.concatenate([a.time, b.time]))
+    time = np.sort(np.concatenate([a.time, b.time]), kind="stable")  # two runs to merge
+    time = time[np.concatenate([[True], time[1:] != time[:-1]])]
     middle = np.concatenate([(time[1:] + time[:-1]) / 2, time[-1:]])
     actions = [c.action[np.searchsorted(c.time, middle, side="right") - 1] for c in (a, b)]
     return Pieces(time, _positions(a, time), _positions(b, time), np.stack(actions, axis=1))
@@ -263,19 +268,25 @@ def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:
     return Solid(a + a0).distance(Solid(swept_vertices(b, b0, b1 - (a1 - a0))))
 
 
-def rail_breaks(machine: Machine, courses: list[Course], trial: str) -> list[Meeting]:
-    """Return the first time in a replay at which each pair of heads breaks each rail."""
+def rail_breaks(
+    machine: Machine, shared: Mapping[tuple[int, int], Pieces], trial: str
+) -> list[Meeting]:
+    """Return the first time in a replay at which each pair of heads breaks each rail.
+
+    `shared` has the pieces of each pair (`shared_pieces`).
+    """
     names = [head.name for head in machine.heads]
     found = []
     for rail in machine.rails:
         on_rail = list(enumerate(names.index(name) for name in rail.order))
         for (i, r), (j, s) in combinations(on_rail, 2):
-            pieces = _shared_pieces(courses[r], courses[s])
-            gap = (pieces.b - pieces.a)[:, rail.axis]
+            pieces, side = shared[min(r, s), max(r, s)], 1 if r < s else -1
+            gap = side * (pieces.b - pieces.a)[:, rail.axis]
             bad = np.nonzero(gap < (j - i) * rail.separation_mm - TOLERANCE_MM)[0]
             if len(bad):
                 k = int(bad[0])
-                actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
+                at = pieces.actions[k, ::side].tolist()
+                actions = (int(at[0]), int(at[1]))
                 found.append(Meeting(trial, float(pieces.time[k]), (r, s), actions, float(gap[k])))
     return found
 

@@ -257,17 +257,41 @@ def chunk_blocks(
     k: int,
     quad: NDArray[np.float64],
 ) -> bool:
-    """Tell whether a chunk of b's bead blocks polygon k on a chunk of a."""
+    """Tell whether a chunk of b's bead blocks polygon k on a chunk of a.
+
+    The tests of `segment_reaches` and `segment_blocks` by boxes stand here with bare numbers,
+    operation by operation: a call that hands over all the arrays costs more than they do.
+    """
     q_first = beads.offsets[b] + (chunk_b - beads.chunk_offsets[b]) * CHUNK
     p_first = beads.offsets[a] + (chunk_a - beads.chunk_offsets[a]) * CHUNK
     q_last = min(q_first + CHUNK, beads.offsets[b + 1] - 1)
     p_last = min(p_first + CHUNK, beads.offsets[a + 1] - 1)
-    r = beads.radius[b]
+    points, boxes, r = beads.points, beads.chunk_boxes, beads.radius[b]
+    height, lowest = head.heights[k], boxes[chunk_a, 4]
+    x_least, y_least = head.boxes[k, 0] - r, head.boxes[k, 1] - r
+    x_most, y_most = head.boxes[k, 2] + r, head.boxes[k, 3] + r
     for q in range(q_first, q_last):
-        if not segment_reaches(beads.points, q, beads.chunk_boxes, chunk_a, head, k, r):
+        x, y, z = points[q, 0], points[q, 1], points[q, 2]
+        x_to, y_to, z_to = points[q + 1, 0], points[q + 1, 1], points[q + 1, 2]
+        x_low, x_high = min(x, x_to), max(x, x_to)
+        y_low, y_high, top = min(y, y_to), max(y, y_to), max(z, z_to)
+        if (
+            top <= lowest + height + Z_EPS
+            or x_low - boxes[chunk_a, 2] > x_most
+            or x_high - boxes[chunk_a, 0] < x_least
+            or y_low - boxes[chunk_a, 3] > y_most
+            or y_high - boxes[chunk_a, 1] < y_least
+        ):
             continue
         for p in range(p_first, p_last):
-            if segment_blocks(beads.points, q, p, head, k, r, quad):
+            if (
+                x_low - max(points[p, 0], points[p + 1, 0]) > x_most
+                or x_high - min(points[p, 0], points[p + 1, 0]) < x_least
+                or y_low - max(points[p, 1], points[p + 1, 1]) > y_most
+                or y_high - min(points[p, 1], points[p + 1, 1]) < y_least
+            ):
+                continue
+            if segment_blocks(points, q, p, head, k, r, quad):
                 return True
     return False
 

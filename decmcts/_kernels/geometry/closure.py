@@ -63,10 +63,16 @@ class Edges(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Memory of the walk that each contour overwrites."""
+    """Memory of the walk; all but the sides is overwritten by each contour."""
 
     quad: NDArray[np.float64]  # (4, 2)
     reach: NDArray[np.float64]  # (m, 5) of `fill_reach`
+    sides: NDArray[np.float64]  # (6, n) of the contours' boxes, for loops over one side
+    word_sides: NDArray[np.float64]  # (6, n_words)
+    words: NDArray[np.uint64]  # (n_words,) of `mark_words`
+    contours: NDArray[np.uint64]  # (WORD,) of `mark_contours`
+    source: NDArray[np.int32]  # (n,) a of the edges into one contour
+    kind: NDArray[np.uint8]  # (n,)
 
 
 @kernel
@@ -170,51 +176,104 @@ def fill_reach(beads: Beads, head: PackedHead, b: int, reach: NDArray[np.float64
 
 
 @kernel
-def in_reach(boxes: NDArray[np.float64], i: int, reach: NDArray[np.float64]) -> bool:
-    """Tell whether box i lies within any row of `reach`; takes bare arrays to stay fast."""
-    for k in range(len(reach)):
-        if boxes[i, 4] >= reach[k, 4]:
-            return False
-        if (
-            boxes[i, 0] <= reach[k, 2]
-            and boxes[i, 2] >= reach[k, 0]
-            and boxes[i, 1] <= reach[k, 3]
-            and boxes[i, 3] >= reach[k, 1]
-        ):
-            return True
-    return False
+def add_in_reach(
+    sides: NDArray[np.float64],
+    first: int,
+    reach: NDArray[np.float64],
+    k: int,
+    may: NDArray[np.uint64],
+) -> None:
+    """Set `may` to 1 for boxes from `first` on that lie within row k of `reach`.
+
+    A loop without branches over one side an array: the compiler takes several boxes at a time.
+    """
+    last = first + len(may)
+    x_low, y_low, z_low = sides[0, first:last], sides[1, first:last], sides[4, first:last]
+    x_high, y_high = sides[2, first:last], sides[3, first:last]
+    x_least, y_least, x_most, y_most = reach[k, 0], reach[k, 1], reach[k, 2], reach[k, 3]
+    z_most = reach[k, 4]
+    for i in range(len(may)):
+        may[i] |= np.uint64(
+            (z_low[i] < z_most)
+            & (x_low[i] <= x_most)
+            & (x_high[i] >= x_least)
+            & (y_low[i] <= y_most)
+            & (y_high[i] >= y_least)
+        )
 
 
 @kernel
-def word_concerns(
-    rules: ClosureRules, words: Words, reach: NDArray[np.float64], w: int, b: int
-) -> bool:
-    """Tell whether any contour of run w may have to precede b."""
+def mark_words(
+    rules: ClosureRules, words: Words, b: int, scratch: Scratch, first: int, may: NDArray[np.uint64]
+) -> None:
+    """Write into `may` whether any contour of runs from `first` on may have to precede b."""
+    epoch, layer = rules.epoch[b], rules.layer[b]
+    for w in range(len(may)):
+        may[w] = rules.epoch[(first + w) * WORD] < epoch or (
+            rules.keep and words.layers[first + w, 0] <= layer <= words.layers[first + w, 1]
+        )
+    for k in range(len(scratch.reach)):
+        add_in_reach(scratch.word_sides, first, scratch.reach, k, may)
+
+
+@kernel
+def mark_contours(
+    rules: ClosureRules, words: Words, b: int, scratch: Scratch, w: int, may: NDArray[np.uint64]
+) -> None:
+    """Write into `may` which contours of run w may have to precede b."""
+    first, epoch, layer, role = w * WORD, rules.epoch[b], rules.layer[b], rules.role[b]
+    may[:] = 0
+    if rules.epoch[first] < epoch:
+        for i in range(len(may)):
+            may[i] = rules.epoch[first + i] < epoch
+    if rules.keep and words.layers[w, 0] <= layer <= words.layers[w, 1]:
+        for i in range(len(may)):
+            a = first + i
+            if rules.layer[a] == layer and rules.touching[rules.role[a], role] != 0:
+                may[i] = 1
+    for k in range(len(scratch.reach)):
+        if row_reaches(words.boxes, w, scratch.reach, k):
+            add_in_reach(scratch.sides, first, scratch.reach, k, may)
+
+
+@kernel
+def row_reaches(boxes: NDArray[np.float64], i: int, reach: NDArray[np.float64], k: int) -> bool:
+    """Tell whether box i lies within row k of `reach`."""
     return bool(
-        rules.epoch[w * WORD] < rules.epoch[b]
-        or (rules.keep and words.layers[w, 0] <= rules.layer[b] <= words.layers[w, 1])
-        or in_reach(words.boxes, w, reach)
+        boxes[i, 4] < reach[k, 4]
+        and boxes[i, 0] <= reach[k, 2]
+        and boxes[i, 2] >= reach[k, 0]
+        and boxes[i, 1] <= reach[k, 3]
+        and boxes[i, 3] >= reach[k, 1]
     )
 
 
 @kernel
-def add_edge(edges: Edges, a: int, b: int, kind: int) -> Edges:
-    """Append the edge (a, b), in place while there is room, and return the list."""
-    at = edges.used[0]
-    if at == len(edges.source):
-        older = np.empty(2 * at, np.int64)
-        source = np.empty(2 * at, np.int32)
-        kinds = np.empty(2 * at, np.uint8)
-        older[:at] = edges.older
-        source[:at] = edges.source
-        kinds[:at] = edges.kind
-        edges = Edges(edges.latest, older, source, kinds, edges.used)
-    edges.older[at] = edges.latest[b]
-    edges.source[at] = a
-    edges.kind[at] = kind
-    edges.latest[b] = at
-    edges.used[0] = at + 1
-    return edges
+def with_room(edges: Edges, more: int) -> Edges:
+    """Return the list with room for more edges; the same one if it has it."""
+    used = edges.used[0]
+    if used + more <= len(edges.source):
+        return edges
+    room = 2 * (used + more)
+    older = np.empty(room, np.int64)
+    source = np.empty(room, np.int32)
+    kind = np.empty(room, np.uint8)
+    older[:used] = edges.older[:used]
+    source[:used] = edges.source[:used]
+    kind[:used] = edges.kind[:used]
+    return Edges(edges.latest, older, source, kind, edges.used)
+
+
+@kernel
+def add_edges(edges: Edges, b: int, scratch: Scratch, count: int) -> None:
+    """Append the edges found into b, in place: there is room."""
+    for k in range(count):
+        at = edges.used[0]
+        edges.older[at] = edges.latest[b]
+        edges.source[at] = scratch.source[k]
+        edges.kind[at] = scratch.kind[k]
+        edges.latest[b] = at
+        edges.used[0] = at + 1
 
 
 @kernel
@@ -233,36 +292,37 @@ def walk_contour(
     rules: ClosureRules,
     words: Words,
     head: PackedHead,
-    edges: Edges,
     scratch: Scratch,
-) -> Edges:
+) -> int:
     """Find the edges into b from the column block that starts at `first`; fills row b.
 
-    The tests by boxes stand here, not in `required`: they decide almost all of the
-    pairs and a call that hands over all the arrays costs more than they do.
+    Writes them into `scratch` and returns how many. Boxes are tested first, for many contours
+    at a time: they decide almost all of the pairs.
     """
-    row, boxes, reach = rows[b - first], beads.boxes, scratch.reach
-    epoch, layer, role, touching = rules.epoch, rules.layer, rules.role, rules.touching
-    fill_reach(beads, head, b, reach)
+    count = 0
+    row = rows[b - first]
+    fill_reach(beads, head, b, scratch.reach)
     last = min(b, first + rows.shape[1] * WORD)
-    for w in range((last - 1 - first) // WORD, -1, -1):
-        if row[w] == ALL or not word_concerns(rules, words, reach, first // WORD + w, b):
+    concerned = scratch.words[: (last - 1 - first) // WORD + 1]
+    mark_words(rules, words, b, scratch, first // WORD, concerned)
+    for w in range(len(concerned) - 1, -1, -1):
+        if row[w] == ALL or not concerned[w]:
             continue
         base = first + w * WORD
-        for i in range(min(WORD, last - base) - 1, -1, -1):
-            a = base + i
-            if (row[w] >> np.uint64(i)) & np.uint64(1) or not (
-                in_reach(boxes, a, reach)
-                or epoch[a] < epoch[b]
-                or (layer[a] == layer[b] and touching[role[a], role[b]])
-            ):
+        may = scratch.contours[: min(WORD, last - base)]
+        mark_contours(rules, words, b, scratch, first // WORD + w, may)
+        for i in range(len(may) - 1, -1, -1):
+            if not may[i] or (row[w] >> np.uint64(i)) & np.uint64(1):
                 continue
+            a = base + i
             kind = required(beads, rules, head, a, b, scratch.quad)
             if kind:
-                edges = add_edge(edges, a, b, kind)
+                scratch.source[count] = a
+                scratch.kind[count] = kind
+                count += 1
                 inherit(row[: w + 1], rows[a - first, : w + 1])
                 row[w] |= np.uint64(1) << np.uint64(i)
-    return edges
+    return count
 
 
 @kernel
@@ -279,7 +339,16 @@ def walk_columns(
 
     Row b - first holds b's ancestors in first..first + 64 * columns.
     """
-    scratch = Scratch(np.empty((4, 2)), np.empty((len(head.heights), 5)))
+    scratch = Scratch(
+        np.empty((4, 2)),
+        np.empty((len(head.heights), 5)),
+        np.ascontiguousarray(beads.boxes.T),
+        np.ascontiguousarray(words.boxes.T),
+        np.empty(len(words.boxes), np.uint64),
+        np.empty(WORD, np.uint64),
+        np.empty(len(beads.radius), np.int32),
+        np.empty(len(beads.radius), np.uint8),
+    )
     for b in range(first, len(beads.radius)):
         row = rows[b - first]
         row[:] = np.uint64(0)
@@ -288,7 +357,9 @@ def walk_columns(
             inherit(row, rows[edges.source[link] - first])
             link = edges.older[link]
         if b > first:
-            edges = walk_contour(rows, first, b, beads, rules, words, head, edges, scratch)
+            count = walk_contour(rows, first, b, beads, rules, words, head, scratch)
+            edges = with_room(edges, count)
+            add_edges(edges, b, scratch, count)
     return edges
 
 

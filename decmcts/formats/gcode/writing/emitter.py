@@ -7,7 +7,7 @@ Only the lines that change something are written. Orders are decided in
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,16 +114,9 @@ class Emitter:
 
     def move(self, to: tuple[float, float, float], feed: float, filament: float = 0.0) -> None:
         """Move in a straight line, with or without filament."""
-        x, y, z = self.at
-        if filament and feed == self.feed and to[2] == z and (to[0] != x or to[1] != y):
-            amount = filament * self._scale  # nearly every line of a file is one of these
-            self.e += amount
-            e = amount if self.relative_e else self.e
-            if self.relative_e:
-                self.spare += e - round(e, self._decimals)
-            self.lines.append(self._bead_line % (to[0], to[1], e))
-            self.at = to
+        if filament and feed == self.feed and self.beads((self.at, to), (filament,), 0, 1):
             return
+        x, y, z = self.at
         words = ["G1"]
         if to[0] != x or to[1] != y:
             words += [f"X{to[0]:{self._xy}}", f"Y{to[1]:{self._xy}}"]
@@ -138,6 +131,33 @@ class Emitter:
         if to != self.at:
             self.leave()
         self.at, self.feed = to, feed
+
+    def beads(
+        self, points: Sequence[Sequence[float]], filament: Sequence[float], first: int, last: int
+    ) -> int:
+        """Print segments first..last - 1, k to point k + 1, at the feed and height in force.
+
+        Returns the first that has to be written in another way. All are formatted at once.
+        """
+        (x, y, z), e, spare = self.at, self.e, self.spare
+        words: list[float] = []
+        scale, relative, digits = self._scale, self.relative_e, self._decimals
+        for k in range(first, last + 1):
+            if k == last or not filament[k]:
+                break
+            to_x, to_y, to_z = points[k + 1]
+            if to_z != z or (to_x == x and to_y == y):
+                break
+            amount = filament[k] * scale
+            e += amount
+            if relative:
+                spare += amount - round(amount, digits)
+            words += (to_x, to_y, amount if relative else e)
+            x, y = to_x, to_y
+        if k > first:
+            self.lines.append(self._bead_line * (k - first) % tuple(words))
+            self.at, self.e, self.spare = (x, y, z), e, spare
+        return k
 
     def leave(self) -> None:
         """Forget the bead just printed: the head has gone elsewhere, and others may be there."""

@@ -190,23 +190,33 @@ def _lay(
     feed = way.feed[1:][::step].tolist()
     state = document.point_state[way.rows[1:]][::step].tolist()
     arcs = arc_runs(document, job.contours, way, is_reversed=is_reversed)
-    held, until = -1, 0
-    for k, (f, s) in enumerate(zip(feed, state, strict=True)):
-        if k < until:  # within an arc that is written
-            continue
-        if s != held:
-            emitter.set_state(s)
-            held = s
-        if (arc := arcs.get(k)) is None:
-            until = k + 1
-            emitter.move(tuple(points[until]), f, filament[k])
-        else:
+    held, k, alike = -1, 0, _alike(feed, state)
+    while k < len(feed):
+        if state[k] != held:
+            held = state[k]
+            emitter.set_state(held)
+        if arc := arcs.get(k):
             until = arc.end
             pushed = float(sum(filament[k:until]))
-            emitter.arc(tuple(points[until]), arc.centre, arc.clockwise, f, pushed)
+            emitter.arc(tuple(points[until]), arc.centre, arc.clockwise, feed[k], pushed)
+        else:
+            until = k + 1
+            emitter.move(tuple(points[until]), feed[k], filament[k])
+            if not said and not arcs and alike[k] > until:
+                until = emitter.beads(points, filament, until, alike[k])
         for point in range(k + 1, until + 1) if said else ():
             if point in said:
                 emitter.say(said[point])
+        k = until
+
+
+def _alike(feed: list[float], state: list[int]) -> list[int]:
+    """Return for each segment up to where those after it have its feed and state."""
+    until = list(range(1, len(feed) + 1))
+    for k in range(len(feed) - 2, -1, -1):
+        if feed[k] == feed[k + 1] and state[k] == state[k + 1]:
+            until[k] = until[k + 1]
+    return until
 
 
 def _level(way: NDArray[np.float64]) -> NDArray[np.float64]:
