@@ -41,7 +41,7 @@ def parse_number(text: NDArray[np.uint8], at: int, end: int, exponent: bool) -> 
         c = text[i]
         if 48 <= c <= 57:
             if digits < 18:
-                mantissa = mantissa * 10 + (c - 48)
+                mantissa = mantissa * 10 + (np.int64(c) - 48)  # text is of bytes, which overflow
                 decimals += 1 if point else 0
             elif not point:
                 decimals -= 1
@@ -72,7 +72,7 @@ def _exponent(text: NDArray[np.uint8], at: int, end: int) -> Any:
         i += 1
     first = i
     while i < end and 48 <= text[i] <= 57:
-        value = min(value * 10 + (text[i] - 48), 400)
+        value = min(value * 10 + (np.int64(text[i]) - 48), 400)
         i += 1
     return (sign * value, i) if i > first else (0, at)
 

@@ -1,0 +1,58 @@
+"""Sources of every kind for several heads: packed, with arcs and points, with scarf seams."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from decmcts.cli.run import run
+from sim.experiments.made_print import made_gcode
+from sim.experiments.made_scarf import scarf_gcode
+from tests.formats.gcode.text.packed import gcode_3mf
+
+pytestmark = pytest.mark.slow
+
+FOUR = [(60.0, 150.0), (110.0, 150.0), (150.0, 150.0), (200.0, 150.0)]
+
+
+def launched(source: Path, machine: str, *plate: str) -> list[str]:
+    """Plan a source for two heads; return the texts of their files, judged in every way."""
+    stem, plan = source.parent / "out", source.parent / "plan.json"
+    given = ["--machine", machine, *plate]
+    options = ["--time-limit", "1", "--plan", str(plan), "-o", str(stem)]
+    assert run(["launch", str(source), *given, *options]) == 0
+    names = sorted(str(path) for path in source.parent.glob("out_*.gcode"))
+    assert len(names) == 2
+    for judged in ([*names, "--plan", str(plan)], names, [str(plan)]):
+        assert run(["verify", *judged, "--source", str(source), *given]) == 0
+    return [Path(name).read_text() for name in names]
+
+
+def test_a_plate_of_a_packed_file(tmp_path):
+    """What Bambu's slicer writes: the plate that was asked for, as files of plain G-code."""
+    source = tmp_path / "in.gcode.3mf"
+    plates = {1: made_gcode(FOUR[:1]).encode(), 2: made_gcode(FOUR[::3]).encode()}
+    source.write_bytes(gcode_3mf(plates))
+    assert run(["launch", str(source), "--machine", "dual-gantry", "-o", str(tmp_path / "x")]) == 2
+    texts = launched(source, "dual-gantry", "--plate", "2")
+    beads = [len(re.findall(r"^G1 X\S+ Y\S+ E", text, re.M)) for text in texts]
+    assert sum(beads) == len(re.findall(r"^G1 X\S+ Y\S+ E", made_gcode(FOUR[::3]), re.M))
+
+
+def test_arcs_and_signals_in_motion(tmp_path):
+    """Arcs are shared between the heads, which signal points; each is one arc still."""
+    source = tmp_path / "in.gcode"
+    source.write_text(made_gcode(FOUR))
+    texts = launched(source, "dual-gantry")
+    arcs = [len(re.findall(r"^G[23] ", text, re.M)) for text in (*texts, source.read_text())]
+    assert arcs[0] + arcs[1] == arcs[2] and min(arcs) > 0
+    assert any("SYNC_PASSED" in text for text in texts)
+
+
+def test_scarf_seams(tmp_path):
+    """Contacts of the source keep their order and direction, whichever head prints them."""
+    source = tmp_path / "in.gcode"
+    source.write_text(scarf_gcode([(60.0, 100.0), (100.0, 100.0), (220.0, 100.0)]))
+    launched(source, "dual-gantry")
