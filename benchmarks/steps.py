@@ -1,6 +1,6 @@
 """Wall and CPU time of `plan`, `post` and `launch`, step by step, from the events they report.
 
-    python benchmarks/steps.py [--commands plan,post,launch] [--models four_nuts,…]
+    python benchmarks/steps.py [--commands plan,post,launch] [--models four_nuts,…] [--json]
 
 Three prints of about 1 000, 15 000 and 44 000 contours: an example of this project and two
 models of the corpus, or prints made by code where there is no corpus (`made_15000`). Each run
@@ -151,6 +151,7 @@ def step_table(rows: list[dict[str, str]]) -> str:
 def main() -> None:
     parser = arguments(__doc__, time_limit=10.0, models=MODELS)
     parser.add_argument("--commands", type=names, default=names("plan,post,launch"))
+    parser.add_argument("--json", action="store_true", help="also print all rows as JSON")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
@@ -165,6 +166,8 @@ def main() -> None:
                 measure(command, model, options.time_limit, rows)
     rows.read()
     said = setting(time_limit=f"{options.time_limit:g} s", note=options.note)
+    if options.json:
+        print(json.dumps(rows.rows, indent=1))
     (options.results / "steps.md").write_text(
         f"# Steps\n\n{said}\n\nRepeat: `python benchmarks/steps.py`. Machines: `mk4s`, and "
         "`dual-gantry` for `launch`. `post` does not prove a bound. The search is what "
