@@ -9,6 +9,7 @@ import typer
 
 from decmcts.errors import InputError
 from decmcts.planning.options import (
+    AvoidWalls,
     Freedom,
     Limits,
     Objective,
@@ -121,6 +122,16 @@ LeadOption = Annotated[
         metavar="N",
         min=0,
         help="How many layers a part may run ahead of the rest; default: no limit",
+    ),
+]
+AvoidOption = Annotated[
+    AvoidWalls,
+    typer.Option(
+        "--avoid-walls",
+        rich_help_panel=QUALITY,
+        metavar="WHEN",
+        help="Lead travels round outer walls, through the part. auto: over walls no more than the "
+        "source; always; never",
     ),
 ]
 _HELD = "A plan.json is held to it; default: as the plan says"
@@ -301,6 +312,7 @@ def rules_of(
     quality: bool | None,
     min_layer_time_s: float | None,
     max_layers_ahead: int | None,
+    avoid_walls: AvoidWalls = AvoidWalls.AUTO,
 ) -> Rules:
     """Return the rules that were asked for; InputError for a seam that would mean nothing."""
     if seam is not None and freedom != Freedom.SEAM:
@@ -309,5 +321,11 @@ def rules_of(
             advice="add --freedom seam, or leave --seam out",
         )
     return Rules(
-        process_order, quality, min_layer_time_s, max_layers_ahead, freedom, seam or Seam.NEAREST
+        process_order,
+        quality,
+        min_layer_time_s,
+        max_layers_ahead,
+        freedom,
+        seam or Seam.NEAREST,
+        avoid_walls,
     )

@@ -63,6 +63,14 @@ class Limits(StrEnum):
     MACHINE = "machine"
 
 
+class AvoidWalls(StrEnum):
+    """Whether travels go round outer walls."""
+
+    AUTO = "auto"
+    ALWAYS = "always"
+    NEVER = "never"
+
+
 class ProcessOrder(StrEnum):
     """Whether touching contours of different roles keep the slicer's order."""
 
@@ -90,6 +98,9 @@ class Rules:
         Which traversals of a contour may be chosen.
     seam : Seam
         Where loops may begin, with freedom `SEAM`.
+    avoid_walls : AvoidWalls
+        Whether one head's travels go round outer walls through the part. `AUTO`: as far as it
+        takes to lead over them no more than the source does.
 
     Raises
     ------
@@ -114,11 +125,13 @@ class Rules:
     max_layers_ahead: int | None = None
     freedom: Freedom = Freedom.REVERSIBLE
     seam: Seam = Seam.NEAREST
+    avoid_walls: AvoidWalls = AvoidWalls.AUTO
 
     def __post_init__(self) -> None:
         of_enum(self, "process_order", ProcessOrder)
         of_enum(self, "freedom", Freedom)
         of_enum(self, "seam", Seam)
+        of_enum(self, "avoid_walls", AvoidWalls)
         if self.seam != Seam.NEAREST and self.freedom != Freedom.SEAM:
             raise InputError(f"seam {self.seam} needs freedom seam, this is freedom {self.freedom}")
         at_least_zero("min_layer_time_s", self.min_layer_time_s)

@@ -6,7 +6,7 @@ from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_one_head
-from decmcts.planning.options import RULES, SEARCH, Objective, Rules, Search
+from decmcts.planning.options import RULES, SEARCH, AvoidWalls, Objective, Rules, Search
 from decmcts.planning.problem.layer_by_layer import safe_problem
 from decmcts.planning.problem.source import Source, first_head
 from decmcts.planning.result import Result
@@ -69,6 +69,7 @@ def plan(
     one = first_head(source, report)
     timed = search.objective == Objective.TIME
     walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls
+    walls |= rules.avoid_walls == AvoidWalls.ALWAYS
     parts = parts_for(search, rules.freedom, walls=walls)
     with compilation_told(report) as told, compiling_beside(parts, told):
         problem = safe_problem(one, rules, told, make_safe=make_safe)

@@ -18,9 +18,9 @@ from decmcts.feasibility.digest import problem_digest
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.compiling.begin import compile_search
 from decmcts.planning.compiling.parts import (
-    BARE,
     PRINT,
     TEAM,
+    WALLS,
     all_parts,
     is_compiled,
     mark_compiled,
@@ -96,10 +96,10 @@ def compile_part(part: str) -> None:
 
 def _smallest_problem(part: str) -> OrderProblem:
     pace = None
-    if "on time" in part or "for time" in part:
+    if WALLS in part or "on time" in part or "for time" in part:
         job = smallest_job()
         pace = pace_of(job, load_machine("mk4s").limits)
-        if BARE in part:
+        if WALLS in part:
             pace = replace(pace, hop_s=1.0, bare_mm=100.0, walls=outer_walls(job.contours))
     return replace(row_of(3, loops="seams free" in part), pace=pace)
 

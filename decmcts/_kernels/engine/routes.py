@@ -25,6 +25,13 @@ class Beads(NamedTuple):
     radius: NDArray[np.float64]  # (n,) half width and clearance, mm
 
 
+class Bends(NamedTuple):
+    """Where travels bend, seen from above."""
+
+    points: NDArray[np.float64]  # (b, 2)
+    offsets: NDArray[np.int64]  # (m + 1,) of each unit; printing ones have none
+
+
 class Rows(NamedTuple):
     """Units of the joint plan, see decmcts.team.engine.order.UnitOrder."""
 
@@ -52,6 +59,7 @@ def travel_levels(
     units: Rows,
     starts: NDArray[np.float64],
     goals: NDArray[np.float64],
+    bends: Bends,
     beads: Beads,
     field: HeightField,
     head: PackedHead,
@@ -74,7 +82,10 @@ def travel_levels(
             deposit_until(s, seen[s], last, units, beads, field)
             seen[s] = max(seen[s], last)
         stays_up = units.kind[row] == UNIT_ASIDE
-        level[row] = crossing(starts[row], goals[row], stays_up, field, head, lift_mm)
+        level[row] = crossing(
+            starts[row], goals[row], bends.points[bends.offsets[row] : bends.offsets[row + 1]],
+            stays_up, field, head, lift_mm,
+        )  # fmt: skip
         if stays_up:
             goals[row, 2] = level[row]
             starts[units.rows[r, i + 1], 2] = level[row]
@@ -84,15 +95,20 @@ def travel_levels(
 def crossing(
     p: NDArray[np.float64],
     q: NDArray[np.float64],
+    bends: NDArray[np.float64],
     stays_up: bool,
     field: HeightField,
     head: PackedHead,
     lift_mm: float,
 ) -> float:
-    """Height of a travel from p to q; `stays_up`: it need not come down to q."""
+    """Height of a travel from p by `bends` (b, 2) to q; `stays_up`: it need not come down to q."""
     z = p[2] if stays_up else max(p[2], q[2])
     if p[0] != q[0] or p[1] != q[1]:
-        safe = travel_height_above(field, head, p[0], p[1], q[0], q[1], z)
+        safe, x, y = z, p[0], p[1]
+        for b in range(len(bends)):
+            safe = travel_height_above(field, head, x, y, bends[b, 0], bends[b, 1], safe)
+            x, y = bends[b, 0], bends[b, 1]
+        safe = travel_height_above(field, head, x, y, q[0], q[1], safe)
         if safe > z:
             z = safe + lift_mm
     level: float = z

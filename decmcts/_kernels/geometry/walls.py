@@ -167,6 +167,14 @@ def bare_travels(
 
 
 @kernel
+def over_either(walls: Walls, ka: int, kb: int, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Tell whether a travel crosses a wall of the layer at ka or at kb, each -1 for none."""
+    if ka >= 0 and crosses(walls, ka, ax, ay, bx, by):
+        return True
+    return bool(kb >= 0 and kb != ka and crosses(walls, kb, ax, ay, bx, by))
+
+
+@kernel
 def over_walls(
     walls: Walls, starts: NDArray[np.float64], goals: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
@@ -174,10 +182,8 @@ def over_walls(
     found = np.zeros(len(starts), np.bool_)
     for t in range(len(starts)):
         a, b = starts[t], goals[t]
-        for z in (a[2], b[2]):
-            k = layer_at(walls, z)
-            if k >= 0 and crosses(walls, k, a[0], a[1], b[0], b[1]):
-                found[t] = True
+        ka, kb = layer_at(walls, a[2]), layer_at(walls, b[2])
+        found[t] = over_either(walls, ka, kb, a[0], a[1], b[0], b[1])
     return found
 
 

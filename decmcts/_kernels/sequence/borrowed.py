@@ -56,7 +56,7 @@ def _borrowed(array: Any) -> Any:
         return lambda array: TimedBare(
             borrowed(array.points), array.speed, array.acceleration, array.z_speed,
             array.z_acceleration, array.hop_s, array.free_mm, array.bare_mm, array.climb_mm,
-            borrowed(array.walls),
+            array.over, borrowed(array.walls),
         )  # fmt: skip
     if getattr(array, "instance_class", None) is Matrix:
         return lambda array: Matrix(borrowed(array.costs))

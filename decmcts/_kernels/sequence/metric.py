@@ -17,7 +17,7 @@ from numba import types
 from numba.extending import overload, register_jitable
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import SAME_Z_MM, Walls, bare
+from decmcts._kernels.geometry.walls import SAME_Z_MM, Walls, bare, layer_at, over_either
 
 
 class Timed(NamedTuple):
@@ -33,7 +33,11 @@ class Timed(NamedTuple):
 
 
 class TimedBare(NamedTuple):
-    """Travels priced as `Timed`, but for those that the source leaves bare inside the part."""
+    """Travels priced as `Timed`, but with a look at the outer walls of the part.
+
+    Those that the source leaves bare inside the part go without a hop, and those that cross
+    walls are dearer. With a speed of 1 and no ramps the price is in mm.
+    """
 
     points: NDArray[np.float64]  # (2n + 2m, 3) mm: the ends of n contours, then of m entries
     speed: float  # mm/s, level
@@ -44,6 +48,7 @@ class TimedBare(NamedTuple):
     free_mm: float
     bare_mm: float  # up to this length, level, travels inside the part go without a hop too
     climb_mm: float  # and may climb so far to the next layer
+    over: float  # travels that cross walls take so many times their time more
     walls: Walls  # of the part
 
 
@@ -103,6 +108,11 @@ def _bare_seconds(metric: Any, a: Any, b: Any) -> Any:
     dx, dy = ax - bx, ay - by
     level, rise = math.sqrt(dx * dx + dy * dy), abs(az - bz)
     seconds = _moving(metric, level, rise)
+    if metric.over > 0.0 and over_either(
+        metric.walls, layer_at(metric.walls, az), layer_at(metric.walls, bz), ax, ay, bx, by
+    ):
+        seconds += metric.over * _moving(metric, level, 0.0)
+        return seconds if level + rise <= metric.free_mm else seconds + metric.hop_s
     if level + rise <= metric.free_mm:
         return seconds
     if level <= metric.bare_mm and bare(
@@ -210,11 +220,12 @@ def with_points(metric: Metric, points: NDArray[np.float64]) -> Metric:
 
 
 def costliest(metric: Metric, points: NDArray[np.float64]) -> Metric:
-    """Return the price for other points, (2n + 2m, 3), as if no travel stayed inside the part."""
+    """Return the price for other points, (2n + 2m, 3), as if all travels crossed walls."""
     if isinstance(metric, TimedBare):
+        longer = 1.0 + metric.over
         return Timed(
-            points, metric.speed, metric.acceleration, metric.z_speed, metric.z_acceleration,
-            metric.hop_s, metric.free_mm,
+            points, metric.speed / longer, metric.acceleration / longer**2, metric.z_speed,
+            metric.z_acceleration, metric.hop_s, metric.free_mm,
         )  # fmt: skip
     return with_points(metric, points)
 

@@ -23,6 +23,7 @@ from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Step
 from decmcts.planning.options import (
+    AvoidWalls,
     Freedom,
     Limits,
     Objective,
@@ -68,6 +69,7 @@ def plan(
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
+    avoid_walls: opt.AvoidOption = AvoidWalls.NEVER,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
@@ -106,7 +108,7 @@ def plan(
     refuse_two_on_stdout(output, as_json=as_json)
     refuse_stdout(sliced, "--sliced")
     rules = opt.rules_of(
-        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead, avoid_walls,
     )  # fmt: skip
     only_shown = not (as_json or output or plan_file or report or picture or sliced)
     slicing = slicing_of(

@@ -22,6 +22,7 @@ from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_header import AsSliced, as_sliced
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.options import (
+    AvoidWalls,
     Freedom,
     Limits,
     Objective,
@@ -48,6 +49,7 @@ def post(
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
+    avoid_walls: opt.AvoidOption = AvoidWalls.NEVER,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
@@ -60,7 +62,7 @@ def post(
     if is_mesh(path):
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
     rules = opt.rules_of(
-        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead, avoid_walls,
     )  # fmt: skip
     if (before := as_sliced(load_text(path, plate))) is not None:
         with written():

@@ -22,7 +22,7 @@ FIRST_RUN_KERNELS = 65  # about so many does a first `plan` compile (docs/result
 PRINT = "reading, scheduling, writing and judging a print"
 TEAM = "several heads"
 
-BARE = " with bare travels"  # in the name of a unit
+WALLS = "travel past walls"  # a unit: mm or seconds, with a look at the walls between
 FIRST = "local"  # the planner a search begins with while the kernels of `hybrid` are compiled
 
 FOLDERS = [
@@ -31,11 +31,12 @@ FOLDERS = [
 
 
 def unit_of(*, seconds: bool, walls: bool) -> str:
-    """Name what is minimised: `travel`, `time`, or `time with bare travels`.
+    """Name what is minimised: `travel`, `time`, or either `WALLS`.
 
-    `walls` tells whether the source leaves travels inside walls bare, so that they take less time.
+    `walls` tells whether what a travel costs depends on walls: the source leaves travels inside
+    them bare, or goes round them.
     """
-    return f"time{BARE if walls else ''}" if seconds else "travel"
+    return WALLS if walls else "time" if seconds else "travel"
 
 
 def search_part(planner: str, unit: str, *, loops: bool) -> str:

@@ -98,7 +98,7 @@ def _kept(
     planned: Planned, times: FileTimes, path: Path, report: Report
 ) -> tuple[Planned, FileTimes]:
     """Leave the source as it is, or copy it to `path`; returns its own order and times."""
-    source = compared_with(planned)
+    source = compared_with(planned.problem)
     assert source is not None and times.before_s is not None  # else all is gained
     before, gained = planned.before, gains(planned, times)
     after = replace(before, metrics={**before.metrics, "as_sliced": True, "kept_source": True})

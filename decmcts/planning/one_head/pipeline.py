@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -17,11 +18,13 @@ from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, uni
 from decmcts.planning.events import Note, Report, Sound, Step, Stop, never, unheard
 from decmcts.planning.one_head.beside import searched_beside
 from decmcts.planning.one_head.certificate import EARLY_FROM_S, SHARE, certify, early_bound
+from decmcts.planning.one_head.detours import WallRule
 from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
-from decmcts.planning.options import Freedom, Objective, Search
+from decmcts.planning.options import AvoidWalls, Freedom, Objective, Search
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import Planned, check, document_of, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.writing.file_times import source_time
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -118,19 +121,21 @@ def plan_judged(
     if before is None and judge is None:
         before = source_plan(problem)
     order_problem = problem.for_one_head(search.objective)
+    sliced = None if problem.rules.avoid_walls == AvoidWalls.NEVER else source_time(problem)
+    walls = WallRule.of(problem, sliced)
     stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
     bound = _first_bound(order_problem, search, stopping, report)
     report(Step("preparing the search"))
     started = time.perf_counter()
     before, lags, result = _searched(
-        problem, order_problem, search, bound, before, judge, stopping, report
+        problem, walls.priced(order_problem), search, bound, before, judge, stopping, report
     )
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
     report(Step("safe travels and times"))
-    plan, toolpath = _scheduled(problem, result.toolpath, lags), result.toolpath
+    plan, toolpath = _scheduled(problem, result.toolpath, lags, walls), result.toolpath
     if search.objective == Objective.TIME or len(lags.below):
-        sliced = source_toolpath(order_problem)
-        plan, toolpath = _no_slower(problem, before, (plan, toolpath), sliced, lags)
+        own = source_toolpath(order_problem)
+        plan, toolpath = _no_slower(problem, before, (plan, toolpath), own, lags, walls)
     extra: Metrics = {**_search_metrics(problem, search, result), "as_sliced": _as_sliced(plan)}
     if search.certificate:
         if not stop():
@@ -138,11 +143,13 @@ def plan_judged(
         started = time.perf_counter()
         travel = toolpath_cost(order_problem, toolpath)
         proof = Stopping(SHARE * search.time_limit_s, asked=stop)
-        certificate = certify(order_problem, travel, stopping=proof, known=result.bound)
+        known = None if walls.over else result.bound  # that is of dearer travels
+        certificate = certify(order_problem, travel, stopping=proof, known=known)
         extra = {**extra, **certificate.metrics()}
         seconds["bound"] = time.perf_counter() - started
     after = document_of(problem, plan, extra)
-    return check(problem, before, after, result.history, seconds, report)
+    planned = check(problem, before, after, result.history, seconds, report)
+    return replace(planned, sliced=sliced)
 
 
 def _searched(
@@ -200,9 +207,13 @@ def _search_metrics(problem: PrintProblem, search: Search, result: SearchResult)
     }
 
 
-def _scheduled(problem: PrintProblem, order: Toolpath, lags: Lags) -> JointPlan:
-    """Schedule an order for one head, with waits where spots must cool."""
-    plan = schedule(problem.job, problem.machine, problem.graph, [order])
+def _scheduled(problem: PrintProblem, order: Toolpath, lags: Lags, walls: WallRule) -> JointPlan:
+    """Schedule an order for one head, with waits where spots must cool.
+
+    Its travels keep off outer walls as `walls` has it.
+    """
+    detours = walls.detours(problem, order)
+    plan = schedule(problem.job, problem.machine, problem.graph, [order], detours=detours)
     return add_waits(problem.job, problem.machine, plan, lags)
 
 
@@ -212,6 +223,7 @@ def _no_slower(
     found: tuple[JointPlan, Toolpath],
     sliced: Toolpath,
     lags: Lags,
+    walls: WallRule,
 ) -> tuple[JointPlan, Toolpath]:
     """Return what was found, or the source's own order where that ends sooner.
 
@@ -219,7 +231,7 @@ def _no_slower(
     """
     if found[0].makespan_s <= before.plan.makespan_s:
         return found
-    own = _scheduled(problem, sliced, lags) if sliced.entry.any() else before.plan
+    own = _scheduled(problem, sliced, lags, walls)
     return (own, sliced) if own.makespan_s < found[0].makespan_s else found
 
 

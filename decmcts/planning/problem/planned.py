@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import VerificationError
+from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.events import Report, Step
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.metrics import Metrics
@@ -36,6 +37,7 @@ class Planned:
     verdict: Verdict
     history: History
     seconds: dict[str, float]
+    sliced: FileTime | None = None  # the source's file, where it is G-code and was looked at
 
 
 def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:

@@ -10,6 +10,7 @@ from decmcts.formats.gcode.controller.duration import FileTime, print_time
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.options import Freedom, Seam
 from decmcts.planning.problem.planned import Planned
+from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.metrics import Metrics
 from decmcts.print.walls import outer_walls
 
@@ -74,21 +75,30 @@ def gains(planned: Planned, times: FileTimes) -> bool:
     )
 
 
-def compared_with(planned: Planned) -> Path | None:
+def compared_with(problem: PrintProblem) -> Path | None:
     """Return the G-code a result is compared with; None where there is none."""
-    source = Path(planned.problem.document.path)  # of a mesh: what its slicer made
+    source = Path(problem.document.path)  # of a mesh: what its slicer made
     return None if is_mesh(source) else source
+
+
+def source_time(problem: PrintProblem) -> FileTime | None:
+    """Estimate the print time of the source; None where there is no G-code to compare with."""
+    source, limits = compared_with(problem), problem.machine.limits
+    if source is None:
+        return None
+    own, plate = problem.source.own_limits, problem.source.plate
+    walls = outer_walls(problem.job.contours)
+    return print_time(source, limits, own_limits=own, walls=walls, plate=plate)
 
 
 def file_times(planned: Planned, draft: Path) -> FileTimes:
     """Estimate the print times of the source and of the draft made from it."""
-    source, limits = compared_with(planned), planned.problem.machine.limits
-    walls, own = outer_walls(planned.problem.job.contours), planned.problem.source.own_limits
-    after = print_time(draft, limits, own_limits=own, walls=walls)
-    if source is None:
+    problem = planned.problem
+    walls, own = outer_walls(problem.job.contours), problem.source.own_limits
+    after = print_time(draft, problem.machine.limits, own_limits=own, walls=walls)
+    before = planned.sliced or source_time(problem)
+    if before is None:
         return FileTimes(None, after.total_s, after=whole_file(after))
-    plate = planned.problem.source.plate
-    before = print_time(source, limits, own_limits=own, walls=walls, plate=plate)
     return FileTimes(
         before.total_s, after.total_s, before=whole_file(before), after=whole_file(after)
     )

@@ -25,7 +25,8 @@ def header_lines(planned: Planned) -> list[str]:
     if sliced is not None and sliced.travel_mm is not None:
         travel_mm = sliced.travel_mm
     made_safe = planned.problem.source.original is not None or (sliced and sliced.made_safe)
-    whole = aim != "makespan" and compared_with(planned) is not None  # `with_time` says it later
+    compared = compared_with(planned.problem) is not None
+    whole = aim != "makespan" and compared  # `with_time` says it later
     return [
         f"reordered by decmcts {__version__} for machine {machine.name}",
         f"planner {now['planner']} for {aim}, freedom {now['freedom']}{seam}, seed {now['seed']}",

@@ -43,7 +43,7 @@ def pace_of(job: PrintJob, limits: MotionLimits) -> Pace:
     return Pace(
         *level_travel(settings, limits), *upright_travel(settings, limits), hop_s,
         math.nextafter(settings.retract_min_travel_mm, 0.0), settings.bare_inside_mm,
-        settings.bare_climb_mm, walls_for(job),
+        settings.bare_climb_mm, walls=walls_for(job),
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ from decmcts.search.sequence.timed_lags import TimedLags
 Freedom = Literal["fixed", "reversible", "seam"]
 
 
+_NO_RAMP = 1e15  # mm/s²: a travel of 1 mm/s takes what it is long, to 1e-15 s
 MOST_ANCHORS = 6  # entries of one contour that have near lists of their own
 
 
@@ -43,7 +44,14 @@ class Pace:
     free_mm: float = 0.0  # travels up to this length go without them
     bare_mm: float = 0.0  # and those inside the walls up to this
     climb_mm: float = 0.0  # which may climb so far
+    over: float = 0.0  # travels that cross outer walls take so many times their time more
     walls: Walls = field(default_factory=no_walls, compare=False)  # outer ones of the part
+    unit: str = "s"  # "mm" where speeds are 1 and nothing ramps
+
+    @staticmethod
+    def in_mm(walls: Walls, over: float) -> Pace:
+        """Return what prices travels by their length, mm, and more so where they cross walls."""
+        return Pace(1.0, _NO_RAMP, 1.0, _NO_RAMP, over=over, walls=walls, unit="mm")
 
     def __post_init__(self) -> None:
         rates = (self.speed, self.acceleration, self.z_speed, self.z_acceleration)
@@ -55,7 +63,8 @@ class Pace:
     @property
     def looks_at_walls(self) -> bool:
         """Whether what a travel costs depends on walls; it takes longer to price then."""
-        return self.hop_s > 0.0 and self.bare_mm > self.free_mm and has_walls(self.walls)
+        bare = self.hop_s > 0.0 and self.bare_mm > self.free_mm
+        return (bare or self.over > 0.0) and has_walls(self.walls)
 
 
 @dataclass(frozen=True)
@@ -202,7 +211,7 @@ class OrderProblem:
     @property
     def unit(self) -> str:
         """Unit of costs: "mm", "s", or "" for bare costs."""
-        return "" if self.costs is not None else "mm" if self.pace is None else "s"
+        return "" if self.costs is not None else "mm" if self.pace is None else self.pace.unit
 
     def metric(self) -> Metric:
         """Return what prices travels, made anew: its points may be changed."""
@@ -260,4 +269,4 @@ def _timed(points: NDArray[np.float64], pace: Pace) -> Timed | TimedBare:
     )  # fmt: skip
     if not pace.looks_at_walls:
         return timed
-    return TimedBare(*timed, pace.bare_mm, pace.climb_mm, pace.walls)
+    return TimedBare(*timed, pace.bare_mm, pace.climb_mm, pace.over, pace.walls)

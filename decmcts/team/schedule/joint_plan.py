@@ -14,6 +14,7 @@ from dataclasses import replace
 
 from decmcts._kernels.engine.lags import Lags, no_lags
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
 from decmcts.print.loops import enter_at
 from decmcts.print.machine import Machine
@@ -34,6 +35,7 @@ def schedule(
     toolpaths: Sequence[Toolpath],
     *,
     lags: Lags | None = None,
+    detours: Detours | None = None,
 ) -> JointPlan:
     """Make the exact plan in which each head prints its toolpath in order.
 
@@ -48,6 +50,8 @@ def schedule(
     lags : Lags | None
         How long what is printed over must cool: heads rest where nothing else takes that
         long, to a quarter of a second. None: nothing has to.
+    detours : Detours | None
+        The ways of a single head's travels round outer walls. None: they go straight.
 
     Returns
     -------
@@ -69,5 +73,5 @@ def schedule(
     cooling = no_lags(len(job.contours)) if lags is None else lags
     order = order_of_job(job, graph, machine, fleet, entered, toolpaths, cooling)
     running = replace(job, contours=entered, acceleration=None)
-    travels = unit_travels(running, machine, order, space, walls_for(job))
+    travels = unit_travels(running, machine, order, space, walls_for(job), detours)
     return join_actions(job, machine, order, travels, toolpaths, cooling)

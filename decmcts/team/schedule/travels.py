@@ -10,37 +10,48 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.routes import Beads, Rows, travel_levels
+from decmcts._kernels.engine.joint import UNIT_PRINT
+from decmcts._kernels.engine.routes import Beads, Bends, Rows, travel_levels
 from decmcts._kernels.geometry.walls import Walls
 from decmcts.feasibility.packed_head import pack_contours, pack_head
 from decmcts.feasibility.travel import new_height_field
+from decmcts.print.detours import Detours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.walls import bare_pairs
+from decmcts.print.walls import bare_pairs, retracted_paths
 from decmcts.team.engine.order import UnitOrder
 from decmcts.team.engine.space import Space
 from decmcts.team.schedule.timing import kinds_of_tools
 
 
 def unit_travels(
-    job: PrintJob, machine: Machine, order: UnitOrder, space: Space, walls: Walls
+    job: PrintJob,
+    machine: Machine,
+    order: UnitOrder,
+    space: Space,
+    walls: Walls,
+    detours: Detours | None = None,
 ) -> list[NDArray[np.float64]]:
     """Return the path of each unit as if all were travels, m of (k, 3).
 
     What a printing unit gets here means nothing; its path is the contour's. A travel
     that stays bare inside `walls` is not lifted, unless something printed is in its way.
+    With `detours` those of one head go round outer walls; several reserve the space of
+    straight travels.
     """
     starts, goals = _starts(order, space), order.target.copy()
     level = np.zeros(len(order.head))  # units that print keep it
     packed = pack_contours(job.contours, machine.clearance_mm, bead_width=machine.bead_width)
     beads = Beads(packed.points, packed.offsets, packed.radius)
+    alone = detours if len(machine.heads) == 1 else None
+    bends = _bends(order, alone, starts, goals)
     units = Rows(order.kind, order.contour, order.rows, order.counts, order.later)
     for r, head in enumerate(machine.heads):
         field = new_height_field(job.contours, clearance_mm=machine.clearance_mm)
         shape = pack_head(head)
-        travel_levels(r, units, starts, goals, beads, field, shape, machine.lift_mm, level)
-    np.maximum(level, _hops(job, machine, order, walls, starts, goals), out=level)
-    return _paths(starts, goals, level)
+        travel_levels(r, units, starts, goals, bends, beads, field, shape, machine.lift_mm, level)
+    np.maximum(level, _hops(job, machine, order, walls, starts, goals, bends), out=level)
+    return _paths(starts, goals, bends, level)
 
 
 def _hops(
@@ -50,6 +61,7 @@ def _hops(
     walls: Walls,
     starts: NDArray[np.float64],
     goals: NDArray[np.float64],
+    bends: Bends,
 ) -> NDArray[np.float64]:
     """Return how high the source's own habit lifts retracted travels, as far as heads reach, (m,).
 
@@ -60,6 +72,11 @@ def _hops(
     far &= ~bare_pairs(
         walls, job.settings.bare_inside_mm, starts, goals, climb_mm=job.settings.bare_climb_mm
     )
+    bent = np.flatnonzero(np.diff(bends.offsets))
+    if len(bent):
+        ways = _paths(starts[bent], goals[bent], _of(bends, bent), ends[bent])
+        offsets = np.concatenate([[0], np.cumsum([len(way) for way in ways])]).astype(np.int64)
+        far[bent] = retracted_paths(walls, job.settings, np.concatenate(ways), offsets)
     top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
     lifted = np.minimum(ends + _hop_of(job, order), np.maximum(top, ends))
     return np.where(far, lifted, ends)
@@ -92,6 +109,50 @@ def _starts(order: UnitOrder, space: Space) -> NDArray[np.float64]:
 
 
 def _paths(
+    starts: NDArray[np.float64],
+    goals: NDArray[np.float64],
+    bends: Bends,
+    level: NDArray[np.float64],
+) -> list[NDArray[np.float64]]:
+    """Return start, above start, bends, above goal, goal, without corners that do not move."""
+    straight = _straight(starts, goals, level)
+    for m in np.flatnonzero(np.diff(bends.offsets)).tolist():
+        way = bends.points[bends.offsets[m] : bends.offsets[m + 1]]
+        over = np.column_stack([way, np.full(len(way), level[m])])
+        ends = np.array([starts[m], goals[m]])
+        above = ends.copy()
+        above[:, 2] = level[m]
+        corners = np.concatenate([ends[:1], above[:1], over, above[1:], ends[1:]])
+        moves = np.concatenate([[True], (np.diff(corners, axis=0) != 0.0).any(axis=1)])
+        straight[m] = corners[moves]
+    return straight
+
+
+def _of(bends: Bends, units: NDArray[np.int64]) -> Bends:
+    """Return the bends of some units."""
+    counts = np.diff(bends.offsets)
+    kept = np.repeat(np.isin(np.arange(len(counts)), units), counts)
+    offsets = np.concatenate([[0], np.cumsum(counts[units])]).astype(np.int64)
+    return Bends(bends.points[kept], offsets)
+
+
+def _bends(
+    order: UnitOrder,
+    detours: Detours | None,
+    starts: NDArray[np.float64],
+    goals: NDArray[np.float64],
+) -> Bends:
+    """Return where travels from contour to contour bend to keep inside the part."""
+    counts = np.zeros(len(order.head), np.int64)
+    points = np.empty((0, 2))
+    if detours is not None:
+        travels = np.flatnonzero(order.kind != UNIT_PRINT)
+        points, offsets = detours.bends(starts[travels], goals[travels])
+        counts[travels] = np.diff(offsets)  # units are numbered as their travels are
+    return Bends(points, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))
+
+
+def _straight(
     starts: NDArray[np.float64], goals: NDArray[np.float64], level: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Return start, above start, above goal, goal, without corners that do not move."""

@@ -154,12 +154,13 @@ def travel_over(program: Program, walls: Walls) -> float:
     """Return the length of travel moves over outer walls, in mm.
 
     Of moves between the first bead and the last that cross, seen from above, an outer
-    wall of the layer printed last or of the one printed next.
+    wall of the layer printed last or of the one printed next. Wipes, which pull filament back
+    along a bead, are none.
     """
     start, goal = program.points[:-1].copy(), program.points[1:].copy()
     across = np.hypot(*(goal - start)[:, :2].T)
     beads = np.flatnonzero((program.filament > STILL_MM) & (across > 0.0))
-    travels = np.flatnonzero((program.filament <= STILL_MM) & (across > 0.0))
+    travels = np.flatnonzero((np.abs(program.filament) <= STILL_MM) & (across > 0.0))
     if not len(beads):
         return 0.0
     travels = travels[(travels > beads[0]) & (travels < beads[-1])]

@@ -1,0 +1,84 @@
+"""How far the travels of one head keep off outer walls: as far as the source's, or further.
+
+Travels over outer walls leave strings and marks on them, so slicers can lead them through the
+part. A plan's travels lead over no more of them than its source's do, where a way round is known;
+the price of a way over walls is raised until that is so. Where the source goes round walls, or all
+travels are to, the search takes travels over them to be longer too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode.controller.duration import FileTime
+from decmcts.planning.options import AvoidWalls
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.detours import Detours
+from decmcts.print.toolpath import Toolpath, endpoints
+from decmcts.print.walls import has_walls
+from decmcts.search.sequence.problem import OrderProblem, Pace
+
+ALWAYS = 4.0  # mm of travel beyond its own that a mm over walls is worth, where all go round
+PRICES = (0.0, 1.0, ALWAYS, 16.0, 64.0)  # tried in turn
+OVER = 1.0  # by so much a search takes a travel over walls to be longer: for a way round, or not
+HABIT_SHARE = 0.5  # of what would lead over walls straight: a source below it goes round them
+
+
+@dataclass(frozen=True, slots=True)
+class WallRule:
+    """How a print's travels keep off outer walls."""
+
+    ways: Detours | None  # None: they go straight
+    always: bool = False
+    most_mm: float = np.inf  # of travel over outer walls, if there are ways round
+    over: float = 0.0  # share by which a search takes a travel over walls to be longer
+
+    @staticmethod
+    def of(problem: PrintProblem, sliced: FileTime | None) -> WallRule:
+        """Return what was asked for; `sliced` is the source's file, None if there is none."""
+        asked, contours = problem.rules.avoid_walls, problem.job.contours
+        if asked == AvoidWalls.NEVER or len(contours) < 2:
+            return WallRule(None)
+        ways = Detours.of(contours, 0.0)
+        if not has_walls(ways.walls):
+            return WallRule(None)
+        over_mm = None if sliced is None else sliced.over_walls_mm
+        most_mm = np.inf if over_mm is None else over_mm
+        if asked == AvoidWalls.ALWAYS:
+            return WallRule(ways, True, most_mm, OVER)
+        straight = ways.over_walls_mm(*_gaps(problem, Toolpath.as_sliced(len(contours))))
+        goes_round = most_mm < HABIT_SHARE * straight
+        return WallRule(ways, most_mm=most_mm, over=OVER if goes_round else 0.0)
+
+    def priced(self, problem: OrderProblem) -> OrderProblem:
+        """Return the problem with travels over walls priced as longer, where this rule does so."""
+        if self.ways is None or self.over == 0.0:
+            return problem
+        walls = self.ways.walls
+        if problem.pace is None:
+            return replace(problem, pace=Pace.in_mm(walls, self.over))
+        return replace(problem, pace=replace(problem.pace, over=self.over, walls=walls))
+
+    def detours(self, problem: PrintProblem, toolpath: Toolpath) -> Detours | None:
+        """Return the ways round outer walls for an order; None where its travels go straight."""
+        if self.ways is None:
+            return None
+        gaps, ways = _gaps(problem, toolpath), self.ways
+        for price in PRICES:
+            ways = replace(ways, price=price)
+            if self.always and price < ALWAYS:
+                continue
+            if ways.over_walls_mm(*gaps) <= self.most_mm:
+                break
+        return ways if ways.price > 0.0 else None
+
+
+def _gaps(
+    problem: PrintProblem, toolpath: Toolpath
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return where the travels of an order begin and end, (k - 1, 3) each."""
+    start, end = endpoints(problem.job.contours, toolpath)
+    return np.ascontiguousarray(end[:-1]), np.ascontiguousarray(start[1:])
