@@ -70,6 +70,12 @@ def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
 def kept_line(times: FileTimes) -> str:
     """Return why the source was kept."""
     assert times.refused_s is not None
+    if times.over_walls_mm is not None:
+        return (
+            f"{times.over_walls_mm:.0f} mm of the new order's travels would lead over outer walls, "
+            f"of the source's {times.before['travel_over_walls_mm']:.0f} mm; "
+            "--avoid-walls never writes it all the same"
+        )
     both = (
         f"the new order would take {clock_time(times.refused_s)} and the source takes "
         f"{clock_time(times.after_s)}"

@@ -143,7 +143,7 @@ def _pieces(contours: Contours) -> NDArray[np.int64]:
     size = c.offsets[last + 1] - c.offsets[first]
     closes = np.linalg.norm(c.end[last] - c.start[first], axis=1) <= CLOSES_MM
     kept = wall[first] & closes & (size >= LEAST_POINTS)
-    return np.column_stack([first, last])[kept]
+    return np.asarray(np.column_stack([first, last])[kept], np.int64)
 
 
 def _ring(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -34,9 +34,10 @@ class Metrics(TypedDict, total=False):
     iterations: int
     as_sliced: bool  # order, directions and entries are the source's
     made_safe: bool  # the source's own order would hit the part; `before` is layer by layer
-    kept_source: bool  # the new order would have taken longer, or gained nothing
+    kept_source: bool  # the new order would have been longer, crossed more walls or gained nothing
     version: str
 
+    walls_priced: float  # share by which the search took travels over walls to be longer
     travel_s: float  # as the search prices it
     bound_mm: float | None  # of one head: no order's travels cost less
     bound_s: float | None

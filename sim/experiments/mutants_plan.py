@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.experiments.mutants import Mutant
+from sim.experiments.mutants import Mutant, NotHereError
 from sim.experiments.mutants_actions import (
     acceleration_raised,
     across_a_barrier,
@@ -156,6 +156,13 @@ def other_metrics(plan: Plan, rng: Rng) -> None:
     plan["metrics"]["iterations"] = 1
 
 
+def off_the_walls(plan: Plan, rng: Rng) -> None:
+    """Say that no travel leads over outer walls."""
+    if plan["metrics"].get("travel_over_walls_mm", 0.0) < 50.0:
+        raise NotHereError
+    plan["metrics"]["travel_over_walls_mm"] = 0.0
+
+
 def as_text(plan: Plan) -> str:
     """Return a plan as the JSON text it is kept as."""
     return json.dumps(plan).replace(f'"{HUGE}"', "9" * 5000)
@@ -231,5 +238,6 @@ PLAN_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("no time to start again", _machine_field("rest_s", 0.0), sealed=True),
     Mutant("signals told apart at once", _machine_field("signal_interval_s", 0.0), sealed=True),
     Mutant("the heads exchanged", heads_exchanged),
+    Mutant("travel over outer walls denied", off_the_walls),
     Mutant("other metrics", other_metrics, harmless="nobody can see in a plan how it was found"),
 )

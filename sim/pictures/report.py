@@ -321,7 +321,10 @@ def _minimised(document: PlanDocument, heads: int) -> str:
     if heads > 1:
         return "makespan, s"
     timed = document.metrics.get("objective") == "time"
-    return "time of travels, s" if timed else "travel, mm"
+    priced = (
+        " (longer where it crosses outer walls)" if document.metrics.get("walls_priced") else ""
+    )
+    return f"time of travels{priced}, s" if timed else f"travel{priced}, mm"
 
 
 def plot_convergence(history: History, minimised: str, bound: float = 0.0) -> go.Figure:

@@ -17,6 +17,7 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Release
 from decmcts.print.plan import ACTION_END, ActionKind, After, HeadActions, PlanDocument
+from sim.content.over_walls import over_walls_mm
 from sim.content.paths import describe
 from sim.faults import Fault, FaultKind, listed
 from sim.replay.execution import print_feed
@@ -24,6 +25,7 @@ from sim.replay.least import least_arrivals
 
 TIME_TOLERANCE_S = 1e-3
 MODEL = 0.02  # share of the least time of an action that rounded points may take off
+WALLS_SHARE, WALLS_MM = 0.02, 20.0  # rounded, a travel may or may not touch the end of a wall
 ROUNDING = 1e-3  # share that rounded coordinates may make a way shorter
 
 
@@ -103,7 +105,24 @@ def check_metrics(document: PlanDocument, all_actions: tuple[HeadActions, ...]) 
         stated = document.metrics.get(name, due)
         if not _alike(stated, due):
             lines.append(f"{name} is stated as {stated}, the actions have {due:.6g}")
+    lines += _less_over_walls(document, all_actions)
     return listed(FaultKind.TIMES, lines)
+
+
+def _less_over_walls(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> list[str]:
+    """Return a line where one head's file is said to travel less over walls than its plan does.
+
+    What is stated is the whole file's, which has more moves than the plan; that of a source that
+    was kept is of its own travels.
+    """
+    stated = document.metrics.get("travel_over_walls_mm")
+    if stated is None or len(all_actions) != 1 or document.metrics.get("kept_source"):
+        return []
+    due = over_walls_mm(document.contours, all_actions[0])
+    least = due * (1.0 - WALLS_SHARE) - WALLS_MM
+    if not isinstance(stated, bool) and isinstance(stated, int | float) and stated >= least:
+        return []
+    return [f"travel_over_walls_mm is stated as {stated}, the travels have {due:.6g}"]
 
 
 def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> dict[str, float]:

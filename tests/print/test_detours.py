@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from decmcts._kernels.geometry.detours import BESIDE_MM
 from decmcts._kernels.geometry.walls import over_walls
 from decmcts.print.contours import Contours
 from decmcts.print.detours import Detours
@@ -40,3 +44,47 @@ def test_a_travel_over_a_hole_goes_round_it_and_is_no_longer_than_it_must() -> N
 def test_a_travel_inside_stays_straight() -> None:
     """What crosses no wall has no bends."""
     assert len(way((2.0, 2.0), (38.0, 2.0))) == 2
+
+
+def test_walls_crossed_but_once_are_crossed_upright() -> None:
+    """From island to island no way keeps off walls: each is crossed by a leg of 0.6 mm."""
+    one = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+    two = [(20.0, 0.0), (30.0, 0.0), (30.0, 10.0), (20.0, 10.0)]
+    ways = Detours.of(loops(one, two, z=LEVEL_MM), 4.0)
+    a, b = np.array([[5.0, 2.0, LEVEL_MM]]), np.array([[25.0, 8.0, LEVEL_MM]])
+    bends, _ = ways.bends(a, b)
+    assert ways.over_walls_mm(a, b) == pytest.approx(2.0 * 2.0 * BESIDE_MM)
+    corners = np.concatenate([a[:, :2], bends, b[:, :2]])
+    length = np.hypot(*np.diff(corners, axis=0).T).sum()
+    assert length == pytest.approx(np.hypot(20.0, 6.0), abs=0.3)
+
+
+def hole_in_two(whole: Contours) -> Contours:
+    """Return the plate with the wall of its hole as two contours, one where the other ends."""
+    cut = int(whole.offsets[1]) + 2
+    values = {}
+    for field in fields(Contours):
+        given = getattr(whole, field.name)
+        at = cut if len(given) == len(whole.points) else 1
+        values[field.name] = np.insert(given, at + 1, given[at], axis=0)
+    values["points"][cut + 1, 1] += 0.05
+    values["offsets"] = np.array([0, whole.offsets[1], cut + 1, whole.offsets[2] + 1])
+    values["closed"] = np.array([True, False, False])
+    return Contours(**values)
+
+
+def test_walls_printed_in_pieces_are_gone_round_too() -> None:
+    """A hole whose wall has gaps of a tenth of a millimetre is one loop."""
+    pieces = hole_in_two(plate_with_hole())
+    ways = Detours.of(pieces, 4.0)
+    assert len(ways.loops.length) == 2
+    a, b = np.array([[10.0, 19.0, LEVEL_MM]]), np.array([[30.0, 19.0, LEVEL_MM]])
+    assert ways.over_walls_mm(a, b) == 0.0
+
+
+def test_no_price_no_bends() -> None:
+    """Where walls cost nothing travels go straight over them."""
+    ways = Detours.of(plate_with_hole(), 0.0)
+    a, b = np.array([[10.0, 19.0, LEVEL_MM]]), np.array([[30.0, 19.0, LEVEL_MM]])
+    bends, _ = ways.bends(a, b)
+    assert len(bends) == 0 and ways.over_walls_mm(a, b) == pytest.approx(20.0)

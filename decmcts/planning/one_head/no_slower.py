@@ -3,8 +3,8 @@
 Whole files are compared (start and end G-code, waits, retractions and lifts included), by one
 time model. A search for `travel` that ended in a longer file is followed by a short one for
 `time`; where that is longer too the source is kept, byte for byte. So it is where the new order
-gains nothing that counts (`file_times.gains`). A mesh has no source file. A source whose own order
-would hit the part is never kept.
+gains nothing that counts (`file_times.gains`), or has more travel over outer walls. A mesh has
+no source file. A source whose own order would hit the part is never kept.
 """
 
 from __future__ import annotations
@@ -23,7 +23,13 @@ from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import Objective, Search
 from decmcts.planning.problem.planned import Planned, check
-from decmcts.planning.writing.file_times import FileTimes, compared_with, gains, with_whole_files
+from decmcts.planning.writing.file_times import (
+    FileTimes,
+    compared_with,
+    gains,
+    more_over_walls,
+    with_whole_files,
+)
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.planning.writing.places import STDOUT, name_of, put
 
@@ -59,7 +65,8 @@ def write_no_slower(
         if times.longer and not allow_slower:
             planned, times = _again(planned, search, times, draft, path, draft_of, report, stop)
         unsafe = planned.problem.source.original is not None
-        if not (allow_slower or unsafe) and (times.longer or not gains(planned, times)):
+        worse = not allow_slower and (times.longer or not gains(planned, times))
+        if not unsafe and (worse or more_over_walls(planned, times)):
             planned, times = _kept(planned, times, path, report)
         else:
             put(_packed(draft.read_bytes(), path, planned, times), path, packed=True)
@@ -105,8 +112,9 @@ def _kept(
     own = check(planned.problem, before, after, planned.history, planned.seconds, report)
     if not (path.exists() and path.samefile(source)):
         copy_source(source, path, planned.problem.source.plate)
+    over_mm = times.after["travel_over_walls_mm"] if more_over_walls(planned, times) else None
     return own, FileTimes(
-        times.before_s, times.before_s, times.after_s, times.before, times.before, gained
+        times.before_s, times.before_s, times.after_s, times.before, times.before, gained, over_mm
     )
 
 

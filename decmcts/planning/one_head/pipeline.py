@@ -137,6 +137,8 @@ def plan_judged(
         own = source_toolpath(order_problem)
         plan, toolpath = _no_slower(problem, before, (plan, toolpath), own, lags, walls)
     extra: Metrics = {**_search_metrics(problem, search, result), "as_sliced": _as_sliced(plan)}
+    if walls.over:
+        extra["walls_priced"] = walls.over
     if search.certificate:
         if not stop():
             report(Step("proving how far from optimal this is at most"))

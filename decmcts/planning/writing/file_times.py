@@ -8,7 +8,7 @@ from typing import Any
 
 from decmcts.formats.gcode.controller.duration import FileTime, print_time
 from decmcts.formats.mesh import is_mesh
-from decmcts.planning.options import Freedom, Seam
+from decmcts.planning.options import AvoidWalls, Freedom, Seam
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.metrics import Metrics
@@ -19,6 +19,7 @@ from decmcts.print.walls import outer_walls
 # but at least up to the first and at most up to the second of these seconds.
 SAME_TIME_SHARE = 1e-3
 SAME_TIME_S = 0.25, 1.0
+SAME_OVER_MM = 0.05  # travel over walls that rounding may add
 COUNTS_SHARE = 0.01  # of the source's travel or retractions; less of them is no gain by itself
 COUNTS = {"emitted_travel_mm": 10.0, "retractions": 1, "travel_over_walls_mm": 10.0}  # at least
 
@@ -33,6 +34,7 @@ class FileTimes:
     before: Metrics = field(default_factory=Metrics)  # of the source, see `whole_file`
     after: Metrics = field(default_factory=Metrics)  # of the result, likewise
     gained: bool = True  # whether the new order would have gained anything, be it longer or not
+    over_walls_mm: float | None = None  # of the new order, where the source was kept for it
 
     @property
     def longer(self) -> bool:
@@ -73,6 +75,17 @@ def gains(planned: Planned, times: FileTimes) -> bool:
         and was[key] - now[key] >= max(least, COUNTS_SHARE * was[key])
         for key, least in COUNTS.items()
     )
+
+
+def more_over_walls(planned: Planned, times: FileTimes) -> bool:
+    """Say whether more of a result's travel leads over outer walls than of the source's.
+
+    It may where travels are never to be led round them.
+    """
+    was, now = (each.get("travel_over_walls_mm") for each in (times.before, times.after))
+    if was is None or now is None or planned.problem.rules.avoid_walls == AvoidWalls.NEVER:
+        return False
+    return bool(now > was + SAME_OVER_MM)
 
 
 def compared_with(problem: PrintProblem) -> Path | None:

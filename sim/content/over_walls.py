@@ -1,0 +1,78 @@
+"""How much of a plan's travel leads over outer walls, found from its contours and paths alone.
+
+Walls are lines here, one a segment, and travels lines that are met with them: a tree of boxes
+finds what meets (shapely), no grid and no rule of the planner's.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours, Role
+from decmcts.print.plan import ActionKind, HeadActions
+
+OUTER = (Role.EXTERNAL_PERIMETER, Role.OVERHANG_PERIMETER)
+SAME_Z_MM = 1e-6
+END_MM = 0.05  # at both ends of a leg that may touch a wall: beads begin and end on walls
+LEAST_MM = 1e-9
+
+Floats = NDArray[np.float64]
+
+
+def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
+    """Return the length of the legs of travels that cross outer walls, in mm.
+
+    Of travels between two prints, seen from above; a leg counts whole where it crosses a wall
+    of the layer printed last or of the one printed next.
+    """
+    start, end, before, behind = _legs(actions)
+    walls, height = _walls(contours)
+    if not len(start) or not len(walls):
+        return 0.0
+    length = np.hypot(*(end - start).T)
+    cut = (end - start) * (END_MM / np.maximum(length, LEAST_MM))[:, None]
+    long = length > 2.0 * END_MM
+    lines = shapely.linestrings(np.stack([start + cut, end - cut], axis=1)[long])
+    leg, wall = shapely.STRtree(walls).query(lines, predicate="intersects")
+    leg = np.flatnonzero(long)[leg]
+    same = np.abs(height[wall] - before[leg]) <= SAME_Z_MM
+    same |= np.abs(height[wall] - behind[leg]) <= SAME_Z_MM
+    return float(length[np.unique(leg[same])].sum())
+
+
+def _legs(actions: HeadActions) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return begins and ends (l, 2) of legs that travel, and heights last and next printed (l,)."""
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    prints = actions.kind == ActionKind.PRINT
+    printing = np.flatnonzero(prints)
+    step = np.flatnonzero(owner[1:] == owner[:-1])
+    step = step[~prints[owner[step]]]
+    ahead = np.searchsorted(printing, owner[step])  # prints before it
+    step, ahead = (each[(ahead > 0) & (ahead < len(printing))] for each in (step, ahead))
+    z = actions.path[:, 2]
+    last, following = printing[ahead - 1], printing[ahead]
+    start, end = actions.path[step, :2], actions.path[step + 1, :2]
+    moves = (start != end).any(axis=1)
+    before = z[actions.path_offsets[last + 1] - 1]
+    behind = z[actions.path_offsets[following]]
+    return start[moves], end[moves], before[moves], behind[moves]
+
+
+def _walls(contours: Contours) -> tuple[NDArray[np.object_], Floats]:
+    """Return the level segments of outer walls as lines, loops closed, and their heights."""
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
+    outer = np.isin(contours.role, OUTER)
+    along = np.flatnonzero((owner[1:] == owner[:-1]) & outer[owner[:-1]])
+    loops = np.flatnonzero(outer & contours.closed)
+    ends = np.stack(
+        [
+            np.concatenate([contours.points[along], contours.end[loops]]),
+            np.concatenate([contours.points[along + 1], contours.start[loops]]),
+        ],
+        axis=1,
+    )
+    level = np.abs(ends[:, 0, 2] - ends[:, 1, 2]) <= SAME_Z_MM
+    ends = ends[level]
+    return shapely.linestrings(ends[:, :, :2]), ends[:, 0, 2]
