@@ -29,6 +29,7 @@ from decmcts.planning.writing.file_times import (
     gains,
     more_over_walls,
     with_whole_files,
+    worth_longer,
 )
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.planning.writing.places import STDOUT, name_of, put
@@ -62,10 +63,12 @@ def write_no_slower(
         draft, started = folder / "draft.gcode", time.perf_counter()
         report(Step(f"writing {name_of(path)}, reading it back and judging it"))
         times = draft_of(planned, draft, path)
-        if times.longer and not allow_slower:
+        allowed = allow_slower or worth_longer(planned, times)
+        if times.longer and not allowed:
             planned, times = _again(planned, search, times, draft, path, draft_of, report, stop)
+            allowed = allow_slower or worth_longer(planned, times)
         unsafe = planned.problem.source.original is not None
-        worse = not allow_slower and (times.longer or not gains(planned, times))
+        worse = not allowed and (times.longer or not gains(planned, times))
         if not unsafe and (worse or more_over_walls(planned, times)):
             planned, times = _kept(planned, times, path, report)
         else:
@@ -92,7 +95,10 @@ def _again(
     for_time = replace(
         search, objective=Objective.TIME, time_limit_s=limit_s, certificate=False,
     )  # fmt: skip
-    other = plan_judged(planned.problem, for_time, before=planned.before, report=report, stop=stop)
+    other = plan_judged(
+        planned.problem, for_time, before=planned.before, sliced=planned.sliced, report=report,
+        stop=stop,
+    )  # fmt: skip
     first = draft.read_bytes()
     found = draft_of(other, draft, path)
     if found.after_s < times.after_s:

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from decmcts._kernels.engine.lags import Lags
+from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.compiling.begin import compile_search
 from decmcts.planning.compiling.parts import PRINT, bound_part, is_compiled, unit_for
 from decmcts.planning.events import Note, Report, Sound, Step, Stop, never, unheard
@@ -109,6 +110,7 @@ def plan_judged(
     *,
     before: PlanDocument | None = None,
     judge: Judge | None = None,
+    sliced: FileTime | None = None,
     report: Report = unheard,
     stop: Stop = never,
 ) -> Planned:
@@ -116,12 +118,15 @@ def plan_judged(
 
     `before` is the plan of the source's own order, where that was judged already; else `judge`
     makes it while the search begins. Without both, that order is scheduled and not judged.
+    `sliced` is the source's file, where that was looked at already.
     Once `stop` returns True nothing more is searched, proven, or compiled for these.
     """
     if before is None and judge is None:
         before = source_plan(problem)
     order_problem = problem.for_one_head(search.objective)
-    sliced = None if problem.rules.avoid_walls == AvoidWalls.NEVER else source_time(problem)
+    if sliced is None and problem.rules.avoid_walls != AvoidWalls.NEVER:
+        report(Step("the source's travel over outer walls"))
+        sliced = source_time(problem)
     walls = WallRule.of(problem, sliced)
     stopping = Stopping(search.time_limit_s, search.max_iterations, stop)
     bound = _first_bound(order_problem, search, stopping, report)

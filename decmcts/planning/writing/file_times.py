@@ -19,6 +19,7 @@ from decmcts.print.walls import outer_walls
 # but at least up to the first and at most up to the second of these seconds.
 SAME_TIME_SHARE = 1e-3
 SAME_TIME_S = 0.25, 1.0
+ALWAYS_SHARE = 0.01  # of the source's time, that travels which are to go round walls may cost
 SAME_OVER_MM = 0.05  # travel over walls that rounding may add
 COUNTS_SHARE = 0.01  # of the source's travel or retractions; less of them is no gain by itself
 COUNTS = {"emitted_travel_mm": 10.0, "retractions": 1, "travel_over_walls_mm": 10.0}  # at least
@@ -75,6 +76,20 @@ def gains(planned: Planned, times: FileTimes) -> bool:
         and was[key] - now[key] >= max(least, COUNTS_SHARE * was[key])
         for key, least in COUNTS.items()
     )
+
+
+def worth_longer(planned: Planned, times: FileTimes) -> bool:
+    """Say whether a result may take longer, as travels were to go round walls and do.
+
+    By up to `ALWAYS_SHARE` of the source's time, where less travel leads over outer walls by
+    something that counts.
+    """
+    was, now = (each.get("travel_over_walls_mm") for each in (times.before, times.after))
+    if planned.problem.rules.avoid_walls != AvoidWalls.ALWAYS or was is None or now is None:
+        return False
+    least = max(COUNTS["travel_over_walls_mm"], COUNTS_SHARE * was)
+    short = times.before_s is not None and times.after_s <= (1.0 + ALWAYS_SHARE) * times.before_s
+    return bool(was - now >= least and short)
 
 
 def more_over_walls(planned: Planned, times: FileTimes) -> bool:
