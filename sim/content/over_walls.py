@@ -28,7 +28,7 @@ def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
     of the layer printed last or of the one printed next.
     """
     start, end, before, behind = _legs(actions)
-    walls, height = _walls(contours)
+    walls, height = wall_lines(contours)
     if not len(start) or not len(walls):
         return 0.0
     length = np.hypot(*(end - start).T)
@@ -60,7 +60,7 @@ def _legs(actions: HeadActions) -> tuple[Floats, Floats, Floats, Floats]:
     return start[moves], end[moves], before[moves], behind[moves]
 
 
-def _walls(contours: Contours) -> tuple[NDArray[np.object_], Floats]:
+def wall_lines(contours: Contours) -> tuple[NDArray[np.object_], Floats]:
     """Return the level segments of outer walls as lines, loops closed, and their heights."""
     owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
     outer = np.isin(contours.role, OUTER)

@@ -58,10 +58,11 @@ def with_pace(problem: OrderProblem) -> OrderProblem:
 
 
 def with_bare(problem: OrderProblem) -> OrderProblem:
-    """Price travels as `with_pace`, but for some inside walls: see `is_inside`."""
+    """Price travels as `with_pace`, but for some inside walls and over them: see `is_inside`."""
     pace = Pace(
-        2.0, 1.5, 0.7, 1.1, hop_s=0.8, free_mm=2.5, bare_mm=4.2, climb_mm=1.0, walls=box_walls()
-    )
+        2.0, 1.5, 0.7, 1.1, hop_s=0.8, free_mm=2.5, bare_mm=4.2, climb_mm=1.0, over=0.6,
+        walls=box_walls(),
+    )  # fmt: skip
     assert pace.looks_at_walls
     return replace(problem, pace=pace)
 
@@ -96,13 +97,14 @@ def price(problem: OrderProblem, a: np.ndarray, b: np.ndarray) -> float:
     if problem.pace is None:
         return float(np.linalg.norm(a - b))
     pace, seconds = problem.pace, 0.0
+    over = any(is_inside(a, z) != is_inside(b, z) for z in (a[2], b[2]))
     level, rise = float(np.hypot(*(a - b)[:2])), abs(float(a[2] - b[2]))
-    for way, speed, rate in (
-        (level, pace.speed, pace.acceleration),
-        (rise, pace.z_speed, pace.z_acceleration),
+    for way, speed, rate, share in (
+        (level, pace.speed, pace.acceleration, 1.0 + pace.over * over),
+        (rise, pace.z_speed, pace.z_acceleration, 1.0),
     ):
         ramps = min(way, speed**2 / rate)
-        seconds += 2.0 * np.sqrt(ramps / rate) + (way - ramps) / speed
+        seconds += share * (2.0 * np.sqrt(ramps / rate) + (way - ramps) / speed)
     inside = all(is_inside(p, z) for p in (a, b) for z in (a[2], b[2]))
     bare = inside and level <= pace.bare_mm and a[2] <= b[2] <= a[2] + pace.climb_mm
     return float(seconds + (pace.hop_s if level + rise > pace.free_mm and not bare else 0.0))

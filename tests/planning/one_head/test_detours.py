@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from decmcts._kernels.sequence.metric import distance
 from decmcts.cli.lines import kept_line
 from decmcts.planning.one_head.detours import WallRule
 from decmcts.planning.one_head.no_slower import write_no_slower
@@ -144,3 +145,18 @@ def test_a_result_with_more_travel_over_walls_is_not_written(tmp_path):
         "161 mm of the new order's travels would lead over outer walls, of the source's 0"
         in kept_line(times)
     )
+
+
+def test_a_price_in_mm_is_the_length_and_more_over_walls(tmp_path):
+    """Straight inside the part: its length; over the gap of the U: twice that."""
+    problem = problem_of(tmp_path, AvoidWalls.ALWAYS)
+    priced = WallRule.of(problem, None).priced(problem.for_one_head(SLICED.objective))
+    start, end = priced.start, priced.end
+    metric = priced.metric()
+    strokes = [k for k in range(13) if start[k, 1] == 140.0]
+    left, right = (next(k for k in strokes if start[k, 0] == x) for x in (110.0, 150.0))
+    over = distance(metric, 2 * left + 1, 2 * right)
+    assert over == pytest.approx(2.0 * np.linalg.norm(end[left] - start[right]))
+    near = next(k for k in strokes if start[k, 0] == 105.0)
+    inside = distance(metric, 2 * near + 1, 2 * left)
+    assert inside == pytest.approx(np.linalg.norm(end[near] - start[left]))
