@@ -35,7 +35,8 @@ FIGURES = ("travel_over_walls_mm", "file_time_s", "retractions", "emitted_travel
 def attempt(path: Path, choice: str, limit: float) -> dict[str, Any]:
     """Plan one file; the row has no figures where it is refused or its walls are not known."""
     with tempfile.TemporaryDirectory() as folder:
-        out, result = Path(folder) / "out.gcode", {"exit": 2}
+        out = Path(folder) / "out.gcode"
+        result: dict[str, Any] = {"exit": 2}
         for machine in MACHINES:
             if result["exit"]:
                 result = measured(["plan", str(path), "-o", str(out), "--machine", machine,
