@@ -37,6 +37,7 @@ class Detours:
     walls: Walls
     loops: Loops
     price: float  # a mm over walls is worth so many mm of travel beyond its own; 0: go straight
+    least_mm: float = 0.0  # shorter travels go straight
 
     @staticmethod
     def of(contours: Contours, price: float) -> Detours:
@@ -58,7 +59,10 @@ class Detours:
             mean = len(self.loops.points) // max(1, len(self.loops.first) - 1)
             longest = 4 * max(mean, _most_points(self.loops)) + 2 * MOST_BENDS
             start, goal = (np.ascontiguousarray(p, np.float64) for p in (starts, goals))
-            bends = detours(self.walls, self.loops, self.price, start, goal, counts, longest)
+            far = np.flatnonzero(np.hypot(*(goal - start)[:, :2].T) >= self.least_mm)
+            led = np.zeros(len(far), np.int64)
+            bends = detours(self.walls, self.loops, self.price, start[far], goal[far], led, longest)
+            counts[far] = led
         return bends, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
     def over_walls_mm(self, starts: NDArray[np.float64], goals: NDArray[np.float64]) -> float:

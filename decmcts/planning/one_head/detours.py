@@ -67,8 +67,10 @@ class WallRule:
         if self.ways is None:
             return None
         gaps, ways = _gaps(problem, toolpath), self.ways
+        least_mm = problem.job.settings.retract_min_travel_mm
         for price in PRICES:
-            ways = replace(ways, price=price)
+            short = least_mm if price <= ALWAYS else 0.0  # too short to be retracted, or to string
+            ways = replace(ways, price=price, least_mm=short)
             if self.always and price < ALWAYS:
                 continue
             if ways.over_walls_mm(*gaps) <= self.most_mm:

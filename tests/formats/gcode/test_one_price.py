@@ -23,7 +23,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import read_gcode, write_gcode
 from decmcts.formats.gcode.controller.duration import text_time
 from decmcts.planning.one_head.pipeline import plan_judged
-from decmcts.planning.options import NO_QUALITY, PlannerName, Search
+from decmcts.planning.options import NO_QUALITY, AvoidWalls, PlannerName, Search
 from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
@@ -95,8 +95,8 @@ def kinds_seen(job: PrintJob, rng: np.random.Generator, count: int) -> set[tuple
 
 
 def own_order(path: Path) -> tuple[PrintProblem, HeadActions]:
-    """Return a file and the plan of its own order."""
-    loaded = load(path, "paper", NO_QUALITY)
+    """Return a file and the plan of its own order, travels straight as the search has them."""
+    loaded = load(path, "paper", replace(NO_QUALITY, avoid_walls=AvoidWalls.NEVER))
     planned = plan_judged(loaded, SLICED)
     return loaded, planned.after.plan.heads[0]
 

@@ -86,12 +86,16 @@ def test_bare_travels_are_priced_as_by_hand(seed: int) -> None:
     """Inside rectangles that change from layer to layer, up one layer but never down."""
     problem = with_bare(random_problem(seed, 40, density=0.0))
     metric, ports = problem.metric(), problem.ports()
-    bare = 0
+    bare, over = 0, 0
+    dearest, hopping = costliest(metric, ports), costliest(metric._replace(over=0.0), ports)
     for a, b in product(range(80), repeat=2):
         found = distance(metric, a, b)
         assert found == pytest.approx(price(problem, ports[a], ports[b]))
-        bare += found < distance(costliest(metric, ports), a, b)
+        assert found <= distance(dearest, a, b) + 1e-12
+        bare += found < distance(hopping, a, b)
+        over += found > distance(hopping, a, b)
     assert 50 < bare < 3000
+    assert over > 50
 
 
 def plain_cost(problem: OrderProblem, tour: Tour) -> float:
