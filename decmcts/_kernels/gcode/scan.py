@@ -72,7 +72,7 @@ def _exponent(text: NDArray[np.uint8], at: int, end: int) -> Any:
         i += 1
     first = i
     while i < end and 48 <= text[i] <= 57:
-        value = min(value * 10 + (np.int64(text[i]) - 48), 400)
+        value = min(value * 10 + (int(text[i]) - 48), 400)
         i += 1
     return (sign * value, i) if i > first else (0, at)
 
