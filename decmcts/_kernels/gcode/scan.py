@@ -41,7 +41,7 @@ def parse_number(text: NDArray[np.uint8], at: int, end: int, exponent: bool) -> 
         c = text[i]
         if 48 <= c <= 57:
             if digits < 18:
-                mantissa = mantissa * 10 + (np.int64(c) - 48)  # text is of bytes, which overflow
+                mantissa = mantissa * 10 + (int(c) - 48)  # text is of bytes, which overflow
                 decimals += 1 if point else 0
             elif not point:
                 decimals -= 1
