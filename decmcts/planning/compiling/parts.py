@@ -96,8 +96,8 @@ def is_compiled(part: str) -> bool:
 
 
 def mark_compiled(part: str) -> None:
-    """Say that a part is complete on this machine."""
-    if not is_compiled(part):
+    """Say that a part is complete on this machine, where kernels are compiled at all."""
+    if not numba.config.DISABLE_JIT and not is_compiled(part):
         _store().mark(_mark(part))
 
 
