@@ -137,13 +137,26 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
             self._borrows = borrows(self.py_func, compiled=Kernel)
         self.targetoptions[_COUNTS] = not self._borrows  # else what calls this one says
         try:
-            return super().compile(signature)
+            made = super().compile(signature)
         except NumbaError:
             if not self._borrows:
                 raise
+        else:
+            if self._borrows:
+                self._refuse_counted()
+            return made
         self._borrows, self.targetoptions[_COUNTS] = False, True
         self._compiler._failed_cache.clear()
         return super().compile(signature)
+
+    def _refuse_counted(self) -> None:
+        """Raise TypeError where a function says that it returns numbers and returns an array."""
+        models = self.targetctx.data_model_manager
+        for result in self.overloads.values():
+            returned = result.signature.return_type
+            if models[returned].contains_nrt_meminfo():
+                name = self.py_func.__name__
+                raise TypeError(f"{name} returns {returned}, its annotation says numbers")
 
     def _take(self, found: Any) -> Any:
         """Use machine code from the store."""

@@ -130,3 +130,32 @@ def test_kernels_give_what_python_gives(function: Callable[..., Any], tmp_path: 
     assert sys.getrefcount(values) == before
     assert borrows(function, compiled=Kernel)
     assert kernel._borrows == (function is reads)
+
+
+def hides(values: NDArray[np.float64]) -> Pair:
+    """Return an array, and say that it does not."""
+    return Hidden(values[1:], 1.0)  # type: ignore[return-value]
+
+
+class Hidden(NamedTuple):
+    """Named as if of numbers."""
+
+    first: NDArray[np.float64]
+    second: float
+
+
+def bare(values: NDArray[np.float64]) -> tuple:  # type: ignore[type-arg]
+    """Return a tuple of anything."""
+    return values[1:], values
+
+
+def test_a_tuple_of_anything_may_hold_arrays():
+    """Only what is named is believed."""
+    assert not borrows(bare, compiled=Kernel)
+
+
+def test_an_annotation_that_hides_an_array_is_refused():
+    """Nothing uncounted is handed out."""
+    assert borrows(hides, compiled=Kernel)
+    with pytest.raises(TypeError, match=r"returns Hidden.*its annotation says numbers"):
+        Kernel(hides, STORE)(np.ones(3))
