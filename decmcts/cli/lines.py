@@ -74,7 +74,7 @@ def kept_line(times: FileTimes) -> str:
         return (
             f"{times.over_walls_mm:.0f} mm of the new order's travels would lead over outer walls, "
             f"of the source's {times.before['travel_over_walls_mm']:.0f} mm; "
-            "--avoid-walls never writes it all the same"
+            "--avoid-walls never --allow-slower writes it all the same"
         )
     both = (
         f"the new order would take {clock_time(times.refused_s)} and the source takes "

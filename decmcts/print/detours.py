@@ -38,6 +38,7 @@ class Detours:
     loops: Loops
     price: float  # a mm over walls is worth so many mm of travel beyond its own; 0: go straight
     least_mm: float = 0.0  # shorter travels go straight
+    reach: tuple[float, float, float, float] = (-np.inf, -np.inf, np.inf, np.inf)  # x0, y0, x1, y1
 
     @staticmethod
     def of(contours: Contours, price: float) -> Detours:
@@ -62,8 +63,18 @@ class Detours:
             far = np.flatnonzero(np.hypot(*(goal - start)[:, :2].T) >= self.least_mm)
             led = np.zeros(len(far), np.int64)
             bends = detours(self.walls, self.loops, self.price, start[far], goal[far], led, longest)
-            counts[far] = led
+            bends, counts[far] = self._within_reach(bends, led)
         return bends, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+    def _within_reach(
+        self, bends: NDArray[np.float64], counts: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return the bends and counts without those of travels that would leave the reach."""
+        travel = np.repeat(np.arange(len(counts)), counts)
+        low, high = np.array(self.reach[:2]), np.array(self.reach[2:])
+        kept = np.ones(len(counts), np.bool_)
+        kept[travel[((bends < low) | (bends > high)).any(axis=1)]] = False
+        return bends[kept[travel]], np.where(kept, counts, 0)
 
     def over_walls_mm(self, starts: NDArray[np.float64], goals: NDArray[np.float64]) -> float:
         """Return the length of the legs over outer walls of these travels, bends and all, mm.
@@ -139,7 +150,9 @@ def _pieces(contours: Contours) -> NDArray[np.int64]:
     low = np.minimum.reduceat(c.points[:, 2], c.offsets[:-1])
     high = np.maximum.reduceat(c.points[:, 2], c.offsets[:-1])
     wall = np.isin(c.role, OUTER) & (high - low <= SAME_Z_MM)
-    apart = np.linalg.norm(c.start[1:] - c.end[:-1], axis=1) > BETWEEN_PIECES_MM
+    step = c.start[1:] - c.end[:-1]
+    apart = np.hypot(*step[:, :2].T) > BETWEEN_PIECES_MM
+    apart |= np.abs(step[:, 2]) > SAME_Z_MM
     begins = np.ones(len(c), np.bool_)
     begins[1:] = apart | ~wall[1:] | ~wall[:-1] | c.closed[1:] | c.closed[:-1]
     first = np.flatnonzero(begins)

@@ -132,7 +132,28 @@ def retracted_paths(
         climb_mm=settings.bare_climb_mm,
     )  # fmt: skip
     due[plain[stays]] = False
+    bent = np.flatnonzero(due & (corners > 2) & (length <= settings.bare_inside_mm))
+    begin, end = offsets[bent], offsets[bent + 1]
+    due[bent[_bare_ways(walls, settings.bare_inside_mm, path, begin, end)]] = False
     return np.asarray(due)
+
+
+def _bare_ways(
+    walls: Walls,
+    longest_mm: float,
+    path: NDArray[np.float64],
+    begin: NDArray[np.int64],
+    end: NDArray[np.int64],
+) -> NDArray[np.bool_]:
+    """Return which ways path[begin[i]:end[i]] are level and stay inside the part leg by leg."""
+    legs = end - begin - 1
+    if not len(legs):
+        return np.zeros(0, np.bool_)
+    first = np.cumsum(legs) - legs
+    at = np.arange(int(legs.sum())) + np.repeat(begin - first, legs)
+    level = path[at, 2] == path[at + 1, 2]
+    inside = level & bare_pairs(walls, longest_mm, path[at], path[at + 1])
+    return np.asarray(np.logical_and.reduceat(inside, first))
 
 
 def _upright(

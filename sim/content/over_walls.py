@@ -25,9 +25,10 @@ def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
     """Return the length of the legs of travels that cross outer walls, in mm.
 
     Of travels between two prints, seen from above; a leg counts whole where it crosses a wall
-    of the layer printed last or of the one printed next.
+    of the layer printed last or of the one printed next. Between epochs the source's own lines
+    may move the head, so what a plan has there is not counted.
     """
-    start, end, before, behind = _legs(actions)
+    start, end, before, behind = _legs(contours, actions)
     walls, height = wall_lines(contours)
     if not len(start) or not len(walls):
         return 0.0
@@ -42,7 +43,7 @@ def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
     return float(length[np.unique(leg[same])].sum())
 
 
-def _legs(actions: HeadActions) -> tuple[Floats, Floats, Floats, Floats]:
+def _legs(contours: Contours, actions: HeadActions) -> tuple[Floats, Floats, Floats, Floats]:
     """Return begins and ends (l, 2) of legs that travel, and heights last and next printed (l,)."""
     owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
     prints = actions.kind == ActionKind.PRINT
@@ -53,6 +54,9 @@ def _legs(actions: HeadActions) -> tuple[Floats, Floats, Floats, Floats]:
     step, ahead = (each[(ahead > 0) & (ahead < len(printing))] for each in (step, ahead))
     z = actions.path[:, 2]
     last, following = printing[ahead - 1], printing[ahead]
+    epoch = contours.epoch[actions.contour]
+    same = epoch[last] == epoch[following]
+    step, last, following = step[same], last[same], following[same]
     start, end = actions.path[step, :2], actions.path[step + 1, :2]
     moves = (start != end).any(axis=1)
     before = z[actions.path_offsets[last + 1] - 1]

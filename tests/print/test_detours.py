@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from decmcts._kernels.geometry.detours import BESIDE_MM
 from decmcts._kernels.geometry.walls import over_walls
 from decmcts.print.contours import Contours
-from decmcts.print.detours import Detours
+from decmcts.print.detours import Detours, over_walls_mm
 from decmcts.print.walls import outer_walls
-from tests.print.test_walls import loops
+from tests.print.test_walls import concatenated, loops
 
 LEVEL_MM = 0.2
 
@@ -88,3 +88,44 @@ def test_no_price_no_bends() -> None:
     a, b = np.array([[10.0, 19.0, LEVEL_MM]]), np.array([[30.0, 19.0, LEVEL_MM]])
     bends, _ = ways.bends(a, b)
     assert len(bends) == 0 and ways.over_walls_mm(a, b) == pytest.approx(20.0)
+
+
+def test_a_way_that_would_leave_the_reach_is_not_taken() -> None:
+    """Round a bar as high as the bed there is no way; the travel goes straight over it."""
+    bar = [(10.0, 0.0), (12.0, 0.0), (12.0, 30.0), (10.0, 30.0)]
+    ways = Detours.of(loops(bar, z=LEVEL_MM), 4.0)
+    a, b = np.array([[5.0, 15.0, LEVEL_MM]]), np.array([[17.0, 15.0, LEVEL_MM]])
+    assert ways.over_walls_mm(a, b) == 0.0
+    edge = replace(ways, reach=(0.0, 0.0, 100.0, 30.0))
+    assert len(edge.bends(a, b)[0]) == 0
+    assert edge.over_walls_mm(a, b) == pytest.approx(12.0)
+
+
+def test_ways_written_with_two_decimals_cross_no_more_walls() -> None:
+    """They keep a little off walls, so rounding leads none over them."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False)
+    hole = [(20.0 + 7.0 * np.cos(t), 20.0 + 7.0 * np.sin(t)) for t in turn]
+    ways = Detours.of(loops([(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)], hole), 4.0)
+    rng = np.random.default_rng(0)
+    angle = rng.uniform(0.0, 2.0 * np.pi, 200)
+    across = angle + rng.uniform(0.7, 1.3, 200) * np.pi
+    level = np.full(200, 0.2)
+    a, b = (
+        np.column_stack([20.0 + 9.0 * np.cos(t), 20.0 + 9.0 * np.sin(t), level]).round(2)
+        for t in (angle, across)
+    )
+    bends, offsets = ways.bends(a, b)
+    assert len(bends) > 100
+    assert over_walls_mm(ways.walls, a, b, bends, offsets) == 0.0
+    assert over_walls_mm(ways.walls, a, b, bends.round(2), offsets) == 0.0
+
+
+def test_walls_of_two_layers_are_not_one_loop() -> None:
+    """Half rings of which each begins above where the last ended: no loops at all."""
+    low = loops([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0)], z=0.2)
+    high = loops([(10.0, 10.0), (10.0, 0.0), (0.0, 0.0)], z=0.4)
+    both = []
+    for each in (low, high):  # without the point that ends a loop
+        values = {"points": each.points[:3], "extrusion": each.extrusion[:3], "feed": each.feed[:3]}
+        both.append(replace(each, **values, offsets=np.array([0, 3]), closed=np.array([False])))
+    assert len(Detours.of(concatenated(*both), 4.0).loops.length) == 0

@@ -29,6 +29,8 @@ from decmcts._kernels.geometry.walls import (
 from decmcts._kernels.jit import kernel
 
 BESIDE_MM = 0.3  # between a loop's centreline and a way along it
+GRAZE_MM = 0.02  # a way round keeps so far from walls, but near its corners
+GRAZE_END_MM = 0.5
 ROUNDS = 3  # a way along one loop may cross others
 MOST_BENDS = 48  # of a way pulled taut, among which shortcuts are sought
 
@@ -220,8 +222,24 @@ def round_loops(
 
 @kernel
 def leg_over(walls: Walls, ka: int, kb: int, way: NDArray[np.float64], i: int, j: int) -> bool:
-    """Tell whether the straight leg from point i of a way to point j crosses a wall."""
-    return bool(over_either(walls, ka, kb, way[i, 0], way[i, 1], way[j, 0], way[j, 1]))
+    """Tell whether the straight leg from point i of a way to point j crosses a wall, or grazes one.
+
+    Files round points, so a leg that merely touches no wall may cross it where it is written.
+    """
+    ax, ay, bx, by = way[i, 0], way[i, 1], way[j, 0], way[j, 1]
+    if over_either(walls, ka, kb, ax, ay, bx, by):
+        return True
+    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+    if length <= 2.0 * GRAZE_END_MM:
+        return False
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    ax, ay = ax + GRAZE_END_MM * ux, ay + GRAZE_END_MM * uy
+    bx, by = bx - GRAZE_END_MM * ux, by - GRAZE_END_MM * uy
+    for side in (-GRAZE_MM, GRAZE_MM):
+        x, y = -side * uy, side * ux
+        if over_either(walls, ka, kb, ax + x, ay + y, bx + x, by + y):
+            return True
+    return False
 
 
 @kernel

@@ -49,7 +49,7 @@ def post(
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
-    avoid_walls: opt.AvoidOption = AvoidWalls.NEVER,
+    avoid_walls: opt.AvoidOption = AvoidWalls.AUTO,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,

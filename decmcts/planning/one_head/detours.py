@@ -42,7 +42,9 @@ class WallRule:
         asked, contours = problem.rules.avoid_walls, problem.job.contours
         if asked == AvoidWalls.NEVER or len(contours) < 2:
             return WallRule(None)
-        ways = Detours.of(contours, 0.0)
+        head = problem.machine.heads[0]
+        reach = (*head.reach_min[:2], *head.reach_max[:2])
+        ways = replace(Detours.of(contours, 0.0), reach=reach)
         if not has_walls(ways.walls):
             return WallRule(None)
         over_mm = None if sliced is None else sliced.over_walls_mm
@@ -81,6 +83,11 @@ class WallRule:
 def _gaps(
     problem: PrintProblem, toolpath: Toolpath
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where the travels of an order begin and end, (k - 1, 3) each."""
-    start, end = endpoints(problem.job.contours, toolpath)
-    return np.ascontiguousarray(end[:-1]), np.ascontiguousarray(start[1:])
+    """Return where the travels of an order begin and end, (k, 3) each.
+
+    Not those between epochs: what the source does there may move the head.
+    """
+    contours = problem.job.contours
+    start, end = endpoints(contours, toolpath)
+    within = np.diff(contours.epoch[toolpath.order]) == 0
+    return np.ascontiguousarray(end[:-1][within]), np.ascontiguousarray(start[1:][within])

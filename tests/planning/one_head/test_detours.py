@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from decmcts._kernels.sequence.metric import distance
+from decmcts.cli.commands.plan import plan
+from decmcts.cli.commands.post import post
 from decmcts.cli.lines import kept_line
 from decmcts.planning.one_head.detours import WallRule
 from decmcts.planning.one_head.no_slower import write_no_slower
@@ -160,3 +163,22 @@ def test_a_price_in_mm_is_the_length_and_more_over_walls(tmp_path):
     near = next(k for k in strokes if start[k, 0] == 105.0)
     inside = distance(metric, 2 * near + 1, 2 * left)
     assert inside == pytest.approx(np.linalg.norm(end[near] - start[left]))
+
+
+@pytest.mark.parametrize("command", [plan, post])
+def test_commands_do_as_the_source_does_unless_told(command):
+    """What the docs say of the default, and of rules made in Python."""
+    default = signature(command).parameters["avoid_walls"].default
+    assert default == Rules().avoid_walls == AvoidWalls.AUTO
+
+
+def test_what_lies_between_epochs_is_not_counted(tmp_path):
+    """The source's own lines move the head there: a timelapse in the gap of the U."""
+    path = tmp_path / "part.gcode"
+    lapse = "M104 S201\nG1 X130 Y160 F7800\nG4 P1\n"
+    path.write_text(part(bare_mm=1.0).replace("G1 X150 Y140 F7800\n", lapse + "G1 X150 Y140\n", 1))
+    problem = load(path, "mk4s", Rules(quality=False, avoid_walls=AvoidWalls.NEVER))
+    planned, _, now = written(plan_judged(problem, SLICED), tmp_path)
+    due = over_walls_mm(problem.job.contours, planned.after.plan.heads[0])
+    assert due <= now + 0.05
+    assert not verify_plan(planned.after, source=problem.job).faults
