@@ -239,7 +239,9 @@ def captured() -> Iterator[io.StringIO]:
 def page(rows: Rows) -> str:
     """Return the Markdown page of all rows."""
     why: dict[str, str] = {}
-    for mutants in (PLAN_MUTANTS, CONTACT_MUTANTS, *OF_FILES.values()):
+    every: tuple[tuple[Mutant[Any], ...], ...]
+    every = (PLAN_MUTANTS, CONTACT_MUTANTS, *OF_FILES.values())
+    for mutants in every:
         why |= {mutant.name: mutant.harmless for mutant in mutants}
     table, count = [], dict.fromkeys(("caught", "refused", "harmless", "missed", "crashed"), 0)
     for (kind, mutant), runs in grouped(rows.rows, "of", "mutant").items():

@@ -8,6 +8,7 @@ kernels, numba and the processor. See docs/adr/0007-compiled-at-first-use.md.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numba
 
@@ -25,6 +26,7 @@ TEAM = "several heads"
 WALLS = "travel past walls"  # a unit: mm or seconds, with a look at the walls between
 FIRST = "local"  # the planner a search begins with while the kernels of `hybrid` are compiled
 
+_config: Any = numba.config  # untyped
 FOLDERS = [
     Path(cache_folder(Path(str(room.__file__)).parent)) for room in (decmcts._kernels, sim.replay)
 ]
@@ -97,7 +99,7 @@ def is_compiled(part: str) -> bool:
 
 def mark_compiled(part: str) -> None:
     """Say that a part is complete on this machine, where kernels are compiled at all."""
-    if not numba.config.DISABLE_JIT and not is_compiled(part):
+    if not _config.DISABLE_JIT and not is_compiled(part):
         _store().mark(_mark(part))
 
 
