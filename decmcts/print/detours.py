@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from decmcts._kernels.geometry.detours import MOST_BENDS, Loops, detours
 from decmcts._kernels.geometry.walls import (
     HEAD,
+    LAYERS,
     PER_LAYER,
     SAME_Z_MM,
     Walls,
@@ -41,9 +42,10 @@ class Detours:
     reach: tuple[float, float, float, float] = (-np.inf, -np.inf, np.inf, np.inf)  # x0, y0, x1, y1
 
     @staticmethod
-    def of(contours: Contours, price: float) -> Detours:
-        """Return the ways of a print; O(points)."""
-        walls = outer_walls(contours)
+    def of(contours: Contours, price: float, walls: Walls | None = None) -> Detours:
+        """Return the ways of a print, with its outer `walls` where they are known; O(points)."""
+        if walls is None:
+            walls = outer_walls(contours)
         return Detours(walls, wall_loops(contours, walls), price)
 
     def bends(
@@ -85,6 +87,13 @@ class Detours:
         return over_walls_mm(self.walls, starts, goals, bends, offsets)
 
 
+def straight_over_walls_mm(
+    walls: Walls, starts: NDArray[np.float64], goals: NDArray[np.float64]
+) -> float:
+    """Return the length of straight travels over outer walls, from starts to goals, (m, 3), mm."""
+    return over_walls_mm(walls, starts, goals, np.empty((0, 2)), np.zeros(len(starts) + 1, int))
+
+
 def over_walls_mm(
     walls: Walls,
     starts: NDArray[np.float64],
@@ -101,7 +110,7 @@ def over_walls_mm(
     first = np.concatenate([[0], np.cumsum(counts + 1)[:-1]]).astype(np.int64)[: len(starts)]
     inner = np.ones(len(travel), np.bool_)
     inner[first] = False
-    begin, end = starts[travel].copy(), goals[travel].copy()
+    begin, end = starts[travel], goals[travel]  # copies
     begin[inner, :2] = bends
     last = np.append(inner[1:], False)
     end[last, :2] = bends
@@ -118,7 +127,7 @@ def wall_loops(contours: Contours, walls: Walls) -> Loops:
 
     Walls that a slicer prints piece by piece, one where the last ended, are one loop.
     """
-    n_layers = int(walls[1])
+    n_layers = int(walls[LAYERS])
     heights = walls[HEAD + Z : HEAD + PER_LAYER * n_layers : PER_LAYER]
     pieces = _pieces(contours)
     z = contours.start[pieces[:, 0], 2]

@@ -59,6 +59,11 @@ def place_of(plan: JointPlan, edge: After) -> Place:
     return edge.head, edge.action, ACTION_END if edge.point == last else edge.point
 
 
+def apart_s(interval_s: float) -> float:
+    """Return how far apart signals are put for a controller that needs this interval, s."""
+    return interval_s * SPARE + SPARE_S
+
+
 def signals_of(plan: JointPlan, job: PrintJob, interval_s: float) -> Signals:
     """Return where heads signal what others wait for, at least `interval_s` apart.
 
@@ -74,7 +79,7 @@ def signals_of(plan: JointPlan, job: PrintJob, interval_s: float) -> Signals:
     }
     if interval_s <= 0.0:
         return Signals({place: place for place in asked})
-    due_s = interval_s * SPARE + SPARE_S
+    due_s = apart_s(interval_s)
     points: dict[Action, list[int]] = {}
     for h, k, point in asked:
         points.setdefault((h, k), []).append(point)

@@ -106,23 +106,24 @@ def in_one(spoil: Spoil) -> Callable[[Files, Rng], None]:
 
 def moved_earlier(pattern: re.Pattern[str]) -> Spoil:
     """Return a mutant that moves a line to before the contour it stands behind."""
-
-    def spoil(lines: Lines, rng: Rng) -> None:
-        beads = rows_of(lines, BEAD)
-        k = pick([k for k in rows_of(lines, pattern) if beads and beads[0] < k < beads[-1]], rng)
-        line = lines.pop(k)
-        lines.insert(max(j for j in beads if j < k), line)
-
-    return spoil
+    return _moved(pattern, lambda lines, k: max(j for j in rows_of(lines, BEAD) if j < k))
 
 
 def moved_later(pattern: re.Pattern[str]) -> Spoil:
     """Return a mutant that moves a line to behind the next bead."""
+    return _moved(pattern, lambda lines, k: min(j for j in rows_of(lines, BEAD) if j >= k) + 1)
+
+
+def _moved(pattern: re.Pattern[str], place: Callable[[Lines, int], int]) -> Spoil:
+    """Return a mutant that takes out a line between beads and puts it at its `place` of the rest.
+
+    `place` is given the lines without it, and where it stood.
+    """
 
     def spoil(lines: Lines, rng: Rng) -> None:
         beads = rows_of(lines, BEAD)
         k = pick([k for k in rows_of(lines, pattern) if beads and beads[0] < k < beads[-1]], rng)
         line = lines.pop(k)
-        lines.insert(min(j for j in rows_of(lines, BEAD) if j >= k) + 1, line)
+        lines.insert(place(lines, k), line)
 
     return spoil

@@ -109,17 +109,22 @@ def test_spoilt_waits_do_not_pass(make, tmp_path: Path, mutant, seed: int):
             read_plan(tmp_path / "plan.json")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mutant", GCODE_MUTANTS + TEMPERATURE_MUTANTS, ids=lambda m: m.name)
-def test_spoilt_gcode_does_not_pass(good: Path, tmp_path: Path, mutant):
-    """Each kind is caught or refused, or does no harm for a stated reason; none crashes."""
+def spoilt(good: Path, mutant, folder: Path) -> int:
+    """Return what the judge says of a good file's lines, spoilt."""
     lines = (good / "out.gcode").read_text().splitlines()
     try:
         mutant.spoil(lines, np.random.default_rng(0))
     except NotHereError:
         pytest.fail("the made print has no place for this mutant")
-    (tmp_path / "out.gcode").write_text("\n".join(lines) + "\n")
-    assert judged(tmp_path / "out.gcode", good) in ((0, 1, 2) if mutant.harmless else (1, 2))
+    (folder / "out.gcode").write_text("\n".join(lines) + "\n")
+    return judged(folder / "out.gcode", good)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mutant", GCODE_MUTANTS + TEMPERATURE_MUTANTS, ids=lambda m: m.name)
+def test_spoilt_gcode_does_not_pass(good: Path, tmp_path: Path, mutant):
+    """Each kind is caught or refused, or does no harm for a stated reason; none crashes."""
+    assert spoilt(good, mutant, tmp_path) in ((0, 1, 2) if mutant.harmless else (1, 2))
 
 
 @pytest.mark.slow
@@ -132,10 +137,4 @@ def test_a_print_made_safe_passes(safe: Path):
 @pytest.mark.parametrize("mutant", SAFE_MUTANTS, ids=lambda m: m.name)
 def test_a_spoilt_print_made_safe_does_not_pass(safe: Path, tmp_path: Path, mutant):
     """The source's own order least of all."""
-    lines = (safe / "out.gcode").read_text().splitlines()
-    try:
-        mutant.spoil(lines, np.random.default_rng(0))
-    except NotHereError:
-        pytest.fail("the print has no place for this mutant")
-    (tmp_path / "out.gcode").write_text("\n".join(lines) + "\n")
-    assert judged(tmp_path / "out.gcode", safe) == 1
+    assert spoilt(safe, mutant, tmp_path) == 1

@@ -13,16 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.geometry.walls import Walls
 from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.options import AvoidWalls
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.print.detours import Detours
+from decmcts.print.detours import Detours, straight_over_walls_mm
 from decmcts.print.toolpath import Toolpath, endpoints
-from decmcts.print.walls import has_walls
+from decmcts.print.walls import has_walls, outer_walls
 from decmcts.search.sequence.problem import OrderProblem, Pace
 
 ALWAYS = 4.0  # mm of travel beyond its own that a mm over walls is worth, where all go round
-PRICES = (0.0, 1.0, ALWAYS, 16.0, 64.0)  # tried in turn
+PRICES = (1.0, ALWAYS, 16.0, 64.0)  # tried in turn
 OVER = 1.0  # by so much a search takes a travel over walls to be longer: for a way round, or not
 HABIT_SHARE = 0.5  # of what would lead over walls straight: a source below it goes round them
 
@@ -31,7 +32,7 @@ HABIT_SHARE = 0.5  # of what would lead over walls straight: a source below it g
 class WallRule:
     """How a print's travels keep off outer walls."""
 
-    ways: Detours | None  # None: they go straight
+    walls: Walls | None  # outer ones; None: travels go straight
     always: bool = False
     most_mm: float = np.inf  # of travel over outer walls, if there are ways round
     over: float = 0.0  # share by which a search takes a travel over walls to be longer
@@ -42,42 +43,43 @@ class WallRule:
         asked, contours = problem.rules.avoid_walls, problem.job.contours
         if asked == AvoidWalls.NEVER or len(contours) < 2:
             return WallRule(None)
-        head = problem.machine.heads[0]
-        reach = (*head.reach_min[:2], *head.reach_max[:2])
-        ways = replace(Detours.of(contours, 0.0), reach=reach)
-        if not has_walls(ways.walls):
+        walls = outer_walls(contours)
+        if not has_walls(walls):
             return WallRule(None)
         over_mm = None if sliced is None else sliced.over_walls_mm
         most_mm = np.inf if over_mm is None else over_mm
         if asked == AvoidWalls.ALWAYS:
-            return WallRule(ways, True, most_mm, OVER)
-        straight = ways.over_walls_mm(*_gaps(problem, Toolpath.as_sliced(len(contours))))
+            return WallRule(walls, True, most_mm, OVER)
+        straight = straight_over_walls_mm(walls, *_gaps(problem, Toolpath.as_sliced(len(contours))))
         goes_round = most_mm < HABIT_SHARE * straight
-        return WallRule(ways, most_mm=most_mm, over=OVER if goes_round else 0.0)
+        return WallRule(walls, most_mm=most_mm, over=OVER if goes_round else 0.0)
 
     def priced(self, problem: OrderProblem) -> OrderProblem:
         """Return the problem with travels over walls priced as longer, where this rule does so."""
-        if self.ways is None or self.over == 0.0:
+        if self.walls is None or self.over == 0.0:
             return problem
-        walls = self.ways.walls
         if problem.pace is None:
-            return replace(problem, pace=Pace.in_mm(walls, self.over))
-        return replace(problem, pace=replace(problem.pace, over=self.over, walls=walls))
+            return replace(problem, pace=Pace.in_mm(self.walls, self.over))
+        return replace(problem, pace=replace(problem.pace, over=self.over, walls=self.walls))
 
     def detours(self, problem: PrintProblem, toolpath: Toolpath) -> Detours | None:
         """Return the ways round outer walls for an order; None where its travels go straight."""
-        if self.ways is None:
+        if self.walls is None:
             return None
-        gaps, ways = _gaps(problem, toolpath), self.ways
-        least_mm = problem.job.settings.retract_min_travel_mm
+        gaps = _gaps(problem, toolpath)
+        if not self.always and straight_over_walls_mm(self.walls, *gaps) <= self.most_mm:
+            return None
+        head, least_mm = problem.machine.heads[0], problem.job.settings.retract_min_travel_mm
+        reach = (*head.reach_min[:2], *head.reach_max[:2])
+        ways = replace(Detours.of(problem.job.contours, 0.0, self.walls), reach=reach)
         for price in PRICES:
-            short = least_mm if price <= ALWAYS else 0.0  # too short to be retracted, or to string
-            ways = replace(ways, price=price, least_mm=short)
             if self.always and price < ALWAYS:
                 continue
+            short = least_mm if price <= ALWAYS else 0.0  # too short to be retracted, or to string
+            ways = replace(ways, price=price, least_mm=short)
             if ways.over_walls_mm(*gaps) <= self.most_mm:
                 break
-        return ways if ways.price > 0.0 else None
+        return ways
 
 
 def _gaps(

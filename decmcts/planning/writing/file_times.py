@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -70,12 +71,14 @@ def gains(planned: Planned, times: FileTimes) -> bool:
         return True
     was: dict[str, Any] = {**planned.before.metrics, **times.before}
     now: dict[str, Any] = {**planned.after.metrics, **times.after}
-    return any(
-        was.get(key) is not None
-        and now.get(key) is not None
-        and was[key] - now[key] >= max(least, COUNTS_SHARE * was[key])
-        for key, least in COUNTS.items()
-    )
+    return any(_falls(key, was, now) for key in COUNTS)
+
+
+def _falls(key: str, was: Mapping[str, Any], now: Mapping[str, Any]) -> bool:
+    """Say whether a figure of `COUNTS` falls by something that counts."""
+    if was.get(key) is None or now.get(key) is None:
+        return False
+    return bool(was[key] - now[key] >= max(COUNTS[key], COUNTS_SHARE * was[key]))
 
 
 def worth_longer(planned: Planned, times: FileTimes) -> bool:
@@ -84,12 +87,10 @@ def worth_longer(planned: Planned, times: FileTimes) -> bool:
     By up to `ALWAYS_SHARE` of the source's time, where less travel leads over outer walls by
     something that counts.
     """
-    was, now = (each.get("travel_over_walls_mm") for each in (times.before, times.after))
-    if planned.problem.rules.avoid_walls != AvoidWalls.ALWAYS or was is None or now is None:
+    if planned.problem.rules.avoid_walls != AvoidWalls.ALWAYS or times.before_s is None:
         return False
-    least = max(COUNTS["travel_over_walls_mm"], COUNTS_SHARE * was)
-    short = times.before_s is not None and times.after_s <= (1.0 + ALWAYS_SHARE) * times.before_s
-    return bool(was - now >= least and short)
+    short = times.after_s <= (1.0 + ALWAYS_SHARE) * times.before_s
+    return short and _falls("travel_over_walls_mm", times.before, times.after)
 
 
 def more_over_walls(planned: Planned, times: FileTimes) -> bool:

@@ -19,7 +19,7 @@ from decmcts._kernels.engine.stops import times_with_stops
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
-from decmcts.print.signals import SPARE, SPARE_S, Signals, place_of, signals_of
+from decmcts.print.signals import Signals, apart_s, place_of, signals_of
 from decmcts.team.schedule.timing import ActionTimes
 
 Floats = NDArray[np.float64]
@@ -39,7 +39,7 @@ def with_stops(
     seconds = [head.end_s - head.begin_s for head in plan.heads]
     for h, k in signals.apart:
         if k < len(plan.heads[h]):
-            seconds[h][k] += interval_s * SPARE + SPARE_S
+            seconds[h][k] += apart_s(interval_s)
     first = np.cumsum([0, *map(len, plan.heads)]).astype(np.int64)
     counts = np.concatenate([np.diff(head.after_offsets) for head in plan.heads])
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -2,31 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from sim.faults import FaultKind as K
 from sim.verify import verify_motions
+from tests.sim.files.motions import File
 
 MANY = 300  # more than the judge lists
-
-
-@dataclass(frozen=True)
-class File:
-    """What `read_motions` returns, by hand."""
-
-    points: np.ndarray
-    extrusion: np.ndarray
-    feed: np.ndarray
-    line: np.ndarray
-    contour: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    placed: None = None
-    arc: None = None
-    arcs: None = None
-    tool: None = None
 
 
 def file_of(steps) -> File:

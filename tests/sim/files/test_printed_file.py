@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,23 +10,7 @@ import pytest
 from decmcts.print.job import PrintJob
 from sim.faults import FaultKind as K
 from sim.verify import verify_motions
-
-
-@dataclass(frozen=True)
-class File:
-    """What `read_motions` returns, by hand."""
-
-    points: np.ndarray
-    extrusion: np.ndarray
-    feed: np.ndarray
-    line: np.ndarray
-    contour: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    placed: None = None
-    arc: None = None
-    arcs: None = None
-    tool: None = None
+from tests.sim.files.motions import File
 
 
 def file_of(paths, *, lift=1.0, home=False) -> File:

@@ -1,0 +1,24 @@
+"""Moves of files, made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class File:
+    """What `read_motions` returns, by hand."""
+
+    points: np.ndarray
+    extrusion: np.ndarray
+    feed: np.ndarray
+    line: np.ndarray
+    contour: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    placed: None = None
+    arc: None = None
+    arcs: None = None
+    tool: None = None
