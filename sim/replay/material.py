@@ -293,21 +293,55 @@ def _candidates(
     `margins` are the clearance and the tolerance.
     """
     clearance_mm, tolerance_mm = margins
-    rows = _rectangles(beads, order, clearance_mm)
-    upto = np.searchsorted(beads.since[order], np.arange(len(moves)), side="right")
+    rows, since = _rectangles(beads, order, clearance_mm), beads.since[order]
     offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
     heights = np.array([p.low for p in parts]) + tolerance_mm
     packed = (heights, offsets, np.concatenate([p.polygon for p in parts]))
     reach = np.hypot(rows[:, 4], rows[:, 5])[:, None]
     low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
     grid, shape = raster.grid_over(low, high)
-    entries = raster.count_entries(rows, grid, shape)
-    if entries > max(capacity.cells, capacity.cells_each * len(rows)):
-        raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
-    found = np.empty((capacity.first, 3), np.int64)
+    _refuse_too_many(rows, grid, shape, max(capacity.cells, capacity.cells_each * len(rows)))
     moves = np.ascontiguousarray(moves, np.float64)
+    kept = _that_matter(moves, since, rows[:, 6], float(heights.min()))
+    if not len(kept):
+        return np.empty((0, 3), np.int64), 0
+    rows, upto = rows[kept], _there_by(since[kept], len(moves))
+    entries = raster.count_entries(rows, grid, shape)
+    found = np.empty((capacity.first, 3), np.int64)
     n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found))
-    return found[:n], n
+    found = found[:n]
+    found[:, 1] = kept[found[:, 1]]
+    return found, n
+
+
+def _there_by(since: NDArray[np.int64], n_moves: int) -> NDArray[np.int64]:
+    """Return how many beads, sorted by `since`, may be there at each move, (n_moves,)."""
+    return np.searchsorted(since, np.arange(n_moves), side="right")
+
+
+def _that_matter(
+    moves: NDArray[np.float64], since: NDArray[np.int64], tops: NDArray[np.float64], least: float
+) -> NDArray[np.int64]:
+    """Return the beads that are higher than some part of the head on a move made later.
+
+    A head that prints layer by layer never goes below the top of anything, so there are none.
+    """
+    lowest = raster.lowest_asked(moves, _there_by(since, len(moves)), tops, least)
+    there = np.flatnonzero(since < len(moves))
+    return there[tops[there] > lowest[np.maximum(since[there], 0)]]
+
+
+def _refuse_too_many(
+    rows: NDArray[np.float64], grid: NDArray[np.float64], shape: NDArray[np.int64], most: int
+) -> None:
+    """Raise UndecidedError where beads cover more than `most` cells, counted where they may."""
+    across = np.abs(rows[:, 2:4])
+    spans = rows[:, 4:5] * across + rows[:, 5:6] * across[:, ::-1]
+    if float((2.0 * spans / grid[2] + 2.0).prod(axis=1).sum()) <= most:
+        return
+    entries = raster.count_entries(rows, grid, shape)
+    if entries > most:
+        raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
 
 
 def _rectangles(beads: Beads, order: NDArray[np.int64], clearance_mm: float) -> NDArray[np.float64]:

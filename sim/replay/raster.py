@@ -180,14 +180,37 @@ def sweep_meets(planes: Floats, count: int, polygon: Floats, move: Floats, bead:
 @compiled
 def box_of(polygon: Floats, move: Floats) -> tuple[float, float, float, float]:
     """Return x and y range of a polygon swept along a move."""
-    x0, x1 = polygon[:, 0].min(), polygon[:, 0].max()
-    y0, y1 = polygon[:, 1].min(), polygon[:, 1].max()
+    x0, x1, y0, y1 = np.inf, -np.inf, np.inf, -np.inf
+    for v in range(len(polygon)):
+        x0, x1 = min(x0, polygon[v, 0]), max(x1, polygon[v, 0])
+        y0, y1 = min(y0, polygon[v, 1]), max(y1, polygon[v, 1])
     return (
         x0 + min(move[0], move[3]),
         x1 + max(move[0], move[3]),
         y0 + min(move[1], move[4]),
         y1 + max(move[1], move[4]),
     )
+
+
+@compiled
+def lowest_asked(moves: Floats, upto: Ints, tops: Floats, least: float) -> Floats:
+    """Return the height above which beads matter to a move or to any later one, (m,).
+
+    It is infinite where none does: all that is there by then is below every part of the head.
+    `least` is how high the lowest part begins above the tip; the rest is as in `scan`.
+    """
+    lowest = np.full(len(moves), np.inf)
+    grown, highest = 0, -np.inf
+    for m in range(len(moves)):
+        while grown < upto[m]:
+            highest = max(highest, tops[grown])
+            grown += 1
+        level = min(moves[m, 2], moves[m, 5]) + least
+        if highest > level:
+            lowest[m] = level
+    for m in range(len(moves) - 2, -1, -1):
+        lowest[m] = min(lowest[m], lowest[m + 1])
+    return lowest
 
 
 @compiled
@@ -284,9 +307,11 @@ def scan(
             grown += 1
         for k in range(len(heights)):
             level = min(moves[m, 2], moves[m, 5]) + heights[k]
+            if highest <= level:
+                continue
             polygon = xy[offsets[k] : offsets[k + 1]]
             box = box_of(polygon, moves[m])
-            if highest <= level or not coarse_hit(box, level, grid, coarse):
+            if not coarse_hit(box, level, grid, coarse):
                 continue
             count = sweep_planes(polygon, moves[m], planes)
             sweep = (planes, count, polygon, moves[m])
