@@ -1,7 +1,8 @@
 """The process of one head: `python -m agents.extruder INPUT --head N --ports A,B`.
 
 Loads the problem, opens the network, steps the agent until it is told to go or
-everyone has settled. Signals: SIGINT agrees on the best so far, SIGTERM leaves.
+everyone has settled. With `--piped` alone it loads its modules and kernels and is then
+handed its command line on stdin. Signals: SIGINT agrees on the best so far, SIGTERM leaves.
 A failure is one line on stderr and exit code 1 (2: bad input); `--debug` shows
 the trace.
 """
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from agents.agreeing.events import Leave, PlanningEnded, Release
-from agents.launching.processes import PREFIX
+from agents.launching.processes import PIPED, PREFIX
 from agents.loop.agent import TICK_S, Agent
 from agents.loop.pipes import PipeFront, TerminalFront, line_of
 from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS
@@ -51,9 +52,9 @@ class Options:
 MakePlanner = Callable[[argparse.Namespace], Planner]
 
 
-def run(planner: Planner, options: Options) -> Release | None:
+def run(planner: Planner, options: Options, pipe: PipeFront | None = None) -> Release | None:
     """Run one head's agent to its end and return the plan it released."""
-    front = PipeFront() if options.controlled else TerminalFront()
+    front = (pipe or PipeFront()) if options.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
     fenced = options.fenced if options.ports else _all_but(options.head, len(planner.names))
@@ -198,25 +199,58 @@ def _require_problem(digest: str, expected: str) -> None:
         )
 
 
-def main(argv: Sequence[str] | None = None, *, make_planner: MakePlanner = _team_planner) -> int:
+def load_team() -> None:
+    """Load what planning needs of modules and kernels, before there is a print."""
+    from agents.planners import pack, team_planner  # noqa: F401 - loaded here, used later
+    from decmcts.team.dec_mcts.warm_up import compile_rounds
+
+    compile_rounds()
+
+
+def main(
+    argv: Sequence[str] | None = None,
+    *,
+    make_planner: MakePlanner = _team_planner,
+    load: Callable[[], None] = load_team,
+) -> int:
     """Run one agent; return its exit code."""
+    words = sys.argv[1:] if argv is None else argv
+    if list(words) != [PIPED]:
+        return _run_with(words, make_planner)
+    pipe = PipeFront()
+    pipe.watch()
+    try:
+        load()
+        handed = pipe.arguments()
+    except Exception as error:
+        return _failed(error)
+    return 0 if handed is None else _run_with(handed, make_planner, pipe)
+
+
+def _run_with(
+    words: Sequence[str], make_planner: MakePlanner, pipe: PipeFront | None = None
+) -> int:
     given = None
     try:
-        given = arguments().parse_args(argv)
+        given = arguments().parse_args(words)
         options = options_of(given)
         planner = make_planner(given)
         _require_problem(planner.problem, given.expect)
-        run(planner, options)
+        run(planner, options, pipe)
     except InputError as error:
         print(f"{PREFIX}{error}", file=sys.stderr)
         return 2
     except Exception as error:
-        # The launcher shows this line; a trace helps nobody there.
         if given is not None and given.debug:
             raise
-        print(f"{PREFIX}{type(error).__name__}: {error}", file=sys.stderr)
-        return 1
+        return _failed(error)
     return 0
+
+
+def _failed(error: Exception) -> int:
+    """Say in the line the launcher shows what went wrong: a trace helps nobody there."""
+    print(f"{PREFIX}{type(error).__name__}: {error}", file=sys.stderr)
+    return 1
 
 
 if __name__ == "__main__":

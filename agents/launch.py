@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from agents.launching.crew import Crew
 from agents.launching.spawn import Agreement, OnStart, run_agents
 from agents.launching.supervisor import LaunchError, OnProgress
 from agents.planners.pack import TEAM, Pack, write_pack
@@ -48,12 +49,14 @@ def launch(
     parameters: Mapping[str, float | str] | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
+    crew: Crew | None = None,
 ) -> LaunchResult:
     """Plan a print by one process per head of the machine.
 
-    The print goes to the agents in a temporary folder; callbacks and what ends
-    planning are those of `run_agents`. `lags` say how long what is printed over must cool,
-    `parameters` set some of `decmcts.team.dec_mcts.parameters`.
+    The print goes to the agents in a temporary folder; callbacks, what ends planning and
+    the `crew` are those of `run_agents`. A crew of another number of heads is not used.
+    `lags` say how long what is printed over must cool, `parameters` set some of
+    `decmcts.team.dec_mcts.parameters`.
 
     Raises
     ------
@@ -77,6 +80,7 @@ def launch(
             seed=seed,
             on_progress=on_progress,
             on_start=on_start,
+            crew=crew if crew is not None and len(crew) == len(problem.head_names) else None,
         )
     return _checked(problem, agreement)
 

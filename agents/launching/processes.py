@@ -18,6 +18,7 @@ from typing import Any, BinaryIO
 
 _STOP_S = 3.0
 PREFIX = "decmcts: "  # of every error the program says
+PIPED = "--piped"  # to an agent: its arguments follow as one line on stdin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +74,10 @@ class AgentProcess:
         with suppress(BrokenPipeError):  # it ended; its end is read from its output
             pipe.write(json.dumps(command).encode() + b"\n")
             pipe.flush()
+
+    def begin(self, arguments: Sequence[str]) -> None:
+        """Hand its arguments to an agent that was started with `PIPED` alone."""
+        self.tell({"command": "begin", "arguments": list(arguments)})
 
     def kill(self) -> None:
         """End it for sure and wait for it: after this the head is fenced."""

@@ -6,10 +6,8 @@ arguments. `agents.launch` uses it for real prints.
 
 from __future__ import annotations
 
-import queue
 import secrets
 import socket
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
@@ -19,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.launching.processes import AgentProcess, Said
+from agents.launching.crew import EXTRUDER, Crew
 from agents.launching.supervisor import AgentStatus, OnProgress, Supervisor
 from decmcts.search.sequence.stopping import Stopping
 
@@ -27,7 +25,6 @@ OnStart = Callable[[Mapping[int, int]], None]
 """Told the process id of every head."""
 
 PORTS = range(10_000, 32_768)  # outgoing connections get 32768 and more on Linux, 49152 elsewhere
-EXTRUDER = (sys.executable, "-m", "agents.extruder")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +83,7 @@ def run_agents(
     stopping: Stopping,
     seed: int,
     command: Sequence[str] = EXTRUDER,
+    crew: Crew | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
     meeting: Meeting | None = None,
@@ -93,9 +91,9 @@ def run_agents(
     """Run one agent process per head and return what they agreed on.
 
     Every agent runs `command` with `arguments`, e.g. `--pack DIR`, and its own
-    place in the team. `on_progress` is told the status of all whenever something was
-    heard, `on_start` the process ids. They meet at a `meeting` of their own unless one
-    is given.
+    place in the team. They are those of a `crew`, if one that waits is given, which ends
+    here. `on_progress` is told the status of all whenever something was heard, `on_start`
+    the process ids. They meet at a `meeting` of their own unless one is given.
 
     Parameters
     ----------
@@ -112,29 +110,23 @@ def run_agents(
     """
     if stopping.seconds is None or stopping.iterations is not None:
         raise ValueError("agents plan by the clock: limit seconds, and no iterations")
-    heard: queue.Queue[Said] = queue.Queue()
     epoch = time.time_ns() // 1_000_000
-    shared = [*command, *arguments, *_planning_arguments(stopping.seconds, seed)]
-    shared += ["--epoch", str(epoch)]
+    shared = [*arguments, *_planning_arguments(stopping.seconds, seed), "--epoch", str(epoch)]
     if len(names) > 1:  # one head is the single-extruder mode: no network
         shared += _meeting_arguments(meeting or Meeting.fresh(len(names)))
-    agents: dict[int, AgentProcess] = {}
-    try:
-        for head in range(len(names)):
-            agents[head] = AgentProcess(head, [*shared, "--head", str(head)], heard)
+    with crew if crew is not None else Crew(len(names), command) as team:
+        team.begin(shared)
         if on_start is not None:
-            on_start({head: agent.pid for head, agent in agents.items()})
+            on_start({head: agent.pid for head, agent in team.agents.items()})
         supervisor = Supervisor(
-            agents,
+            team.agents,
             tuple(names),
-            heard,
+            team.heard,
             stopping=stopping,
             epoch=epoch,
             on_progress=on_progress,
         )
         released = supervisor.run()
-    finally:
-        _end(agents)
     return _agreement(released, tuple(supervisor.status))
 
 
@@ -144,13 +136,6 @@ def _planning_arguments(time_limit_s: float, seed: int) -> list[str]:
 
 def _meeting_arguments(meeting: Meeting) -> list[str]:
     return ["--ports", ",".join(map(str, meeting.ports)), "--session", meeting.session]
-
-
-def _end(agents: Mapping[int, AgentProcess]) -> None:
-    for agent in agents.values():
-        agent.tell({"command": "exit"})
-    for agent in agents.values():
-        agent.reap()
 
 
 def _agreement(released: dict[str, Any], status: tuple[AgentStatus, ...]) -> Agreement:

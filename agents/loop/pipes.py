@@ -4,6 +4,10 @@ Out (stdout): `ready`, `progress`, `note`, `refused`, `unfenced`, `released`,
 `left`. In (stdin): `{"command": "fence", "head": n, "epoch": e}`, `{"command": "stop"}`
 (agree on the best so far), `{"command": "exit"}`. The end of stdin means the
 launcher is gone: the agent leaves, so no orphan plans on.
+
+A launcher may start agents before there is a problem. Such an agent is handed its command
+line as a first line, `{"command": "begin", "arguments": [...]}`. Until it is ready a thread
+watches the pipe, and ends the process with its launcher.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ import json
 import os
 import select
 import sys
+import threading
 from dataclasses import asdict
 from typing import Any
 
@@ -30,6 +35,7 @@ from agents.loop.agent import Progress
 from agents.networks.transport import Traffic
 
 _MAX_LINE = 65536
+_WATCH_MS = 100
 
 
 class PipeFront:
@@ -40,6 +46,33 @@ class PipeFront:
         self._rest = b""
         self._open = True
         self._asked: list[Event] = []
+        self._is_ready = threading.Event()
+
+    def watch(self) -> None:
+        """Until `ready`, end the process as soon as its launcher is gone.
+
+        Importing, reading and building look at no pipe for seconds. No peer knows the agent
+        yet, so it need not say goodbye.
+        """
+        threading.Thread(target=self._end_with_launcher, name="launcher", daemon=True).start()
+
+    def _end_with_launcher(self) -> None:
+        pipe = select.poll()
+        pipe.register(self._read_fd, 0)  # what is written is not read: only hang-ups are told
+        while not self._is_ready.is_set():
+            if pipe.poll(_WATCH_MS) and not self._is_ready.is_set():
+                os._exit(0)
+
+    def arguments(self) -> list[str] | None:
+        """Wait for the launcher to hand over this agent's command line; None if it does not."""
+        while b"\n" not in self._rest and len(self._rest) < _MAX_LINE:
+            chunk = os.read(self._read_fd, _MAX_LINE)
+            if not chunk:
+                return None
+            self._rest += chunk
+        line, _, self._rest = self._rest.partition(b"\n")
+        self._take(b"")
+        return parse_arguments(line)
 
     def ask(self, event: Event) -> None:
         """Queue a command of this process itself (a signal)."""
@@ -54,13 +87,18 @@ class PipeFront:
             if not chunk:
                 self._open = False
                 self.ask(Leave("the launcher is gone"))
-            *lines, self._rest = (self._rest + chunk).split(b"\n")
-            self._asked += [event for line in lines if (event := parse_command(line))]
+            self._take(chunk)
         asked, self._asked = self._asked, []
         return asked
 
+    def _take(self, chunk: bytes) -> None:
+        """Take the commands of all lines that are complete."""
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        self._asked += [event for line in lines if (event := parse_command(line))]
+
     def ready(self, problem: str) -> None:
         """Say that the problem is loaded and the network open."""
+        self._is_ready.set()
         self.write({"event": "ready", "problem": problem})
 
     def progress(self, progress: Progress, traffic: Traffic) -> None:
@@ -118,6 +156,17 @@ class TerminalFront:
             case Left(reason):
                 line = f"left: {reason}"
         print(line, file=sys.stderr)
+
+
+def parse_arguments(line: bytes) -> list[str] | None:
+    """Return the command line that a first line hands over, None for anything else."""
+    try:
+        match json.loads(line):
+            case {"command": "begin", "arguments": [*words]}:
+                return [str(word) for word in words]
+    except ValueError:
+        pass
+    return None
 
 
 def parse_command(line: bytes) -> Event | None:

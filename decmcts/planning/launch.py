@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from functools import partial
+
+from agents.launch import launch as launch_agents
+from agents.launching.crew import Crew
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
-from decmcts.planning.compiling.parts import TEAM
+from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
 from decmcts.planning.problem.layer_by_layer import safe_problem
@@ -20,6 +26,7 @@ def launch(
     writes: bool = True,
     report: Report = unheard,
     stop: Stop = never,
+    crew: Crew | None = None,
 ) -> Result:
     """Plan for all heads of a machine: one process each, agreeing on one joint plan.
 
@@ -38,6 +45,9 @@ def launch(
         Told what is done and where the heads stand.
     stop : Stop
         Asked ten times a second; True has the heads agree on the best so far.
+    crew : Crew | None
+        Processes that `crew_started` started before the print was read; None: they are
+        started here.
 
     Returns
     -------
@@ -62,6 +72,26 @@ def launch(
     >>> [head.head for head in result.document.plan.heads]
     ['left', 'right']
     """
-    with compilation_told(report) as told, compiling_beside([TEAM], told):
+    waiting = crew_started(len(source.machine.heads)) if crew is None else nullcontext(crew)
+    with (
+        compilation_told(report) as told, compiling_beside([TEAM], told), waiting as ready
+    ):  # fmt: skip
         problem = safe_problem(source, rules, told)
-        return Result(plan_team(problem, search, writes=writes, report=told, stop=stop), search)
+        agents = partial(launch_agents, crew=ready)
+        planned = plan_team(
+            problem, search, writes=writes, report=told, stop=stop, agents=agents
+        )  # fmt: skip
+        return Result(planned, search)
+
+
+@contextmanager
+def crew_started(heads: int) -> Iterator[Crew | None]:
+    """Start the heads' processes, so that they load while the print is read and judged.
+
+    None while their kernels are still being compiled: each would compile them for itself.
+    """
+    if not is_compiled(TEAM):
+        yield None
+        return
+    with Crew(heads) as crew:
+        yield crew

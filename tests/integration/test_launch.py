@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import zenoh
 
+from agents.launching.crew import Crew
 from agents.launching.spawn import Agreement, Meeting, free_ports, run_agents
 from agents.launching.supervisor import AgentStatus, LaunchError
 from agents.messages.codec import MAX_MESSAGE_BYTES
@@ -281,6 +282,85 @@ def test_agents_do_not_outlive_a_killed_launcher(monkeypatch: pytest.MonkeyPatch
         process.kill()
         process.wait()
         assert ended(pids)
+
+
+def test_agents_that_wait_do_not_outlive_a_killed_launcher() -> None:
+    """They are importing then, and look at no pipe of their own accord."""
+    script = "from agents.launching.crew import Crew; import time\n"
+    script += "with Crew(2) as crew:\n"
+    script += "    print(*(a.pid for a in crew.agents.values()), flush=True)\n    time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        pids = [int(pid) for pid in process.stdout.readline().split()]
+        assert all(Path(f"/proc/{pid}/cmdline").exists() for pid in pids)
+        process.kill()
+        process.wait()
+        assert ended(pids, within_s=20.0)  # a busy machine takes long to start Python at all
+
+
+def test_a_waiting_agent_whose_pipe_closes_ends_in_silence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """After loading it waits for its problem; the launcher may end by then without one."""
+    monkeypatch.setenv("TOY_HEADS", "left,right")
+    with subprocess.Popen(
+        [*TOY, "--piped"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as agent:
+        out, err = agent.communicate(timeout=30)
+    assert (agent.returncode, out, err) == (0, b"", b"")
+
+
+def test_agents_that_started_early_plan_as_others_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are handed their problem later; nothing of it stands on their command line."""
+    monkeypatch.setenv("TOY_HEADS", "left,right")
+    seen: list[str] = []
+    told = Until(lambda status: all(s.received.get("distribution", 0) for s in status))
+
+    def on_start(pids: Mapping[int, int]) -> None:
+        told.on_start(pids)
+        seen.extend(Path(f"/proc/{pid}/cmdline").read_text() for pid in pids.values())
+
+    with Crew(2, TOY) as crew:
+        early = [agent.pid for agent in crew.agents.values()]
+        agreement = run_agents(
+            ["left", "right"],
+            [],
+            stopping=Stopping(PLENTY_S, asked=told.is_seen),
+            seed=1,
+            crew=crew,
+            on_start=on_start,
+            on_progress=told.on_progress,
+        )
+        assert ended(early)  # their share of the processor goes to what comes next
+    assert list(told.pids.values()) == early
+    assert_live(agreement, 0, 1)
+    assert_complete(agreement)
+    assert not any("session" in words or "ports" in words for words in seen)
+
+
+def test_an_agent_that_died_while_it_waited_is_a_lost_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The others plan on, as if it had died later."""
+    monkeypatch.setenv("TOY_HEADS", "left,right")
+    with Crew(2, TOY) as crew:
+        crew.agents[1].kill()
+        agreement = run_agents(["left", "right"], [], stopping=Stopping(0.2), seed=1, crew=crew)
+    assert_live(agreement, 0)
+    assert_complete(agreement)
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_a_launch_that_ends_before_planning_ends_its_agents(error: type[BaseException]) -> None:
+    """Refused input, or Ctrl-C: at once and for sure, for nobody has met them yet."""
+    pids: list[int] = []
+    with pytest.raises(error), Crew(2) as crew:
+        pids += [agent.pid for agent in crew.agents.values()]
+        raise error
+    assert len(pids) == 2
+    with pytest.raises(ProcessLookupError):  # waited for as well
+        os.kill(pids[0], 0)
+    assert ended(pids, within_s=1.0)
 
 
 def test_a_crash_is_one_line() -> None:

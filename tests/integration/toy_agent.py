@@ -30,6 +30,7 @@ if __name__ == "__main__":
                 names=names,
                 jobs=41 if str(given.head) == odd else 40,
                 seed=given.seed,
-            )
+            ),
+            load=lambda: None,
         )
     )

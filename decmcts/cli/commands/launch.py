@@ -23,6 +23,7 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Event, Heads, Step
+from decmcts.planning.launch import crew_started
 from decmcts.planning.launch import launch as launch_heads
 from decmcts.planning.options import (
     Freedom,
@@ -171,6 +172,7 @@ def run_team(
         running(time_limit_s=search.time_limit_s, remark=remark, table=heads_table) as (show, stop),
         recording(record) as keep,
         compiling_beside([TEAM], show),  # while the source is read
+        crew_started(len(load_machine(machine).heads)) as crew,
     ):
 
         def told(event: Event) -> None:
@@ -180,7 +182,9 @@ def run_team(
 
         mesh = Slicing(Chosen(None), replace(PRINTED, skirts=0))  # start code primes the heads
         found = read(source, machine, limits=limits, mesh=mesh, plate=plate, report=told)
-        return launch_heads(found, search, rules, writes=writes, report=told, stop=stop)
+        return launch_heads(
+            found, search, rules, writes=writes, report=told, stop=stop, crew=crew
+        )  # fmt: skip
 
 
 def show_team(result: Result, paths: list[Path], *, as_json: bool) -> None:

@@ -71,3 +71,26 @@ def test_a_release_carries_the_plan(pipes: tuple[PipeFront, int, int]) -> None:
         "plans": {"0": [], "1": [3, 4]},
     }
     os.close(commands)
+
+
+def test_arguments_come_first_and_commands_behind_them(pipes: tuple[PipeFront, int, int]) -> None:
+    """A launcher that is stopped early writes both at once."""
+    front, commands_in, _ = pipes
+    begin = json.dumps({"command": "begin", "arguments": ["--head", "1"]}).encode()
+    os.write(commands_in, begin + b'\n{"command": "stop"}\n{"comm')
+    assert front.arguments() == ["--head", "1"]
+    assert front.commands() == [PlanningEnded()]
+    os.write(commands_in, b'and": "exit"}\n')
+    assert front.commands() == [Leave("done")]
+    os.close(commands_in)
+
+
+@pytest.mark.parametrize("line", [b"", b'{"command": "exit"}\n', b"garbage\n", b"[1]\n"])
+def test_without_arguments_there_is_nothing_to_run(
+    line: bytes, pipes: tuple[PipeFront, int, int]
+) -> None:
+    """A launcher that was refused before planning ends its agents or goes."""
+    front, commands_in, _ = pipes
+    os.write(commands_in, line)
+    os.close(commands_in)
+    assert front.arguments() is None

@@ -1,0 +1,77 @@
+"""Agent processes that are started before there is anything to plan.
+
+An agent takes seconds to load its modules and kernels. A crew does that while the launcher
+reads and judges the print. Each agent is then handed its arguments on its stdin, where other
+users of the host do not see them. An agent that is handed nothing ends with its launcher
+(`agents.loop.pipes`), or is killed here: nobody has met it yet.
+"""
+
+from __future__ import annotations
+
+import queue
+import sys
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Self
+
+from agents.launching.processes import PIPED, AgentProcess, Said
+
+EXTRUDER = (sys.executable, "-m", "agents.extruder")
+
+
+class Crew:
+    """One agent process a head; use as a context manager, which starts and ends them.
+
+    Parameters
+    ----------
+    heads : int
+        How many.
+    command : sequence of str
+        What each runs; it is started with `PIPED` and handed all else by `begin`.
+    """
+
+    def __init__(self, heads: int, command: Sequence[str] = EXTRUDER) -> None:
+        self.heard: queue.Queue[Said]  # what they write
+        self._heads, self._command = heads, (*command, PIPED)
+        self._agents: dict[int, AgentProcess] = {}
+        self._begun = False
+
+    def __len__(self) -> int:
+        """Return how many heads it is for."""
+        return self._heads
+
+    def __enter__(self) -> Self:
+        """Start the processes, unless they are started already."""
+        if not self._agents:
+            self.heard = queue.Queue()
+            for head in range(self._heads):
+                self._agents[head] = AgentProcess(head, self._command, self.heard)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """End all of them, once."""
+        agents, self._agents = list(self._agents.values()), {}
+        begun, self._begun = self._begun, False
+        for agent in agents:
+            if begun:
+                agent.tell({"command": "exit"})
+            else:
+                agent.kill()
+        for agent in agents:
+            agent.reap()
+
+    @property
+    def agents(self) -> Mapping[int, AgentProcess]:
+        """The processes, by head."""
+        return self._agents
+
+    def begin(self, arguments: Sequence[str]) -> None:
+        """Hand these arguments, and its own head, to every agent."""
+        self._begun = True
+        for head, agent in self._agents.items():
+            agent.begin([*arguments, "--head", str(head)])
