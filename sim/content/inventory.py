@@ -193,7 +193,7 @@ def compare(ours: Segments, source: Segments, match: NDArray[np.int64]) -> list[
     """Return what is missing, doubled, foreign or altered."""
     gone = _unmatched(source, match)
     extra = np.nonzero(match == NO_MATCH)[0]
-    known = np.isin(_keys(ours)[extra], _keys(source))
+    known = np.isin(_keys(ours)[extra], _keys(source)) if len(extra) else extra > 0
     doubled, foreign = extra[known], extra[~known]
     faults = [
         *_each(FaultKind.MISSING, source, gone, "is not in the result"),

@@ -21,6 +21,7 @@ from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.formats.gcode.document import Block
 from decmcts.formats.gcode.text.lines import command_of
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.lines import not_plain
 
 LONGEST_DWELL_S = 600.0  # no layer time asks for more
 _FEED = rb" F(?=[0-9.]*[1-9])\d*\.?\d+"  # above 0: some firmwares never end a move without feed
@@ -29,6 +30,7 @@ _LINE = rb"G1(?=[ ])(?: [XYZE]-?\d*\.?\d+)*"
 _ARC = rb"G[23]" + _AT % b"X" + _AT % b"Y" + rb"(?:" + _AT % b"Z" + rb")?"
 _ARC += _AT % b"I" + _AT % b"J" + _AT % b"E"  # none but beads are turned
 _MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
+_PLAIN = re.compile(rb";|" + _MOVE.pattern)
 _RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?\d*\.?\d+\Z")
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
 _NAME = re.compile(rb"[GM]\d+(?:\.\d+)?(?![\w.])|[A-Z_]+(?=\s|\Z)")
@@ -63,7 +65,8 @@ def check_commands(
     line, epoch : (n,)
         Where the file lays each known bead, from 1, and the epoch the source has it in.
     """
-    rows = text.rstrip().split(b"\n")
+    text = text.rstrip()
+    rows = text.split(b"\n")
     begin, faults = match_start(rows, document.preamble)
     end, more = match_end(rows, document.postamble)
     lines = faults + more
@@ -71,12 +74,9 @@ def check_commands(
     spans, more = _find_blocks(rows, document.blocks, line, epoch, taken)
     lines += more
     known = known_settings(document)
-    for k in range(begin, end):
-        row = rows[k]
-        if k in taken or _MOVE.match(row) or row[:1] == b";":
-            continue
-        if not accepted(row, known):
-            lines.append(f"line {k + 1}: {_shown(row)} is not in the source at this place")
+    for k in not_plain(text, _PLAIN):
+        if begin <= k < end and k not in taken and not accepted(rows[k], known):
+            lines.append(f"line {k + 1}: {_shown(rows[k])} is not in the source at this place")
     found = listed(FaultKind.COMMAND, lines[:LIMIT], total=len(lines))
     return found, Verbatim(begin + 1, end + 1, tuple(spans))
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode.text.lines import command_of
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.lines import no_comment_no_move
 
 _HEAT = re.compile(rb"M1(04|09|40|90|41|91) ?(.*)", re.I | re.S)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
@@ -62,14 +63,13 @@ def check_temperatures(text: bytes, source: bytes, line: Ints, source_line: Ints
 def _book(text: bytes) -> Iterator[tuple[int, Told]]:
     """Yield lines, from 1, and what all heaters are told behind each."""
     told: dict[str, str] = {}
-    tool, others, at, number = 0, 0, 0, 1
+    tool, others = 0, 0
     yield 0, ()
-    for row in _LINE.finditer(text):
-        code = command_of(row[0])
+    for number, begin in no_comment_no_move(text):
+        row = _LINE.match(text, begin)
+        code = command_of(row[0]) if row else b""
         if not code or _QUIET.match(code):
             continue
-        number += text.count(b"\n", at, row.start())
-        at = row.start()
         heat = _HEAT.match(code)
         words = heat[2] if heat else b""
         value, named = _VALUE.search(words), _TOOL.search(words)

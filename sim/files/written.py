@@ -196,6 +196,8 @@ def _check_waits(
 
     `laid` are the moves that lay beads, in the file's order.
     """
+    if not (actions.kind == ActionKind.WAIT).any():
+        return []
     line = np.asarray(motions.line)[laid]
     stood: dict[int, float] = {}  # seconds before each laying move
     at, n = 0, 1
@@ -206,10 +208,11 @@ def _check_waits(
         stood[k] = stood.get(k, 0.0) + int(dwell[1]) / 1000.0
     dwells = [(motions.points[laid[k]], seconds) for k, seconds in stood.items() if k < len(laid)]
     lines, due, used = [], 0.0, 0
-    for a in np.flatnonzero(actions.kind != ActionKind.TRAVEL).tolist():
-        if actions.kind[a] == ActionKind.WAIT:
+    waits, prints = (actions.kind == kind for kind in (ActionKind.WAIT, ActionKind.PRINT))
+    for a in np.flatnonzero(waits | prints).tolist():
+        if waits[a]:
             due += float(actions.end_s[a] - actions.begin_s[a])
-        elif actions.kind[a] == ActionKind.PRINT and due > 0.0:
+        elif due > 0.0:
             begin = actions.action_path(a)[0]
             left = range(used, len(dwells))
             near = (k for k in left if np.abs(dwells[k][0] - begin).max() < SAME_PLACE_MM)

@@ -31,7 +31,7 @@ from decmcts.print.machine import MotionLimits
 from decmcts.print.motion import limit_row
 
 FASTEST = 2000.0  # mm/s; M203 beyond it counts in mm/min (RepRapFirmware)
-_SETTING = re.compile(rb"^; ((?:machine_|gcode_flavor)\w*)[ \t]*=[ \t]*([^\r\n]*)", re.M)
+_SETTING = re.compile(rb"; ((?:machine_|gcode_flavor)\w*)[ \t]*=[ \t]*([^\r\n]*)")
 RETRACT_MM, RETRACT_FEED = 1.0, 40.0  # of firmware retraction nobody states
 _ONE = rb"^; %s[ \t]*=[ \t]*([-+\d.,]+)"
 _PARAMETER = re.compile(r"([A-Z_]+)\s*=?\s*([-+]?\d*\.?\d+)")
@@ -41,7 +41,11 @@ _CORNER = math.sqrt(2.0) - 1.0  # square corner velocity to junction deviation (
 
 def stated_limits(text: bytes) -> MotionLimits:
     """Return the limits in a file's settings; NaN where it has none or does not mean them."""
-    found = {m[1].decode(): m[2].decode("latin-1") for m in _SETTING.finditer(text)}
+    found = {
+        m[1].decode(): m[2].decode("latin-1")
+        for m in _SETTING.finditer(text)  # at the begin of a line: to ask for that first is slower
+        if m.start() == 0 or text[m.start() - 1 : m.start()] == b"\n"
+    }
     if found.get("machine_limits_usage", "").strip() == "ignore":
         return MotionLimits.unsaid()
     printing = _first(found, "machine_max_acceleration_extruding")

@@ -37,6 +37,8 @@ def silent_share(text: bytes) -> float:
 
 
 def _most(text: bytes, letter: bytes) -> float:
+    if b"M73" not in text:
+        return 0.0
     return max(map(float, re.findall(_COUNT.pattern % letter, text, re.M)), default=0.0)
 
 

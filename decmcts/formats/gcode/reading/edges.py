@@ -6,6 +6,8 @@ sets something for the first time: what held before cannot be set again.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -81,8 +83,14 @@ def _mark_first_layer(
     if (layer[later[0] :] == 0).any() or z[later[0] :].min() < z[: later[0]].max() + DOWN_MM:
         return
     moves = np.flatnonzero(runs.contour >= 0)
-    cooling = track.table.rows[track.at(motion.line[moves])][:, fans]
-    below = runs.contour[moves] < later[0]
-    first = {tuple(row) for row in np.unique(cooling[below], axis=0).tolist()}
-    rest = {tuple(row) for row in np.unique(cooling[~below], axis=0).tolist()}
+    state, below = track.at(motion.line[moves]), runs.contour[moves] < later[0]
+    first, rest = (
+        {tuple(row) for row in track.table.rows[_members(states)][:, fans].tolist()}
+        for states in (state[below], state[~below])
+    )
     edge[later[0]] = first != rest
+
+
+def _members(numbers: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+    """Return which small numbers there are, ascending; linear in how many are given."""
+    return np.flatnonzero(np.bincount(numbers))
