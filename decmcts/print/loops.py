@@ -92,6 +92,10 @@ def traversal(contours: Contours, contour: int, entry: int) -> Rotated:
     The `rows` of its segments say whose feed and machine state each one has.
     """
     first, last = int(contours.offsets[contour]), int(contours.offsets[contour + 1]) - 1
+    if entry == 0:
+        own = slice(first, last + 1)
+        rows = np.arange(first, last + 1)
+        return Rotated(contours.points[own], contours.extrusion[own], contours.feed[own], rows)
     out = _room(last - first + 2)
     end = rotate_loop(
         contours.points, contours.extrusion, contours.feed, first, last, entry, out, 0

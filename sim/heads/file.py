@@ -98,8 +98,8 @@ def _parted(lines: Lines, reader: Reader) -> tuple[
     syncs, rest, loose, still = list[Sync](), list[tuple[int, bytes]](), list[int](), list[int]()
     amiss: list[tuple[int, str]] = []
     above = b""
-    for k in range(len(lines)):
-        code = command_of(lines.raw(k))
+    for k, (start, end) in enumerate(zip(lines.starts.tolist(), lines.ends.tolist(), strict=True)):
+        code = command_of(lines.text[start:end])
         if not code:
             continue
         found = reader.read(code, stands=above == b"M400")

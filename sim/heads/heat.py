@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterable, Sequence
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -98,13 +99,15 @@ def unheated(
 
     `rows` are its lines and commands, `verbatim` the lines that are the source's as they stand.
     """
-    told = [(line, heat) for line, code in rows if (heat := heat_of(code)) is not None]
+    temperatures = ((line, code) for line, code in rows if code[:1] in b"Mm")
+    told = [(line, heat) for line, code in temperatures if (heat := heat_of(code)) is not None]
     hot = min((line for line, heat in told if heat.heats), default=first)
     above = [heat for line, heat in told if line < first]
+    cold = min(hot, first) if due.heats else 0
     words = [
         f"line {line}: filament moves, and it was not heated"
-        for line, code in rows
-        if due.heats and line < min(hot, first) and line not in verbatim and _MOVES.match(code)
+        for line, code in takewhile(lambda row: row[0] < cold, rows)
+        if line not in verbatim and _MOVES.match(code)
     ][:1]
     if due.heats and not (above and above[-1].heats):
         words.append(f"line {first}: it prints, and was not heated")

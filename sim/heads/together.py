@@ -289,9 +289,11 @@ def _take_blocks(
     """Return the lines of each block that stands at a barrier; adds missing ones to `words`."""
     found: list[list[int]] = []
     codes = [code for _, code in file.rest]
-    places: dict[bytes, list[int]] = {}  # the rows of each command
-    for r in range(low, high):
-        places.setdefault(codes[r], []).append(r)
+    firsts = {code[0] for code in commands if code} | {b"G90"}
+    places: dict[bytes, list[int]] = {code: [] for code in firsts}
+    for r in range(low, high):  # the rows of each command a block may begin with
+        if codes[r] in places:
+            places[codes[r]].append(r)
     for block, own in zip(document.blocks, commands, strict=True):
         due = list(own)
         if block.moves:

@@ -22,6 +22,7 @@ from sim.heads.file import HeadFile
 
 SAME_MM = 1.1e-3  # files have three decimals
 E_MM = 5e-5
+_PRINT, _TRAVEL, _PARK = map(int, (ActionKind.PRINT, ActionKind.TRAVEL, ActionKind.PARK))
 FEED_MM_S = 1e-3
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
@@ -55,7 +56,9 @@ class Laid:
 class _Moves:
     """The moves of a file as plain numbers, for what is asked of one move at a time."""
 
-    ends: list[list[float]]  # (m, 3) where each ends
+    x: list[float]  # (m,) where each ends
+    y: list[float]
+    z: list[float]
     extrusion: list[float]  # (m,)
     feed: list[float]  # (m,)
     line: list[int]  # (m,) from 1
@@ -67,8 +70,9 @@ class _Moves:
         """Return the moves of a file."""
         motion = file.motion
         stays = np.abs(np.diff(motion.points, axis=0)).max(axis=1, initial=0.0) < 1e-9
+        x, y, z = motion.points[1:].T.tolist()
         return cls(
-            motion.points[1:].tolist(), motion.extrusion.tolist(), motion.feed.tolist(),
+            x, y, z, motion.extrusion.tolist(), motion.feed.tolist(),
             (motion.line + 1).tolist(), stays.tolist(), file.track.at(motion.line).tolist(),
         )  # fmt: skip
 
@@ -85,6 +89,9 @@ class Walker:
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._moves = _Moves.of(file)
+        self._kind = actions.kind.tolist()
+        self._apart = apart_in_file(actions.path, actions.path_offsets)
+        self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
         starts = [document.start, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
@@ -122,22 +129,27 @@ class Walker:
         return self.walk
 
     def _act(self, k: int) -> str:
-        if self.actions.kind[k] == ActionKind.PRINT:
+        if self._kind[k] == _PRINT:
             return self._print(k) or self._wipe(k)
-        if self.actions.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
+        if self._kind[k] in (_TRAVEL, _PARK):
             return self._travel(k)
         return ""  # it rests: `sim.heads.order` looks for the dwell
 
     def _travel(self, k: int) -> str:
         path, moves = self.actions.action_path(k), self._moves
-        apart = _apart(path)
-        lines = [self._line(self.at - 1)]
-        for x, y, z in path[apart[1:]].tolist():
+        apart = self._apart[self._bounds[k] : self._bounds[k + 1]]
+        line = self._line(self.at - 1)
+        reached = self.walk.reached[k] = []
+        for is_apart, (x, y, z) in zip(apart.tolist(), path.tolist(), strict=True):
+            if not is_apart:
+                reached.append(line)
+                continue
             while self.at < self.end and self._stays(self.at):
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
-            here, line = moves.ends[self.at], self._line(self.at)
+            here = moves.x[self.at], moves.y[self.at], moves.z[self.at]
+            line = self._line(self.at)
             if max(abs(here[0] - x), abs(here[1] - y), abs(here[2] - z)) > SAME_MM:
                 due = _xyz((x, y, z))
                 return f"line {line} goes to {_xyz(here)}, the plan's action {k} to {due}"
@@ -146,9 +158,7 @@ class Walker:
             if min(abs(moves.feed[self.at] - f) for f in self._feeds) > FEED_MM_S:
                 return f"line {line} travels at {moves.feed[self.at]:.3f} mm/s"
             self._step(k)
-            lines.append(line)
-        places = np.searchsorted(apart, np.arange(len(path)), side="right") - 1
-        self.walk.reached[k] = [lines[place] for place in places.tolist()]
+            reached.append(line)
         return ""
 
     def _print(self, k: int) -> str:
@@ -156,9 +166,10 @@ class Walker:
         if isinstance(laid, str):
             return laid
         contour = int(self.actions.contour[k])
-        moves = len(_apart(laid.points[:2])) > 1
         while self.at < self.end and self._stays(self.at):
-            if not moves and self._is_dot(contour, float(laid.extrusion[0])):
+            if _is_same(*laid.points[:2].tolist()) and self._is_dot(
+                contour, float(laid.extrusion[0])
+            ):
                 break
             self._still()
         if said := self._begins(contour):
@@ -320,14 +331,20 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
     }
 
 
-def _apart(path: Floats) -> NDArray[np.int64]:
-    """Return the indices of points that a file of three decimals tells from the one before."""
-    kept, (x, y, z) = [0], np.round(path[0], 3).tolist()
-    for k, (a, b, c) in enumerate(np.round(path[1:], 3).tolist(), 1):
-        if max(abs(a - x), abs(b - y), abs(c - z)) > 1e-6:
-            kept.append(k)
-            x, y, z = a, b, c
-    return np.array(kept)
+def apart_in_file(path: Floats, offsets: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which points a file of three decimals tells from the one before in their path, (n,).
+
+    Path i is path[offsets[i]:offsets[i + 1]].
+    """
+    steps = np.abs(np.diff(np.round(path, 3), axis=0, prepend=np.inf))
+    apart = np.asarray((steps > 1e-6).any(axis=1))
+    apart[offsets[:-1][offsets[:-1] < len(path)]] = False
+    return apart
+
+
+def _is_same(one: list[float], other: list[float]) -> bool:
+    """Tell whether a file of three decimals has two points as one."""
+    return all(round(a, 3) == round(b, 3) for a, b in zip(one, other, strict=True))
 
 
 def _distance(point: Floats, path: Floats) -> float:

@@ -35,6 +35,7 @@ class Reader:
         self._signal, self._passed, self._wait = (
             _pattern(line) for line in (words.signal, words.passed, words.wait)
         )
+        self._begins = tuple(_begin(line) for line in (words.signal, words.passed, words.wait))
         self._counts = "{number}" not in words.wait
         self._place, self._given = place, 0
 
@@ -44,6 +45,8 @@ class Reader:
         `stands` tells whether an M400 is right above it: where a signal is the same line in motion
         and at rest, that makes the difference.
         """
+        if not code.startswith(self._begins):
+            return None
         if match := self._wait.fullmatch(code):
             said = _values(match)
             number = said["head"] + FILES * said["count"] if self._counts else said["number"]
@@ -76,6 +79,12 @@ def _pattern(line: str) -> re.Pattern[bytes]:
             first += (rf"(?P<{name}>\d{{1,9}})" if k == 0 else f"(?P={name})") + part
         text = first
     return re.compile(text.encode())
+
+
+def _begin(line: str) -> bytes:
+    """Return how a line begins, as commands are read, up to its first number."""
+    probe = command_of(line.format(**_PROBES).encode())
+    return min((probe.split(b"%d" % value)[0] for value in _PROBES.values()), key=len)
 
 
 def _values(match: re.Match[bytes]) -> dict[str, int]:

@@ -31,6 +31,8 @@ def arc_runs(
 
     `way` runs forwards; with `is_reversed` its segments are counted from its end.
     """
+    if not len(document.arcs.centre):
+        return {}
     rows = way.rows[1:]
     arc = document.point_arc[rows]
     if not (arc != NO_ARC).any():

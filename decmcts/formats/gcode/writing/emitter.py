@@ -49,7 +49,7 @@ class Emitter:
         self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
         self.e = 0.0
         self.relative_e = document.start.relative_e
-        self.tail: NDArray[np.float64] = np.zeros((0, 3))  # the bead just printed, newest first
+        self.tail: NDArray[np.float64] | None = None  # the bead just printed, newest first
         self.parted = False  # a verbatim block stands between the last bead and the next
         self.top = -math.inf  # highest bead so far; none yet
         self.cold = False  # the hot end is not heated yet: no filament may move
@@ -161,7 +161,7 @@ class Emitter:
 
     def leave(self) -> None:
         """Forget the bead just printed: the head has gone elsewhere, and others may be there."""
-        self.tail = self.tail[:0]
+        self.tail = None
 
     def arc(
         self, to: tuple[float, float, float], centre: tuple[float, float], clockwise: bool,
@@ -228,24 +228,36 @@ class Emitter:
         if settings.firmware_retraction:
             self.owe(self.owed, firmware=True)
             return
-        if self.owed >= settings.retract_mm - 1e-6:
+        if self._withdrawn():
             return
         self._pulled = True
         wiped = min(settings.wipe_filament_mm, settings.retract_mm - self.owed)
-        if settings.wipe_mm > 0.0 and len(self.tail) > 1 and wiped > 0.0:
+        tail = _level(self.tail) if settings.wipe_mm > 0.0 and self.tail is not None else None
+        if tail is not None and len(tail) > 1 and wiped > 0.0:
             self.owe(settings.retract_mm - wiped)
-            self._wipe(wiped)
+            self._wipe(tail, wiped)
         self.owe(settings.retract_mm)
         if habits.resets_e:
             self.set_e(0.0)
 
-    def _wipe(self, filament: float) -> None:
+    def retract_for(self, way: Sequence[tuple[float, float, float]]) -> None:
+        """Retract if the travel along `way` is one that is retracted."""
+        if not self._withdrawn() and retracts(self.walls, self.settings, way):
+            self.retract()
+
+    def _withdrawn(self) -> bool:
+        """Tell whether there is nothing left to retract."""
+        if self.settings.firmware_retraction:
+            return self.firmware_retracted
+        return self.owed >= self.settings.retract_mm - 1e-6
+
+    def _wipe(self, tail: NDArray[np.float64], filament: float) -> None:
         """Wipe half the length back along the bead and return: a path that was just printed.
 
         The head ends where the bead ends, so the planned travel starts there.
         """
         half = self.settings.wipe_mm / 2.0
-        way = _cut(self.tail, half)
+        way = _cut(tail, half)
         length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         if length < NEAR_MM:
             return
@@ -268,8 +280,7 @@ class Emitter:
             for text in (passed or {}).values():
                 self.say(text)
             return
-        if retracts(self.walls, self.settings, [self.at, *points]):
-            self.retract()
+        self.retract_for([self.at, *points])
         for k, to in enumerate(points):
             if to != self.at:
                 self.move(to, self._travel_feed(to))
@@ -385,6 +396,16 @@ def _rank(slot: str) -> int:
         if slot in group:
             return 10 * rank + group.index(slot)
     return 100
+
+
+def _level(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the first points of a way up to where it goes straight up or down.
+
+    A wipe does not go back into a vertical bead.
+    """
+    step = np.diff(way, axis=0)
+    upright = np.flatnonzero((step[:, 2] != 0.0) & (step[:, :2] == 0.0).all(axis=1))
+    return way[: upright[0] + 1] if len(upright) else way
 
 
 def _cut(way: NDArray[np.float64], length: float) -> NDArray[np.float64]:

@@ -66,10 +66,11 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords, said
-from decmcts.print.walls import retracts, walls_for
+from decmcts.print.walls import walls_for
 
 PRIMES_MM = 0.1  # of filament; less primes nothing
 LONGEST_DWELL_S = 600.0  # of one G4
+_PRINT, _TRAVEL, _PARK, _WAIT = map(int, ActionKind)  # plain numbers compare faster
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _NAMED_STATE = re.compile(r"M(221|900)(?= ).* T\d", re.I)
 _ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
@@ -140,6 +141,7 @@ def head_gcode_bytes(
     if release == "action":
         _refuse_points(points, plan)
     file = _HeadFile(document, job, head_index, tool, points, words, apart_s)
+    file.kinds = head.kind.tolist()
     file.prints.update(head.contour[head.kind == ActionKind.PRINT].tolist())
     header = [
         *header_lines,
@@ -262,6 +264,7 @@ class _HeadFile:
         self.left = 0.0  # filament retracted, mm, when the source left this head's tool
         changes = (b for b in document.blocks if b.begin.tool != b.end.tool == tool)
         self.first_use = next(changes, None) if self._is_other(document.start.tool) else None
+        self.kinds: list[int] = []  # of the head's actions
         self.prints: set[int] = set()  # contours
         self.due: dict[int, float] = {}  # filament, mm, to be pushed for contours behind blocks
 
@@ -319,10 +322,10 @@ class _HeadFile:
             point: self._said(self.words.passed, number)
             for point, number in self.points.passed.get((self.index, k), {}).items()
         }
-        kind = head.kind[k]
-        if kind in (ActionKind.TRAVEL, ActionKind.PARK):
+        kind = self.kinds[k]
+        if kind in (_TRAVEL, _PARK):
             emitter.travel(head.action_path(k), passed)
-        elif kind == ActionKind.PRINT:
+        elif kind == _PRINT:
             contour = int(head.contour[k])
             self._cross(int(self.job.contours.epoch[contour]))
             emitter.owed += self.due.pop(contour, 0.0)
@@ -331,7 +334,7 @@ class _HeadFile:
                 entry=int(head.entry[k]), passed=passed,
             )  # fmt: skip
             self._retract_for(head, k + 1)
-        elif kind == ActionKind.WAIT:
+        elif kind == _WAIT:
             self._dwell(float(head.end_s[k] - head.begin_s[k]))
         if (number := self.points.signals.get((self.index, k), 0)) > 0:
             self._end_of(k, number)
@@ -361,13 +364,11 @@ class _HeadFile:
 
         One that is going to rest retracts here too, for it must not wipe back later.
         """
-        ahead = head.kind[k : k + 2].tolist()
-        if ahead[:1] == [ActionKind.WAIT] or ahead == [ActionKind.TRAVEL, ActionKind.WAIT]:
+        ahead = self.kinds[k : k + 2]
+        if ahead[:1] == [_WAIT] or ahead == [_TRAVEL, _WAIT]:
             self.emitter.retract()
-        if k < len(head) and head.kind[k] in (ActionKind.TRAVEL, ActionKind.PARK):
-            way = [tuple(point) for point in head.action_path(k).tolist()]
-            if retracts(self.emitter.walls, self.emitter.settings, way):
-                self.emitter.retract()
+        if ahead[:1] in ([_TRAVEL], [_PARK]):
+            self.emitter.retract_for(list(map(tuple, head.action_path(k).tolist())))
 
     def end(self, count: int) -> None:
         """Write what the source does at its end, without its moves, when all heads are done.

@@ -15,6 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 
+import numpy as np
+
 from decmcts.errors import InputError
 from decmcts.formats.gcode.document import GcodeDocument
 from decmcts.print.job import PrintJob
@@ -51,7 +53,7 @@ def number_sync_points(
     waited = {
         (h, k): edges
         for h, head in enumerate(plan.heads)
-        for k in range(len(head))
+        for k in np.flatnonzero(np.diff(head.after_offsets)).tolist()
         if (edges := [edge for edge in head.after_edges(k) if edge.head != h])
     }
     signals = signals_of(plan, job, interval_s)

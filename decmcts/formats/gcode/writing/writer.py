@@ -6,6 +6,7 @@ them lines are written by an `Emitter` that keeps the machine state in step.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, TextIO
@@ -140,7 +141,7 @@ def pause(emitter: Emitter, path: list[NDArray[np.float64]], seconds: float) -> 
     emitter.retract()
     if path:
         way = np.concatenate(path)
-        if np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
+        if math.dist(way[0].tolist(), emitter.at) < NEAR_MM:
             emitter.travel(way[1:])
     emitter.dwell(seconds)
 
@@ -171,13 +172,13 @@ def print_contour(
     emitter.set_state(int(state), before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
-    first = emitter.top == -np.inf  # what the start code pushes belongs to the first bead
+    first = emitter.top == -math.inf  # what the start code pushes belongs to the first bead
     if len(emitter.lines) == written and not (emitter.parted or first):
         emitter.say(SPLIT_MARK)  # above what is pushed on the spot, or that were the last bead's
     emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False
     _lay(emitter, job, way, said, is_reversed=is_reversed)
-    emitter.tail = _level(points[max(said, default=0) :][::-1])
+    emitter.tail = points[max(said, default=0) :][::-1]
     emitter.top = max(emitter.top, float(points[:, 2].max()))
 
 
@@ -212,21 +213,13 @@ def _lay(
 
 def _alike(feed: list[float], state: list[int]) -> list[int]:
     """Return for each segment up to where those after it have its feed and state."""
+    if feed.count(feed[0]) == len(feed) and state.count(state[0]) == len(state):
+        return [len(feed)] * len(feed)
     until = list(range(1, len(feed) + 1))
     for k in range(len(feed) - 2, -1, -1):
         if feed[k] == feed[k + 1] and state[k] == state[k + 1]:
             until[k] = until[k + 1]
     return until
-
-
-def _level(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the first points of a way up to where it goes straight up or down.
-
-    A wipe does not go back into a vertical bead.
-    """
-    step = np.diff(way, axis=0)
-    upright = np.flatnonzero((step[:, 2] != 0.0) & (step[:, :2] == 0.0).all(axis=1))
-    return way[: upright[0] + 1] if len(upright) else way
 
 
 def _go(
@@ -237,13 +230,14 @@ def _go(
     The first path starts at the park position, where the start G-code does not
     leave the head; nothing is in the way yet but what was purged.
     """
-    if emitter.top == -np.inf and np.linalg.norm(np.array(begin) - emitter.at) >= NEAR_MM:
+    far = math.dist(begin, emitter.at) >= NEAR_MM
+    if emitter.top == -math.inf and far:
         emitter.approach(begin)
     elif path:
         way = np.concatenate(path)
-        if np.linalg.norm(way[0] - np.array(emitter.at)) < NEAR_MM:
+        if math.dist(way[0].tolist(), emitter.at) < NEAR_MM:
             emitter.travel(way[1:])
-    if np.linalg.norm(np.array(begin) - np.array(emitter.at)) >= NEAR_MM:
+    if math.dist(begin, emitter.at) >= NEAR_MM:
         emitter.bridge(begin)
     if begin != emitter.at:
         emitter.move(begin, emitter.travel_feed)
