@@ -101,6 +101,8 @@ def _absorb(state: blake2b, value: Any) -> None:
 def _steps(array: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return an array as multiples of `ROUND_TO`; infinite and absent ones have their own."""
     finite = np.isfinite(array)
+    if finite.all():
+        return np.asarray(np.rint(array / ROUND_TO).astype("<i8"))
     steps = np.rint(np.where(finite, array, 0.0) / ROUND_TO).astype("<i8")
     odd = np.where(np.isnan(array), NAN_STEPS, np.where(array > 0, INF_STEPS, -INF_STEPS))
     return np.asarray(np.where(finite, steps, odd), "<i8")

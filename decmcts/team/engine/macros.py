@@ -21,27 +21,49 @@ MACROS = 120  # wanted pieces of one print
 
 def part_of(contours: Contours) -> NDArray[np.int64]:
     """Return the part each contour belongs to, numbered from 0, (n,)."""
-    points = contours.points[:, :2]
     if not len(contours):
         return np.empty(0, np.int64)
-    low = points.min(axis=0) - 2 * CELL_MM
-    shape = np.ceil((points.max(axis=0) - low) / CELL_MM).astype(np.int64) + 3
-    covered = np.zeros(shape, np.bool_)
-    starts = np.zeros(len(points), np.bool_)
-    starts[contours.offsets[:-1]] = True
-    a, b = points[:-1][~starts[1:]], points[1:][~starts[1:]]
-    # samples a cell apart lie in cells that touch, if only at a corner
-    steps = np.ceil(np.linalg.norm(b - a, axis=1) / CELL_MM).astype(np.int64) + 1
-    segment = np.repeat(np.arange(len(a)), steps)
-    along = (np.arange(len(segment)) - np.repeat(np.cumsum(steps) - steps, steps)) / np.repeat(
-        steps, steps
-    )
-    samples = np.concatenate([a[segment] + (b - a)[segment] * along[:, None], points])
-    cells = ((samples - low) / CELL_MM).astype(np.int64)
-    covered[cells[:, 0], cells[:, 1]] = True
+    x, y = contours.points[:, 0].copy(), contours.points[:, 1].copy()
+    low = x.min() - 2 * CELL_MM, y.min() - 2 * CELL_MM
+    column, row = _cells(x, low[0]), _cells(y, low[1])
+    covered = np.zeros((column.max() + 4, row.max() + 4), np.bool_)
+    covered[column, row] = True
+    leaves = (column[1:] != column[:-1]) | (row[1:] != row[:-1])  # others lie in one cell
+    leaves[contours.offsets[1:-1] - 1] = False  # no segment: the next contour begins
+    x, y = _samples(x[:-1][leaves], y[:-1][leaves], x[1:][leaves], y[1:][leaves])
+    covered[_cells(x, low[0]), _cells(y, low[1])] = True
     labels, _ = ndimage.label(covered, structure=np.ones((3, 3), np.int64))
-    at = ((contours.start[:, :2] - low) / CELL_MM).astype(np.int64)
-    return np.asarray(np.unique(labels[at[:, 0], at[:, 1]], return_inverse=True)[1], np.int64)
+    first = contours.offsets[:-1]
+    return np.asarray(
+        np.unique(labels[column[first], row[first]], return_inverse=True)[1], np.int64
+    )
+
+
+def _cells(at: NDArray[np.float64], low: float) -> NDArray[np.int64]:
+    """Return the cell of each coordinate, counted from `low`."""
+    return np.asarray(((at - low) / CELL_MM).astype(np.int64))
+
+
+def _samples(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    to_x: NDArray[np.float64],
+    to_y: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points of segments a cell apart: they lie in cells that touch, if only at a corner."""
+    steps = np.ceil(np.hypot(to_x - x, to_y - y) / CELL_MM).astype(np.int64) + 1
+    segment = np.repeat(np.arange(len(x)), steps)
+    along = (np.arange(len(segment)) - (np.cumsum(steps) - steps)[segment]) / steps[segment]
+    return x[segment] + (to_x - x)[segment] * along, y[segment] + (to_y - y)[segment] * along
+
+
+def numbered(*keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the rank of each row that these keys make, equal rows alike, (n,)."""
+    code = np.zeros(len(keys[0]), np.int64)
+    for key in keys:
+        own = key - key.min(initial=0)
+        code = code * (int(own.max(initial=0)) + 1) + own
+    return np.asarray(np.unique(code, return_inverse=True)[1].reshape(-1))
 
 
 def part_progress(seconds: NDArray[np.float64], part: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -70,8 +92,7 @@ def cut_macros(
     work = np.bincount(part, weights=seconds)
     chunks = np.maximum(1, np.rint(MACROS / 2 * work / max(work.sum(), 1e-12))).astype(np.int64)
     chunk = np.minimum((progress * chunks[part]).astype(np.int64), chunks[part] - 1)
-    _, piece = np.unique(np.stack([part, chunk, side], axis=1), axis=0, return_inverse=True)
-    piece = piece.reshape(-1)
+    piece = numbered(part, chunk, side)
     middle = (chunk + 0.5) / chunks[part]
     when = np.bincount(piece, weights=middle) / np.bincount(piece)
     rank = np.empty(len(when), np.int32)
@@ -88,8 +109,7 @@ def columns_of(
     Returns the offsets of the columns and the contours, column after column.
     """
     cells = (boxes[:, 2 * axis : 2 * axis + 2] // COLUMN_MM).astype(np.int64)
-    _, column = np.unique(np.column_stack([part, cells]), axis=0, return_inverse=True)
-    column = column.reshape(-1)
+    column = numbered(part, cells[:, 0], cells[:, 1])
     order = np.argsort(column, kind="stable")
     count = int(column.max(initial=-1)) + 1
     return np.searchsorted(column[order], np.arange(count + 1)), order.astype(np.int32)

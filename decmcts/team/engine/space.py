@@ -18,7 +18,7 @@ from decmcts._kernels.engine.carry_out import eligible_heads
 from decmcts._kernels.engine.joint import Visits
 from decmcts._kernels.engine.lags import no_lags
 from decmcts._kernels.engine.rooms import Fleet
-from decmcts._kernels.geometry.pieces import cut_pieces
+from decmcts._kernels.geometry.pieces import Pieces
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
@@ -121,7 +121,9 @@ def _aside_limits(
 
     That is bed and print as far as its reach goes, and the way to its park.
     """
-    both = np.vstack([contours.points[:, :2], [machine.bed_min, machine.bed_max]])
+    boxes = contour_boxes(contours)
+    corners = [boxes[:, 0::2], boxes[:, 1::2], np.array([machine.bed_min, machine.bed_max])]
+    both = np.concatenate(corners)
     parks = np.array([head.park[:2] for head in machine.heads], np.float64)
     low = np.maximum([head.reach_min[:2] for head in machine.heads], both.min(axis=0))
     high = np.minimum([head.reach_max[:2] for head in machine.heads], both.max(axis=0))
@@ -159,7 +161,8 @@ def fleet_of(job: PrintJob, machine: Machine, live: Sequence[int] | None = None)
 def printing_times(job: PrintJob, machine: Machine) -> NDArray[np.float64]:
     """Return the seconds each contour takes each head, under the limits it has, (heads, n)."""
     limits = [machine.limits_of(head) for head in machine.heads]
-    of_limits = {id(one): job_times(job, one) for one in limits}
+    different = {id(one): one for one in limits}  # most machines have one for all their heads
+    of_limits = {key: job_times(job, one) for key, one in different.items()}
     return np.array([of_limits[id(one)] for one in limits])
 
 
@@ -204,6 +207,22 @@ def refuse_shut_in(job: PrintJob, machine: Machine) -> None:
     require_printable(job.contours, machine, able, live=range(len(machine.heads)))
 
 
+def whole_pieces(contours: Contours) -> Pieces:
+    """Return one piece of each contour, both ways where it may be reversed."""
+    low = np.minimum.reduceat(contours.points, contours.offsets[:-1])
+    high = np.maximum.reduceat(contours.points, contours.offsets[:-1])
+    rooms = np.stack([low, high], axis=2).reshape(-1, 6)
+    ways = np.ones((len(contours), 2), np.bool_)
+    ways[:, 1] = contours.reversible
+    count = int(ways.sum())
+    return Pieces(
+        np.concatenate([[0], np.cumsum(ways)]),
+        rooms[np.repeat(np.arange(len(contours)), ways.sum(axis=1))],
+        np.zeros(count),
+        np.zeros(count, np.int32),
+    )
+
+
 def _let_in(
     reached: NDArray[np.bool_], job: PrintJob, machine: Machine, live: Sequence[int] | None
 ) -> NDArray[np.bool_]:
@@ -212,7 +231,7 @@ def _let_in(
     if len(machine.heads) < 2 or not len(contours):
         return reached
     ends = np.stack([contours.start, contours.end], axis=1)
-    whole = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
+    whole = whole_pieces(contours)
     none = np.zeros(len(contours) + 1, np.int64)
     visits = Visits(
         ends, np.zeros((len(machine.heads), len(contours))), contours.reversible, whole, none,

@@ -25,7 +25,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.team.dec_mcts.warm_up import smallest_job
 from decmcts.team.engine.problem import build_team_problem
 from decmcts.team.engine.resolve import resolve
-from decmcts.team.engine.space import body_boxes, build_space, fleet_of, relation_of
+from decmcts.team.engine.space import body_boxes, build_space, fleet_of, relation_of, whole_pieces
 from decmcts.team.schedule.joint_plan import schedule
 from sim.verify import verify_plan
 
@@ -208,6 +208,16 @@ def test_who_is_lost_is_no_reason_of_the_machine(case_of: Callable[..., Any]) ->
         require_printable(chosen.job.contours, chosen.machine, eligible, live=[1])
     with pytest.raises(InputError, match="or what could print it is lost"):  # it is not known
         require_printable(chosen.job.contours, chosen.machine, eligible)
+
+
+def test_a_contour_as_one_piece_is_what_cutting_makes_of_it(case_of: Callable[..., Any]) -> None:
+    """Asking who is let in needs no lengths; the kernel that cuts finds them all."""
+    job = case_of([(50, 10, 0.5), (60, 10, 0.5), (40, 12, 0.5)], [(90, 10, 0.5), (95, 10, 1.5)]).job
+    contours = replace(job.contours, reversible=np.array([True, False]))
+    cut = cut_pieces(contours.points, contours.offsets, contours.reversible, 1.0, 1)
+    for mine, wanted in zip(whole_pieces(contours), cut, strict=True):
+        assert mine.dtype == wanted.dtype
+        assert np.array_equal(mine, wanted)
 
 
 @pytest.mark.parametrize("seed", range(8))
