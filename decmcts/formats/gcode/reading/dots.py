@@ -24,7 +24,7 @@ DOT_MM = 1e-3  # of filament beyond what is retracted; less is rounding
 RESTART_MM = 0.2  # a surplus up to this, pushed with what was retracted, restarts the flow,
 NEAR_RESTART_MM = 1.0  # or up to this, where the nozzle only comes down to a bead then
 FEW_DOTS = 2  # places with dots before the first bead; at fewer the nozzle is primed
-_REFILLS = frozenset({"tool change", "filament change", "pause"})
+REFILLS = frozenset({"tool change", "filament change", "pause"})
 _NOT_PRINTED = (Role.WIPE_TOWER, Role.CUSTOM)
 
 Floats = NDArray[np.float64]
@@ -132,7 +132,7 @@ def _printed(motion: Motion, track: Track, given: Bools, sure: Bools) -> Bools:
     behind = np.minimum.accumulate(np.where(sure, rows, m)[::-1])[::-1]
     walls = np.sort(np.fromiter(track.barriers, np.int64, len(track.barriers)))
     refills = np.array(
-        sorted(line for line, reason in track.barriers.items() if reason in _REFILLS), np.int64
+        sorted(line for line, reason in track.barriers.items() if reason in REFILLS), np.int64
     )
     part = np.searchsorted(walls, motion.line)
     fed = np.searchsorted(refills, motion.line)

@@ -1,7 +1,9 @@
 """Epochs that begin where machine state does, although no line is a barrier.
 
 The first layer when cooling is another after it, and the place where a command
-sets something for the first time: what held before cannot be set again.
+sets something for the first time: what held before cannot be set again. And where dots and
+vertical beads of a tool begin and end: pushed right above or below a tool change they would
+look like its purge.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
+from decmcts.formats.gcode.reading.dots import REFILLS
 from decmcts.formats.gcode.reading.grouping import Runs
 
 DOWN_MM = 1e-3  # heights nearer than that are one
@@ -44,8 +47,26 @@ def state_edges(
         edge[unset[-1] + 1 :][:1] = True
         if not missing[last[unset[-1], k]]:  # set within this contour: it ends its epoch
             edge[unset[-1]] = True
+    _mark_dots(edge, motion, runs, track)
     edge[0] = False
     return edge, one_way
+
+
+def _mark_dots(edge: NDArray[np.bool_], motion: Motion, runs: Runs, track: Track) -> None:
+    """Mark in place the first dot between two tool changes, and what follows the last."""
+    refills = sorted(line for line, reason in track.barriers.items() if reason in REFILLS)
+    if not refills:
+        return
+    moves = np.flatnonzero(runs.contour >= 0)
+    delta = motion.points[moves + 1, :2] - motion.points[moves, :2]
+    spots = np.ones(len(runs), np.bool_)
+    spots[runs.contour[moves[(delta != 0.0).any(axis=1)]]] = False
+    stretch = np.searchsorted(refills, motion.line[runs.first])
+    dots = np.flatnonzero(spots)
+    begins = np.flatnonzero(np.diff(stretch[dots], prepend=-1))
+    edge[dots[begins]] = True
+    behind = dots[np.append(begins[1:], len(dots)) - 1] + 1 if len(dots) else dots
+    edge[behind[behind < len(runs)]] = True
 
 
 def _can_be_left(track: Track, slot: str, used: NDArray[np.int32]) -> bool:
