@@ -37,6 +37,12 @@ class Segments:
     place: NDArray[np.int64]  # (n,) line or contour
     word: str  # "line" or "contour"
 
+    def at(self, rows: NDArray[np.int64]) -> Segments:
+        """Return some of the segments."""
+        return Segments(
+            self.ends[rows], self.extrusion[rows], self.feed[rows], self.place[rows], self.word
+        )
+
     def text(self, i: int) -> str:
         """Return the words for one segment."""
         x0, y0, z0, x1, y1, z1 = self.ends[i]
@@ -95,8 +101,12 @@ def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
     """
     match = np.full(len(ours.ends), NO_MATCH, np.int64)
     mine, theirs = _keys(ours), _keys(source)
-    like, alike = _alike(ours, source, mine, theirs)
-    _match_in_turn(match, like, alike)
+    several, due = _match_single(ours, source, mine, theirs, match)
+    like, alike = _alike(ours.at(several), source.at(due), mine[several], theirs[due])
+    within = np.full(len(several), NO_MATCH, np.int64)
+    _match_in_turn(within, like, alike)
+    found = within != NO_MATCH
+    match[several[found]] = due[within[found]]
     left, free = np.flatnonzero(match == NO_MATCH), _unmatched(source, match)
     if len(left) and len(free):  # same ends, other filament or feed: matched by rank of amount
         left = left[np.lexsort((ours.feed[left], ours.extrusion[left]))]
@@ -112,6 +122,37 @@ def match_segments(ours: Segments, source: Segments) -> NDArray[np.int64]:
 def places_of(segments: Segments) -> NDArray[np.int64]:
     """Return one number a segment, equal for those between the same two points."""
     return np.unique(_keys(segments), return_inverse=True)[1].astype(np.int64)
+
+
+def _match_single(
+    ours: Segments, source: Segments, mine: NDArray[np.uint64], theirs: NDArray[np.uint64],
+    match: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:  # fmt: skip
+    """Match what stands alone at its ends in both, if it is alike, as nearly all is.
+
+    Mutates match. Returns the rows of ours and of the source that may have several partners, or
+    none, ascending.
+    """
+    by_mine, by_theirs = np.argsort(mine), np.argsort(theirs)
+    one, other = mine[by_mine], theirs[by_theirs]
+    at = np.searchsorted(other, one)
+    single = _alone(one)
+    single[single] = at[single] < len(other)
+    single[single] = (other[at[single]] == one[single]) & _alone(other)[at[single]]
+    a, b = by_mine[single], by_theirs[at[single]]
+    alike = ~(np.abs(ours.feed[a] - source.feed[b]) > SAME_FEED_MM_S)
+    alike &= ~(np.abs(ours.extrusion[a] - source.extrusion[b]) > SAME_E_MM)
+    match[a[alike]] = b[alike]
+    several, due = np.ones(len(mine), np.bool_), np.ones(len(theirs), np.bool_)
+    several[a], due[b] = False, False
+    return np.flatnonzero(several), np.flatnonzero(due)
+
+
+def _alone(ascending: NDArray[np.uint64]) -> NDArray[np.bool_]:
+    """Tell which numbers have no equal beside them, (n,)."""
+    new = ascending[1:] != ascending[:-1]
+    first, last = np.append(True, new), np.append(new, True)
+    return np.asarray(first & last)[: len(ascending)]
 
 
 def _alike(

@@ -12,7 +12,7 @@ from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
 from sim.faults import LIMIT, SHOWN, Fault, FaultKind, listed
-from sim.files.printed_file import beads_of, laying_moves, moves_array, moving
+from sim.files.printed_file import beads_of, moves_array, moving
 from sim.replay.contacts import (
     AT_MM,
     NOBODY,
@@ -43,6 +43,7 @@ FILE_TOLERANCE_MM = 2e-3  # overlap that counts as touching: files have three de
 class Printed:
     """What a file prints, in terms of its source."""
 
+    laid: Ints  # (n,) the moves that lay material
     contour: Ints  # (n,) of each laying move, which contour of the source it prints; below 0: none
     match: Ints  # (n,) which of the source's segments, in the source's order
     contours: Contours | None = None  # the source's; None: no contact between them is its own
@@ -199,8 +200,8 @@ class _File:
 
 
 def _file_of(motions: Motions, printed: Printed, machine: Machine) -> _File:
-    rows, laid = moving(motions), laying_moves(motions)
-    beads = beads_of(motions, printed.match)
+    rows, laid = moving(motions), printed.laid
+    beads = beads_of(motions, laid, printed.match)
     beads = replace(beads, since=np.searchsorted(rows, beads.since))
     every = np.full(len(motions.line), NOBODY)
     every[laid] = np.maximum(printed.contour, NOBODY)

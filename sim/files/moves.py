@@ -60,11 +60,11 @@ def check_moves(
     given, turns, moved = source, turns_of(source), {seam.contour for seam in seams}
     if job is not None:
         source = motions_with(source, job.contours, seams)
-    ours, theirs = segments_of(motions), segments_of(source)
+    laid, due = laying_moves(motions), laying_moves(source)
+    ours, theirs = segments_of(motions, laid), segments_of(source, due)
     match = match_segments(ours, theirs)
-    contour = np.asarray(source.contour, np.int64)[laying_moves(source)]
+    contour = np.asarray(source.contour, np.int64)[due]
     printed = np.where(match >= 0, contour[match] if len(contour) else -1, -1)
-    laid = laying_moves(motions)
     lines = np.where(match >= 0, theirs.place[match] if len(theirs.place) else -1, -1)
     if other := check_print(ours, theirs, match, contour):
         return Matched(other, True, ours, laid, printed, lines)
@@ -77,6 +77,6 @@ def check_moves(
     faults += check_file_feeds(motions, source)
     contours = job.contours if job is not None and len(job.contours) else None
     contacts, warnings = check_file_material(
-        motions, Printed(printed, match, contours), machine, given
+        motions, Printed(laid, printed, match, contours), machine, given
     )
     return Matched(faults + contacts, False, ours, laid, printed, lines, warnings)

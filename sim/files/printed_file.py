@@ -19,12 +19,11 @@ def laying_moves(motions: Motions) -> NDArray[np.int64]:
     return laying_rows(motions.points, np.asarray(motions.extrusion), tool, known)
 
 
-def segments_of(motions: Motions) -> Segments:
-    """Return the moves that lay down material, as the inventory compares them."""
+def segments_of(motions: Motions, laid: NDArray[np.int64]) -> Segments:
+    """Return the moves that lay down material, `laying_moves`, as the inventory compares them."""
     return move_segments(
-        motions.points, motions.extrusion, motions.feed, np.asarray(motions.line, np.int64),
-        laying_moves(motions),
-    )  # fmt: skip
+        motions.points, motions.extrusion, motions.feed, np.asarray(motions.line, np.int64), laid
+    )
 
 
 def moves_array(motions: Motions) -> NDArray[np.float64]:
@@ -41,7 +40,7 @@ def moving(motions: Motions) -> NDArray[np.int64]:
     return np.nonzero(known if motions.placed is None else ~np.asarray(motions.placed))[0]
 
 
-def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:
+def beads_of(motions: Motions, laid: NDArray[np.int64], match: NDArray[np.int64]) -> Beads:
     """Return the beads of a file with the first move that may meet each.
 
     Only contours count: a purge line of the start code has no stated size, and the start code
@@ -51,9 +50,10 @@ def beads_of(motions: Motions, match: NDArray[np.int64]) -> Beads:
     Parameters
     ----------
     motions : Motions
+    laid : (n,) from `laying_moves`
     match : (n,) for each laying move the place of its segment in the source
     """
-    rows = laying_moves(motions)
+    rows = laid
     contour = np.asarray(motions.contour, np.int64)[rows]
     rows, match, contour = (values[contour >= 0] for values in (rows, match, contour))
     if not len(rows):

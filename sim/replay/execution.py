@@ -60,15 +60,37 @@ def arrivals_of(document: PlanDocument, actions: HeadActions) -> Floats:
     limits = machine.limits_of(next(head for head in machine.heads if head.name == actions.head))
     feed = np.full(len(actions.path), limits.travel_feed)
     prints = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
-    for a in np.nonzero(actions.kind == ActionKind.PRINT)[0].tolist():
-        due = print_feed(document.contours, actions, a)
-        first, last = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
-        if len(due) == last - first - 1:  # a wrong path is reported elsewhere
-            feed[first + 1 : last] = np.where(due > 0, due, limits.travel_feed)
+    due = print_feeds(document.contours, actions)
+    feed = np.where(due > 0, due, feed)
     arrivals = arrival_times(actions.path, actions.path_offsets, feed, prints, limits)
     waits = np.nonzero(actions.kind == ActionKind.WAIT)[0]
     arrivals[actions.path_offsets[waits + 1] - 1] += actions.end_s[waits] - actions.begin_s[waits]
     return arrivals
+
+
+def print_feeds(contours: Contours, actions: HeadActions) -> Floats:
+    """Return the feed of the segment that ends at each point of a head's paths, (n,).
+
+    NaN where none is printed, and where a path has not the points it should have.
+    """
+    feed = np.full(len(actions.path), np.nan)
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    first = actions.path_offsets[prints]
+    sizes = actions.path_offsets[prints + 1] - first
+    contour = actions.contour[prints]
+    plain = (actions.entry[prints] == 0) & (sizes == np.diff(contours.offsets)[contour])
+    begins, counts = first[plain], sizes[plain] - 1
+    within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    goes_back = np.repeat(actions.reversed[prints[plain]], counts)
+    nth = np.where(goes_back, np.repeat(counts, counts) - within, within + 1)
+    rows = np.repeat(contours.offsets[contour[plain]], counts) + nth
+    feed[np.repeat(begins, counts) + within + 1] = contours.feed[rows]
+    for a in prints[actions.entry[prints] != 0].tolist():
+        due = print_feed(contours, actions, a)
+        begin, end = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
+        if len(due) == end - begin - 1:  # a wrong path is reported elsewhere
+            feed[begin + 1 : end] = due
+    return feed
 
 
 def print_feed(contours: Contours, actions: HeadActions, action: int) -> Floats:

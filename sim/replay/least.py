@@ -21,7 +21,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import MotionLimits
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.replay.compiled import compiled
-from sim.replay.execution import print_feed
+from sim.replay.execution import print_feeds
 
 Floats = NDArray[np.float64]
 
@@ -72,14 +72,9 @@ def _feeds(
     if source is not None:
         settings = source.settings
         travel = max(settings.travel_feed or limits.travel_feed, settings.z_feed)
-    feed = np.full(len(actions.path), travel)
-    for a in np.flatnonzero(actions.kind == ActionKind.PRINT).tolist():
-        due = print_feed(document.contours, actions, a)
-        first, last = int(actions.path_offsets[a]), int(actions.path_offsets[a + 1])
-        feed[first:last] = math.inf
-        if len(due) == last - first - 1:  # a wrong path is reported elsewhere
-            feed[first + 1 : last] = np.where(due > 0.0, due, math.inf)
-    return feed
+    prints = np.repeat(actions.kind == ActionKind.PRINT, np.diff(actions.path_offsets))
+    due = print_feeds(document.contours, actions)
+    return np.where(due > 0.0, due, np.where(prints, math.inf, travel))
 
 
 def _accelerations(

@@ -34,19 +34,14 @@ def same_extrusions(
         return [f"{len(a)} segments against {len(b)}"]
     state_a, state_b = _common_states(doc_a, doc_b)
     kept_a, kept_b = _kept(job_a, state_a, doc_a), _kept(job_b, state_b, doc_b)
+    if _same_at_once(a, b, kept_a, kept_b):
+        return []
     order_a, order_b = _order(a, kept_a), _order(b, kept_b)
     if not _together(a[order_a], b[order_b]).all():
         order_a, order_b = _paired(a, b, order_a, order_b)
     a, b, kept_a, kept_b = a[order_a], b[order_b], kept_a[order_a], kept_b[order_b]
     faults = []
-    checks = (
-        ("coordinates", ~_together(a, b)),
-        ("filament", np.abs(a[:, 6] - b[:, 6]) > E_MM),
-        ("feed", np.abs(a[:, 7] - b[:, 7]) > FEED_MM_S),
-        ("tool", a[:, 8] != b[:, 8]),
-        ("machine state", kept_a != kept_b),
-    )
-    for name, wrong in checks:
+    for name, wrong in _differing(a, b, kept_a, kept_b):
         if wrong.any():
             k = int(np.flatnonzero(wrong)[0])
             faults.append(
@@ -54,6 +49,59 @@ def same_extrusions(
                 f" against {b[k].round(5).tolist()}"
             )
     return faults
+
+
+def _differing(
+    a: NDArray[np.float64], b: NDArray[np.float64], kept_a: NDArray[np.int64],
+    kept_b: NDArray[np.int64],
+) -> tuple[tuple[str, NDArray[np.bool_]], ...]:  # fmt: skip
+    """Return which segments differ from their partners in what, (k,) each."""
+    return (
+        ("coordinates", ~_together(a, b)),
+        ("filament", np.abs(a[:, 6] - b[:, 6]) > E_MM),
+        ("feed", np.abs(a[:, 7] - b[:, 7]) > FEED_MM_S),
+        ("tool", a[:, 8] != b[:, 8]),
+        ("machine state", kept_a != kept_b),
+    )
+
+
+def _same_at_once(
+    a: NDArray[np.float64], b: NDArray[np.float64], kept_a: NDArray[np.int64],
+    kept_b: NDArray[np.int64],
+) -> bool:  # fmt: skip
+    """Tell whether all is the same, without sorting by more than one number a segment.
+
+    Where it is not, whoever asks has to sort it out; equals are paired as `_order` pairs them.
+    """
+    number_a, number_b = _numbers(a), _numbers(b)
+    order_a, order_b = _by_number(number_a, a, kept_a), _by_number(number_b, b, kept_b)
+    if (number_a[order_a] != number_b[order_b]).any():
+        return False
+    pairs = (a[order_a], b[order_b], kept_a[order_a], kept_b[order_b])
+    return not any(wrong.any() for _, wrong in _differing(*pairs))
+
+
+def _numbers(segments: NDArray[np.float64]) -> NDArray[np.uint64]:
+    """Return a number for each place on the grid, (k,); hardly ever one for two places."""
+    number = np.zeros(len(segments), np.uint64)
+    for column in segments[:, :6].T:
+        cell = np.round(column / XYZ_MM).astype(np.int64).astype(np.uint64)
+        number = (number ^ cell) * np.uint64(0x9E3779B97F4A7C15)
+        number ^= number >> np.uint64(29)
+    return number
+
+
+def _by_number(
+    number: NDArray[np.uint64], segments: NDArray[np.float64], kept: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Sort by number; those with equal numbers as `_order` does."""
+    order = np.argsort(number)
+    equal = number[order[1:]] == number[order[:-1]]
+    several = np.flatnonzero(np.append(equal, False) | np.append(False, equal))
+    rows = order[several]
+    rows = rows[_order(segments[rows], kept[rows])]
+    order[several] = rows[np.argsort(number[rows], kind="stable")]
+    return order
 
 
 def ending_faults(document: GcodeDocument, ending: Ending) -> list[str]:
