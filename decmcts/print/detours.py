@@ -112,7 +112,7 @@ def over_walls_mm(
     inner[first] = False
     begin, end = starts[travel], goals[travel]  # copies
     begin[inner, :2] = bends
-    last = np.append(inner[1:], False)
+    last = np.append(inner, False)[1:]  # none where there is no travel
     end[last, :2] = bends
     across = np.hypot(*(end - begin)[:, :2].T)
     return float(across[over_walls(walls, begin, end)].sum())
