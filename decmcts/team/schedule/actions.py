@@ -20,27 +20,30 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import NO_CONTOUR, ActionKind, HeadActions, JointPlan
-from decmcts.print.toolpath import Toolpath, visit_points
+from decmcts.print.toolpath import Toolpath
 from decmcts.team.engine.order import UnitOrder
 from decmcts.team.schedule.rests import find_rests, with_rests
 from decmcts.team.schedule.standing import with_stops
 from decmcts.team.schedule.timing import ActionTimes, action_times
+from decmcts.team.schedule.travels import Paths
 
 
 def join_actions(
     job: PrintJob,
     machine: Machine,
     order: UnitOrder,
-    travels: Sequence[NDArray[np.float64]],
+    entered: Contours,
+    travels: Paths,
     toolpaths: Sequence[Toolpath],
     lags: Lags,
 ) -> JointPlan:
-    """Return the joint plan of these units; `travels` are the paths of those that do not print.
+    """Return the joint plan of these units.
 
-    Where something must cool the head rests where it is to print, until it may.
+    `entered` are the contours as their toolpaths enter them, `travels` the paths of units that
+    do not print. Where something must cool the head rests where it is to print, until it may.
     """
     all_actions = [
-        _untimed(job, order, rows, travels, toolpath)
+        _untimed(entered, order, rows, travels, toolpath)
         for rows, toolpath in zip(_rows(order), toolpaths, strict=True)
     ]
     times = [
@@ -98,10 +101,10 @@ def _rows(order: UnitOrder) -> list[NDArray[np.int64]]:
 
 
 def _untimed(
-    job: PrintJob,
+    entered: Contours,
     order: UnitOrder,
     rows: NDArray[np.int64],
-    travels: Sequence[NDArray[np.float64]],
+    travels: Paths,
     toolpath: Toolpath,
 ) -> _Untimed:
     """Return contours and paths of one head's actions."""
@@ -110,11 +113,9 @@ def _untimed(
     contour[prints] = order.contour[rows[prints]]
     is_reversed, entry = np.zeros(len(rows), np.bool_), np.zeros(len(rows), np.int32)
     is_reversed[prints], entry[prints] = toolpath.reversed, toolpath.entry
-    paths = _paths(job.contours, contour, is_reversed, entry, [travels[row] for row in rows])
     return _Untimed(
-        contour, is_reversed, entry, np.concatenate(paths) if paths else np.empty((0, 3)),
-        np.cumsum([0, *(len(path) for path in paths)]).astype(np.int64),
-    )  # fmt: skip
+        contour, is_reversed, entry, *_paths(entered, contour, is_reversed, rows, travels)
+    )
 
 
 def _head_actions(
@@ -148,15 +149,18 @@ def _head_actions(
 
 
 def _paths(
-    contours: Contours,
+    entered: Contours,
     contour: NDArray[np.int32],
     is_reversed: NDArray[np.bool_],
-    entry: NDArray[np.int32],
-    travels: Sequence[NDArray[np.float64]],
-) -> list[NDArray[np.float64]]:
-    """Return the nozzle's path of each action."""
-    paths = list(travels)
-    for i in np.flatnonzero(contour != NO_CONTOUR):
-        c, back, at = int(contour[i]), bool(is_reversed[i]), int(entry[i])
-        paths[i] = visit_points(contours, c, reversed_=back, entry=at)
-    return paths
+    rows: NDArray[np.int64],
+    travels: Paths,
+) -> Paths:
+    """Return the nozzle's path of each action: that of its contour, else its unit's travel."""
+    prints, printed = contour != NO_CONTOUR, entered.offsets + len(travels.points)
+    begin = np.where(prints, printed[contour], travels.offsets[rows])
+    end = np.where(prints, printed[contour + 1], travels.offsets[rows + 1])
+    offsets = np.concatenate([[0], np.cumsum(end - begin)])
+    first, step = np.where(is_reversed, end - 1, begin), np.where(is_reversed, -1, 1)
+    along = np.arange(offsets[-1]) - np.repeat(offsets[:-1], end - begin)
+    at = np.repeat(first, end - begin) + np.repeat(step, end - begin) * along
+    return Paths(np.concatenate([travels.points, entered.points])[at], offsets)

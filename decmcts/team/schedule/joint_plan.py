@@ -74,4 +74,4 @@ def schedule(
     order = order_of_job(job, graph, machine, fleet, entered, toolpaths, cooling)
     running = replace(job, contours=entered, acceleration=None)
     travels = unit_travels(running, machine, order, space, walls_for(job), detours)
-    return join_actions(job, machine, order, travels, toolpaths, cooling)
+    return join_actions(job, machine, order, entered, travels, toolpaths, cooling)

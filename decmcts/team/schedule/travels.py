@@ -7,6 +7,8 @@ That set only grows along a head, so one height field a head is enough.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,13 @@ from decmcts.team.engine.space import Space
 from decmcts.team.schedule.timing import kinds_of_tools
 
 
+class Paths(NamedTuple):
+    """Polylines, one behind the other."""
+
+    points: NDArray[np.float64]  # (offsets[-1], 3) mm
+    offsets: NDArray[np.int64]  # (m + 1,)
+
+
 def unit_travels(
     job: PrintJob,
     machine: Machine,
@@ -31,8 +40,8 @@ def unit_travels(
     space: Space,
     walls: Walls,
     detours: Detours | None = None,
-) -> list[NDArray[np.float64]]:
-    """Return the path of each unit as if all were travels, m of (k, 3).
+) -> Paths:
+    """Return the path of each unit as if all were travels.
 
     What a printing unit gets here means nothing; its path is the contour's. A travel
     that stays bare inside `walls` is not lifted, unless something printed is in its way.
@@ -75,8 +84,7 @@ def _hops(
     bent = np.flatnonzero(np.diff(bends.offsets))
     if len(bent):
         ways = _paths(starts[bent], goals[bent], _of(bends, bent), ends[bent])
-        offsets = np.concatenate([[0], np.cumsum([len(way) for way in ways])]).astype(np.int64)
-        far[bent] = retracted_paths(walls, job.settings, np.concatenate(ways), offsets)
+        far[bent] = retracted_paths(walls, job.settings, ways.points, ways.offsets)
     top = np.array([head.reach_max[2] for head in machine.heads])[order.head]
     lifted = np.minimum(ends + _hop_of(job, order), np.maximum(top, ends))
     return np.where(far, lifted, ends)
@@ -113,10 +121,14 @@ def _paths(
     goals: NDArray[np.float64],
     bends: Bends,
     level: NDArray[np.float64],
-) -> list[NDArray[np.float64]]:
+) -> Paths:
     """Return start, above start, bends, above goal, goal, without corners that do not move."""
     straight = _straight(starts, goals, level)
-    for m in np.flatnonzero(np.diff(bends.offsets)).tolist():
+    bent = np.flatnonzero(np.diff(bends.offsets)).tolist()
+    if not bent:
+        return straight
+    paths = np.split(straight.points, straight.offsets[1:-1])
+    for m in bent:
         way = bends.points[bends.offsets[m] : bends.offsets[m + 1]]
         over = np.column_stack([way, np.full(len(way), level[m])])
         ends = np.array([starts[m], goals[m]])
@@ -124,8 +136,9 @@ def _paths(
         above[:, 2] = level[m]
         corners = np.concatenate([ends[:1], above[:1], over, above[1:], ends[1:]])
         moves = np.concatenate([[True], (np.diff(corners, axis=0) != 0.0).any(axis=1)])
-        straight[m] = corners[moves]
-    return straight
+        paths[m] = corners[moves]
+    counts = np.array([len(path) for path in paths], np.int64)
+    return Paths(np.concatenate(paths), np.concatenate([[0], np.cumsum(counts)]))
 
 
 def _of(bends: Bends, units: NDArray[np.int64]) -> Bends:
@@ -154,7 +167,7 @@ def _bends(
 
 def _straight(
     starts: NDArray[np.float64], goals: NDArray[np.float64], level: NDArray[np.float64]
-) -> list[NDArray[np.float64]]:
+) -> Paths:
     """Return start, above start, above goal, goal, without corners that do not move."""
     across = (starts[:, :2] != goals[:, :2]).any(axis=1)
     over = np.stack([starts, starts, goals, goals], axis=1)
@@ -162,4 +175,4 @@ def _straight(
     over[:, 2, 2] = np.where(across, level, goals[:, 2])
     keep = np.ones((len(over), 4), np.bool_)
     keep[:, 1:] = (np.diff(over, axis=1) != 0.0).any(axis=2)
-    return [corners[mask] for corners, mask in zip(over, keep, strict=True)]
+    return Paths(over[keep], np.concatenate([[0], np.cumsum(keep.sum(axis=1))]))
