@@ -10,6 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.planned import document_of
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.team.beside import begun
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -73,13 +75,14 @@ def best_of(
     problem = ready.problem
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
-    report(Step("safe travels and times of one head alone"))
-    alone = plan_alone(ready, heads)
-    machine = lone_machine(problem.machine)
+    yardsticks = begun(partial(_one_head, ready, heads))
+    joint = None if result is None else _joint(ready, result, report)
+    if not yardsticks.done():
+        report(Step("safe travels and times of one head alone"))
+    alone, lone = yardsticks.result()
     if not ready.bound.done():
         report(Step("a bound on the makespan"))
         ready.bound.result()
-    lone = schedule(problem.job, machine, problem.graph, [ready.lone_order], lags=ready.lags)
     extra: Metrics = {
         "planner": "dec-mcts",
         **_freedom_metrics(ready.orders),
@@ -92,11 +95,16 @@ def best_of(
         "bound": dataclasses.asdict(ready.bound.result()),
         "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
     }
-    if result is not None:
-        joint = _joint(ready, result, report)
-        if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
-            return document_of(problem, joint, extra)
+    if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
+        return document_of(problem, joint, extra)
     return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
+
+
+def _one_head(ready: Prepared, heads: Sequence[int]) -> tuple[PlanDocument, JointPlan]:
+    """Return the lone order on this machine, and on one whose only head reaches everything."""
+    problem, machine = ready.problem, lone_machine(ready.problem.machine)
+    lone = schedule(problem.job, machine, problem.graph, [ready.lone_order], lags=ready.lags)
+    return plan_alone(ready, heads), lone
 
 
 def _joint(ready: Prepared, result: LaunchResult, report: Report) -> JointPlan | None:

@@ -5,10 +5,9 @@ No output is written here. See ARCHITECTURE.md, which follows one planning round
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Mapping
-from concurrent.futures import Future, wait
+from collections.abc import Mapping
+from concurrent.futures import wait
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -29,13 +28,14 @@ from decmcts.planning.options import PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, check, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
+from decmcts.planning.team.beside import begun
 from decmcts.planning.team.joint import Prepared, best_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.bounds.makespan import Bound, makespan_bound
+from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
@@ -108,7 +108,7 @@ def prepared(
     orders = OrderChoices(rules.freedom.value, rules.seam.value, objective.value)
     entries = entries_of(problem.job, orders)
     bounded = partial(makespan_bound, problem.job, problem.machine, problem.graph, entries=entries)
-    bound = begun(bounded)
+    bound = begun(bounded, yielding=True)  # agents may have to share the processor with it
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
     if writes:
@@ -130,20 +130,6 @@ def prepared(
         report(Step("a bound on the makespan"))
         wait([bound], timeout=BOUND_SHARE * search.time_limit_s)
     return Prepared(problem, before, lags, orders, lone, entry, bound)
-
-
-def begun(work: Callable[[], Bound]) -> Future[Bound]:
-    """Begin work in a thread that no exit waits for; kernels and solver run without the lock."""
-    found: Future[Bound] = Future()
-
-    def run() -> None:
-        try:
-            found.set_result(work())
-        except BaseException as error:
-            found.set_exception(error)
-
-    threading.Thread(target=run, name="bound", daemon=True).start()
-    return found
 
 
 def _lone_order(problem: PrintProblem, search: TeamSearch, lags: Lags, stop: Stop) -> Toolpath:
