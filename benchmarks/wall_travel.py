@@ -99,7 +99,7 @@ def summary(lines: list[list[str]]) -> str:
     if not len(values):
         return "No file has been planned with each choice yet."
     over, crossed, seconds = values[:, 0:4], values[:, 4:8], values[:, 8:12]
-    some, any_crossed = over[:, 1] > 0.0, crossed[:, 1] > 0.0
+    some, led, any_crossed = over[:, 1] > 0.0, over[:, 0] > 0.0, crossed[:, 1] > 0.0
     more = [int((over[:, k] > over[:, 0] + 0.05).sum()) for k in (1, 2)]
     longer, than_source = (100.0 * (seconds[:, 3] / seconds[:, k] - 1.0) for k in (1, 0))
     return (
@@ -107,14 +107,15 @@ def summary(lines: list[list[str]]) -> str:
         f"files, with `auto` {more[1]}. `always` against `never`: {less(over[some])} % less of it "
         f"in the median of {int(some.sum())} files, {less(crossed[any_crossed])} % fewer "
         f"crossings; {np.median(longer):+.2f} % time in the median of all, {longer.max():+.2f} % "
-        f"at most (against the source {np.median(than_source):+.2f} and "
-        f"{than_source.max():+.2f} %)."
+        f"at most. `always` against the source: {less(over[led], 0)} % less in the median of "
+        f"{int(led.sum())} files, those that keep the source counted; "
+        f"{np.median(than_source):+.2f} % time in the median, {than_source.max():+.2f} % at most."
     )
 
 
-def less(values: NDArray[np.float64]) -> str:
-    """Return by how many per cent `always` is below `never` in the median."""
-    return f"{100.0 * np.median(1.0 - values[:, 3] / values[:, 1]):.0f}" if len(values) else "0"
+def less(values: NDArray[np.float64], than: int = 1) -> str:
+    """Return by how many per cent `always` is below `never` in the median, or below column 0."""
+    return f"{100.0 * np.median(1.0 - values[:, 3] / values[:, than]):.0f}" if len(values) else "0"
 
 
 def main() -> None:
