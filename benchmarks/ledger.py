@@ -120,7 +120,8 @@ def compared(path: Path, limit: float) -> dict[str, Any]:
             )  # fmt: skip
             if done["exit"] == 0:
                 break
-        row["error"] = done.get("error", "").removeprefix("decmcts: ").replace(f"{path.parent}/", "")
+        why = done.get("error", "").removeprefix("decmcts: ")
+        row["error"] = why.replace(f"{path.parent}/", "")
         if done["exit"] != 0:
             return row
         before, after = ledger(lines_of(path)), ledger(lines_of(out))
