@@ -21,7 +21,7 @@ from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import TeamSearch
-from decmcts.planning.problem.planned import document_of
+from decmcts.planning.problem.planned import Planned, document_of
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.team.beside import begun
 from decmcts.print.metrics import Metrics
@@ -80,9 +80,6 @@ def best_of(
     if not yardsticks.done():
         report(Step("safe travels and times of one head alone"))
     alone, lone = yardsticks.result()
-    if not ready.bound.done():
-        report(Step("a bound on the makespan"))
-        ready.bound.result()
     extra: Metrics = {
         "planner": "dec-mcts",
         **_freedom_metrics(ready.orders),
@@ -92,12 +89,19 @@ def best_of(
         "agreed_digest": "" if agreement is None else agreement.digest,
         "live_heads": list(heads),
         "one_head_s": lone.makespan_s,
-        "bound": dataclasses.asdict(ready.bound.result()),
         "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
     }
     if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
         return document_of(problem, joint, extra)
     return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
+
+
+def with_bound(planned: Planned, bound: Future[Bound], report: Report) -> Planned:
+    """Return a judged plan that states the proven bound, once it is found."""
+    if not bound.done():
+        report(Step("a bound on the makespan"))
+    metrics: Metrics = {**planned.after.metrics, "bound": dataclasses.asdict(bound.result())}
+    return dataclasses.replace(planned, after=dataclasses.replace(planned.after, metrics=metrics))
 
 
 def _one_head(ready: Prepared, heads: Sequence[int]) -> tuple[PlanDocument, JointPlan]:

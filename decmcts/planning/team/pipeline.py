@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from concurrent.futures import wait
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -29,7 +28,7 @@ from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, check, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
-from decmcts.planning.team.joint import Prepared, best_of
+from decmcts.planning.team.joint import Prepared, best_of, with_bound
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
@@ -42,7 +41,6 @@ from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, 
 from decmcts.team.schedule.leaning import lean
 
 ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
-BOUND_SHARE = 0.2  # of the search time: so long agents wait for a bound that is not known yet
 
 
 class Launch(Protocol):
@@ -92,7 +90,8 @@ def plan_team(
     result = _agreed(ready, search, report, stop, agents)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
     after = best_of(ready, result, search, report)
-    return check(ready.problem, ready.before, after, _history(result), seconds, report)
+    planned = check(ready.problem, ready.before, after, _history(result), seconds, report)
+    return with_bound(planned, ready.bound, report)
 
 
 def prepared(
@@ -126,9 +125,6 @@ def prepared(
     if entries is not None:
         report(Step("where loops begin"))
     entry = lean(job, machine, graph, orders, entry, entries, lags)
-    if not bound.done():
-        report(Step("a bound on the makespan"))
-        wait([bound], timeout=BOUND_SHARE * search.time_limit_s)
     return Prepared(problem, before, lags, orders, lone, entry, bound)
 
 
