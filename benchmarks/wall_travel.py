@@ -28,7 +28,7 @@ from sim.content.over_walls import wall_lines
 KEY = ("file", "avoid_walls", "limit_s")
 CHOICES = ("never", "auto", "always")
 MACHINES = ("mk4s", "paper")
-SHOWN = (("travel_over_walls_mm", 0), ("crossings", 0), ("file_time_s", 1), ("retractions", 0))
+SHOWN = (("travel_over_walls_mm", 1), ("crossings", 0), ("file_time_s", 1), ("retractions", 0))
 FIGURES = ("travel_over_walls_mm", "file_time_s", "retractions", "emitted_travel_mm")
 
 
