@@ -61,7 +61,7 @@ def write_no_slower(
     """
     with draft_folder() as folder:
         draft, started = folder / "draft.gcode", time.perf_counter()
-        report(Step(f"writing {name_of(path)}, reading it back and judging it"))
+        report(_writing(path))
         times = draft_of(planned, draft, path)
         allowed = allow_slower or worth_longer(planned, times)
         if times.longer and not allowed:
@@ -75,6 +75,10 @@ def write_no_slower(
             put(_packed(draft.read_bytes(), path, planned, times), path, packed=True)
         planned.seconds["write"] = time.perf_counter() - started
     return with_whole_files(planned, times), times
+
+
+def _writing(path: Path) -> Step:
+    return Step(f"writing {name_of(path)}, reading it back and judging it")
 
 
 def _again(
@@ -100,6 +104,7 @@ def _again(
         stop=stop,
     )  # fmt: skip
     first = draft.read_bytes()
+    report(_writing(path))
     found = draft_of(other, draft, path)
     if found.after_s < times.after_s:
         return other, found

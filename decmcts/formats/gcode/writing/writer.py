@@ -179,7 +179,7 @@ def print_contour(
     emitter.parted = False
     _lay(emitter, job, way, said, is_reversed=is_reversed)
     emitter.tail = points[max(said, default=0) :][::-1]
-    emitter.top = max(emitter.top, float(points[:, 2].max()))
+    emitter.top = max(emitter.top, *points[:, 2].tolist())
 
 
 def _lay(
