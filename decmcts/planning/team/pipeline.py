@@ -110,6 +110,7 @@ def prepared(
     bound = begun(bounded, yielding=True)  # agents may have to share the processor with it
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
+    alone = begun(partial(_lone_order, problem, search, before, stop))  # beside the judge
     if writes:
         refuse_for_heads(problem.document, problem.job, problem.machine)
         problem = with_note(problem, unprimed_note(problem.document))
@@ -118,9 +119,9 @@ def prepared(
     refuse_unsound(problem, before, writes=False)
     report(Sound())
     job, machine, graph = problem.job, problem.machine, problem.graph
-    lags = lags_of(problem, before)
-    report(Step("an order for one head alone"))
-    lone = _lone_order(problem, search, lags, stop)
+    if not alone.done():
+        report(Step("an order for one head alone"))
+    lags, lone = alone.result()
     entry = first_entries(job, orders, lone)
     if entries is not None:
         report(Step("where loops begin"))
@@ -128,12 +129,15 @@ def prepared(
     return Prepared(problem, before, lags, orders, lone, entry, bound)
 
 
-def _lone_order(problem: PrintProblem, search: TeamSearch, lags: Lags, stop: Stop) -> Toolpath:
-    """Return an order for one head, with contours moved so that it waits less for cooling."""
+def _lone_order(
+    problem: PrintProblem, search: TeamSearch, before: PlanDocument, stop: Stop
+) -> tuple[Lags, Toolpath]:
+    """Return the lags, and an order for one head in which it waits less for cooling."""
+    lags = lags_of(problem, before)
     limit_s = min(ALONE_MOST_S, search.time_limit_s / 3)
     local = Search(limit_s, search.seed, PlannerName.LOCAL, search.objective)
     found = search_order(problem, local, stop=stop).toolpath
-    return cooled(problem.job, problem.machine, problem.graph, lags, found).toolpath
+    return lags, cooled(problem.job, problem.machine, problem.graph, lags, found).toolpath
 
 
 def with_note(problem: PrintProblem, note: str | None) -> PrintProblem:
