@@ -7,6 +7,7 @@ reach.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Head
@@ -16,6 +17,8 @@ from sim.faults import Fault, FaultKind, listed
 
 SAME_MM = 1e-3  # points nearer than this are one point: files keep three decimals
 LARGEST_LAG_S = 1e7
+
+Flags = NDArray[np.bool_]
 
 
 def describe(actions: HeadActions, action: int) -> str:
@@ -168,12 +171,30 @@ def _check_waits(actions: HeadActions) -> list[Fault]:
 
 
 def _check_prints(contours: Contours, actions: HeadActions) -> list[Fault]:
+    """Check that each print runs along its contour; only those that may not are asked why."""
     lines = []
-    for a in np.nonzero(actions.kind == ActionKind.PRINT)[0].tolist():
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    for a in prints[~_along(contours, actions, prints)].tolist():
         problem = _print_problem(contours, actions, a)
         if problem:
             lines.append(f"{describe(actions, a)} {problem}")
     return listed(FaultKind.WRONG_PATH, lines)
+
+
+def _along(contours: Contours, actions: HeadActions, prints: NDArray[np.int64]) -> Flags:
+    """Tell of each print, (n,), whether it runs along its contour from an end, all at once."""
+    contour, back = actions.contour[prints], actions.reversed[prints]
+    first, sizes = actions.path_offsets[prints], np.diff(actions.path_offsets)[prints]
+    begin, due = contours.offsets[contour], np.diff(contours.offsets)[contour]
+    along = (actions.entry[prints] == 0) & (sizes == due)
+    along &= ~back | contours.reversible[contour]
+    sizes = np.where(along, sizes, 0)
+    owner = np.repeat(np.arange(len(prints)), sizes)
+    within = np.arange(len(owner)) - (np.cumsum(sizes) - sizes)[owner]
+    nth = np.where(back[owner], sizes[owner] - 1 - within, within)
+    off = np.abs(actions.path[first[owner] + within] - contours.points[begin[owner] + nth])
+    along[owner[~(off <= SAME_MM).all(axis=1)]] = False
+    return np.asarray(along, np.bool_)
 
 
 def _print_problem(contours: Contours, actions: HeadActions, a: int) -> str:

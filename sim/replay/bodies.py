@@ -32,28 +32,32 @@ class Stations:
     What may happen meanwhile is an interval [low, high) of the other's actions.
     """
 
-    paths: list[NDArray[np.float64]]  # each (k, 3)
+    points: NDArray[np.float64]  # (k, 3) of all paths, one after the other
+    offsets: NDArray[np.int64]  # (n + 1,) rows of `points`
     boxes: NDArray[np.float64]  # (n, 6) of the nozzle: low, high
     low: NDArray[np.int64]  # (n,) first action of the other head
     high: NDArray[np.int64]  # (n,) one past the last
     action: NDArray[np.int64]  # (n,) own action, or the one a rest comes after; -1 before the first
     rest: bool
 
+    def path(self, i: int) -> NDArray[np.float64]:
+        """Return the path of one, (k, 3)."""
+        return self.points[self.offsets[i] : self.offsets[i + 1]]
 
-def boxes_of(paths: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the bounding boxes of nozzle paths, (n, 6)."""
-    if not paths:
+
+def boxes_of(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the bounding boxes of nozzle paths, none empty, (n, 6)."""
+    if len(offsets) < 2:
         return np.empty((0, 6))
-    points = np.concatenate(paths)
-    first = np.concatenate([[0], np.cumsum([len(p) for p in paths])[:-1]])
-    return np.hstack([np.minimum.reduceat(points, first), np.maximum.reduceat(points, first)])
+    return np.hstack([f.reduceat(points, offsets[:-1]) for f in (np.minimum, np.maximum)])
 
 
 def action_stations(actions: HeadActions, order: PartialOrder, head: int, other: int) -> Stations:
     """Return every action of a head with the actions of `other` it is not ordered against."""
-    paths = [actions.action_path(a) for a in range(len(actions))]
+    points, offsets = actions.path, actions.path_offsets
     low, high = order.preceding(head, other), order.following(head, other)
-    return Stations(paths, boxes_of(paths), low, high, np.arange(len(paths)), False)
+    boxes = boxes_of(points, offsets)
+    return Stations(points, offsets, boxes, low, high, np.arange(len(actions)), False)
 
 
 def rest_stations(
@@ -65,11 +69,11 @@ def rest_stations(
     before it or follows the action after it is excluded.
     """
     k, n_other = len(actions), len(order.clocks[other])
-    ends = [actions.action_path(a)[-1:] for a in range(k)]
-    paths = [park[None, :], *ends]
+    points = np.concatenate([park[None, :], actions.path[actions.path_offsets[1:] - 1]])
     low = np.concatenate([[0], order.preceding(head, other)])
     high = np.concatenate([order.following(head, other), [n_other]])
-    return Stations(paths, boxes_of(paths), low, high, np.arange(-1, k), True)
+    boxes = np.hstack([points, points])
+    return Stations(points, np.arange(k + 2), boxes, low, high, np.arange(-1, k), True)
 
 
 def concurrent(
@@ -95,8 +99,9 @@ def concurrent(
 
 def _parked(head: Head) -> Stations:
     """Return the rest of a head before its first action, beside one of the other head."""
-    paths, one = [np.array([head.park])], np.array([0])
-    return Stations(paths, boxes_of(paths), one, one + 1, one - 1, True)
+    point, one = np.array([head.park], np.float64), np.array([0])
+    boxes = np.hstack([point, point])
+    return Stations(point, np.arange(2), boxes, one, one + 1, one - 1, True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +140,7 @@ def find_clashes(
                 for i, j in _near_pairs(pairs, stations, others, a, b, reach):
                     if len(clashes) >= limit:
                         return list(clashes.values())
-                    gap = path_gap(stations.paths[i], a, others.paths[j], b, reach)
+                    gap = path_gap(stations.path(i), a, others.path(j), b, reach)
                     if gap < reach and (i, j) not in clashes:
                         at = (int(stations.action[i]), stations.rest, int(others.action[j]))
                         clashes[i, j] = Clash(*at, part.name, other.name, gap)

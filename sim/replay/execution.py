@@ -207,17 +207,16 @@ def meetings(
     mine, theirs = ([part.vertices() for part in parts_of(machine.heads[h])] for h in pair)
     if not mine or not theirs:
         return []
-    gaps = _swept_gaps(pieces)
     every = np.arange(len(pieces.time) - 1)
     near = _near_pieces(
-        gaps, every, _box(np.concatenate(mine)), _box(np.concatenate(theirs)), reach
+        pieces, every, _box(np.concatenate(mine)), _box(np.concatenate(theirs)), reach
     )
     found: dict[tuple[int, int], Meeting] = {}
     boxes = [_box(shape) for shape in theirs]
     for a_shape in mine:
         a_box = _box(a_shape)
         for b_shape, b_box in zip(theirs, boxes, strict=True):
-            for k in _near_pieces(gaps, near, a_box, b_box, reach).tolist():
+            for k in _near_pieces(pieces, near, a_box, b_box, reach).tolist():
                 actions = (int(pieces.actions[k, 0]), int(pieces.actions[k, 1]))
                 if actions in found or len(found) >= limit:
                     continue
@@ -251,33 +250,55 @@ def shared_pieces(courses: list[Course]) -> dict[tuple[int, int], Pieces]:
 def _shared_pieces(a: Course, b: Course) -> Pieces:
     time = np.sort(np.concatenate([a.time, b.time]), kind="stable")  # two runs to merge
     time = time[np.concatenate([[True], time[1:] != time[:-1]])]
-    middle = np.concatenate([(time[1:] + time[:-1]) / 2, time[-1:]])
-    actions = [c.action[np.searchsorted(c.time, middle, side="right") - 1] for c in (a, b)]
-    return Pieces(time, _positions(a, time), _positions(b, time), np.stack(actions, axis=1))
+    points, actions = np.empty((2, len(time), 3)), np.empty((len(time), 2), np.int64)
+    for h, course in enumerate((a, b)):
+        _follow(time, course.time, course.point, course.action, points[h], actions[:, h])
+    return Pieces(time, points[0], points[1], actions)
 
 
-def _positions(course: Course, time: Floats) -> Floats:
-    return np.stack([np.interp(time, course.time, course.point[:, d]) for d in range(3)], axis=1)
+@compiled
+def _follow(
+    time: Floats, at: Floats, point: Floats, action: Ints, points: Floats, actions: Ints
+) -> None:
+    """Write where a course is at each time, and of what the piece that begins then is."""
+    last, j = len(at) - 1, 0
+    for k in range(len(time)):
+        while j < last and at[j + 1] <= time[k]:
+            j += 1
+        for d in range(3):
+            points[k, d] = point[j, d]
+            if j < last and at[j] != time[k]:
+                slope = (point[j + 1, d] - point[j, d]) / (at[j + 1] - at[j])
+                points[k, d] = slope * (time[k] - at[j]) + point[j, d]
+        middle = (time[min(k + 1, len(time) - 1)] + time[k]) / 2
+        i = j
+        while i < last and at[i + 1] <= middle:
+            i += 1
+        actions[k] = action[i]
 
 
-def _swept_gaps(pieces: Pieces) -> Floats:
-    """Return by how much each tip stays below the other in each piece, mm, (2, k - 1, 3).
+def _near_pieces(pieces: Pieces, rows: Ints, a_box: Floats, b_box: Floats, reach: float) -> Ints:
+    """Return those of `rows` in which the swept bounding boxes come nearer than `reach`."""
+    limits = np.stack([b_box[1] - a_box[0] + reach, a_box[1] - b_box[0] + reach])
+    return rows[_near(pieces.a, pieces.b, rows, limits)]
+
+
+@compiled
+def _near(a: Floats, b: Floats, rows: Ints, limits: Floats) -> NDArray[np.bool_]:
+    """Tell of each row whether each tip stays below the other by less than its limit, mm, (2, 3).
 
     Least of the first less most of the second, and the other way round, axis by axis.
     """
-    (a_low, a_high), (b_low, b_high) = (
-        (np.minimum(tip[:-1], tip[1:]), np.maximum(tip[:-1], tip[1:]))
-        for tip in (pieces.a, pieces.b)
-    )
-    return np.stack([a_low - b_high, b_low - a_high])
-
-
-def _near_pieces(gaps: Floats, rows: Ints, a_box: Floats, b_box: Floats, reach: float) -> Ints:
-    """Return those of `rows` in which the swept bounding boxes come nearer than `reach`."""
-    limits = (b_box[1] - a_box[0] + reach, a_box[1] - b_box[0] + reach)
-    for gap, limit in zip(gaps, limits, strict=True):
-        rows = rows[(gap[rows] < limit).all(axis=1)]
-    return rows
+    near = np.ones(len(rows), np.bool_)
+    for n in range(len(rows)):
+        k = rows[n]
+        for d in range(3):
+            below = min(a[k, d], a[k + 1, d]) - max(b[k, d], b[k + 1, d])
+            above = min(b[k, d], b[k + 1, d]) - max(a[k, d], a[k + 1, d])
+            if not (below < limits[0, d] and above < limits[1, d]):
+                near[n] = False
+                break
+    return near
 
 
 def _least_gap(a: Vertices, b: Vertices, pieces: Pieces, k: int) -> float:

@@ -13,6 +13,7 @@ ordering"; Mattern 1988, "Virtual time and global states of distributed systems"
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
 
@@ -45,7 +46,10 @@ class PartialOrder:
 def order_of(heads: tuple[HeadActions, ...]) -> PartialOrder | list[tuple[int, int]]:
     """Return the partial order, or the actions that can never begin (a deadlock).
 
-    Complexity O(actions + after edges), times the number of heads.
+    Between two actions that wait for others a head's clock stands still, so only the
+    actions that wait are looked at one by one.
+
+    Complexity O(actions + after edges * log(actions)), times the number of heads.
 
     Raises
     ------
@@ -54,41 +58,65 @@ def order_of(heads: tuple[HeadActions, ...]) -> PartialOrder | list[tuple[int, i
     """
     if any((head.after_point != ACTION_END).any() for head in heads):
         raise ValueError("actions that are waited for midway have to be cut into legs")
-    clocks = [np.zeros((len(h), len(heads)), np.int64) for h in heads]
-    done = [0] * len(heads)
-    sequence: list[tuple[int, int]] = []
+    chains = [_Chain(head, h, len(heads)) for h, head in enumerate(heads)]
+    runs: list[NDArray[np.int64]] = [np.empty((0, 2), np.int64)]  # (head, action) in order
     waiting: dict[tuple[int, int], list[int]] = {}
     ready = deque(range(len(heads)))
     while ready:
-        head = ready.popleft()
-        while done[head] < len(heads[head]):
-            action = done[head]
-            blocker = _first_unmet(heads[head], action, done)
-            if blocker is not None:
-                waiting.setdefault(blocker, []).append(head)
-                break
-            _stamp(clocks, heads[head], head, action)
-            sequence.append((head, action))
-            done[head] += 1
-            ready.extend(waiting.pop((head, action), ()))
-    stuck = [(h, done[h]) for h in range(len(heads)) if done[h] < len(heads[h])]
-    return stuck or PartialOrder(tuple(clocks), np.array(sequence, np.int64).reshape(-1, 2))
+        chain = chains[ready.popleft()]
+        begun = chain.done
+        blocker = chain.advance(chains)
+        if blocker is not None:
+            waiting.setdefault(blocker, []).append(chain.head)
+        run = np.arange(begun, chain.done)
+        runs.append(np.stack([np.full_like(run, chain.head), run], axis=1))
+        for key in sorted(k for k in waiting if k[0] == chain.head and k[1] < chain.done):
+            ready.extend(waiting.pop(key))
+    stuck = [(chain.head, chain.done) for chain in chains if chain.done < chain.size]
+    return stuck or PartialOrder(
+        tuple(chain.clocks() for chain in chains), np.concatenate(runs).astype(np.int64)
+    )
 
 
-def _first_unmet(head: HeadActions, action: int, done: list[int]) -> tuple[int, int] | None:
-    """Return an `after` of the action that has not ended yet."""
-    for other, index in head.after(action):
-        if index >= done[other]:
-            return other, index
-    return None
+class _Chain:
+    """One head's actions while their clocks are found, and how many have one."""
 
+    def __init__(self, actions: HeadActions, head: int, n_heads: int) -> None:
+        self.head, self.size, self.done = head, len(actions), 0
+        self.waits: list[int] = np.flatnonzero(np.diff(actions.after_offsets)).tolist()
+        self.edges = [actions.after(k) for k in self.waits]
+        self.stamped = [[0] * n_heads]  # clocks: before the first wait, and from each on
 
-def _stamp(clocks: list[NDArray[np.int64]], actions: HeadActions, head: int, action: int) -> None:
-    """Write the clock of one action: the maximum over all it waits for."""
-    clock = clocks[head][action]
-    if action:
-        clock[:] = clocks[head][action - 1]
-    for other, index in actions.after(action):
-        np.maximum(clock, clocks[other][index], out=clock)
-        clock[other] = max(clock[other], index + 1)
-    clock[head] = action
+    def advance(self, chains: list[_Chain]) -> tuple[int, int] | None:
+        """Do what can be done; return what the next action still waits for, or None at the end."""
+        while len(self.stamped) <= len(self.waits):
+            nth = len(self.stamped) - 1
+            self.done = self.waits[nth]
+            for other, index in self.edges[nth]:
+                if index >= chains[other].done:
+                    return other, index
+            self._stamp(chains, self.edges[nth])
+            self.done += 1
+        self.done = self.size
+        return None
+
+    def _stamp(self, chains: list[_Chain], edges: list[tuple[int, int]]) -> None:
+        """Add the clock of one action: the maximum over all it waits for."""
+        clock = self.stamped[-1]
+        for other, index in edges:
+            clock = list(map(max, clock, chains[other].clock(index)))
+            clock[other] = max(clock[other], index + 1)
+        self.stamped.append(clock)
+
+    def clock(self, action: int) -> list[int]:
+        """Return the clock of one action that has one."""
+        clock = list(self.stamped[bisect_right(self.waits, action)])
+        clock[self.head] = action
+        return clock
+
+    def clocks(self) -> NDArray[np.int64]:
+        """Return the clocks of all actions, (k, n_heads)."""
+        lasts = np.diff([0, *self.waits, self.size])
+        clocks = np.repeat(np.array(self.stamped, np.int64), lasts, axis=0)
+        clocks[:, self.head] = np.arange(self.size)
+        return clocks
