@@ -121,7 +121,11 @@ class _Parser(argparse.ArgumentParser):
 
 def arguments() -> argparse.ArgumentParser:
     """Return the parser of an agent's command line; it raises `InputError`."""
-    parser = _Parser(prog="decmcts agent", description="One head's agent.")
+    parser = _Parser(
+        prog="decmcts agent",
+        description="One head's agent.",
+        epilog=f"{PIPED} alone: load first, and take all this from stdin (docs/protocol.md).",
+    )
     parser.add_argument("source", type=Path, nargs="?", help="G-code or mesh to plan")
     parser.add_argument("--machine", default="dual-gantry", help="preset or file")
     parser.add_argument("--process-order", choices=("keep", "free"), default="keep")
@@ -237,18 +241,18 @@ def _run_with(
         planner = make_planner(given)
         _require_problem(planner.problem, given.expect)
         run(planner, options, pipe)
-    except InputError as error:
-        print(f"{PREFIX}{error}", file=sys.stderr)
-        return 2
     except Exception as error:
-        if given is not None and given.debug:
+        if given is not None and given.debug and not isinstance(error, InputError):
             raise
         return _failed(error)
     return 0
 
 
 def _failed(error: Exception) -> int:
-    """Say in the line the launcher shows what went wrong: a trace helps nobody there."""
+    """Say in the line the launcher shows what went wrong; a trace helps nobody there."""
+    if isinstance(error, InputError):
+        print(f"{PREFIX}{error}", file=sys.stderr)
+        return 2
     print(f"{PREFIX}{type(error).__name__}: {error}", file=sys.stderr)
     return 1
 

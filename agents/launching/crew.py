@@ -44,8 +44,12 @@ class Crew:
         """Start the processes, unless they are started already."""
         if not self._agents:
             self.heard = queue.Queue()
-            for head in range(self._heads):
-                self._agents[head] = AgentProcess(head, self._command, self.heard)
+            try:
+                for head in range(self._heads):
+                    self._agents[head] = AgentProcess(head, self._command, self.heard)
+            except BaseException:  # no `__exit__` comes behind this
+                self._end()
+                raise
         return self
 
     def __exit__(
@@ -55,6 +59,9 @@ class Crew:
         trace: TracebackType | None,
     ) -> None:
         """End all of them, once."""
+        self._end()
+
+    def _end(self) -> None:
         agents, self._agents = list(self._agents.values()), {}
         begun, self._begun = self._begun, False
         for agent in agents:

@@ -33,6 +33,7 @@ from agents.agreeing.events import (
 )
 from agents.loop.agent import Progress
 from agents.networks.transport import Traffic
+from decmcts.errors import InputError
 
 _MAX_LINE = 65536
 _WATCH_MS = 100
@@ -52,8 +53,11 @@ class PipeFront:
         """Until `ready`, end the process as soon as its launcher is gone.
 
         Importing, reading and building look at no pipe for seconds. No peer knows the agent
-        yet, so it need not say goodbye.
+        yet, so it need not say goodbye. Where pipes cannot be asked without being read
+        (Windows), it finds out when it next reads them.
         """
+        if not hasattr(select, "poll"):
+            return
         threading.Thread(target=self._end_with_launcher, name="launcher", daemon=True).start()
 
     def _end_with_launcher(self) -> None:
@@ -64,7 +68,13 @@ class PipeFront:
                 os._exit(0)
 
     def arguments(self) -> list[str] | None:
-        """Wait for the launcher to hand over this agent's command line; None if it does not."""
+        """Wait for the launcher to hand over this agent's command line; None: it ends us.
+
+        Raises
+        ------
+        InputError
+            If the first line is anything else.
+        """
         while b"\n" not in self._rest and len(self._rest) < _MAX_LINE:
             chunk = os.read(self._read_fd, _MAX_LINE)
             if not chunk:
@@ -72,7 +82,13 @@ class PipeFront:
             self._rest += chunk
         line, _, self._rest = self._rest.partition(b"\n")
         self._take(b"")
-        return parse_arguments(line)
+        words = parse_arguments(line)
+        if words is None and not isinstance(parse_command(line), Leave):
+            raise InputError(
+                "the first line on stdin hands over no arguments",
+                advice='write {"command": "begin", "arguments": [...]}',
+            )
+        return words
 
     def ask(self, event: Event) -> None:
         """Queue a command of this process itself (a signal)."""

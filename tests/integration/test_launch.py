@@ -310,6 +310,18 @@ def test_a_waiting_agent_whose_pipe_closes_ends_in_silence(
     assert (agent.returncode, out, err) == (0, b"", b"")
 
 
+def test_a_waiting_agent_that_is_handed_something_else_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It would end as if it had planned."""
+    monkeypatch.setenv("TOY_HEADS", "left,right")
+    agent = subprocess.run(
+        [*TOY, "--piped"], input=b"--head 0\n", capture_output=True, timeout=30, check=False
+    )
+    assert (agent.returncode, agent.stdout, agent.stderr.count(b"\n")) == (2, b"", 1)
+    assert agent.stderr.startswith(b"decmcts: the first line on stdin")
+
+
 def test_agents_that_started_early_plan_as_others_do(monkeypatch: pytest.MonkeyPatch) -> None:
     """They are handed their problem later; nothing of it stands on their command line."""
     monkeypatch.setenv("TOY_HEADS", "left,right")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import select
+import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from agents.agreeing.events import Event, Fenced, Leave, PlanningEnded, Release
 from agents.loop.pipes import PipeFront, parse_command
+from decmcts.errors import InputError
 
 
 @pytest.fixture
@@ -85,12 +88,39 @@ def test_arguments_come_first_and_commands_behind_them(pipes: tuple[PipeFront, i
     os.close(commands_in)
 
 
-@pytest.mark.parametrize("line", [b"", b'{"command": "exit"}\n', b"garbage\n", b"[1]\n"])
+@pytest.mark.parametrize("line", [b"", b'{"command": "exit"}\n', b'{"comma'])
 def test_without_arguments_there_is_nothing_to_run(
     line: bytes, pipes: tuple[PipeFront, int, int]
 ) -> None:
     """A launcher that was refused before planning ends its agents or goes."""
     front, commands_in, _ = pipes
     os.write(commands_in, line)
+    os.close(commands_in)
+    assert front.arguments() is None
+
+
+@pytest.mark.parametrize(
+    "line", [b"garbage\n", b"[1]\n", b"--head 0\n", b'{"command": "begin"}\n', b"x" * 65536]
+)
+def test_a_first_line_that_is_no_arguments_is_refused(
+    line: bytes, pipes: tuple[PipeFront, int, int]
+) -> None:
+    """Who starts an agent by hand would wait for a plan of one that ended as if all were well."""
+    front, commands_in, _ = pipes
+    os.write(commands_in, line)
+    os.close(commands_in)
+    with pytest.raises(InputError, match="the first line on stdin"):
+        front.arguments()
+
+
+def test_nothing_is_watched_where_pipes_cannot_be_asked(
+    pipes: tuple[PipeFront, int, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Windows has no poll: the end of the pipe is met by who reads it."""
+    front, commands_in, _ = pipes
+    monkeypatch.delattr(select, "poll")
+    before = threading.active_count()
+    front.watch()
+    assert threading.active_count() == before
     os.close(commands_in)
     assert front.arguments() is None
