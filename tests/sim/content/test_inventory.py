@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.content.inventory import Segments, compare, match_segments
+from sim.content import inventory
+from sim.content.inventory import NO_MATCH, Segments, compare, match_segments
 from sim.faults import FaultKind as K
 
 
@@ -101,3 +102,26 @@ def test_twins_of_other_filament_are_matched_by_it():
     assert match_segments(ours, source).tolist() == [2, 0, 1]
     altered = segments(ends, [0.35, 0.1, 0.2])
     assert kinds(altered, source) == {K.EXTRUSION, K.E_TOTAL}
+
+
+def all_may_have_several(ours, source, mine, theirs, match):
+    """Match nothing ahead, so that all are matched in turn."""
+    return np.arange(len(mine)), np.arange(len(theirs))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_is_alone_is_matched_as_in_turn(seed, monkeypatch):
+    """Matching what is alone first saves time; it must not change who is matched with whom."""
+    rng = np.random.default_rng(seed)
+    ends = random_ends(30, seed)[rng.integers(0, 30, 60)]  # some alone, some doubled
+    feed, extrusion = rng.choice([30.0, 40.0], 60), rng.choice([0.5, 0.6], 60)
+    source = segments(ends, extrusion, feed)
+    rows = rng.permutation(60)[:50]
+    changed = np.where(rng.random(50) < 0.1, 0.7, extrusion[rows])
+    mine = np.vstack([ends[rows], random_ends(5, seed + 100)])
+    ours = segments(mine, np.append(changed, np.full(5, 0.5)), np.append(feed[rows], [30.0] * 5))
+    at_once = match_segments(ours, source)
+    monkeypatch.setattr(inventory, "_match_single", all_may_have_several)
+    in_turn = match_segments(ours, source)
+    assert (at_once != NO_MATCH).sum() > 30
+    np.testing.assert_array_equal(at_once, in_turn)

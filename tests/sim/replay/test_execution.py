@@ -5,11 +5,24 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from decmcts.print.loops import traversal
 from decmcts.print.machine import MotionLimits
+from decmcts.print.plan import ActionKind
 from sim.content.legs import legs_of
 from sim.faults import FaultKind
-from sim.replay.execution import arrivals_of, execute, run_trial, timing_factors
+from sim.replay.execution import (
+    Course,
+    _near_pieces,
+    arrivals_of,
+    execute,
+    print_feed,
+    print_feeds,
+    run_trial,
+    shared_pieces,
+    timing_factors,
+)
 from sim.rules.order import order_of
 from sim.verify import all_actions_of, verify_plan
 
@@ -115,3 +128,80 @@ def test_print_feeds_follow_the_traversal(make):
     edited = make.edited(document, 0, reverse)
     backward = np.diff(arrivals_of(edited, edited.plan.heads[0])[4:9])
     np.testing.assert_allclose(backward, forward[::-1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_feeds_at_once_are_the_feeds_of_each(make, seed):
+    """Prints either way round, from any vertex, and one with a point too few."""
+    rng = np.random.default_rng(seed)
+    square = np.array([[0, 0, 0.2], [9, 0, 0.2], [9, 9, 0.2], [0, 9, 0.2], [0, 0, 0.2]], float)
+    plain = [rng.uniform(0, 20, (int(n), 3)) for n in rng.integers(2, 6, 8)]
+    contours = make.contours_of([*plain, square])
+    contours = replace(contours, feed=rng.uniform(10, 60, len(contours.points)))
+    rows, paths = [], []
+    for c in rng.permutation(len(contours)).tolist():
+        path, back = contours.polyline(c), bool(rng.integers(2))
+        rows += [(ActionKind.TRAVEL, -1, False), (ActionKind.PRINT, c, back)]
+        paths += [np.zeros((2, 3)), path[::-1] if back else path]
+    paths[1] = paths[1][:-1]
+    actions = make.actions_of_rows("a", rows, paths, [[]] * len(rows))
+    at = next(a for a, row in enumerate(rows) if row[1] == 8)
+    entry = np.zeros(len(rows), np.int32)
+    if at != 1 and not rows[at][2]:
+        entry[at] = 2
+        actions.path[actions.path_offsets[at] : actions.path_offsets[at + 1]] = traversal(
+            contours, 8, 2
+        ).points
+    actions = replace(actions, entry=entry)
+    due = np.full(len(actions.path), np.nan)
+    for a, row in enumerate(rows):
+        feed = print_feed(contours, actions, a) if row[0] == ActionKind.PRINT else []
+        if len(feed) == len(paths[a]) - 1 and a != 1:
+            due[actions.path_offsets[a] + 1 : actions.path_offsets[a + 1]] = feed
+    assert np.isfinite(due).sum() > 10
+    np.testing.assert_array_equal(print_feeds(contours, actions), due)
+
+
+def random_course(rng, n, end):
+    """Return a course with times that both heads may share, some twice."""
+    time = np.concatenate([[0.0], np.sort(rng.integers(0, end * 2 + 1, n)) / 2.0, [end]])
+    point = rng.uniform(0, 100, (n + 2, 3))
+    same = np.flatnonzero(np.diff(time) == 0)
+    for k in same.tolist():
+        point[k + 1] = point[k]
+    return Course(time, point, np.concatenate([[-1], np.arange(n + 1)]))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_courses_on_one_time_axis_are_where_they_were(seed):
+    """Both heads' points by interpolation, and their actions by a look at the middle of a piece."""
+    rng = np.random.default_rng(seed)
+    courses = [random_course(rng, 30, 20.0), random_course(rng, 12, 20.0)]
+    pieces = shared_pieces(courses)[0, 1]
+    time = pieces.time
+    np.testing.assert_array_equal(time, np.unique(np.concatenate([c.time for c in courses])))
+    middle = np.append((time[1:] + time[:-1]) / 2, time[-1])
+    for h, (course, points) in enumerate(zip(courses, (pieces.a, pieces.b), strict=True)):
+        for d in range(3):
+            where = np.interp(time, course.time, course.point[:, d])
+            np.testing.assert_allclose(points[:, d], where, rtol=0, atol=1e-12)
+        at = np.searchsorted(course.time, middle, side="right") - 1
+        np.testing.assert_array_equal(pieces.actions[:, h], course.action[at])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_near_pieces_are_those_whose_boxes_overlap(seed):
+    """A piece that is left out is never looked at again."""
+    rng = np.random.default_rng(seed)
+    pieces = shared_pieces([random_course(rng, 40, 30.0), random_course(rng, 40, 30.0)])[0, 1]
+    a_box, b_box, reach = np.array([[-9.0] * 3, [5.0] * 3]), np.array([[-4.0] * 3, [8.0] * 3]), 2.0
+    every = np.arange(len(pieces.time) - 1)
+    due = []
+    for k in every.tolist():
+        mine, theirs = pieces.a[k : k + 2], pieces.b[k : k + 2]
+        low, high = mine.min(axis=0) + a_box[0] - reach, mine.max(axis=0) + a_box[1] + reach
+        over = theirs.max(axis=0) + b_box[1] > low
+        if (over & (theirs.min(axis=0) + b_box[0] < high)).all():
+            due.append(k)
+    assert 0 < len(due) < len(every)
+    assert _near_pieces(pieces, every, a_box, b_box, reach).tolist() == due

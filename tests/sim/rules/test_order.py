@@ -91,3 +91,16 @@ def test_waiting_for_a_later_action_of_oneself_is_a_deadlock(make):
         make.actions_of_rows("b", rows, stay, [[], []]),
     )
     assert order_of(all_actions) == [(0, 0)]
+
+
+def test_clocks_say_how_many_of_each_head_have_ended(make):
+    """Between two actions that wait the clock stands still, whatever the others do."""
+    rng = np.random.default_rng(5)
+    for edges in (0, 1, 4, 40):
+        all_actions = random_actions(make, rng, [9, 7, 1], edges=edges)
+        order, before = order_of(all_actions), reachable(all_actions)
+        for h, clocks in enumerate(order.clocks):
+            assert clocks.shape == (len(all_actions[h]), 3)
+            for a, clock in enumerate(clocks.tolist()):
+                ended = [sum(head == s for head, _ in before[h, a]) for s in range(3)]
+                assert clock == ended
