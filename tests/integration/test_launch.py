@@ -315,11 +315,15 @@ def test_a_waiting_agent_that_is_handed_something_else_says_so(
 ) -> None:
     """It would end as if it had planned."""
     monkeypatch.setenv("TOY_HEADS", "left,right")
-    agent = subprocess.run(
-        [*TOY, "--piped"], input=b"--head 0\n", capture_output=True, timeout=30, check=False
-    )
-    assert (agent.returncode, agent.stdout, agent.stderr.count(b"\n")) == (2, b"", 1)
-    assert agent.stderr.startswith(b"decmcts: the first line on stdin")
+    with subprocess.Popen(
+        [*TOY, "--piped"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as agent:
+        assert agent.stdin is not None and agent.stderr is not None
+        agent.stdin.write(b"--head 0\n")
+        agent.stdin.flush()  # and kept open: without a launcher it ends in silence
+        assert agent.wait(30) == 2
+        said = agent.stderr.read()
+    assert said.startswith(b"decmcts: the first line on stdin") and said.count(b"\n") == 1
 
 
 def test_agents_that_started_early_plan_as_others_do(monkeypatch: pytest.MonkeyPatch) -> None:
