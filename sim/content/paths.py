@@ -75,7 +75,7 @@ def _bad_waits(actions: HeadActions, heads: tuple[HeadActions, ...]) -> list[str
             )
             continue
         other = heads[edge.head]
-        size = int(np.diff(other.path_offsets)[edge.action])
+        size = int(other.path_offsets[edge.action + 1] - other.path_offsets[edge.action])
         moves = int(other.kind[edge.action]) != ActionKind.WAIT
         if edge.point != ACTION_END and not (moves and 0 < edge.point < size):
             points = f"1 to {size - 1}" if moves and size > 1 else "none"
@@ -159,10 +159,11 @@ def _check_joined(actions: HeadActions, head: Head) -> list[Fault]:
 
 def _check_waits(actions: HeadActions) -> list[Fault]:
     """Check that a head that waits stands still and one that moves takes time."""
-    sizes = np.diff(actions.path_offsets)
-    way = np.abs(actions.path - np.repeat(actions.path[actions.path_offsets[:-1]], sizes, axis=0))
-    far = np.zeros(len(actions))
-    np.maximum.at(far, np.repeat(np.arange(len(actions)), sizes), way.max(axis=1, initial=0.0))
+    if not len(actions):
+        return []
+    begins, sizes = actions.path_offsets[:-1], np.diff(actions.path_offsets)
+    x, y, z = np.abs(actions.path - np.repeat(actions.path[begins], sizes, axis=0)).T
+    far = np.maximum.reduceat(np.maximum(np.maximum(x, y), z), begins)
     strays = np.flatnonzero((actions.kind == ActionKind.WAIT) & (far > SAME_MM))
     lines = [f"{describe(actions, a)} moves by {far[a]:.3f} mm" for a in strays.tolist()]
     hurried = np.flatnonzero((far > SAME_MM) & (actions.end_s <= actions.begin_s))

@@ -31,8 +31,8 @@ def build_tree(boxes: Floats) -> Floats:
     while level > 1:
         below = tree[level : 2 * level].reshape(-1, 2, 6)
         half = level // 2
-        tree[half:level, :3] = below[:, :, :3].min(axis=1)
-        tree[half:level, 3:] = below[:, :, 3:].max(axis=1)
+        tree[half:level, :3] = np.minimum(below[:, 0, :3], below[:, 1, :3])
+        tree[half:level, 3:] = np.maximum(below[:, 0, 3:], below[:, 1, 3:])
         level = half
     return tree
 
