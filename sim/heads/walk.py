@@ -22,10 +22,10 @@ from sim.heads.file import HeadFile
 
 SAME_MM = 1.1e-3  # files have three decimals
 E_MM = 5e-5
-_PRINT, _TRAVEL, _PARK = map(int, (ActionKind.PRINT, ActionKind.TRAVEL, ActionKind.PARK))
 FEED_MM_S = 1e-3
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
+_PRINT, _TRAVEL, _PARK, _ = map(int, ActionKind)  # plain numbers compare faster
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class Walker:
         self.walk = Walk()
         self._moves = _Moves.of(file)
         self._kind = actions.kind.tolist()
-        self._apart = apart_in_file(actions.path, actions.path_offsets)
+        self._apart = _apart_in_file(actions.path, actions.path_offsets)
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
         starts = [document.start, document.end]
@@ -331,7 +331,7 @@ def _in_force(table: StateTable, row: int) -> set[tuple[str, str]]:
     }
 
 
-def apart_in_file(path: Floats, offsets: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _apart_in_file(path: Floats, offsets: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell which points a file of three decimals tells from the one before in their path, (n,).
 
     Path i is path[offsets[i]:offsets[i + 1]].

@@ -298,14 +298,18 @@ def test_agents_that_wait_do_not_outlive_a_killed_launcher() -> None:
         assert ended(pids, within_s=20.0)  # a busy machine takes long to start Python at all
 
 
+def waiting_agent(monkeypatch: pytest.MonkeyPatch) -> subprocess.Popen[bytes]:
+    """Start an agent that loads, and then waits for its arguments."""
+    monkeypatch.setenv("TOY_HEADS", "left,right")
+    pipe = subprocess.PIPE
+    return subprocess.Popen([*TOY, "--piped"], stdin=pipe, stdout=pipe, stderr=pipe)
+
+
 def test_a_waiting_agent_whose_pipe_closes_ends_in_silence(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """After loading it waits for its problem; the launcher may end by then without one."""
-    monkeypatch.setenv("TOY_HEADS", "left,right")
-    with subprocess.Popen(
-        [*TOY, "--piped"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as agent:
+    with waiting_agent(monkeypatch) as agent:
         out, err = agent.communicate(timeout=30)
     assert (agent.returncode, out, err) == (0, b"", b"")
 
@@ -314,10 +318,7 @@ def test_a_waiting_agent_that_is_handed_something_else_says_so(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It would end as if it had planned."""
-    monkeypatch.setenv("TOY_HEADS", "left,right")
-    with subprocess.Popen(
-        [*TOY, "--piped"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as agent:
+    with waiting_agent(monkeypatch) as agent:
         assert agent.stdin is not None and agent.stderr is not None
         agent.stdin.write(b"--head 0\n")
         agent.stdin.flush()  # and kept open: without a launcher it ends in silence

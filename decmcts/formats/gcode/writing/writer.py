@@ -230,8 +230,7 @@ def _go(
     The first path starts at the park position, where the start G-code does not
     leave the head; nothing is in the way yet but what was purged.
     """
-    far = math.dist(begin, emitter.at) >= NEAR_MM
-    if emitter.top == -math.inf and far:
+    if emitter.top == -math.inf and math.dist(begin, emitter.at) >= NEAR_MM:
         emitter.approach(begin)
     elif path:
         way = np.concatenate(path)
