@@ -52,6 +52,8 @@ def fields_of(line: str) -> set[str]:
     parts = list(Formatter().parse(line))
     if any(spec or conversion for _, _, spec, conversion in parts):
         raise ValueError("has more than a name in braces")
+    if any(name is not None and not text for text, name, _, _ in parts[1:]):
+        raise ValueError("has two names in braces with nothing between: no reader can part them")
     return {name for _, name, _, _ in parts if name is not None}
 
 

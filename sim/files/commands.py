@@ -24,16 +24,17 @@ from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import not_plain
 
 LONGEST_DWELL_S = 600.0  # no layer time asks for more
-_FEED = rb" F(?=[0-9.]*[1-9])\d*\.?\d+"  # above 0: some firmwares never end a move without feed
-_AT = rb" %c-?\d*\.?\d+"
-_LINE = rb"G1(?=[ ])(?: [XYZE]-?\d*\.?\d+)*"
+_NUMBER = rb"(?:\d++(?:\.\d++)?|\.\d++)"  # one way to read it, however long
+_FEED = rb" F(?=[0.]*+[1-9])" + _NUMBER  # above 0: some firmwares never end a move without feed
+_AT = rb" %c-?" + _NUMBER
+_LINE = rb"G1(?=[ ])(?: [XYZE]-?" + _NUMBER + rb")*+"
 _ARC = rb"G[23]" + _AT % b"X" + _AT % b"Y" + rb"(?:" + _AT % b"Z" + rb")?"
 _ARC += _AT % b"I" + _AT % b"J" + _AT % b"E"  # none but beads are turned
 _MOVE = re.compile(rb"(?:" + _LINE + rb"|" + _ARC + rb")(?:" + _FEED + rb")?\r?\Z")
 _PLAIN = re.compile(rb";|" + _MOVE.pattern)
-_RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?\d*\.?\d+\Z")
+_RETRACTION = re.compile(rb"G1[01]\Z|G92 E-?" + _NUMBER + rb"\Z")
 _DWELL = re.compile(rb"G4 P(\d+)\Z")
-_NAME = re.compile(rb"[GM]\d+(?:\.\d+)?(?![\w.])|[A-Z_]+(?=\s|\Z)")
+_NAME = re.compile(rb"[GM]\d+(?:\.\d+)?(?![\w.])|[A-Z_]++(?=\s|\Z)")
 _SETS_STATE = frozenset(
     b"M106 M107 M126 M127 M220 M221 M117 M900 M572 M74 M593 G17 M204 M205 M201 M203 M566 M207"
     b" M208 M486 M624 M625 SET_PRINT_STATS_INFO SET_VELOCITY_LIMIT SET_PRESSURE_ADVANCE"

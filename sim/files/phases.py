@@ -19,8 +19,8 @@ from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from sim.files.commands import commands
 
-_SETS = re.compile(rb"M(104|140) S(\d+\.?\d*)", re.I)
-_IN_START = re.compile(rb"M1(?:0[49]|40|90) [SR](\d+\.?\d*)\Z", re.I)
+_SETS = re.compile(rb"M(104|140) S(\d++(?:\.\d*+)?)", re.I)
+_IN_START = re.compile(rb"M1(?:0[49]|40|90) [SR](\d++(?:\.\d*+)?)\Z", re.I)
 _BED = (b"M140", b"M190")
 
 Told = dict[str, float]

@@ -8,6 +8,7 @@ wrong all the same: nothing here runs it.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from decmcts.print.machine import Machine, Release
@@ -22,8 +23,8 @@ _SYSTEMS = re.compile(r"\s*(M59[678]|M606)\b", re.I)
 _M42 = re.compile(r"\s*M42\b(.*)", re.I)
 _SECTION = re.compile(r"^\[([^\]]+)\][^\n]*\n((?:[^\[\n][^\n]*\n|\n)*)", re.M)
 _CALLED = re.compile(r'M98 P"([^"]+)"')
-_TRIGGER = re.compile(r"^\s*M581 P(\d+) T(\d+) S([01])\b", re.M)
-_INPUT = re.compile(r"^\s*M950 J(\d+)\b", re.M)
+_TRIGGER = re.compile(r"^[ \t]*+M581 P(\d+) T(\d+) S([01])\b", re.M)
+_INPUT = re.compile(r"^[ \t]*+M950 J(\d+)\b", re.M)
 _WAITS = re.compile(r"^while global\.(\w+)\[param\.H\] < param\.C$\n^ +G4 P[1-9]\d*$", re.M)
 
 
@@ -115,7 +116,7 @@ def _of_klipper(words: SyncWords, title: str, body: str) -> Iterator[str]:
         return
     rows = [row.strip() for row in body.partition("gcode:")[2].splitlines()]
     pins = [match[1] for row in rows if (match := re.match(r"SET_PIN PIN=(\w+)", row))]
-    for pin in {pin for pin in pins if pins.count(pin) > 1}:
+    for pin in {pin for pin, count in Counter(pins).items() if count > 1}:
         yield f"{title} changes {pin} twice, nearer than {DROPPED_S:g} s: none may come"
     if any(re.match(r"(PAUSE|RESUME)\b", row) for row in rows):
         yield f"{title} pauses or resumes: a RESUME before its PAUSE is dropped"
@@ -128,4 +129,4 @@ def _of_klipper(words: SyncWords, title: str, body: str) -> Iterator[str]:
 
 
 def _uncommented(text: str) -> str:
-    return "\n".join(re.sub(r"\s*[;#].*", "", row) for row in text.splitlines())
+    return "\n".join(re.split("[;#]", row, maxsplit=1)[0].rstrip() for row in text.splitlines())

@@ -33,6 +33,8 @@ IN_SHELLS = (
     Role.GAP_FILL,
 )
 NOT_PRINTED = -1
+PAIRS_AT_ONCE = 2**21  # of boxes that come near: some hundred MB
+LEAST_AT_ONCE = 16  # boxes asked about
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
@@ -120,12 +122,15 @@ def _near(
         for r, s in combinations_with_replacement(of_role, 2):
             if not (must_stay(r, s, rules) or must_stay(s, r, rules)):
                 continue
-            i, j = trees[r].query(boxes[of_role[s]])
-            one, two = of_role[s][i], of_role[r][j]
-            a, b = np.minimum(one, two), np.maximum(one, two)
-            forth = contours.role[a] == r
-            fits = np.where(forth, must_stay(r, s, rules), must_stay(s, r, rules)) & (a < b)
-            yield a[fits], b[fits]
+            some = max(LEAST_AT_ONCE, PAIRS_AT_ONCE // len(of_role[r]))
+            for first in range(0, len(of_role[s]), some):  # all of a layer may lie on one spot
+                asked = of_role[s][first : first + some]
+                i, j = trees[r].query(boxes[asked])
+                one, two = asked[i], of_role[r][j]
+                a, b = np.minimum(one, two), np.maximum(one, two)
+                forth = contours.role[a] == r
+                fits = np.where(forth, must_stay(r, s, rules), must_stay(s, r, rules)) & (a < b)
+                yield a[fits], b[fits]
 
 
 def _unique(contours: Contours, members: Ints) -> list[int]:

@@ -17,6 +17,7 @@ from typing import NoReturn
 
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import UNPACKED_FREE, UNPACKED_MOST, UNPACKED_TIMES
+from decmcts.formats.files.reading import first_twice
 
 MAGIC = b"PK\x03\x04"
 _CENTRAL, _END, _END64, _LOCATOR = b"PK\x01\x02", b"PK\x05\x06", b"PK\x06\x06", b"PK\x06\x07"
@@ -67,8 +68,7 @@ class Archive:
         self._listed = list(self._entries(begin, end, count))
         self.members: Mapping[str, Member] = {member.name: member for member in self._listed}
         if len(self.members) < len(self._listed):
-            names = [member.name for member in self._listed]
-            twice = next(name for name in names if names.count(name) > 1)
+            twice = first_twice(member.name for member in self._listed)
             self._damaged(f"two members are named {twice!r}")
         self._records = sorted(self._listed, key=lambda member: member.offset)
         self._ends = self._record_ends()

@@ -6,7 +6,8 @@ import json
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 from decmcts.errors import InputError
 from decmcts.formats.files.fields import shown
 
-_AT_LINE = re.compile(r"\s*\(at line (\d+), column \d+\)")
+_AT_LINE = re.compile(r"\(at line (\d+), column \d+\)")
 
 
 def read_bytes(path: Path) -> bytes:
@@ -60,7 +61,7 @@ def parse_toml(content: bytes, path: Path, kind: str, *, page: str) -> Mapping[s
         except tomllib.TOMLDecodeError as error:
             found = _AT_LINE.search(str(error))
             raise InputError(
-                _AT_LINE.sub("", str(error)),
+                _AT_LINE.sub("", str(error)).rstrip(),
                 path=path,
                 line=int(found[1]) if found else None,
                 advice=f"see {page}",
@@ -73,12 +74,17 @@ def once(path: Path) -> Callable[[list[tuple[str, Any]]], dict[str, Any]]:
     def table_of(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         table = dict(pairs)
         if len(table) < len(pairs):
-            keys = [key for key, _ in pairs]
-            twice = next(key for key in keys if keys.count(key) > 1)
+            twice = first_twice(key for key, _ in pairs)
             raise InputError(f"the key {shown(twice)} stands twice in one table", path=path)
         return table
 
     return table_of
+
+
+def first_twice(names: Iterable[str]) -> str | None:
+    """Return the first name, in their order, that comes again; None where none does."""
+    counts = Counter(names)  # keeps their order
+    return next((name for name, count in counts.items() if count > 1), None)
 
 
 @contextmanager

@@ -18,7 +18,7 @@ import shapely
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
-from decmcts.formats.files.fields import Fields, fail
+from decmcts.formats.files.fields import Fields, fail, shown
 from decmcts.formats.files.reading import read_json
 from decmcts.formats.heads.clearances import UNKNOWN_BED_MM
 from decmcts.formats.machines.machine_dict import machine_from_dict
@@ -26,6 +26,8 @@ from decmcts.print.machine import Machine
 
 _KIND = "file of printer geometries"
 _KINDS = ("convex", "box")
+_PLAIN = re.compile(r"(?:[\w-]|\.\*?|\(\?[!=]\w*+\))*+")  # other patterns may take for ever
+_MOST_RUNS = 3
 
 
 def machine_from_geometries(path: Path, name: str, *, like: Machine | None = None) -> Machine:
@@ -66,16 +68,25 @@ def _find(printers: list[Fields], name: str) -> Fields:
     notes = (f"PRINTER_MODEL_{name.upper()}", f"SEQ_ARRANGE_MODEL_{name.upper()}")
     for printer in printers:
         pattern = printer.text("printer_notes_regex")
-        try:
-            if any(re.search(pattern, note) for note in notes):
-                return printer
-        except re.error as error:
-            printer.fail("printer_notes_regex", f"is no pattern: {error}")
-    models = [re.sub(r".*MODEL_(\w+).*", r"\1", p.text("printer_notes_regex")) for p in printers]
+        if not _PLAIN.fullmatch(pattern) or pattern.count("*") > _MOST_RUNS:
+            printer.fail(
+                "printer_notes_regex",
+                f"{shown(pattern)} is no plain pattern",
+                f"it is made of words, at most {_MOST_RUNS} times .* and (?!WORD)",
+            )
+        if any(re.search(pattern, note) for note in notes):
+            return printer
+    models = [_model_of(printer.text("printer_notes_regex")) for printer in printers]
     path = printers[0].path if printers else None
     raise InputError(
         f"no printer matches {name!r}", path=path, advice=f"found: {', '.join(models)}"
     )
+
+
+def _model_of(pattern: str) -> str:
+    """Return the model a pattern names."""
+    found = re.search(r"MODEL_(\w+)", pattern)
+    return found[1] if found else pattern
 
 
 def _slices(printer: Fields) -> list[dict[str, Any]]:

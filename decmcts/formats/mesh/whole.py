@@ -64,7 +64,7 @@ def read_text_stl(content: bytes, path: Path) -> trimesh.Trimesh:
         line = content.rstrip().count(b"\n") + 1
         raise InputError("is cut off: no `endsolid`", path=path, line=line, advice=_AGAIN)
     corners = _VERTEX.findall(content)
-    facets = len(re.findall(rb"^\s*facet\b", words, re.M))
+    facets = len(re.findall(rb"^[ \t]*+facet\b", words, re.M))
     if len(corners) != 3 * facets:
         raise InputError(
             f"{len(corners)} corners of {facets} triangles; three each are due", path=path,

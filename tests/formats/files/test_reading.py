@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 
 from decmcts.errors import InputError
-from decmcts.formats.files.reading import one_line, read_bytes, read_json, read_toml
+from decmcts.formats.files.reading import (
+    first_twice,
+    once,
+    one_line,
+    read_bytes,
+    read_json,
+    read_toml,
+)
 from decmcts.formats.machines.machine_file import load_machine
 
 DIGITS = b"1" * 5000
@@ -70,3 +77,24 @@ def test_machines_no_reader_gets_through_are_one_line(tmp_path, name, content, s
     file.write_bytes((b"a = " if file.suffix == ".toml" else b"") + content)
     with pytest.raises(InputError, match=said):
         load_machine(str(tmp_path / name))
+
+
+def test_a_key_that_stands_twice_is_found_in_one_walk(tmp_path):
+    """A search for each key from the beginning took minutes; the first in the file is named."""
+    asked = []
+
+    class Name(str):
+        __slots__ = ()
+
+        def __eq__(self, other: object) -> bool:
+            asked.append(1)
+            return str.__eq__(self, other)
+
+        __hash__ = str.__hash__
+
+    names = [Name(f"k{i}") for i in range(2000)]
+    assert first_twice([*names, Name("k1999"), Name("k7")]) == "k7"
+    assert len(asked) < 3 * len(names)
+    assert first_twice(names) is None
+    with pytest.raises(InputError, match="the key 'b' stands twice"):
+        once(tmp_path)([("a", 1), ("b", 1), ("b", 2)])

@@ -117,3 +117,11 @@ def test_presets_equal_prusas_file(name):
     assert [s.height_mm for s in preset] == [s.height_mm for s in theirs]
     for ours, other in zip(preset, theirs, strict=True):
         assert [p.tolist() for p in ours.polygons] == [p.tolist() for p in other.polygons]
+
+
+@pytest.mark.parametrize("pattern", ["(a+)+$", ".*.*.*.*A", "[", "(?=(a|a)*)b", "A{9}"])
+def test_a_pattern_that_may_take_for_ever_is_refused(tmp_path, pattern):
+    """It comes from a file, and a repetition within a repetition takes all day."""
+    file = written(tmp_path, (pattern, [NOZZLE]))
+    with pytest.raises(InputError, match="no plain pattern"):
+        load_machine(f"{file}:{'a' * 40}")

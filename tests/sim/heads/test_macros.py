@@ -189,6 +189,7 @@ def test_klipper_needs_its_interval() -> None:
         ({"signal": "GO {who} {number}"}, "none of number, head, count, level"),
         ({"signal": "GO {number:3}"}, "more than a name"),
         ({"signal": "GO {number"}, "expected"),
+        ({"signal": "GO {number}{count}{level}"}, "nothing between"),
         ({"signal": "GO {number} ; now"}, "without a comment"),
         ({"signal": "GO {number}\nM112"}, "one line"),
         ({"passed": " "}, "one line"),

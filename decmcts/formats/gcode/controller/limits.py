@@ -34,7 +34,7 @@ FASTEST = 2000.0  # mm/s; M203 beyond it counts in mm/min (RepRapFirmware)
 _SETTING = re.compile(rb"; ((?:machine_|gcode_flavor)\w*)[ \t]*=[ \t]*([^\r\n]*)")
 RETRACT_MM, RETRACT_FEED = 1.0, 40.0  # of firmware retraction nobody states
 _ONE = rb"^; %s[ \t]*=[ \t]*([-+\d.,]+)"
-_PARAMETER = re.compile(r"([A-Z_]+)\s*=?\s*([-+]?\d*\.?\d+)")
+_PARAMETER = re.compile(r"(?<![A-Z_])([A-Z_]++)\s*+(?:=\s*+)?([-+]?(?:\d++(?:\.\d++)?|\.\d++))")
 _AXES = "XYZE"
 _CORNER = math.sqrt(2.0) - 1.0  # square corner velocity to junction deviation (Klipper)
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-SETS = re.compile(r"M(104|140)\s+S\s*(\d+\.?\d*|\.\d+)(?:\s+T\s*(\d+))?", re.I)
-WAITS = re.compile(r"M1(09|90)\s+[SR]\s*(\d+\.?\d*|\.\d+)(?:\s+T\s*(\d+))?", re.I)
+SETS = re.compile(r"M(104|140)\s++S\s*+(\d++(?:\.\d*+)?|\.\d++)(?:\s++T\s*+(\d++))?", re.I)
+WAITS = re.compile(r"M1(09|90)\s++[SR]\s*+(\d++(?:\.\d*+)?|\.\d++)(?:\s++T\s*+(\d++))?", re.I)
 _HEATERS = {"104": "hot end", "09": "hot end", "140": "bed", "90": "bed"}
 # Printers that probe with the nozzle cool it for that.
 COOL_NOZZLE = ("homing", "bed probing")

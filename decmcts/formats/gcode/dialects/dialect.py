@@ -46,12 +46,12 @@ SPLIT_MARK = "; next contour"
 WAIT_MARK = "; decmcts waits for cooling"  # behind a dwell of ours, which plans make anew
 _NOTHING = Event(Kind.NOTHING)
 _LAYER = re.compile(
-    r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*:?\s*-?\d+\s*(,|$)|-+ LAYER |BEGIN_LAYER"
-    r"|\*+ LAYER |LAYER \d+",
+    r"LAYER_CHANGE$|CHANGE_LAYER$|LAYER:\s*-?\d+$|LAYER\s*+(?::\s*+)?-?\d++\s*+(,|$)|-+ LAYER "
+    r"|BEGIN_LAYER|\*+ LAYER |LAYER \d+",
     re.I,
 )
 _BESIDE = re.compile(
-    r"(BEFORE|AFTER)_LAYER_CHANGE$|LAYER NUM/TOTAL_LAYER_COUNT:|-?(\d+\.?\d*|\.\d+)$", re.I
+    r"(BEFORE|AFTER)_LAYER_CHANGE$|LAYER NUM/TOTAL_LAYER_COUNT:|-?(\d++(?:\.\d*+)?|\.\d++)$", re.I
 )  # comments below a layer's marker
 _TEMPERATURE = {"M104", "M109", "M140", "M190", "M141", "M191", "M142", "M116", "M303"}
 # Commands whose setting holds: slot and the parameter that selects which one.
@@ -92,8 +92,17 @@ def classify(raw: bytes) -> Event:
     text = re.sub(r"^[Nn]\s*\d+\s*", "", text)
     code = text.split(";", 1)[0].strip()
     if not code.upper().startswith("M117"):
-        code = re.sub(r"\([^)]*\)|\*\d+\s*$", "", code).strip()
+        code = re.sub(r"\*\d+\s*$", "", _without_brackets(code)).strip()
     return _command(code) if code else _NOTHING
+
+
+def _without_brackets(code: str) -> str:
+    """Return a command without comments in brackets; one that is not closed stays."""
+    kept, at = [], 0
+    while (begin := code.find("(", at)) >= 0 and (end := code.find(")", begin)) >= 0:
+        kept.append(code[at:begin])
+        at = end + 1
+    return "".join([*kept, code[at:]])
 
 
 def _comment(text: str) -> Event:

@@ -11,8 +11,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-NUMBER = re.compile(r"\s*;\s*-?(\d+\.?\d*|\.\d+)\s*$")  # the height below such a line
-_ONCE = re.compile(r"\s*;\s*(BEFORE|AFTER)_LAYER_CHANGE\s*$", re.I)
+NUMBER = re.compile(r"\s*+;\s*+-?(\d++(?:\.\d*+)?|\.\d++)\s*+$")  # the height below such a line
+_ONCE = re.compile(r"\s*+;\s*+(BEFORE|AFTER)_LAYER_CHANGE\s*+$", re.I)
 
 
 @dataclass(frozen=True, slots=True)

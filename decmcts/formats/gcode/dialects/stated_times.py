@@ -17,14 +17,16 @@ M73 = re.compile(rb"^[ \t]*(?:N\d+[ \t]*)?M0*73(?![\d.])([^;\r\n]*)", re.I)
 _COUNT = re.compile(rb"^M73[^;\n]*?\b%s(\d+)", re.M)
 WORD = re.compile(rb"([PRQSCD])\s*(\d+(?:\.\d+)?)", re.I)
 _TIMES = re.compile(
-    rb"^;[ \t*-]*(?:TIME|TIME_ELAPSED|PRINT\.TIME|PRINTING_TIME|REMAINING_TIME|print(?:ing)? time"
-    rb"|build time|(?:total |estimated |model |first |layer |printing |print |build )+time"
-    rb"|total estimated \(pre-cool\) minutes)[ \t]*(?:\([^)\r\n]*\))?[ \t]*[:=][^\r\n]*",
+    rb"^;[ \t*-]*+(?:TIME|TIME_ELAPSED|PRINT\.TIME|PRINTING_TIME|REMAINING_TIME|print(?:ing)? time"
+    rb"|build time|(?:total |estimated |model |first |layer |printing |print |build )++time"
+    rb"|total estimated \(pre-cool\) minutes)[ \t]*+(?:\([^)\r\n]*+\)[ \t]*+)?[:=][^\r\n]*",
     re.I | re.M,
 )
 _VALUE = re.compile(rb"([:=][ \t]*)([^;:=\r\n]*)")
 _PART = re.compile(
-    rb"(\d+(?:\.\d+)?)(?=[ \t]*(days?|d|hours?|hrs?|h|minutes?|mins?|m|seconds?|secs?|s)\b)", re.I
+    rb"(?<!\d)(\d++(?:\.\d++)?)(?=[ \t]*+(days?|d|hours?|hrs?|h|minutes?|mins?|m|"
+    rb"seconds?|secs?|s)\b)",
+    re.I,
 )
 _NUMBER = re.compile(rb"\d+(?:\.\d+)?")
 _SECONDS = {b"d": 86400.0, b"h": 3600.0, b"m": 60.0, b"s": 1.0}

@@ -25,7 +25,7 @@ DEFAULT_WIDTH_MM = 0.45
 WIDTH_LIMITS_MM = (0.05, 3.0)  # beyond: E is not in mm of filament, or no bead
 WIDEST_DOT_MM = 10.0
 HEIGHT_LIMITS_MM = (0.01, 1.5)
-_NUMBER = re.compile(r"[-+]?\d*\.?\d+")
+_NUMBER = re.compile(r"[-+]?(?:\d++(?:\.\d++)?|\.\d++)")
 
 
 @dataclass(frozen=True, slots=True)

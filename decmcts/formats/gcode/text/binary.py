@@ -37,8 +37,8 @@ _ENCODINGS = (b"\0\0", b"\1\0", b"\2\0")  # of G-code: plain, MeatPack, with com
 _MEATPACK_GROWTH = 2  # two characters a byte
 _CRC32 = 1
 _COMMAND = re.compile(rb"^[^;\s]", re.M)
-_SETTING = re.compile(rb"^; *[^=\r\n]* = ", re.M)
-_MARKED = re.compile(rb"^;(; *[^=\r\n]* = )", re.M)
+_SETTING = re.compile(rb"^;[^=\r\n]* = ", re.M)
+_MARKED = re.compile(rb"^;(;[^=\r\n]* = )", re.M)
 _TIMES = b"estimated"  # what the keys of times in metadata begin with
 
 

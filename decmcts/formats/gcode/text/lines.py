@@ -38,7 +38,6 @@ _FAULTS = {
 _PROGRESS = re.compile(rb"M0*73(?: ?[PRQSCDLB] ?[0-9.]*)*(?: ?\([^)]*\)?)?\Z", re.I)
 _JOINED = re.compile(rb"(?<=[0-9.])(?=[A-Za-z])")  # two words that no blank parts
 _PLAIN = re.compile(rb"G[0-3](?: [XYZEFIJ]-?[0-9.]+)+\Z")  # most lines: they command what they are
-_OPEN_BRACKET = re.compile(rb"\([^);]*(?:;|\Z)")
 
 
 def command_of(line: bytes) -> bytes:
@@ -174,7 +173,8 @@ def _check_brackets(lines: Lines) -> None:
     while at >= 0:
         line = int(np.searchsorted(lines.starts, at, side="right")) - 1
         row = lines.raw(line)
-        if lines.letter[line] == ord("G") and _OPEN_BRACKET.search(row.split(b";", 1)[0] + b";"):
+        code = row.split(b";", 1)[0]
+        if lines.letter[line] == ord("G") and code.rfind(b"(") > code.rfind(b")"):
             raise lines.refuse(
                 line, "a bracket that is not closed hides the rest of the line from some firmwares",
                 "close the comment, or begin it with a semicolon",

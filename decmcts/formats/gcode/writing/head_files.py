@@ -73,7 +73,7 @@ LONGEST_DWELL_S = 600.0  # of one G4
 _PRINT, _TRAVEL, _PARK, _WAIT = map(int, ActionKind)  # plain numbers compare faster
 _MOVES_ALONE = ("homing", "bed probing", "unknown macro", "filament change")
 _NAMED_STATE = re.compile(r"M(221|900)(?= ).* T\d", re.I)
-_ORIGIN = re.compile(rb"^\s*(?:N\d+\s*)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
+_ORIGIN = re.compile(rb"^[ \t]*+(?:N\d++[ \t]*+)?G92(?![0-9.])[^;(\n]*[XYZ][^\n]*", re.I | re.M)
 
 
 def write_head_gcode(

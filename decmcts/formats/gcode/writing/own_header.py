@@ -14,11 +14,11 @@ TRAVEL = "extrusionless travel {was:.1f} mm -> {now:.1f} mm"
 TIME = "time of the whole file {was:.0f} s -> {now:.0f} s ({order} -> in this order)"
 SAFE = "the slicer's own order would hit the part: all is compared with it layer by layer"
 _HEADER = re.compile(  # as `decmcts.planning.writing.lines` words it
-    rb"^; reordered by decmcts ([^\s;]*)[^\n]*\n(?:;[^\n]*\n){0,12}?"
-    rb"; verified: every extrusion[^\n]*\n",
+    rb"^; reordered by decmcts ([^\s;]*+)[^\n]*+\n(?:;[^\n]*+\n){0,12}?"
+    rb"; verified: every extrusion[^\n]*+\n",
     re.MULTILINE,
 )
-_BLOCK = re.compile(rb"; HEADER_BLOCK_START\r?\n(?:;[^\n]*\n)*?; HEADER_BLOCK_END\r?\n")
+_BLOCK = re.compile(rb"; HEADER_BLOCK_START\r?\n(?:;[^\n]*+\n)*?; HEADER_BLOCK_END\r?\n")
 _TRAVEL_MM = re.compile(rb"^; extrusionless travel ([0-9.]+) mm ->", re.M)
 _TIME_S = re.compile(rb"^; time of the whole file ([0-9.]+) s ->", re.M)
 
