@@ -8,7 +8,7 @@ travels are to, the search takes travels over them to be longer too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ class WallRule:
     always: bool = False
     most_mm: float = np.inf  # of travel over outer walls, if there are ways round
     over: float = 0.0  # share by which a search takes a travel over walls to be longer
+    found: list[Detours] = field(default_factory=list)  # ways for no price, once they were asked
 
     @staticmethod
     def of(problem: PrintProblem, sliced: FileTime | None) -> WallRule:
@@ -69,9 +70,7 @@ class WallRule:
         gaps = _gaps(problem, toolpath)
         if not self.always and straight_over_walls_mm(self.walls, *gaps) <= self.most_mm:
             return None
-        head, least_mm = problem.machine.heads[0], problem.job.settings.retract_min_travel_mm
-        reach = (*head.reach_min[:2], *head.reach_max[:2])
-        ways = replace(Detours.of(problem.job.contours, 0.0, self.walls), reach=reach)
+        least_mm, ways = problem.job.settings.retract_min_travel_mm, self._ways(problem)
         for price in PRICES:
             if self.always and price < ALWAYS:
                 continue
@@ -80,6 +79,15 @@ class WallRule:
             if ways.over_walls_mm(*gaps) <= self.most_mm:
                 break
         return ways
+
+    def _ways(self, problem: PrintProblem) -> Detours:
+        """Return the print's ways, without a price; found once, as each loop is looked at."""
+        if not self.found:
+            head = problem.machine.heads[0]
+            reach = (*head.reach_min[:2], *head.reach_max[:2])
+            ways = Detours.of(problem.job.contours, 0.0, self.walls)
+            self.found.append(replace(ways, reach=reach))
+        return self.found[0]
 
 
 def _gaps(

@@ -27,6 +27,7 @@ from decmcts.planning.writing.file_times import (
     FileTimes,
     compared_with,
     gains,
+    likely_longer,
     more_over_walls,
     with_whole_files,
     worth_longer,
@@ -61,10 +62,14 @@ def write_no_slower(
     """
     with draft_folder() as folder:
         draft, started = folder / "draft.gcode", time.perf_counter()
+        other = None
+        if not allow_slower and likely_longer(planned):
+            other = _for_time(planned, search, report, stop)
+            planned = planned if other is None else _sooner(planned, other)
         report(_writing(path))
         times = draft_of(planned, draft, path)
         allowed = allow_slower or worth_longer(planned, times)
-        if times.longer and not allowed:
+        if times.longer and not allowed and other is None:
             planned, times = _again(planned, search, times, draft, path, draft_of, report, stop)
             allowed = allow_slower or worth_longer(planned, times)
         unsafe = planned.problem.source.original is not None
@@ -81,6 +86,26 @@ def _writing(path: Path) -> Step:
     return Step(f"writing {name_of(path)}, reading it back and judging it")
 
 
+def _for_time(planned: Planned, search: Search, report: Report, stop: Stop) -> Planned | None:
+    """Search for time after a search for travel; None where that was not what was searched."""
+    if search.objective != Objective.TRAVEL or stop():
+        return None
+    report(Step("the file would take longer than its source: searching for time"))
+    limit_s = min(AGAIN_SHARE * search.time_limit_s, AGAIN_MOST_S)
+    for_time = replace(
+        search, objective=Objective.TIME, time_limit_s=limit_s, certificate=False,
+    )  # fmt: skip
+    return plan_judged(
+        planned.problem, for_time, before=planned.before, sliced=planned.sliced, report=report,
+        stop=stop,
+    )  # fmt: skip
+
+
+def _sooner(first: Planned, second: Planned) -> Planned:
+    """Return the plan that ends sooner, the first where they are equal."""
+    return second if second.after.plan.makespan_s < first.after.plan.makespan_s else first
+
+
 def _again(
     planned: Planned,
     search: Search,
@@ -91,18 +116,10 @@ def _again(
     report: Report,
     stop: Stop,
 ) -> tuple[Planned, FileTimes]:
-    """Search for time after a search for travel; the file that takes less time is the draft."""
-    if search.objective != Objective.TRAVEL or stop():
+    """Search for time after all; the file that takes less time is the draft."""
+    other = _for_time(planned, search, report, stop)
+    if other is None:
         return planned, times
-    report(Step("the file would take longer than its source: searching for time"))
-    limit_s = min(AGAIN_SHARE * search.time_limit_s, AGAIN_MOST_S)
-    for_time = replace(
-        search, objective=Objective.TIME, time_limit_s=limit_s, certificate=False,
-    )  # fmt: skip
-    other = plan_judged(
-        planned.problem, for_time, before=planned.before, sliced=planned.sliced, report=report,
-        stop=stop,
-    )  # fmt: skip
     first = draft.read_bytes()
     report(_writing(path))
     found = draft_of(other, draft, path)

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,9 +21,11 @@ from decmcts.planning.one_head.certificate import EARLY_FROM_S, SHARE, certify, 
 from decmcts.planning.one_head.detours import WallRule
 from decmcts.planning.one_head.order_search import OrderSearch, source_toolpath
 from decmcts.planning.options import AvoidWalls, Freedom, Objective, Search
-from decmcts.planning.problem.first_check import refuse_unsound
+from decmcts.planning.problem import first_check
+from decmcts.planning.problem.first_check import OwnText, refuse_unsound, refuse_unwritable
 from decmcts.planning.problem.planned import Planned, check, document_of, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.worker import worker
 from decmcts.planning.writing.file_times import source_time
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
@@ -37,18 +38,15 @@ from decmcts.team.schedule.cooling import find_lags, print_times, source_times, 
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.waits import add_waits
 
+BESIDE_FROM = 20_000
+"""Contours from which the text of the source's own order is judged while the search runs."""
 Judge = Callable[[], PlanDocument]
 """Returns the plan of the source's own order once it was judged; InputError if it has faults."""
-
-
-class Refuse(Protocol):
-    """Raises InputError where the source's own order has faults; `refuse_unsound` is one."""
-
-    def __call__(
-        self, problem: PrintProblem, before: PlanDocument, *, writes: bool
-    ) -> tuple[str, ...]:
-        """Judge the plan of that order, and its text if it `writes`; return warnings."""
-        ...
+Refuse = Callable[[PrintProblem, PlanDocument], None]
+"""Raises InputError where the plan of the source's own order has faults; `refuse_unsound`."""
+RefuseText = Callable[[PrintProblem, PlanDocument], OwnText]
+"""Raises InputError where the source's own order can't be written; `refuse_unwritable`."""
+FIRST_STEP = "the source's own order, judged before anything is searched"
 
 
 def plan_one_head(
@@ -60,32 +58,80 @@ def plan_one_head(
     stop: Stop = never,
     compiled: Callable[[str], bool] = is_compiled,
     refuse: Refuse = refuse_unsound,
+    refuse_text: RefuseText = refuse_unwritable,
 ) -> Planned:
     """Have the source's own order judged and find a better one.
 
-    With `writes` a print whose G-code could not be written is refused before the search.
-    If the judge is not `compiled` yet, compiling it takes longer than compiling a first
-    search. Then the search begins while the source's own order is judged.
+    With `writes` a print whose G-code could not be written is refused before the search, or while
+    it runs: the text of a large print takes as long to judge as many a search. If the judge is
+    not `compiled` yet, compiling it takes longer than compiling a first search. Then the search
+    begins while the source's own order is judged.
 
     Raises
     ------
     InputError
-        When the judge `refuse`s the source's own order, and so every other.
+        When the judge refuses the source's own order (`refuse` its plan, `refuse_text` its
+        text), and so every other.
     VerificationError
         When the judge refuses the plan.
     """
+    own = _OwnOrder(problem, writes, report, refuse, refuse_text)
+    if not compiled(PRINT):
+        planned = plan_judged(problem, search, judge=own.judged, report=report, stop=stop)
+    elif writes and len(problem.job.contours) >= BESIDE_FROM:
+        return _plan_large(own, search, stop)
+    else:
+        report(Step(FIRST_STEP))
+        planned = plan_judged(problem, search, before=own.judged(), report=report, stop=stop)
+    return replace(planned, own_s=own.total_s)
 
-    def judged() -> PlanDocument:
-        before = source_plan(problem)
-        for line in refuse(problem, before, writes=writes):
-            report(Note(f"the source drives the head into the print, which is kept: {line}"))
+
+def _plan_large(own: _OwnOrder, search: Search, stop: Stop) -> Planned:
+    """Plan a print while a process of its own judges the text of the source's own order."""
+    report = own.report
+    with worker(first_check.__name__) as beside:
+        report(Step(FIRST_STEP))
+        before = source_plan(own.problem)
+        text = beside.call(own.refuse_text, own.problem, before)
+        own.refuse(own.problem, before)
         report(Sound())
+
+        def until() -> bool:
+            return stop() or (text.done() and text.exception() is not None)
+
+        planned = plan_judged(own.problem, search, before=before, report=report, stop=until)
+        if not text.done():
+            report(Step("the text of the source's own order, judged before anything is written"))
+        own.hear(text.result())
+    return replace(planned, own_s=own.total_s)
+
+
+@dataclass(slots=True)
+class _OwnOrder:
+    """The source's own order, and what judges it."""
+
+    problem: PrintProblem
+    writes: bool
+    report: Report
+    refuse: Refuse
+    refuse_text: RefuseText
+    total_s: float | None = None  # print time of its file, once that was judged
+
+    def judged(self) -> PlanDocument:
+        """Return its plan once that was judged, and its text where one is written."""
+        before = source_plan(self.problem)
+        self.refuse(self.problem, before)
+        if self.writes:
+            self.hear(self.refuse_text(self.problem, before))
+        self.report(Sound())
         return before
 
-    if not compiled(PRINT):
-        return plan_judged(problem, search, judge=judged, report=report, stop=stop)
-    report(Step("the source's own order, judged before anything is searched"))
-    return plan_judged(problem, search, before=judged(), report=report, stop=stop)
+    def hear(self, text: OwnText) -> None:
+        """Keep what is known of its text, and report what is bad in it."""
+        self.total_s = text.total_s
+        for line in text.warnings:
+            said = f"the source drives the head into the print, which is kept: {line}"
+            self.report(Note(said))
 
 
 def search_order(

@@ -1,18 +1,20 @@
-"""The source's own order, judged and written before any search.
+"""The source's own order, judged and written before any result.
 
 A fault that every order would have (a text that cannot be written again, a contact of head
-and print) is found here, in time linear in the print, and not after minutes of search. The
-draft that is written is deleted.
+and print) is found here, in time linear in the print, and not after minutes of search. Of a
+large print the text is judged beside the search. The draft that is written is deleted.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from decmcts.errors import InputError
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, write_gcode
+from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.problem.source_lines import SourceLines
 from decmcts.print.job import PrintJob
@@ -39,31 +41,33 @@ class VerifyFile(Protocol):
         ...
 
 
-def refuse_unsound(
-    problem: PrintProblem,
-    before: PlanDocument,
-    *,
-    writes: bool,
-    verify: VerifyFile = verify_written,
-) -> tuple[str, ...]:
-    """Raise InputError where the source's own order has faults, as a plan or written.
+@dataclass(frozen=True, slots=True)
+class OwnText:
+    """The source's own order as it is written anew."""
 
-    Returns what is bad in the text that is written, and is the source's own.
+    total_s: float  # estimated print time of the whole file
+    warnings: tuple[str, ...]  # what is bad in it, and is the source's own
+
+
+def refuse_unsound(problem: PrintProblem, before: PlanDocument) -> None:
+    """Raise InputError where the plan of the source's own order for one head has faults."""
+    verdict = verify_plan(before, source=problem.job, trials=0)
+    if not verdict.ok:
+        raise _refusal(problem, verdict, None)
+
+
+def refuse_unwritable(
+    problem: PrintProblem, before: PlanDocument, *, verify: VerifyFile = verify_written
+) -> OwnText:
+    """Raise InputError where the source's own order has faults once it is written.
 
     Parameters
     ----------
     before : PlanDocument
         The plan of the source's own order for one head.
-    writes : bool
-        Whether G-code of one head will be written.
     verify : VerifyFile
-        Judges what would be written.
+        Judges what is written.
     """
-    verdict = verify_plan(before, source=problem.job, trials=0)
-    if not verdict.ok:
-        raise _refusal(problem, verdict, None)
-    if not writes:
-        return ()
     with draft_folder() as folder:
         draft = Path(folder) / "draft.gcode"
         actions = before.plan.heads[0]
@@ -72,7 +76,9 @@ def refuse_unsound(
         if not verdict.ok:
             lines = SourceLines.of(draft, problem.job.contours.line)
             raise _refusal(problem, verdict, lines)
-    return verdict.warnings
+        limits, own = problem.machine.limits, problem.source.own_limits
+        total_s = print_time(draft, limits, own_limits=own).total_s
+    return OwnText(total_s, verdict.warnings)
 
 
 def _refusal(problem: PrintProblem, verdict: Verdict, lines: SourceLines | None) -> InputError:

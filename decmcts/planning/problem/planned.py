@@ -38,6 +38,7 @@ class Planned:
     history: History
     seconds: dict[str, float]
     sliced: FileTime | None = None  # the source's file, where it is G-code and was looked at
+    own_s: float | None = None  # the source's own order written anew: its whole file, if known
 
 
 def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:

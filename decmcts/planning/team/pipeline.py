@@ -116,7 +116,7 @@ def prepared(
         problem = with_note(problem, unprimed_note(problem.document))
     with named(problem.path):
         refuse_shut_in(problem.job, problem.machine)
-    refuse_unsound(problem, before, writes=False)
+    refuse_unsound(problem, before)
     report(Sound())
     job, machine, graph = problem.job, problem.machine, problem.graph
     if not alone.done():

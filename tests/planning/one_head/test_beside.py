@@ -8,21 +8,24 @@ import signal
 import subprocess
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from decmcts.errors import InputError
 from decmcts.planning.events import Begun, Sound, Step, unheard
+from decmcts.planning.one_head import pipeline
 from decmcts.planning.one_head.beside import STILL, searched_beside
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import NO_QUALITY, Search
-from decmcts.planning.problem.first_check import refuse_unsound
+from decmcts.planning.problem.first_check import OwnText, refuse_unsound, refuse_unwritable
+from decmcts.planning.problem.planned import Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, load
 from decmcts.samples import sample_path
 from decmcts.search.sequence.incumbent import Incumbent
 from decmcts.search.sequence.stopping import Stopping
-from tests.planning.problem.test_first_check import LAYERS
+from tests.planning.problem.test_first_check import LAYERS, one_fault
 
 SOON_S = 60.0  # far more than anything here takes
 PRINT = sample_path("four_nuts.gcode.gz")
@@ -53,6 +56,19 @@ def problem(tmp_path: Path) -> PrintProblem:
     path = tmp_path / "in.gcode"
     path.write_text(LAYERS)
     return load(path, "paper", NO_QUALITY)
+
+
+OWN_S = 123.0
+
+
+def told_written(told: list[str]):
+    """Return a judge of the text of the source's own order that says it was asked."""
+
+    def refuse_text(*_given) -> OwnText:
+        told.append("written")
+        return OwnText(OWN_S, ())
+
+    return refuse_text
 
 
 class Searching:
@@ -119,11 +135,10 @@ def test_the_search_begins_before_the_judge_is_compiled(problem) -> None:
     told: list[str] = []
     planner, events = Searching(told), []
 
-    def refuse(*given, **options) -> tuple[str, ...]:
+    def refuse(*given) -> None:
         assert planner.began.wait(SOON_S)
-        warnings = refuse_unsound(*given, **options)
+        refuse_unsound(*given)
         told.append("judged")
-        return warnings
 
     plan_one_head(
         problem, Search(60.0, planner=planner), writes=True, report=events.append,
@@ -142,7 +157,7 @@ def test_what_the_judge_refuses_ends_the_search(problem) -> None:
     told: list[str] = []
     planner = Searching(told, enough=False)
 
-    def refuse(*_given, **_options) -> None:
+    def refuse(*_given) -> None:
         assert planner.began.wait(SOON_S)
         raise InputError("in its own order this print fails verification")
 
@@ -158,15 +173,32 @@ def test_where_all_is_compiled_the_judge_comes_first(problem) -> None:
     """It takes less than a second then, and nothing is searched in vain."""
     told: list[str] = []
 
-    def refuse(*_given, **_options) -> tuple[str, ...]:
-        told.append("judged")
-        return ()
-
     plan_one_head(
-        problem, Search(0.2, planner=Searching(told)), writes=False, compiled=lambda part: True,
-        refuse=refuse,
+        problem, Search(0.2, planner=Searching(told)), writes=True, compiled=lambda part: True,
+        refuse=lambda *_: told.append("judged"), refuse_text=told_written(told),
     )  # fmt: skip
-    assert told == ["judged", "searched", "ended"]
+    assert told == ["judged", "written", "searched", "ended"]
+
+
+def test_the_text_of_a_large_print_is_judged_while_the_search_runs(problem, monkeypatch) -> None:
+    """It takes as long as many a search; the plan is judged before, and a refusal is heard."""
+    monkeypatch.setattr(pipeline, "BESIDE_FROM", len(problem.job.contours))
+    told: list[str] = []
+    planner = Searching(told)
+
+    def planned(refuse_text) -> Planned:
+        return plan_one_head(
+            problem, Search(60.0, planner=planner), writes=True, compiled=lambda part: True,
+            refuse=lambda *_: told.append("judged"), refuse_text=refuse_text,
+        )  # fmt: skip
+
+    own = refuse_unwritable(problem, source_plan(problem))
+    assert planned(refuse_unwritable).own_s == own.total_s
+    assert told[:2] == ["judged", "searched"]
+    planner.enough = False
+    with pytest.raises(InputError, match=r"in.gcode:10: in its own order this print fails"):
+        planned(partial(refuse_unwritable, verify=one_fault))
+    assert told[-2:] == ["searched", "ended"]
 
 
 @pytest.mark.slow

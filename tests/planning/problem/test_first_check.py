@@ -9,9 +9,11 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.errors import InputError
+from decmcts.formats.gcode import write_gcode
+from decmcts.formats.gcode.controller.duration import print_time
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import NO_QUALITY, Search
-from decmcts.planning.problem.first_check import refuse_unsound
+from decmcts.planning.problem.first_check import refuse_unwritable
 from decmcts.planning.problem.planned import source_plan
 from decmcts.planning.problem.print_problem import load
 from decmcts.search.sequence.incumbent import Incumbent
@@ -55,7 +57,7 @@ def one_fault(path: Path, *_args: object, **_options: object) -> Verdict:
     return Verdict((Fault(FaultKind.STATE, text),))
 
 
-refuse = partial(refuse_unsound, verify=one_fault)
+refuse_text = partial(refuse_unwritable, verify=one_fault)
 
 
 def test_a_file_that_cannot_be_written_again_is_refused_before_the_search(source) -> None:
@@ -63,8 +65,9 @@ def test_a_file_that_cannot_be_written_again_is_refused_before_the_search(source
     searched = Search(60.0, planner=NoSearch())
     with pytest.raises(InputError) as error:
         plan_one_head(
-            load(source, "paper"), searched, writes=True, compiled=lambda part: True, refuse=refuse
-        )
+            load(source, "paper"), searched, writes=True, compiled=lambda part: True,
+            refuse_text=refuse_text,
+        )  # fmt: skip
     said = str(error.value)
     assert f"{source}:10: in its own order this print fails verification with 1 fault" in said
     assert "begins a bead with 3 mm retracted" in said
@@ -73,9 +76,19 @@ def test_a_file_that_cannot_be_written_again_is_refused_before_the_search(source
 def test_a_plan_alone_needs_no_file(source) -> None:
     """Who asks for plan.json only is not refused for what the writer cannot do."""
     loaded = load(source, "paper", NO_QUALITY)
-    refuse(loaded, source_plan(loaded), writes=False)
+    plan_one_head(loaded, Search(0.2), writes=False, refuse_text=refuse_text)
     with pytest.raises(InputError, match="in its own order"):
-        refuse(loaded, source_plan(loaded), writes=True)
+        refuse_text(loaded, source_plan(loaded))
+
+
+def test_the_time_of_the_own_order_written_anew_is_that_of_a_file_of_it(source, tmp_path) -> None:
+    """By it is said what a result's file will take before it is written."""
+    loaded, own = load(source, "paper", NO_QUALITY), tmp_path / "own.gcode"
+    before = source_plan(loaded)
+    write_gcode(loaded.document, loaded.job, before.plan.heads[0], own)
+    written = refuse_unwritable(loaded, before)
+    assert written.total_s == print_time(own, loaded.machine.limits).total_s
+    assert written.warnings == ()
 
 
 @pytest.mark.parametrize(

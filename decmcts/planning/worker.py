@@ -1,0 +1,153 @@
+"""A process beside this one that takes work off it, one call at a time.
+
+Python runs one thread of a process at a time, so what is to go on beside other work of ours needs
+a process of its own. It is started ahead, as it takes seconds to load. Calls and results are
+pickled and go through its pipes; nothing else can reach them. It ends with its owner, whatever it
+does at that moment. Where it can't be started, or is lost, the call is made here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from typing import IO, Any, TypeVar
+
+Found = TypeVar("Found")
+_SIZE = 8  # bytes that say how long a message is
+
+
+class Worker:
+    """A process that makes calls for this one."""
+
+    def __init__(self, process: subprocess.Popen[bytes] | None) -> None:
+        self._process = process
+        self._over = False
+
+    def end(self) -> None:
+        """End the process, be it at work or not; nobody waits for its answer."""
+        self._over = True
+        if self._process is not None:
+            self._process.kill()
+
+    def call(self, function: Callable[..., Found], *given: Any) -> Future[Found]:
+        """Have a function of a module called; its result, or its error, is the future's.
+
+        Where the process is lost, asking for the result makes the call in this one.
+        """
+        found: Future[Found] = Future()
+        threading.Thread(
+            target=self._called, args=(found, function, given), name="worker", daemon=True
+        ).start()
+        return found
+
+    def _called(
+        self, found: Future[Found], function: Callable[..., Found], given: tuple[Any, ...]
+    ) -> None:
+        """Set the result of a call; made here where no answer comes."""
+        try:
+            error, value = self._answer(function, given)
+        except (OSError, EOFError, pickle.UnpicklingError):
+            if self._over:
+                found.cancel()
+                return
+            error, value = _made(function, given)
+        if error is not None:
+            found.set_exception(error)
+        else:
+            found.set_result(value)
+
+    def _answer(self, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+        """Return the error and the result of a call; raises OSError or EOFError without answer."""
+        process = self._process
+        if process is None or process.stdin is None or process.stdout is None:
+            raise EOFError
+        _send(process.stdin, (function, given))
+        return _receive(process.stdout)
+
+
+@contextmanager
+def worker(*modules: str) -> Iterator[Worker]:
+    """Start a worker for the body of a `with`; it is ended with it, be it at work or not.
+
+    It loads these `modules` before any call comes.
+    """
+    command = [sys.executable, "-m", "decmcts.planning.worker", *modules]
+    pipe = subprocess.PIPE
+    try:
+        process = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL
+        )  # fmt: skip
+    except OSError:
+        yield Worker(None)
+        return
+    found = Worker(process)
+    try:
+        yield found
+    finally:
+        found.end()
+        with contextlib.suppress(OSError), process:  # unsent words of a call that ended early
+            pass
+
+
+def _made(
+    function: Callable[..., Found], given: tuple[Any, ...]
+) -> tuple[Exception | None, Found | None]:
+    """Make a call; return its error and its result."""
+    try:
+        return None, function(*given)
+    except Exception as error:
+        return error, None
+
+
+def _send(pipe: IO[bytes], message: Any) -> None:
+    packed = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
+    pipe.write(len(packed).to_bytes(_SIZE, "big") + packed)
+    pipe.flush()
+
+
+def _receive(pipe: IO[bytes]) -> Any:
+    size = int.from_bytes(_whole(pipe, _SIZE), "big")
+    return pickle.loads(_whole(pipe, size))  # from our own process, through a pipe of ours
+
+
+def _whole(pipe: IO[bytes], size: int) -> bytes:
+    found = pipe.read(size)
+    if len(found) < size:
+        raise EOFError
+    return found
+
+
+def main() -> None:
+    """Make the calls that come in, until their sender is gone."""
+    with contextlib.suppress(ValueError):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the owner decides what Ctrl-C ends
+    calls: queue.Queue[tuple[Callable[..., Any], tuple[Any, ...]]] = queue.Queue()
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what is printed on the way is no answer
+
+    def take() -> None:
+        while True:
+            try:
+                calls.put(_receive(sys.stdin.buffer))
+            except EOFError:
+                os._exit(0)
+
+    threading.Thread(target=take, name="calls", daemon=True).start()
+    for module in sys.argv[1:]:
+        importlib.import_module(module)
+    while True:
+        _send(answers, _made(*calls.get()))
+
+
+if __name__ == "__main__":
+    main()
