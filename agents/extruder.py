@@ -1,4 +1,4 @@
-"""The process of one head: `python -m agents.extruder INPUT --head N --ports A,B`.
+"""The process of one head: `python -m agents.extruder INPUT --head N --addresses A,B --secret F`.
 
 Loads the problem, opens the network, steps the agent until it is told to go or
 everyone has settled. With `--piped` alone it loads its modules and kernels and is then
@@ -21,10 +21,12 @@ from pathlib import Path
 from typing import NoReturn
 
 from agents.agreeing.events import Leave, PlanningEnded, Release
+from agents.launching.places import remove_left
 from agents.launching.processes import PIPED, PREFIX
 from agents.loop.agent import TICK_S, Agent
 from agents.loop.pipes import PipeFront, TerminalFront, line_of
 from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS
+from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
 from agents.planners.planner import Planner
 from decmcts.errors import InputError
@@ -32,14 +34,16 @@ from decmcts.errors import InputError
 LINGER_S = 10.0
 """An agent without a launcher answers stragglers so long after its release."""
 
+WAIT_S = 60.0
+"""An agent without a launcher begins to plan after so long although heads are missing."""
+
 
 @dataclass(frozen=True, slots=True)
 class Options:
     """How one agent runs; see `python -m agents.extruder --help`."""
 
     head: int
-    session: str = "local"
-    ports: tuple[int, ...] = ()  # one a head; empty: alone, no network
+    meeting: Meeting | None = None  # None: alone, no network
     epoch: int = 0
     fenced: tuple[int, ...] = ()
     time_limit_s: float = 30.0
@@ -57,9 +61,10 @@ def run(planner: Planner, options: Options, pipe: PipeFront | None = None) -> Re
     front = (pipe or PipeFront()) if options.controlled else TerminalFront()
     signal.signal(signal.SIGINT, lambda *_: front.ask(PlanningEnded()))
     signal.signal(signal.SIGTERM, lambda *_: front.ask(Leave("terminated")))
-    fenced = options.fenced if options.ports else _all_but(options.head, len(planner.names))
+    is_alone = options.meeting is None
+    fenced = _all_but(options.head, len(planner.names)) if is_alone else options.fenced
     traffic = Traffic()
-    with _transport(options, traffic) as transport:
+    with _transport(options, traffic, pipe) as transport:
         agent = Agent(
             options.head,
             options.epoch,
@@ -68,6 +73,7 @@ def run(planner: Planner, options: Options, pipe: PipeFront | None = None) -> Re
             front=front,
             time_limit_s=options.time_limit_s,
             clock=time.monotonic,
+            wait_s=math.inf if options.controlled else WAIT_S,  # a launcher gives up heads itself
             fenced=fenced,
             silence_s=options.silence_s,
             traffic=traffic,
@@ -93,18 +99,26 @@ def _all_but(head: int, n: int) -> tuple[int, ...]:
     return tuple(h for h in range(n) if h != head)
 
 
-def _transport(options: Options, traffic: Traffic) -> Transport:
-    if not options.ports:
+def _transport(options: Options, traffic: Traffic, pipe: PipeFront | None) -> Transport:
+    meeting = options.meeting
+    if meeting is None:
         return NoNetwork()
+    if not 0 <= options.head < len(meeting.places):
+        raise InputError(f"--head {options.head}, but {len(meeting.places)} places to meet")
     # Imported here: the single-extruder mode needs no zenoh.
-    from agents.networks.zenoh_transport import Endpoints, ZenohTransport
-
-    endpoints = Endpoints.mesh(options.ports, options.head)
+    from agents.networks.zenoh_transport import ZenohTransport
 
     def count(reason: str) -> None:
         traffic.dropped[reason] += 1
 
-    return ZenohTransport(options.session, options.head, options.epoch, endpoints, on_drop=count)
+    return ZenohTransport(
+        meeting.seal,
+        options.head,
+        options.epoch,
+        meeting.places,
+        on_drop=count,
+        on_shut=None if pipe is None else pipe.shut,
+    )
 
 
 def numbers(text: str) -> tuple[int, ...]:
@@ -133,10 +147,13 @@ def arguments() -> argparse.ArgumentParser:
     parser.add_argument("--pack", type=Path, help="folder with the problem, instead of a source")
     parser.add_argument("--expect", default="", help="digest the problem must have")
     parser.add_argument("--head", type=int, required=True, help="index of this head")
-    parser.add_argument("--session", default="local", help="name shared by the agents")
     parser.add_argument(
-        "--ports", type=numbers, default=(), help="loopback port of every head; none: alone"
+        "--addresses",
+        type=addresses,
+        default=(),
+        help="HOST:PORT of every head, or a PORT of this host; none: alone",
     )
+    parser.add_argument("--secret", type=Path, help="file with the secret all agents share")
     parser.add_argument("--epoch", type=int, default=0, help="incarnation; default: now")
     parser.add_argument("--fenced", type=numbers, default=(), help="heads that are off")
     parser.add_argument("--time-limit", type=float, default=30.0, help="seconds of planning")
@@ -153,8 +170,11 @@ def arguments() -> argparse.ArgumentParser:
     return parser
 
 
-def options_of(given: argparse.Namespace) -> Options:
-    """Return the options a command line asks for; raises `InputError`."""
+def options_of(given: argparse.Namespace, meeting: Meeting | None = None) -> Options:
+    """Return the options a command line asks for; raises `InputError`.
+
+    A launcher hands over the `meeting`; by hand its places are arguments and its secret a file.
+    """
     longest_s = MAX_SILENCE_TICKS * TICK_S
     if not 1.0 <= given.silence <= longest_s:
         raise InputError(f"--silence {given.silence:g}, allowed 1..{longest_s:g} seconds")
@@ -162,8 +182,7 @@ def options_of(given: argparse.Namespace) -> Options:
         raise InputError(f"--time-limit {given.time_limit:g}, must be at least 0 and finite")
     return Options(
         head=given.head,
-        session=given.session,
-        ports=given.ports,
+        meeting=meeting or _meeting_by_hand(given),
         epoch=given.epoch or time.time_ns() // 1_000_000,
         fenced=given.fenced,
         time_limit_s=given.time_limit,
@@ -172,6 +191,17 @@ def options_of(given: argparse.Namespace) -> Options:
         controlled=given.controlled,
         output=given.output,
     )
+
+
+def _meeting_by_hand(given: argparse.Namespace) -> Meeting | None:
+    if not given.addresses:
+        return None
+    if given.secret is None:
+        raise InputError(
+            "--addresses without --secret: anybody could join",
+            advice="name a file with a secret that all agents share (docs/protocol.md)",
+        )
+    return Meeting(given.addresses, secret_of(given.secret))
 
 
 def _team_planner(given: argparse.Namespace) -> Planner:
@@ -222,13 +252,17 @@ def main(
     if list(words) != [PIPED]:
         return _run_with(words, make_planner)
     pipe = PipeFront()
+    pipe.sweep = lambda: remove_left(pipe.meeting)
     pipe.watch()
+    pipe.beat()
     try:
         load()
         handed = pipe.arguments()
     except Exception as error:
         return _failed(error)
-    return 0 if handed is None else _run_with(handed, make_planner, pipe)
+    code = 0 if handed is None else _run_with(handed, make_planner, pipe)
+    pipe.sweep()
+    return code
 
 
 def _run_with(
@@ -237,7 +271,7 @@ def _run_with(
     given = None
     try:
         given = arguments().parse_args(words)
-        options = options_of(given)
+        options = options_of(given, None if pipe is None else pipe.meeting)
         planner = make_planner(given)
         _require_problem(planner.problem, given.expect)
         run(planner, options, pipe)

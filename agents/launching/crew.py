@@ -15,6 +15,7 @@ from types import TracebackType
 from typing import Self
 
 from agents.launching.processes import PIPED, AgentProcess, Said
+from agents.networks.meeting import Meeting
 
 EXTRUDER = (sys.executable, "-m", "agents.extruder")
 
@@ -77,8 +78,8 @@ class Crew:
         """The processes, by head."""
         return self._agents
 
-    def begin(self, arguments: Sequence[str]) -> None:
-        """Hand these arguments, and its own head, to every agent."""
+    def begin(self, arguments: Sequence[str], meeting: Meeting | None) -> None:
+        """Hand these arguments, its own head and where they meet to every agent."""
         self._begun = True
         for head, agent in self._agents.items():
-            agent.begin([*arguments, "--head", str(head)])
+            agent.begin([*arguments, "--head", str(head)], meeting)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import queue
+import signal
 import subprocess
 import tempfile
 import threading
@@ -15,6 +16,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, BinaryIO
+
+from agents.networks.meeting import Meeting
 
 _STOP_S = 3.0
 PREFIX = "decmcts: "  # of every error the program says
@@ -75,9 +78,10 @@ class AgentProcess:
             pipe.write(json.dumps(command).encode() + b"\n")
             pipe.flush()
 
-    def begin(self, arguments: Sequence[str]) -> None:
+    def begin(self, arguments: Sequence[str], meeting: Meeting | None = None) -> None:
         """Hand its arguments to an agent that was started with `PIPED` alone."""
-        self.tell({"command": "begin", "arguments": list(arguments)})
+        met = {} if meeting is None else {"meeting": meeting.to_dict()}
+        self.tell({"command": "begin", "arguments": list(arguments), **met})
 
     def kill(self) -> None:
         """End it for sure and wait for it: after this the head is fenced."""
@@ -99,6 +103,13 @@ class AgentProcess:
             self._process.stdout.close()
         self._errors.close()
 
+    def ending(self) -> str:
+        """Return how it ended, in words: by a signal, with its last words, or just so."""
+        code = self._process.poll()
+        if code is not None and code < 0:
+            return f"killed by {_signal_name(-code)}"
+        return self.last_words() or ("" if code is None else f"its process ended ({code})")
+
     def last_words(self) -> str:
         """Return the last line it wrote to stderr, without the program's name."""
         self._errors.seek(0)
@@ -116,3 +127,10 @@ class AgentProcess:
             if isinstance(line, dict):
                 heard.put(Said(self.head, line))
         heard.put(Said(self.head, None))
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time signal
+        return f"signal {number}"

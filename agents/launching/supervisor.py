@@ -1,9 +1,11 @@
 """Watches the agents of one launch until they released one plan.
 
-Decides who is fenced: an agent whose process ended, or one the others could
-not reach, after its process was killed and waited for. Of two groups that miss
-each other the larger goes on. A plan counts only when every agent that is not
-fenced released the same digest. No planning here.
+Decides who is fenced: an agent whose process ended, or one that stays silent, or that the
+others cannot reach, after its process was killed and waited for. A pause is no death: who
+is silent has `HUNG_S` to come back, and agents that speak but miss each other are first
+sent to meet elsewhere. If that does not help, of two groups that miss each other the larger
+goes on. A plan counts only when every agent that is not fenced released the same digest.
+No planning here.
 """
 
 from __future__ import annotations
@@ -14,24 +16,21 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
+from agents.launching.hearing import Hearing
+from agents.launching.limits import (
+    AFTER_FENCE_S,
+    AGREE_LIMIT_S,
+    AGREE_ROUNDS,
+    FOLLOW_LIMIT_S,
+    GRACE_S,
+    HUNG_S,
+    LATE_LIMIT_S,
+    MEET_S,
+    MOST_MOVES,
+    START_LIMIT_S,
+)
 from agents.launching.processes import Said
 from decmcts.search.sequence.stopping import Stopping
-
-START_LIMIT_S = 180.0
-"""To load the problem and compile; a head that takes longer is fenced."""
-
-AGREE_LIMIT_S = 120.0
-"""From the end of planning to the release: a last resort, far above the lease,
-because an agent in a long round on a busy machine is silent too."""
-
-FOLLOW_LIMIT_S = 5.0
-"""From the first release to the last: by then every live head has agreed, so one
-that says nothing any more is dead or stopped."""
-
-GRACE_S = 2.0
-"""From the first word that heads are missing to a fence: twice the lease. An agent
-that stood still loses all its peers at once, and has them back within this time.
-Also how long any agent may say nothing to the launcher without being silent."""
 
 _POLL_S = 0.1
 
@@ -49,8 +48,8 @@ class Child(Protocol):
     def kill(self) -> None:
         """End it and wait for its end."""
 
-    def last_words(self) -> str:
-        """Return the last line of its errors."""
+    def ending(self) -> str:
+        """Return how it ended and what its last line of errors was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +79,10 @@ OnProgress = Callable[[tuple[AgentStatus, ...]], None]
 
 
 class Supervisor:
-    """State of one launch; `run` until a plan is released."""
+    """State of one launch; `run` until a plan is released.
+
+    `elsewhere` returns fresh places for all agents to meet at, one a head.
+    """
 
     def __init__(
         self,
@@ -91,6 +93,7 @@ class Supervisor:
         stopping: Stopping,
         epoch: int,
         on_progress: OnProgress | None = None,
+        elsewhere: Callable[[], Sequence[str]] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._epoch = epoch  # incarnation of all the agents of this launch
@@ -101,14 +104,17 @@ class Supervisor:
         self._released_since: float | None = None  # by the first agent
         self._ready: set[int] = set()
         self._misses: dict[int, float] = {}  # head that misses others -> since when
-        self._heard_at: dict[int, float] = {}  # head -> when it last said something
-        self._gap_s: dict[int, float] = {}  # head -> its longest silence yet
+        self._hearing = Hearing()
         assert stopping.seconds is not None  # agents plan by the clock
         self._limit_s, self._on_progress = stopping.seconds, on_progress
         self._stopping, self._told_to_stop = stopping, False
+        self._elsewhere, self._moves = elsewhere, 0  # fresh places to meet at
         self._clock = clock
         self._started = clock()
-        self._since = self._started  # of the latest change of the team
+        self._ready_at: float | None = None  # all agents that are left
+        self._met_at: float | None = None
+        self._over_at: float | None = None  # planning, by the first agent's word
+        self._fenced_at = self._moved_at = -float("inf")
 
     def run(self) -> dict[str, Any]:
         """Return the `released` line all unfenced agents agree on.
@@ -145,6 +151,7 @@ class Supervisor:
         """
         if not self._told_to_stop:
             self._told_to_stop = True
+            self._over_at = self._over_at or self._clock()
             if not self._have_met():
                 raise LaunchError("stopped before the agents had found one another")
             self._tell_all({"command": "stop"})
@@ -167,7 +174,8 @@ class Supervisor:
         heads = self._unfenced()
         if not heads:
             raise LaunchError(f"every agent ended: {self._notes()}")
-        if all(self.status[head].stuck for head in heads):
+        # One that misses a head which is not given up may have it back in a moment.
+        if all(self.status[head].stuck and not self._missing(head) for head in heads):
             raise LaunchError(f"the heads that are left cannot print this: {self._notes()}")
         lines = [self._released.get(head) for head in heads]
         first = lines[0]
@@ -184,25 +192,25 @@ class Supervisor:
         except queue.Empty:
             return
         if said.line is None:
-            self.fence(said.head, "its process ended")
+            self.fence(said.head, "its process ended", ended=True)
         elif said.head not in self.fenced:
-            self._note_time(said.head)
-            self._hear(said.head, said.line)
+            self._take(said.head, said.line)
         if self._on_progress is not None:
             self._on_progress(tuple(self.status))
 
-    def _note_time(self, head: int) -> None:
+    def _take(self, head: int, line: dict[str, Any]) -> None:
         now = self._clock()
-        if self.status[head].rounds:  # loading and compiling say nothing of rounds
-            gap_s = now - self._heard_at[head]
-            self._gap_s[head] = max(gap_s, self._gap_s.get(head, 0.0))
-        self._heard_at[head] = now
+        if line.get("event") == "pulse":
+            self._hearing.feel(head, now)
+            return
+        # Loading and compiling say nothing of rounds.
+        self._hearing.hear(head, now, plans=self.status[head].rounds > 0)
+        self._hear(head, line)
 
     def _hear(self, head: int, line: dict[str, Any]) -> None:
         match line:
             case {"event": "ready"}:
                 self._ready.add(head)
-                self._since = self._clock()
                 self._update(head, phase="waiting")
             case {"event": "progress"}:
                 self._progress(head, line)
@@ -212,9 +220,14 @@ class Supervisor:
                 raise LaunchError(f"{self._names[head]} refused a peer: {reason}")
             case {"event": "unfenced", "heads": heads}:
                 self._miss(head, heads)
+            case {"event": "shut", "reason": reason}:
+                self._update(head, note=reason)
+                if self._clock() - self._moved_at > GRACE_S:
+                    self._move()
             case {"event": "released"}:
                 self._released[head] = line
                 self._released_since = self._released_since or self._clock()
+                self._over_at = self._over_at or self._clock()
                 self._update(head, phase="released")
 
     def _progress(self, head: int, line: dict[str, Any]) -> None:
@@ -232,80 +245,140 @@ class Supervisor:
         )
         told = {name: line[name] for name in named} | line["traffic"]
         self._update(head, live=tuple(line["live"]), history=history, **told)
+        if line["phase"] != "planning":
+            self._over_at = self._over_at or self._clock()
 
     def _update(self, head: int, **changes: Any) -> None:
         self.status[head] = replace(self.status[head], **changes)
 
-    def fence(self, head: int, why: str) -> None:
-        """Make sure a head does nothing any more, then tell the others."""
+    def fence(self, head: int, why: str, *, ended: bool = False) -> None:
+        """Make sure a head does nothing any more, then tell the others.
+
+        The reason that is kept is how the process `ended` of its own, else ours.
+        """
         if head in self.fenced or head not in self._agents:
             return
+        ending = self._agents[head].ending() if ended else ""
         self._agents[head].kill()
         self.fenced.add(head)
-        self._since = self._clock()
+        self._fenced_at = self._clock()
         self._released.pop(head, None)
-        note = self._agents[head].last_words() or self.status[head].note or why
-        self._update(head, phase="lost", note=note)
+        self._update(head, phase="lost", note=ending or why)
         self._tell_all(self._fence_command(head))
+
+    def _fence_command(self, head: int) -> dict[str, Any]:
+        return {"command": "fence", "head": head, "epoch": self._epoch}
+
+    # Who misses whom ----------------------------------------------------------
 
     def _miss(self, head: int, missing: Sequence[int]) -> None:
         """Note that an agent misses heads; tell it again of those that are fenced already."""
         self._update(head, live=tuple(sorted(set(self._unfenced()) - set(missing))))
         for other in self.fenced.intersection(missing):
             self._agents[head].tell(self._fence_command(other))
-        if not self.fenced.issuperset(missing):
-            self._misses.setdefault(head, self._clock())
 
     def _settle_misses(self, now: float) -> None:
-        """Fence one side once an agent has missed others for a while."""
-        self._misses = {h: at for h, at in self._misses.items() if self._missing(h)}
+        """Have agents meet elsewhere that miss each other; if that is no help, fence one side."""
+        missing = [head for head in self._unfenced() if self._missing(head)]
+        self._misses = {head: self._misses.get(head, now) for head in missing}
+        patience_s = MEET_S + 0.1 * len(self._names)  # many need longer to meet
         overdue = [
             head
             for head, at in self._misses.items()
-            if now - at >= GRACE_S and not self._is_silent(head, now)
+            if now - max(at, self._moved_at) >= patience_s and self._hearing.speaks(head, now)
         ]
         if not overdue:
             return
         accuser = min(overdue, key=lambda head: _rank(self._group(head)))
-        group, missing = self._group(accuser), sorted(self._missing(accuser))
+        missed = sorted(self._missing(accuser))
+        # Who is silent comes back, or is hung; who is in a long round says so after it.
+        if not all(self._hearing.heard_since(h, self._misses[accuser]) for h in missed):
+            return
+        if not self._move() and self._met_at is not None and not self._is_over(now):
+            return  # they plan apart; there is time to find each other
+        if now - self._moved_at >= patience_s:
+            self._fence_weaker(accuser, missed)
+
+    def _fence_weaker(self, accuser: int, missed: Sequence[int]) -> None:
         # One that cannot hear the rest must not end them all; alike, the lowest head's side stays.
-        stronger = [
-            head
-            for head in missing
-            if not self._is_silent(head, now) and _rank(self._group(head) - group) < _rank(group)
-        ]
-        if any(self._heard_at[head] > self._misses[accuser] for head in stronger):
+        group = self._group(accuser)
+        if any(_rank(self._group(head) - group) < _rank(group) for head in missed):
             self.fence(accuser, "it hears too few of the others")
-        elif not stronger:  # else one may be in a long round: its word comes, or it is silent
-            for head in missing:
-                self.fence(head, f"{self._names[accuser]} does not hear it")
+            return
+        for head in missed:
+            self.fence(head, f"{self._names[accuser]} does not hear it")
+
+    def _move(self) -> bool:
+        """Have all agents meet elsewhere; False if they did so too often."""
+        if self._elsewhere is None or self._moves >= MOST_MOVES:
+            return False
+        self._moves += 1
+        self._moved_at = self._clock()
+        self._tell_all({"command": "meet", "places": list(self._elsewhere())})
+        return True
 
     def _group(self, head: int) -> set[int]:
         """Return who plans together, as one head last said."""
         return set(self.status[head].live) - self.fenced
 
     def _missing(self, head: int) -> set[int]:
-        """Return whom an agent is without who is not fenced; nobody if it is fenced itself."""
-        return set() if head in self.fenced else set(self._unfenced()) - self._group(head)
+        """Return whom an agent is without who is not fenced."""
+        return set(self._unfenced()) - self._group(head) - {head}
 
-    def _is_silent(self, head: int, now: float) -> bool:
-        """Whether an agent says nothing for much longer than it ever did."""
-        longest_s = max(GRACE_S, 2.0 * self._gap_s.get(head, 0.0))
-        return now - self._heard_at.get(head, -float("inf")) > longest_s
-
-    def _fence_command(self, head: int) -> dict[str, Any]:
-        return {"command": "fence", "head": head, "epoch": self._epoch}
+    # Time -----------------------------------------------------------------------
 
     def _enforce_limits(self) -> None:
         now, waiting = self._clock(), set(self._unfenced()) - self._ready
+        if waiting:
+            self._enforce_start(waiting, now)
+            return
+        if self._ready_at is None:
+            self._ready_at = now
+        if self._met_at is None and not any(map(self._missing, self._unfenced())):
+            self._met_at = now
+        if self._is_over(now) or self._met_at is None:
+            for head in self._unfenced():
+                if self._hearing.is_hung(head, now):
+                    self.fence(head, f"it said nothing for {HUNG_S:g} s")
         self._settle_misses(now)
-        if waiting and now - self._started > START_LIMIT_S:
-            for head in waiting:
-                self.fence(head, f"not ready after {START_LIMIT_S:g} s")
-        elif not waiting and now - self._since > self._limit_s + AGREE_LIMIT_S:
-            self._fence_silent(f"no agreement {AGREE_LIMIT_S:g} s after planning")
-        elif self._released and now - (self._released_since or now) > FOLLOW_LIMIT_S:
+        if self._released_since is not None and now - self._released_since > FOLLOW_LIMIT_S:
             self._fence_silent(f"silent {FOLLOW_LIMIT_S:g} s after a release")
+        else:
+            self._enforce_agreement(now)
+
+    def _enforce_start(self, waiting: set[int], now: float) -> None:
+        for head in sorted(waiting):
+            if now - self._started > START_LIMIT_S:
+                self.fence(head, f"not ready after {START_LIMIT_S:g} s")
+            elif self._hearing.is_hung(head, now):
+                self.fence(head, f"it said nothing for {HUNG_S:g} s")
+
+    def _is_over(self, now: float) -> bool:
+        """Whether planning has ended, by an agent's word or by the clock."""
+        met_at = self._met_at
+        return self._over_at is not None or (met_at is not None and now - met_at > self._limit_s)
+
+    def _enforce_agreement(self, now: float) -> None:
+        """Give up agents that keep all from a release: first those that never ended planning."""
+        if self._over_at is None:
+            if self._met_at is not None and now - self._met_at > self._limit_s + LATE_LIMIT_S:
+                self._fence_silent(f"not done {LATE_LIMIT_S:g} s after the time for planning")
+            return
+        limit_s = self.agree_limit_s()
+        if now < max(self._over_at + limit_s, self._fenced_at + AFTER_FENCE_S):
+            return
+        why = f"no agreement {limit_s:.0f} s after planning"
+        heads = self._unfenced()
+        late = [h for h in heads if self.status[h].phase not in ("agreeing", "released")]
+        for head in late if 0 < len(late) < len(heads) else ():
+            self.fence(head, why)
+        if not late or len(late) == len(heads):
+            self._fence_silent(why)
+
+    def agree_limit_s(self) -> float:
+        """Return how long agents may take to agree, by what is known of their rounds."""
+        heads_s = 0.5 * max(0, len(self._names) - 2)
+        return max(AGREE_LIMIT_S + heads_s, AGREE_ROUNDS * self._hearing.longest_round_s())
 
     def _fence_silent(self, why: str) -> None:
         for head in sorted(set(self._unfenced()) - self._released.keys()):

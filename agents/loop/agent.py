@@ -53,7 +53,7 @@ from agents.messages.kinds import (
     MessageError,
     Plans,
 )
-from agents.networks.transport import Packet, Presence, Traffic, Transport
+from agents.networks.transport import MALFORMED, Packet, Presence, Traffic, Transport
 from agents.planners.planner import Planner
 from decmcts.errors import InputError
 
@@ -84,10 +84,17 @@ class Progress:
     entropy: float  # of what it last told: 0 decided, 1 all its plans alike
 
 
+@dataclass(frozen=True, slots=True)
+class Meet:
+    """A command of a launcher: meet the others at these places, one a head."""
+
+    places: tuple[str, ...]
+
+
 class FrontEnd(Interface):
     """Who watches and commands one agent: a launcher, a terminal or a test."""
 
-    def commands(self) -> list[Event]:
+    def commands(self) -> list[Event | Meet]:
         """Return what was asked since the last call."""
 
     def progress(self, progress: Progress, traffic: Traffic) -> None:
@@ -164,7 +171,10 @@ class Agent:
             self._arrive(arrival)
         began = self._clock()
         for command in self._front.commands():
-            self._feed(command)
+            if isinstance(command, Meet):
+                self._transport.move(command.places)
+            else:
+                self._feed(command)
         if self._is_planning():
             self._plan()
         self._keep_time()
@@ -281,7 +291,7 @@ class Agent:
                 raise MessageError("message of another head or kind than its key")
         except MessageError as error:
             # A peer's bad message is dropped, counted and logged, never fatal.
-            self.drop(f"malformed message of head {arrival.head}", str(error))
+            self.drop(f"{MALFORMED} message of head {arrival.head}", str(error))
             return
         self.traffic.count_received(arrival.kind, len(arrival.payload))
         self._feed(Received(envelope))

@@ -1,13 +1,14 @@
 """The agent's side of the pipes to its launcher: JSON lines both ways.
 
 Out (stdout): `ready`, `progress`, `note`, `refused`, `unfenced`, `released`,
-`left`. In (stdin): `{"command": "fence", "head": n, "epoch": e}`, `{"command": "stop"}`
-(agree on the best so far), `{"command": "exit"}`. The end of stdin means the
-launcher is gone: the agent leaves, so no orphan plans on.
+`left`, `shut` (nobody can listen at its place). In (stdin): `{"command": "fence", "head": n,
+"epoch": e}`, `{"command": "stop"}` (agree on the best so far), `{"command": "meet", "places":
+[...]}` (meet elsewhere), `{"command": "exit"}`. The end of stdin means the launcher is gone:
+the agent leaves, so no orphan plans on.
 
 A launcher may start agents before there is a problem. Such an agent is handed its command
-line as a first line, `{"command": "begin", "arguments": [...]}`. Until it is ready a thread
-watches the pipe, and ends the process with its launcher.
+line as a first line, `{"command": "begin", "arguments": [...], "meeting": {...}}`. Until it is
+ready a thread watches the pipe, and ends the process with its launcher.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import os
 import select
 import sys
 import threading
+import time
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -31,12 +34,16 @@ from agents.agreeing.events import (
     Release,
     Unfenced,
 )
-from agents.loop.agent import Progress
+from agents.loop.agent import Meet, Progress
+from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
 
 _MAX_LINE = 65536
 _WATCH_MS = 100
+PULSE_S = 0.5
+LEAVE_S = 3.0
+"""So long an agent has to take leave after its launcher is gone, whatever it computes."""
 
 
 class PipeFront:
@@ -46,26 +53,41 @@ class PipeFront:
         self._read_fd, self._write_fd = read_fd, write_fd
         self._rest = b""
         self._open = True
-        self._asked: list[Event] = []
+        self._asked: list[Event | Meet] = []
         self._is_ready = threading.Event()
+        self._writing = threading.Lock()
+        self.sweep: Callable[[], None] = lambda: None  # before the process ends itself
+        self.meeting: Meeting | None = None  # where a launcher has us meet the others
 
     def watch(self) -> None:
-        """Until `ready`, end the process as soon as its launcher is gone.
+        """End the process after its launcher, whatever it does.
 
-        Importing, reading and building look at no pipe for seconds. No peer knows the agent
-        yet, so it need not say goodbye. Where pipes cannot be asked without being read
-        (Windows), it finds out when it next reads them.
+        Importing, reading and building look at no pipe for seconds, and neither does a round:
+        so a thread looks. Until `ready` no peer knows the agent, and it need not say goodbye.
+        Where pipes cannot be asked without being read (Windows), it finds out when it next
+        reads them.
         """
-        if not hasattr(select, "poll"):
-            return
-        threading.Thread(target=self._end_with_launcher, name="launcher", daemon=True).start()
+        if hasattr(select, "poll"):
+            threading.Thread(target=self._end_with_launcher, name="launcher", daemon=True).start()
+
+    def beat(self) -> None:
+        """Say all the time that this process runs: in a long round it does, stopped not."""
+        threading.Thread(target=self._beat, name="pulse", daemon=True).start()
+
+    def _beat(self) -> None:
+        while self._open:
+            self.write({"event": "pulse"})
+            time.sleep(PULSE_S)
 
     def _end_with_launcher(self) -> None:
         pipe = select.poll()
         pipe.register(self._read_fd, 0)  # what is written is not read: only hang-ups are told
-        while not self._is_ready.is_set():
-            if pipe.poll(_WATCH_MS) and not self._is_ready.is_set():
-                os._exit(0)
+        while not pipe.poll(_WATCH_MS):
+            pass
+        if self._is_ready.is_set():
+            time.sleep(LEAVE_S)
+        self.sweep()
+        os._exit(0)
 
     def arguments(self) -> list[str] | None:
         """Wait for the launcher to hand over this agent's command line; None: it ends us.
@@ -73,7 +95,7 @@ class PipeFront:
         Raises
         ------
         InputError
-            If the first line is anything else.
+            If the first line is anything else, or names no place to meet.
         """
         while b"\n" not in self._rest and len(self._rest) < _MAX_LINE:
             chunk = os.read(self._read_fd, _MAX_LINE)
@@ -82,7 +104,7 @@ class PipeFront:
             self._rest += chunk
         line, _, self._rest = self._rest.partition(b"\n")
         self._take(b"")
-        words = parse_arguments(line)
+        words, self.meeting = parse_arguments(line)
         if words is None and not isinstance(parse_command(line), Leave):
             raise InputError(
                 "the first line on stdin hands over no arguments",
@@ -94,7 +116,7 @@ class PipeFront:
         """Queue a command of this process itself (a signal)."""
         self._asked.append(event)
 
-    def commands(self) -> list[Event]:
+    def commands(self) -> list[Event | Meet]:
         """Return what the launcher or a signal asked since the last call."""
         # select + os.read instead of a reader thread: a thread blocked in a
         # buffered read aborts the interpreter's shutdown.
@@ -106,6 +128,10 @@ class PipeFront:
             self._take(chunk)
         asked, self._asked = self._asked, []
         return asked
+
+    def shut(self, reason: str) -> None:
+        """Say that we cannot meet the others where we were told to."""
+        self.write({"event": "shut", "reason": reason})
 
     def _take(self, chunk: bytes) -> None:
         """Take the commands of all lines that are complete."""
@@ -129,8 +155,9 @@ class PipeFront:
         """Write one JSON line."""
         view = memoryview(json.dumps(line).encode() + b"\n")
         try:
-            while view:
-                view = view[os.write(self._write_fd, view) :]
+            with self._writing:
+                while view:
+                    view = view[os.write(self._write_fd, view) :]
         except BrokenPipeError:
             self._open = False
             self.ask(Leave("the launcher is gone"))
@@ -140,13 +167,13 @@ class TerminalFront:
     """A front end for a person who runs one agent by hand."""
 
     def __init__(self) -> None:
-        self._asked: list[Event] = []
+        self._asked: list[Event | Meet] = []
 
     def ask(self, event: Event) -> None:
         """Queue a command (a signal)."""
         self._asked.append(event)
 
-    def commands(self) -> list[Event]:
+    def commands(self) -> list[Event | Meet]:
         """Return what signals asked since the last call."""
         asked, self._asked = self._asked, []
         return asked
@@ -174,24 +201,29 @@ class TerminalFront:
         print(line, file=sys.stderr)
 
 
-def parse_arguments(line: bytes) -> list[str] | None:
-    """Return the command line that a first line hands over, None for anything else."""
+def parse_arguments(line: bytes) -> tuple[list[str] | None, Meeting | None]:
+    """Return the command line and the meeting that a first line hands over, None for either."""
     try:
-        match json.loads(line):
-            case {"command": "begin", "arguments": [*words]}:
-                return [str(word) for word in words]
+        told = json.loads(line)
     except ValueError:
-        pass
-    return None
+        return None, None
+    match told:
+        case {"command": "begin", "arguments": [*words], "meeting": where}:
+            return [str(word) for word in words], Meeting.from_dict(where)
+        case {"command": "begin", "arguments": [*words]}:
+            return [str(word) for word in words], None
+    return None, None
 
 
-def parse_command(line: bytes) -> Event | None:
+def parse_command(line: bytes) -> Event | Meet | None:
     """Return the event a command line stands for, None for anything else."""
     try:
         asked = json.loads(line)
         match asked:
             case {"command": "fence", "head": int(head), "epoch": int(epoch)}:
                 return Fenced(head, epoch)
+            case {"command": "meet", "places": [*places]}:
+                return Meet(checked_places(places))
             case {"command": "stop"}:
                 return PlanningEnded()
             case {"command": "exit"}:

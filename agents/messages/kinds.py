@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION = 2
+VERSION = 3
 """Of the messages and their meaning; another version is refused by name."""
 
 SILENCE_TICKS = 150

@@ -9,6 +9,7 @@ head only after its lease.
 from __future__ import annotations
 
 import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
 from types import TracebackType
@@ -154,3 +155,6 @@ class MemoryTransport:
         """Return what arrived; time passes only in `MemoryNetwork.advance`."""
         arrived, self.inbox = self.inbox, []
         return arrived
+
+    def move(self, places: Sequence[str]) -> None:
+        """Stay: there is one place in memory."""

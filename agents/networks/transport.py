@@ -7,6 +7,7 @@ encoding is `agents.messages.codec`'s, reactions are `agents.agreeing.protocol`'
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Protocol, Self
@@ -31,6 +32,9 @@ class Presence:
 
 
 Arrival = Packet | Presence
+
+FORGED, MALFORMED, STRANGE = "forged", "malformed", "strange key"
+"""How reasons of drops begin that say that somebody disturbs; peers do nothing of the kind."""
 
 
 @dataclass(slots=True)
@@ -78,6 +82,9 @@ class Transport(Protocol):
     def receive(self, timeout_s: float) -> list[Arrival]:
         """Return what arrived, waiting at most `timeout_s` for the first."""
 
+    def move(self, places: Sequence[str]) -> None:
+        """Meet the others at other places from now on."""
+
 
 class NoNetwork:
     """The transport of the single-extruder mode: nobody is there."""
@@ -100,3 +107,6 @@ class NoNetwork:
     def receive(self, timeout_s: float) -> list[Arrival]:
         """Hear nothing, at once."""
         return []
+
+    def move(self, places: Sequence[str]) -> None:
+        """Stay alone."""

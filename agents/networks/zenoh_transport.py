@@ -1,37 +1,36 @@
-"""The one place that touches zenoh, with every trap of it closed.
+"""Messages over zenoh, with every trap of it closed.
 
-Agents are peers on loopback with explicit endpoints in a full mesh, because
-peers do not relay. Nothing is discovered, nothing listens beyond 127.0.0.1.
-Received bytes go through ring channels polled by the agent's own thread, so no
-callback of ours ever runs inside zenoh and interpreter exit cannot hang on
-one; puts happen on a thread of their own, so a blocked put never holds up
-planning.
+Sessions are set up in `agents.networks.zenoh_session`. Received bytes go through ring
+channels polled by the agent's own thread, so no callback of ours ever runs inside zenoh
+and interpreter exit cannot hang on one; puts happen on a thread of their own, so a
+blocked put never holds up planning.
+
+Messages are sealed here as they leave and opened as they come (`agents.messages.seal`):
+what lacks the team's seal is counted and goes no further.
 """
 
 from __future__ import annotations
 
-import json
 import logging
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
 import zenoh
 
-from agents.messages.codec import KINDS, MAX_MESSAGE_BYTES
+from agents.messages.codec import KINDS
 from agents.messages.keys import Keys
 from agents.messages.kinds import MessageError
-from agents.networks.transport import Arrival, Packet, Presence
+from agents.messages.seal import ForgedError, Seal
+from agents.networks.transport import FORGED, STRANGE, Arrival, Packet, Presence
+from agents.networks.zenoh_session import LEASE_MS, Endpoints, open_session
+from decmcts.errors import InputError
 
 LOG = logging.getLogger(__name__)
-
-LEASE_MS = 1000
-"""A peer silent for so long is gone; zenoh's default is 10 s."""
 
 RING_A_HEAD = 4
 RINGS = range(16, 65)
@@ -46,6 +45,9 @@ TOKENS = 1024
 QUEUE_BYTES = 4 * 1024 * 1024
 """Waiting to be sent; a hung peer holds it up for a lease."""
 
+RETRY_S = 0.5
+"""So often a place is tried again that could not be opened."""
+
 POLL_S = 0.001
 WATCH_S = 0.02  # short, so that threads hardly compute in it before a stop
 STOPPED_S = 0.5 * LEASE_MS / 1000
@@ -58,56 +60,6 @@ FLUSH_S = 1.0
 
 JOIN_S = 8.0
 """A put to a hung peer returns after a lease; zenoh's default would be 5 s."""
-
-
-@dataclass(frozen=True, slots=True)
-class Endpoints:
-    """Where one agent listens and whom it connects to, as zenoh locators."""
-
-    listen: str
-    connect: tuple[str, ...]
-
-    @staticmethod
-    def mesh(ports: Sequence[int], head: int) -> Endpoints:
-        """Return the loopback endpoints of one head of a full mesh."""
-        locators = [f"tcp/127.0.0.1:{port}" for port in ports]
-        others = tuple(at for h, at in enumerate(locators) if h != head)
-        return Endpoints(locators[head], others)
-
-
-def configuration(endpoints: Endpoints) -> zenoh.Config:
-    """Return the zenoh configuration of an agent; every insecure default is set."""
-    settings: dict[str, object] = {
-        "mode": "peer",
-        "listen/endpoints": [endpoints.listen],  # default: all interfaces
-        "connect/endpoints": list(endpoints.connect),
-        # Peers may start later: keep trying, in the background. With a timeout
-        # of 0 zenoh tries once and never again.
-        "connect/timeout_ms": -1,
-        "connect/exit_on_failure": False,
-        "connect/retry": {
-            "period_init_ms": 50,
-            "period_max_ms": 500,
-            "period_increase_factor": 2,
-        },
-        # A stopped process still accepts TCP: give its handshake up after a lease
-        # too (default 10 s), or closing waits for it.
-        "transport/unicast/open_timeout": LEASE_MS,
-        "transport/unicast/accept_timeout": LEASE_MS,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "transport/link/protocols": ["tcp"],
-        "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + 4096,  # default: 1 GiB
-        "transport/link/tx/lease": LEASE_MS,
-        # A blocked put to a hung peer gives it up after this; default: 5 s, in
-        # which nothing reliable would reach the other peers either.
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": LEASE_MS * 1000,
-        "transport/shared_memory/enabled": False,  # loses promoted queries under load
-    }
-    config = zenoh.Config()
-    for key, value in settings.items():
-        config.insert_json5(key, json.dumps(value))
-    return config
 
 
 def ring_size(heads: int) -> int:
@@ -129,31 +81,38 @@ class ZenohTransport:
 
     Parameters
     ----------
-    session : str
-        Name shared by the agents of one print.
+    seal : Seal
+        Of the team; who lacks its secret is not heard.
     head, epoch : int
         Who we are; the liveliness token names both.
-    endpoints : Endpoints
-        Loopback locators.
+    places : sequence of str
+        Where each head listens, as zenoh locators.
     on_drop : callable
         Told the reason of every message that is dropped here.
+    on_shut : callable
+        Told, once for each set of places, that ours cannot be opened. It is tried again and
+        again, until there are other places. None: raise `InputError` instead.
     """
 
     def __init__(
         self,
-        session: str,
+        seal: Seal,
         head: int,
         epoch: int,
-        endpoints: Endpoints,
+        places: Sequence[str],
         *,
         on_drop: Callable[[str], None] = lambda reason: None,
+        on_shut: Callable[[str], None] | None = None,
     ) -> None:
-        self._keys = Keys(session)
+        self._seal, self._keys = seal, Keys(seal)
         self._head = head
         self._epoch = epoch
-        self._endpoints = endpoints
-        self._on_drop = on_drop
-        self._ring = ring_size(1 + len(endpoints.connect))
+        self._places = tuple(places)
+        self._on_drop, self._on_shut = on_drop, on_shut
+        self._ring = ring_size(len(places))
+        self._session: zenoh.Session | None = None
+        self._shut_until: float | None = None  # not open; when to try again
+        self._is_shut_told = False
         self._queue: deque[tuple[str, bytes]] = deque()
         self._queued_bytes = 0
         self._latest: dict[str, bytes] = {}  # unreliable kinds: only the newest waits
@@ -161,6 +120,7 @@ class ZenohTransport:
         self._closing_until: float | None = None
         self._using = threading.Lock()  # a put, or closing and opening the session
         self._was_stopped = False  # long enough for peers to drop us
+        self._stack = ExitStack()
         self._seen: set[tuple[int, int]] = set()  # (head, epoch) said to be here
 
     def __enter__(self) -> Self:
@@ -172,23 +132,34 @@ class ZenohTransport:
         return self
 
     def _open(self) -> None:
-        with ExitStack() as stack:
-            # Always `with`: a session left open by an exception hangs the exit.
-            self._session = stack.enter_context(zenoh.open(configuration(self._endpoints)))
-            self._messages = [
-                self._session.declare_subscriber(
-                    self._keys.all_messages(kind), zenoh.handlers.RingChannel(self._ring)
+        endpoints = Endpoints.mesh(self._places, self._head)
+        try:
+            with ExitStack() as stack:
+                # Always `with`: a session left open by an exception hangs the exit.
+                session = stack.enter_context(open_session(endpoints, self._seal))
+                self._messages = [
+                    session.declare_subscriber(
+                        self._keys.all_messages(kind), zenoh.handlers.RingChannel(self._ring)
+                    )
+                    for kind in KINDS.values()
+                ]
+                self._alive = session.liveliness().declare_subscriber(
+                    self._keys.all_alive, zenoh.handlers.RingChannel(TOKENS), history=True
                 )
-                for kind in KINDS.values()
-            ]
-            self._alive = self._session.liveliness().declare_subscriber(
-                self._keys.all_alive, zenoh.handlers.RingChannel(TOKENS), history=True
-            )
-            token = self._keys.alive(self._head, self._epoch)
-            self._token = self._session.liveliness().declare_token(token)
-            self._stack = stack.pop_all()
+                token = self._keys.alive(self._head, self._epoch)
+                self._token = session.liveliness().declare_token(token)
+                self._stack, self._session = stack.pop_all(), session
+                self._shut_until, self._is_shut_told = None, False
+        except InputError as error:
+            if self._on_shut is None:
+                raise
+            self._shut_until = time.monotonic() + RETRY_S
+            if not self._is_shut_told:
+                self._is_shut_told = True
+                self._on_shut(str(error))
 
     def _close(self) -> None:
+        self._session = None
         try:
             self._stack.close()
         except zenoh.ZError as failed:  # a hung peer; the session is given up all the same
@@ -213,6 +184,15 @@ class ZenohTransport:
         # zenoh raises "Already borrowed" when closed during a put: wait for it.
         self._sender.join(JOIN_S)
         self._close_soon()
+
+    def move(self, places: Sequence[str]) -> None:
+        """Meet the others at other places from the next `receive` on."""
+        self._places, self._is_shut_told = tuple(places), False
+        self._shut_until = 0.0
+
+    def _must_begin_again(self) -> bool:
+        is_due = self._shut_until is not None and time.monotonic() >= self._shut_until
+        return self._was_stopped or is_due
 
     def _begin_again(self) -> list[Arrival]:
         """Open a new session after a stop; all peers are gone until they are seen again.
@@ -245,8 +225,9 @@ class ZenohTransport:
         """Return what arrived, waiting at most `timeout_s` for the first."""
         deadline = time.monotonic() + timeout_s
         while True:
-            arrivals: list[Arrival] = self._begin_again() if self._was_stopped else []
-            arrivals += [*self._presences(), *self._packets()]
+            arrivals: list[Arrival] = self._begin_again() if self._must_begin_again() else []
+            if self._session is not None:
+                arrivals += [*self._presences(), *self._packets()]
             left = deadline - time.monotonic()
             if arrivals or left <= 0:
                 return arrivals
@@ -257,8 +238,8 @@ class ZenohTransport:
         while (sample := self._alive.try_recv()) is not None:
             try:
                 head, epoch = self._keys.parse_alive(str(sample.key_expr))
-            except MessageError:
-                self._on_drop("bad key")
+            except MessageError as error:
+                self._on_drop(f"{FORGED} token" if isinstance(error, ForgedError) else STRANGE)
                 continue
             if head != self._head:
                 here = sample.kind == zenoh.SampleKind.PUT
@@ -279,10 +260,11 @@ class ZenohTransport:
     def _packet(self, sample: zenoh.Sample) -> Packet | None:
         try:
             head, kind = self._keys.parse_message(str(sample.key_expr))
-        except MessageError:
-            self._on_drop("bad key")
+            payload = self._seal.open(sample.payload.to_bytes())
+        except MessageError as error:
+            self._on_drop(f"{FORGED} message" if isinstance(error, ForgedError) else STRANGE)
             return None
-        return None if head == self._head else Packet(head, kind, sample.payload.to_bytes())
+        return None if head == self._head else Packet(head, kind, payload)
 
     def _send_all(self) -> None:
         while (batch := self._next_batch()) is not None:
@@ -317,9 +299,11 @@ class ZenohTransport:
             # BLOCK waits up to 5 s for a hung peer, here and not in planning.
             # Its own priority has its own queue, so bulk never delays commits.
             with self._using:
+                if self._session is None:
+                    return  # no place to speak at; what matters is said again
                 self._session.put(
                     self._keys.message(self._head, kind),
-                    payload,
+                    self._seal.close(payload),
                     congestion_control=control.BLOCK if reliable else control.DROP,
                     priority=priority.INTERACTIVE_HIGH if reliable else priority.DATA,
                     express=reliable,

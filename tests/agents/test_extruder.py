@@ -37,13 +37,42 @@ def test_an_agent_alone_writes_its_plan(tmp_path: Path) -> None:
     assert sorted(written["plans"]["1"]) == list(range(40))
 
 
-def test_options_are_read() -> None:
-    """The launcher speaks to agents by these words."""
-    words = "--head 1 --ports 7001,7002 --fenced 2,3 --seed 4 --session s --controlled"
-    options = options_of(arguments().parse_args(words.split()))
-    assert (options.head, options.ports, options.fenced) == (1, (7001, 7002), (2, 3))
-    assert (options.seed, options.session, options.controlled) == (4, "s", True)
+def test_options_are_read(tmp_path: Path) -> None:
+    """Agents by hand are given addresses, also of other hosts, and a file with their secret."""
+    secret = tmp_path / "secret"
+    secret.write_bytes(b"correct horse battery\n")
+    secret.chmod(0o600)
+    words = "--head 1 --addresses 7001,other:7002 --fenced 2,3 --seed 4 --controlled --secret"
+    options = options_of(arguments().parse_args([*words.split(), str(secret)]))
+    assert (options.head, options.fenced, options.seed) == (1, (2, 3), 4)
+    assert options.meeting is not None and options.controlled
+    assert options.meeting.places == ("tcp/127.0.0.1:7001", "tcp/other:7002")
+    assert options.meeting.secret == b"correct horse battery"
+    assert "horse" not in repr(options)
     assert options.epoch > 1_700_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("content", "mode", "said"),
+    [
+        (None, 0o600, "no secret here: No such file"),
+        ("short", 0o600, "no secret here: a secret of 5 bytes, least 16"),
+        ("long enough, but for all to read", 0o644, "other users may read this secret"),
+        ("x" * 9999, 0o600, "a secret has at most 4096 bytes"),
+    ],
+)
+def test_a_secret_that_is_none_is_refused(
+    tmp_path: Path, content: str | None, mode: int, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whoever reads it may speak for every head."""
+    secret = tmp_path / "secret"
+    if content is not None:
+        secret.write_text(content)
+        secret.chmod(mode)
+    words = ["--head", "0", "--addresses", "7001,7002", "--secret", str(secret)]
+    assert main(words, make_planner=toy()) == 2
+    shown = capsys.readouterr().err
+    assert shown.startswith(f"decmcts: {secret}: {said}") and shown.count("\n") == 1
 
 
 @pytest.mark.slow
@@ -54,7 +83,8 @@ def test_options_are_read() -> None:
         ("--head 0 --pack /nowhere", "decmcts: /nowhere: no problem pack: "),
         ("nowhere.gcode --head 0", "decmcts: nowhere.gcode: no such file"),
         ("--head one", "decmcts: argument --head: invalid int value: 'one'; --help lists"),
-        ("--head 0 --ports x", "decmcts: argument --ports: invalid numbers value: 'x'; --help"),
+        ("--head 0 --addresses x", "decmcts: argument --addresses: invalid addresses value: 'x'"),
+        ("--head 0 --addresses 7001,7002", "decmcts: --addresses without --secret: anybody could"),
         ("--head 0 --silence nan", "decmcts: --silence nan, allowed 1..600 seconds"),
         ("--head 0 --time-limit inf", "decmcts: --time-limit inf, must be at least 0 and finite"),
         ("--head 0 --silence 0.5", "decmcts: --silence 0.5, allowed 1..600 seconds"),

@@ -18,11 +18,13 @@ import pytest
 import zenoh
 
 from agents.launching.crew import Crew
-from agents.launching.spawn import Agreement, Meeting, free_ports, run_agents
+from agents.launching.places import Places
+from agents.launching.spawn import Agreement, run_agents
 from agents.launching.supervisor import AgentStatus, LaunchError
 from agents.messages.codec import MAX_MESSAGE_BYTES
 from agents.messages.keys import Keys
-from agents.networks.zenoh_transport import Endpoints, configuration
+from agents.networks.meeting import Meeting
+from agents.networks.zenoh_session import Endpoints, configured
 from decmcts.search.sequence.stopping import Stopping
 from tests.agents.toy import load_balance
 
@@ -169,39 +171,48 @@ def test_an_agent_told_to_end_says_goodbye_and_the_rest_go_on(
 
 
 def shout(meeting: Meeting, ended: threading.Event) -> None:
-    """Be a hostile neighbour: garbage, forgeries and giants under both heads' keys."""
+    """Be a hostile neighbour who is let in: garbage, forgeries, giants under both heads' keys."""
     rng = np.random.default_rng(3)
-    stranger = Endpoints(
-        f"tcp/127.0.0.1:{free_ports(1)[0]}",
-        tuple(f"tcp/127.0.0.1:{port}" for port in meeting.ports),
-    )
-    config = configuration(stranger)
-    giant = bytes(MAX_MESSAGE_BYTES + 100_000)
-    with zenoh.open(config) as hostile:
+    keys, giant = Keys(meeting.seal), bytes(MAX_MESSAGE_BYTES + 100_000)
+    forged = msgpack.packb(["goodbye", 1, 1, 2**62, "", "forged"])
+    at = [f"unixsock-stream/{Path(meeting.places[0]).parent.name}/none", *meeting.places]
+    with configured(Endpoints(at[0], tuple(at[1:])), meeting.seal) as config:
+        config.insert_json5("listen/endpoints", "[]")
+        hostile = zenoh.open(config)
+    with hostile:
+        tokens = []
         while not ended.wait(0.02):
             for head in (0, 1, 77):
-                key = Keys(meeting.session).message(head, "commit")
+                key = keys.message(head, "commit")
                 hostile.put(key, rng.bytes(int(rng.integers(0, 2000))))
-                hostile.put(key, msgpack.packb(["commit", head, 1, 2, [0, 1], "zz", 9, 1, [0]]))
-                hostile.put(key.replace("commit", "proposal"), b"\xdd\xff\xff\xff\xff")
-            hostile.put(Keys(meeting.session).message(0, "reply"), giant)
+                hostile.put(keys.message(head, "goodbye"), forged)
+                hostile.put(key, meeting.seal.close(b"\xdd\xff\xff\xff\xff"))
+            if len(tokens) < 50:
+                key = keys.alive(1, 2**60 + len(tokens))
+                tokens.append(hostile.liveliness().declare_token(key[:-4] + "abcd"))
+            hostile.put(keys.message(0, "reply"), giant)
 
 
 def has_dropped_much(status: Status) -> bool:
     dropped = status[0].dropped
-    return dropped.get("malformed message of head 1", 0) > 20 and dropped.get("bad key", 0) > 10
+    kinds = ("forged message", "forged token", "malformed message of head 1", "strange key")
+    return all(dropped.get(kind, 0) > 10 for kind in kinds)
 
 
-def test_malformed_and_oversized_messages_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever shares the bus must not stop a print."""
-    meeting, ended = Meeting(free_ports(2), "known"), threading.Event()
-    neighbour = threading.Thread(target=shout, args=(meeting, ended))
-    neighbour.start()
-    try:
-        agreement = run("left,right", monkeypatch, until=Until(has_dropped_much), meeting=meeting)
-    finally:
-        ended.set()
-        neighbour.join()
+def test_forged_malformed_and_oversized_messages_change_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whoever shares the bus must not stop a print; and what was tried is counted."""
+    with Places(2) as places:
+        meeting, over = Meeting(places.fresh(), b"known to the neighbour"), threading.Event()
+        neighbour = threading.Thread(target=shout, args=(meeting, over))
+        neighbour.start()
+        try:
+            until = Until(has_dropped_much)
+            agreement = run("left,right", monkeypatch, until=until, meeting=meeting)
+        finally:
+            over.set()
+            neighbour.join()
     assert_live(agreement, 0, 1)
     assert_complete(agreement)
     assert has_dropped_much(agreement.agents)

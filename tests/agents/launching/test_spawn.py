@@ -6,14 +6,14 @@ import socket
 
 import pytest
 
-from agents.launching import spawn
+from agents.launching import places, spawn
 from decmcts.search.sequence.stopping import Stopping
 
 
 def test_ports_are_different_and_can_be_listened_on() -> None:
-    ports = spawn.free_ports(64)
+    ports = places.free_ports(64)
     assert len(set(ports)) == 64
-    assert set(ports) <= set(spawn.PORTS)
+    assert set(ports) <= set(places.PORTS)
     for port in ports:
         with socket.create_server(("127.0.0.1", port)):
             pass
@@ -23,14 +23,14 @@ def test_outgoing_connections_get_other_ports() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         for _ in range(50):
             with socket.create_connection(server.getsockname()) as client:
-                assert client.getsockname()[1] not in spawn.PORTS
+                assert client.getsockname()[1] not in places.PORTS
 
 
 def test_a_port_in_use_is_not_offered() -> None:
-    with socket.create_server(("127.0.0.1", spawn.free_ports(1)[0])) as server:
+    with socket.create_server(("127.0.0.1", places.free_ports(1)[0])) as server:
         taken = server.getsockname()[1]
         with pytest.raises(OSError, match="no 1 free ports"):
-            spawn.free_ports(1, range(taken, taken + 1))
+            places.free_ports(1, range(taken, taken + 1))
 
 
 @pytest.mark.parametrize("stopping", [Stopping(iterations=9), Stopping(1.0, iterations=9)])

@@ -6,34 +6,39 @@ import pytest
 
 from agents.messages.keys import Keys
 from agents.messages.kinds import MessageError
+from agents.messages.seal import ForgedError
+from tests.agents.sealed import OTHER, SEAL
 
-KEYS = Keys("a1")
+KEYS = Keys(SEAL)
+ROOT = f"decmcts/v3/{SEAL.session}"
 
 
 def test_keys_come_back() -> None:
     """The head in the key is what a message is checked against."""
-    assert KEYS.message(3, "commit") == "decmcts/v2/a1/3/msg/commit"
+    assert KEYS.message(3, "commit") == f"{ROOT}/3/msg/commit"
     assert KEYS.parse_message(KEYS.message(3, "commit")) == (3, "commit")
     assert KEYS.parse_alive(KEYS.alive(3, 17)) == (3, 17)
 
 
-@pytest.mark.parametrize("session", ["", "a/b", "*", "a b", "x" * 65, "$*"])
-def test_a_session_that_would_widen_a_key_expression_is_refused(session: str) -> None:
-    """A wildcard in the name would join strangers' sessions."""
-    with pytest.raises(MessageError):
-        Keys(session)
+@pytest.mark.parametrize(("head", "epoch"), [(3, 18), (2, 17), (3, 2**62)])
+def test_a_token_of_who_lacks_the_secret_is_forged(head: int, epoch: int) -> None:
+    """One of a huge epoch made all agents deaf to the real head."""
+    seal = KEYS.alive(3, 17).rpartition("/")[2]
+    for wrong in (seal, OTHER.of_token(head, epoch), "ab", "\u00e9" * 32):
+        with pytest.raises(ForgedError):
+            KEYS.parse_alive(f"{ROOT}/{head}/alive/{epoch}/{wrong}")
 
 
 @pytest.mark.parametrize(
     "key",
     [
-        "decmcts/v2/a1/64/msg/commit",
-        "decmcts/v2/a1/-1/msg/commit",
-        "decmcts/v2/a1/01/msg/commit",
-        "decmcts/v2/a2/1/msg/commit",
-        "decmcts/v2/a1/1/msg",
-        "decmcts/v2/a1/1/msg/a/b",
-        "decmcts/v2/a1/1/alive/5",
+        f"{ROOT}/64/msg/commit",
+        f"{ROOT}/-1/msg/commit",
+        f"{ROOT}/01/msg/commit",
+        "decmcts/v3/a2/1/msg/commit",
+        f"{ROOT}/1/msg",
+        f"{ROOT}/1/msg/a/b",
+        f"{ROOT}/1/alive/5/ab",
         "",
     ],
 )
@@ -43,7 +48,9 @@ def test_other_message_keys_are_refused(key: str) -> None:
         KEYS.parse_message(key)
 
 
-@pytest.mark.parametrize("key", ["decmcts/v2/a1/1/alive/x", "decmcts/v2/a1/1/msg/commit"])
+@pytest.mark.parametrize(
+    "key", [f"{ROOT}/1/alive/x/ab", f"{ROOT}/1/alive/5", f"{ROOT}/1/msg/commit"]
+)
 def test_other_liveliness_keys_are_refused(key: str) -> None:
     """A token without an incarnation can not be told from an old one."""
     with pytest.raises(MessageError):

@@ -1,0 +1,131 @@
+"""How a zenoh session of an agent is set up: every insecure default is closed here.
+
+Agents are peers with explicit places in a full mesh, because peers do not relay. Nothing
+is discovered, nothing listens anywhere else, and no link opens without the password that
+follows from the team's secret.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+import zenoh
+
+from agents.messages.codec import MAX_MESSAGE_BYTES
+from agents.messages.seal import SEAL_BYTES, Seal
+from agents.networks.meeting import TCP
+from decmcts.errors import InputError
+
+LEASE_MS = 1000
+"""A peer silent for so long is gone; zenoh's default is 10 s."""
+
+USER = "decmcts"
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoints:
+    """Where one agent listens and whom it connects to, as zenoh locators."""
+
+    listen: str
+    connect: tuple[str, ...]
+
+    @staticmethod
+    def mesh(places: Sequence[str], head: int) -> Endpoints:
+        """Return the endpoints of one head of a full mesh, with a place for each."""
+        others = tuple(at for h, at in enumerate(places) if h != head)
+        return Endpoints(places[head], others)
+
+    @property
+    def protocol(self) -> str:
+        """Zenoh's word for the kind of link."""
+        return self.listen.partition("/")[0]
+
+
+def settings(endpoints: Endpoints) -> dict[str, object]:
+    """Return the zenoh settings of an agent, but for its password."""
+    return {
+        "mode": "peer",
+        "listen/endpoints": [endpoints.listen],  # default: all interfaces
+        "connect/endpoints": list(endpoints.connect),
+        # Peers may start later: keep trying, in the background. With a timeout
+        # of 0 zenoh tries once and never again.
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "connect/retry": {
+            "period_init_ms": 50,
+            "period_max_ms": 500,
+            "period_increase_factor": 2,
+        },
+        # A stopped process still accepts TCP: give its handshake up after a lease
+        # too (default 10 s), or closing waits for it.
+        "transport/unicast/open_timeout": LEASE_MS,
+        "transport/unicast/accept_timeout": LEASE_MS,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/link/protocols": [endpoints.protocol],
+        # default: 1 GiB
+        "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES + SEAL_BYTES + 4096,
+        "transport/link/tx/lease": LEASE_MS,
+        # A blocked put to a hung peer gives it up after this; default: 5 s, in
+        # which nothing reliable would reach the other peers either.
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": LEASE_MS * 1000,
+        "transport/shared_memory/enabled": False,  # loses promoted queries under load
+    }
+
+
+@contextmanager
+def configured(endpoints: Endpoints, seal: Seal) -> Iterator[zenoh.Config]:
+    """Yield the configuration of an agent; the file it names is there in the `with` only."""
+    with _dictionary(seal) as file:
+        known = settings(endpoints) | {
+            "transport/auth/usrpwd/user": USER,
+            "transport/auth/usrpwd/password": seal.password,
+            "transport/auth/usrpwd/dictionary_file": file,
+        }
+        config = zenoh.Config()
+        for key, value in known.items():
+            config.insert_json5(key, json.dumps(value))
+        yield config
+
+
+def open_session(endpoints: Endpoints, seal: Seal) -> zenoh.Session:
+    """Open a session at a place.
+
+    Raises
+    ------
+    InputError
+        If nobody can listen there: in the words of this program, not of zenoh.
+    """
+    try:
+        with configured(endpoints, seal) as config:
+            return zenoh.open(config)
+    except (zenoh.ZError, OSError) as error:
+        where = endpoints.listen.partition("/")[2]
+        what = "address" if endpoints.listen.startswith(TCP) else "socket"
+        raise InputError(
+            f"cannot listen at the {what} {where}",
+            advice="another process may have it: name another one to all agents",
+        ) from error
+
+
+@contextmanager
+def _dictionary(seal: Seal) -> Iterator[str]:
+    """Yield the name of a file with the password, which zenoh reads as it opens a session."""
+    line = f"{USER}:{seal.password}\n".encode()
+    if hasattr(os, "memfd_create"):  # in no folder: nobody else opens it, nothing is left
+        descriptor, name = os.memfd_create("decmcts"), ""
+    else:
+        descriptor, name = tempfile.mkstemp(prefix="decmcts-")
+    try:
+        os.write(descriptor, line)
+        yield name or f"/proc/self/fd/{descriptor}"
+    finally:
+        os.close(descriptor)
+        if name:
+            with suppress(OSError):
+                os.unlink(name)
