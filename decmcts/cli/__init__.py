@@ -2,7 +2,8 @@
 
 `commands` has one module a command, `options` what several share; `run` turns every failure
 into one line. `running` shows what `decmcts.planning` reports, on a `console` whose `streams`
-never fail; `lines` says how it went; `signals` stop it.
+never fail and whose `terminal` nothing in a file commands; `lines` says how it went;
+`signals` stop it.
 """
 
 from __future__ import annotations

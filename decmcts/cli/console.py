@@ -15,19 +15,19 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.live import Live
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from decmcts.cli import signals
+from decmcts.cli.terminal import SafeConsole
 from decmcts.planning.events import Event, Heads, Note, Report, Step
 from decmcts.planning.events import Progress as Searched
 from decmcts.print.metrics import Metrics, compared_order
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
-err = Console(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
-out = Console(highlight=False, markup=False, emoji=False)
+err = SafeConsole(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
+out = SafeConsole(highlight=False, markup=False, emoji=False)
 LINE_EVERY_S = 5.0  # of a search, where lines stay
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import traceback
 from collections.abc import Callable
-from unicodedata import category
 
 from typer.exceptions import TyperException
 
@@ -78,7 +77,5 @@ def _failed(error: Exception | str, code: int) -> int:
     """Say what failed in one line; with --debug also where."""
     if os.environ.get("DECMCTS_DEBUG"):
         traceback.print_exc()
-    line = " ".join(f"decmcts: {error}".split())
-    # What comes out of a damaged file must not command the terminal.
-    err.print("".join("?" if category(c) == "Cc" else c for c in line), soft_wrap=True)
+    err.print(" ".join(f"decmcts: {error}".split()), soft_wrap=True)
     return code

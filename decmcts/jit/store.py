@@ -3,8 +3,9 @@
 The folder is named by a digest of all sources that are compiled together: a kernel
 that calls one in another file must not outlive a change there. So files are never
 changed, only made, whole or not at all, by any number of processes at a time. One that
-wants what another is compiling waits for it. Where the folder cannot be written, a
-temporary one takes what is missing for as long as this process and its children live.
+wants what another is compiling waits for it. Where the folder cannot be written, or others
+may put files there (`trust`), a temporary one takes what is missing for as long as this
+process and its children live.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ import shutil
 import sys
 import tempfile
 import time
+from functools import cache
 from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core.serialize import dumps
+
+from decmcts.jit.trust import is_ours, only_ours_beneath
 
 if sys.platform != "win32":
     import fcntl
@@ -42,9 +46,13 @@ def cache_home() -> Path:
     """Return the folder of all versions' machine code; `NUMBA_CACHE_DIR` overrides it."""
     if _config.CACHE_DIR:
         return Path(_config.CACHE_DIR)
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    home = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(home):  # then it is to be ignored, says the XDG specification
+        home = os.path.expanduser("~/.cache")
     if sys.platform == "win32":
         home = os.environ.get("LOCALAPPDATA", home)
+    if not os.path.isabs(home):  # no home: `~` stands there still
+        return temporary_folder() or _maketemporary_folder()
     return Path(home) / "decmcts"
 
 
@@ -70,10 +78,11 @@ class Store:
     def read(self, key: Key) -> Any:
         """Return what was kept under a key, None if nothing was or the file is damaged."""
         for folder in (self.folder, temporary_folder()):
-            if folder is None:
+            if folder is None or not _trusted(folder):
                 continue
             try:
-                content = (folder / _name(key)).read_bytes()
+                with (folder / _name(key)).open("rb") as file:
+                    content = file.read() if is_ours(os.fstat(file.fileno())) else b""
             except OSError:
                 continue
             if blake2b(content[_DIGEST:], digest_size=_DIGEST).digest() == content[:_DIGEST]:
@@ -126,11 +135,13 @@ class Store:
     def _writable(self) -> Path:
         """Return the folder, made; the temporary one where that cannot be."""
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            if os.access(self.folder, os.W_OK):
-                self._mark_used()
-                return self.folder
-            raise PermissionError(13, os.strerror(13), str(self.folder))
+            _make_private(self.folder)
+            if not os.access(self.folder, os.W_OK):
+                raise PermissionError(13, os.strerror(13), str(self.folder))
+            if not _trusted(self.folder):
+                raise PermissionError(1, "others may put files there", str(self.folder))
+            self._mark_used()
+            return self.folder
         except OSError as error:
             Store.unwritable = Store.unwritable or error
             return temporary_folder() or _maketemporary_folder()
@@ -140,6 +151,20 @@ class Store:
             self._used = True
             with contextlib.suppress(OSError):  # read only, so nobody will remove it
                 os.utime(self.folder)
+
+
+@cache
+def _trusted(folder: Path) -> bool:
+    """Tell whether nobody else may have put machine code into a folder; asked once a process."""
+    return only_ours_beneath(folder)
+
+
+def _make_private(folder: Path) -> None:
+    """Make a folder and those above it that are missing, for this user only."""
+    if folder.is_dir():
+        return
+    _make_private(folder.parent)
+    folder.mkdir(mode=0o700, exist_ok=True)
 
 
 def remove_unused(home: Path, *, now: float | None = None) -> list[Path]:

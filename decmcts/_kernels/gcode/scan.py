@@ -23,10 +23,11 @@ NO_NUMBER = 1  # a parameter without its number
 BAD_NUMBER = 2  # 1.2.3
 EXTRA_AXIS = 3  # A, B, C, U, V, W on a move
 BAD_CHARACTER = 4
+EXPONENT = 5  # 1e5: one number to some firmwares, 1 and a word E5 to others
 
 
 @kernel
-def parse_number(text: NDArray[np.uint8], at: int, end: int, exponent: bool) -> Any:
+def parse_number(text: NDArray[np.uint8], at: int, end: int) -> Any:
     """Return (value, next position, decimals); next == at when there is no number.
 
     Exact to the last bit for up to 15 digits: one integer divided by a power of ten.
@@ -53,28 +54,22 @@ def parse_number(text: NDArray[np.uint8], at: int, end: int, exponent: bool) -> 
         i += 1
     if digits == 0:
         return 0.0, at, 0
-    power = -decimals
-    if exponent and i < end and text[i] == 101:
-        shift, after = _exponent(text, i + 1, end)
-        if after > i + 1:
-            power += shift
-            i = after
-    value = mantissa / 10.0 ** (-power) if power < 0 else mantissa * 10.0**power
-    return (-value if negative else value), i, max(0, -power)
+    value = mantissa / 10.0**decimals if decimals > 0 else mantissa * 10.0 ** (-decimals)
+    return (-value if negative else value), i, max(0, decimals)
 
 
 @kernel
-def _exponent(text: NDArray[np.uint8], at: int, end: int) -> Any:
-    """Return (exponent, next position); next == at when there is none."""
-    i, sign, value = at, 1, 0
+def has_exponent(text: NDArray[np.uint8], at: int, end: int) -> bool:
+    """Tell whether an `e` and a number stand right behind a number that ends at `at`.
+
+    Only the small letter: `X1E5` is two words, as files without blanks have them.
+    """
+    if at >= end or text[at] != 101:
+        return False
+    i = at + 1
     if i < end and (text[i] == 45 or text[i] == 43):
-        sign = -1 if text[i] == 45 else 1
         i += 1
-    first = i
-    while i < end and 48 <= text[i] <= 57:
-        value = min(value * 10 + (int(text[i]) - 48), 400)
-        i += 1
-    return (sign * value, i) if i > first else (0, at)
+    return bool(i < end and 48 <= text[i] <= 57)
 
 
 @kernel
@@ -121,20 +116,25 @@ def _parameters(
     at: int,
     end: int,
     strict: bool,
-    exponent: bool,
+    small: bool,
     values: NDArray[np.float64],
     decimals: NDArray[np.int64],
 ) -> int:
-    """Write the parameters of one command into `values`; return the fault, or FINE."""
+    """Write the parameters of one command into `values`; return the fault, or FINE.
+
+    In a command in `small` letters `x1e5` is two words, but not `e1e5`.
+    """
     i = _skip_blank(text, at, end)
     while i < end and text[i] != 42:
         letter = text[i] & 0xDF
         if not 65 <= letter <= 90:
             return BAD_CHARACTER
         i = _skip_blank(text, i + 1, end)
-        value, after, places = parse_number(text, i, end, exponent)
+        value, after, places = parse_number(text, i, end)
         if after == i and strict:
             return NO_NUMBER
+        if after > i and not (small and letter != 69) and has_exponent(text, after, end):
+            return EXPONENT
         i = after
         if i < end and text[i] == 46:
             return BAD_NUMBER
@@ -155,7 +155,7 @@ def _after_line_number(text: NDArray[np.uint8], at: int, end: int) -> int:
     i = _skip_blank(text, at, end)
     if i < end and (text[i] & 0xDF) == 78:
         j = _skip_blank(text, i + 1, end)
-        _, after, _ = parse_number(text, j, end, False)
+        _, after, _ = parse_number(text, j, end)
         if after > j:
             return _skip_blank(text, after, end)
     return i
@@ -195,7 +195,7 @@ def scan_lines(
             continue
         first = text[i] & 0xDF
         letter[n] = OTHER
-        number, after, places = parse_number(text, i + 1, end, False)
+        number, after, places = parse_number(text, i + 1, end)
         known = first == 71 or first == 77 or first == 84
         if not known or after == i + 1 or places > 1 or number < 0 or number > 1e6:
             continue
@@ -203,4 +203,4 @@ def scan_lines(
         code[n] = int(number * 10 + 0.5)
         if _wants_values(first, code[n]):
             motion = first == 71 and code[n] <= 30
-            fault[n] = _parameters(text, after, end, motion, text[i] == first, values[n], decimals)
+            fault[n] = _parameters(text, after, end, motion, text[i] != first, values[n], decimals)

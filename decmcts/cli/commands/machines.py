@@ -11,6 +11,7 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import out, print_json
 from decmcts.errors import InputError
+from decmcts.formats.files.names import as_file_name
 from decmcts.formats.machines.machine_file import load_machine, preset_names
 from decmcts.print.machine import Machine
 
@@ -37,7 +38,7 @@ def machines(
         from sim.pictures.machine_picture import draw_machine  # takes a second to load
 
         assert draw is not None
-        draw_machine(m, draw / f"{m.name}.png")
+        draw_machine(m, draw / f"{as_file_name(m.name)}.png")
     if as_json:
         print_json("decmcts-machines/1", {"machines": [facts(m) for m in listed]})
         return

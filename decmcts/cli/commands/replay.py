@@ -11,9 +11,9 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, TextIO
+from typing import Annotated, TextIO
 
 import typer
 from rich.box import SIMPLE
@@ -24,11 +24,18 @@ from agents.launching.supervisor import AgentStatus
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out
 from decmcts.errors import InputError
+from decmcts.formats.files.bounds import LARGEST_SECONDS
+from decmcts.formats.files.fields import Fields, shown
+from decmcts.formats.files.reading import read_bytes
 from decmcts.planning.events import Heads
 
 FORMAT = "decmcts-record/1"
 BEGINS = json.dumps({"format": FORMAT})[:-1]
+LONGEST_S = 31 * 86400.0  # a launch searches 30 days at the most
+PAUSE_S = 10.0  # the longest that is waited for the next state: a launch shows one each second
+MOST_HEADS, MOST_COUNTED, MOST_LETTERS = 2**10, 2**53, 200
 Keep = Callable[[Heads], None]
+State = tuple[float, tuple[AgentStatus, ...]]  # seconds since the first, and all agents
 
 
 def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
@@ -90,50 +97,83 @@ def recording(path: Path | None) -> Iterator[Keep]:
         yield keep
 
 
-def read_record(path: Path) -> tuple[float, list[tuple[float, tuple[AgentStatus, ...]]]]:
+def read_record(path: Path) -> tuple[float, list[State]]:
     """Return the bound and the states of a recording; InputError where it is none, or damaged."""
-    text = ""
-    states: list[tuple[float, tuple[AgentStatus, ...]]] = []
-    try:
-        text = path.read_text(encoding="utf-8")
-        first, *rest = text.splitlines()
-        head = json.loads(first)
-        if head["format"] != FORMAT:
-            raise InputError(f"format {head['format']!r}, expected {FORMAT}", path=path, line=1)
-        bound_s = float(head["bound_s"])
-        states.extend(_state(json.loads(line)) for line in rest)  # keeps those above a bad one
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", path=path) from error
-    except (
-        ValueError,
-        TypeError,
-        KeyError,
-        AttributeError,
-        ArithmeticError,
-        RecursionError,
-    ) as error:
-        if not text.startswith(BEGINS):
-            raise InputError(
-                "is no recording of a launch",
-                path=path,
-                advice="`decmcts launch --record FILE` makes one",
-            ) from error
-        at = len(states) + 2 if "\n" in text else 1
-        raise InputError("this recording is damaged (cut off?)", path=path, line=at) from error
+    text = read_bytes(path)
+    first, *rest = text.split(b"\n")
+    if not first.startswith(BEGINS.encode()):
+        raise InputError(
+            "is no recording of a launch",
+            path=path,
+            advice="`decmcts launch --record FILE` makes one",
+        )
+    with _told_by(path, 1):
+        head = Fields.of(json.loads(first), "", path)
+        if head.text("format") != FORMAT:
+            raise InputError(f"format {shown(head.need('format'))}, expected {FORMAT}", path=path)
+        bound_s = head.number("bound_s", least=0.0, most=LARGEST_SECONDS)
+    states = list[State]()
+    for number, line in enumerate(rest, 2):
+        if not line and number == len(rest) + 1:
+            break  # behind the last line end
+        with _told_by(path, number):
+            states.append(_state(Fields.of(json.loads(line), "", path), states))
     return bound_s, states
 
 
-def _state(line: dict[str, Any]) -> tuple[float, tuple[AgentStatus, ...]]:
-    """Return one state; what cannot be shown raises ValueError, TypeError or KeyError."""
-    known = {field.name for field in fields(AgentStatus)}
-    agents = tuple(
-        AgentStatus(**{k: v for k, v in a.items() if k in known}) for a in line["agents"]
+@contextmanager
+def _told_by(path: Path, line: int) -> Iterator[None]:
+    """Turn whatever is wrong with a line of a recording into one line that names it."""
+    try:
+        yield
+    except (InputError, ValueError, RecursionError) as error:
+        what = f": {error.what}" if isinstance(error, InputError) else " (cut off?)"
+        raise InputError(f"this recording is damaged{what}", path=path, line=line) from error
+
+
+def _state(given: Fields, before: list[State]) -> State:
+    """Return one state: times do not fall, and none is beyond the longest search."""
+    least = before[-1][0] if before else 0.0
+    at_s = given.number("at_s", least=least, most=LONGEST_S)
+    return at_s, tuple(_agent(table) for table in given.tables("agents"))
+
+
+def _agent(given: Fields) -> AgentStatus:
+    """Return what one agent did, as far as it is shown."""
+    return AgentStatus(
+        head=given.integer("head", least=0, below=MOST_HEADS),
+        name=_words(given, "name"),
+        phase=_words(given, "phase"),
+        rounds=given.integer("rounds", least=0, below=MOST_COUNTED),
+        best_makespan_s=_seconds(given, "best_makespan_s"),
+        elapsed_s=_seconds(given, "elapsed_s"),
+        entropy=given.number("entropy"),
+        sent=_counts(given, "sent"),
+        sent_bytes=_counts(given, "sent_bytes"),
+        received=_counts(given, "received"),
+        received_bytes=_counts(given, "received_bytes"),
     )
-    at_s = float(line["at_s"])
-    if not math.isfinite(at_s):
-        raise ValueError(f"at_s is {at_s}")
-    agents_table(agents, 1.0)
-    return at_s, agents
+
+
+def _words(given: Fields, key: str) -> str:
+    """Return a text that fits a table."""
+    text = given.text(key)
+    if len(text) > MOST_LETTERS:
+        given.fail(key, f"has {len(text)} letters, at most {MOST_LETTERS} are shown")
+    return text
+
+
+def _seconds(given: Fields, key: str) -> float:
+    """Return a time, which is infinite as long as there is none."""
+    if given.values.get(key) == math.inf:
+        return math.inf
+    return given.number(key, least=0.0)
+
+
+def _counts(given: Fields, key: str) -> dict[str, int]:
+    """Return how many there were of each kind."""
+    table = given.table(key)
+    return {str(kind): table.integer(kind, least=0, below=MOST_COUNTED) for kind in table.values}
 
 
 @app.command()
@@ -145,9 +185,10 @@ def replay(
     bound_s, states = read_record(source)
     if not states:
         raise InputError("holds no state: the launch ended before its agents began", path=source)
-    begun = time.monotonic()
+    due_s, before_s, begun = 0.0, 0.0, time.monotonic()
     with Live(console=err, transient=True, refresh_per_second=8) as live:
         for at_s, agents in states:
-            time.sleep(max(0.0, at_s / speed - (time.monotonic() - begun)))
+            due_s, before_s = due_s + min((at_s - before_s) / speed, PAUSE_S), at_s
+            time.sleep(max(0.0, due_s - (time.monotonic() - begun)))
             live.update(agents_table(agents, bound_s))
     out.print(agents_table(states[-1][1], bound_s))

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
 from decmcts.formats.files.fields import Fields, fail, numbers, points, shown
-from decmcts.formats.files.reading import once
+from decmcts.formats.files.reading import once, read_bytes
 
 QCSP_SUFFIXES = (".qcsp", ".qcsp.gz")
 COLLECTION_SUFFIXES = (".json", ".json.gz")
@@ -154,11 +154,7 @@ def _in_collection(path: Path) -> tuple[Path, str] | None:
 def _json(source: Path) -> Any:
     """Return what a JSON file holds, unpacked."""
     try:
-        return json.loads(unpacked(source.read_bytes(), source), object_pairs_hook=once(source))
-    except FileNotFoundError as error:
-        raise InputError("no such file", path=source) from error
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=source) from error
+        return json.loads(unpacked(read_bytes(source), source), object_pairs_hook=once(source))
     except (ValueError, RecursionError) as error:
         what = str(error) if isinstance(error, json.JSONDecodeError) else "bytes that are no text"
         raise InputError(f"no JSON ({what})", path=source) from error

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.formats.files.bounds import unpacked
+from decmcts.formats.files.reading import read_bytes
 
 SOP_SUFFIXES = (".sop", ".sop.gz")
 MOST_NODES = 20_000  # 3.2 GB of costs
@@ -81,15 +82,11 @@ def tour_text(*, name: str, order: NDArray[np.int32], cost: float) -> bytes:
 def _text(source: Path) -> str:
     """Return the content of a file, unpacked."""
     try:
-        return unpacked(source.read_bytes(), source).decode("ascii")
-    except FileNotFoundError as error:
-        raise InputError("no such file", path=source) from error
+        return unpacked(read_bytes(source), source).decode("ascii")
     except UnicodeDecodeError as error:
         raise InputError(
             f"byte {error.start} is no text", path=source, advice="give a TSPLIB .sop file"
         ) from error
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", path=source) from error
 
 
 def _bare(lines: list[str], source: Path) -> tuple[int, int] | None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from decmcts.errors import InputError
-from decmcts.formats.files.bounds import UNPACKED_FREE, UNPACKED_MOST, UNPACKED_TIMES
+from decmcts.formats.files.bounds import UNPACKED_FREE, UNPACKED_TIMES, refuse_larger
 from decmcts.formats.files.reading import first_twice
 
 MAGIC = b"PK\x03\x04"
@@ -86,14 +86,16 @@ class Archive:
             self._damaged(f"it has no member {name!r}")
         if member.flags & _ENCRYPTED:
             raise InputError(f"{name} is encrypted", path=self._path, advice="export it again")
-        most = min(max(UNPACKED_FREE, UNPACKED_TIMES * member.packed), UNPACKED_MOST)
+        most = max(UNPACKED_FREE, UNPACKED_TIMES * member.packed)
         if member.size > most:
             raise InputError(
                 f"{name}: {member.packed:,} bytes unpack to {member.size:,}, so this is no print",
                 path=self._path,
                 advice="unpack it and look",
             )
-        data = self._raw[self._data_begin(member) :][: member.packed]
+        refuse_larger(member.size, self._path)
+        begin = self._data_begin(member)
+        data = self._raw[begin : begin + member.packed]
         content = self._inflated(member, data)
         if len(content) != member.size or zlib.crc32(content) != member.crc:
             self._damaged(f"the checksum of {name} is wrong")

@@ -6,11 +6,15 @@ devices and pipes are refused: putting a file in their place would destroy them.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 from pathlib import Path
 
 from decmcts.errors import InputError
+
+NAME_BYTES = 255  # of a name on most file systems
+BEGIN_BYTES = 80  # of a file's name, which that of its draft begins with: it is no longer
 
 
 def write_whole(path: Path | str, content: bytes) -> None:
@@ -24,7 +28,8 @@ def write_whole(path: Path | str, content: bytes) -> None:
     try:
         target = Path(path).resolve()
         refuse_special(target)
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name[:80]}.", dir=target.parent)
+        begin = target.name.encode("utf-8", "replace")[:BEGIN_BYTES].decode("utf-8", "ignore")
+        handle, temporary = tempfile.mkstemp(prefix=f".{begin}.", dir=target.parent)
     except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
         raise _unwritable(path, error) from error
     try:
@@ -44,6 +49,19 @@ def refuse_special(path: Path) -> None:
     """Raise InputError for what exists and is neither a file nor a folder."""
     if path.exists() and not path.is_file() and not path.is_dir():
         raise InputError("a device or pipe is no file to write", path=path, advice="name a file")
+
+
+def refuse_long_name(path: Path) -> None:
+    """Raise InputError for a name that is longer than the file system takes."""
+    most = NAME_BYTES
+    with contextlib.suppress(OSError, ValueError, AttributeError):  # Windows, or no such folder
+        most = os.pathconf(path.parent, "PC_NAME_MAX")
+    size = len(os.fsencode(path.name))
+    if size > most:
+        raise InputError(
+            f"the name has {size} bytes, at most {most} are possible here", path=path,
+            advice="name a shorter one",
+        )  # fmt: skip
 
 
 def _unwritable(path: Path | str, error: Exception) -> InputError:

@@ -20,9 +20,25 @@ LARGEST_ACCELERATION_MM_S2 = 1e7
 LARGEST_SECONDS = 1e7  # of one print: 115 days
 UNPACKED_FREE = 64 * 2**20  # bytes that any gzipped file may hold
 UNPACKED_TIMES = 100  # a larger one may hold this many times its own size
-UNPACKED_MOST = 4 * 2**30  # bytes
+MEMORY_MOST = 4 * 2**30  # bytes that any command may need
+MEMORY_TIMES = 25  # what planning needs, over the size of its file
+LARGEST_BYTES = MEMORY_MOST // MEMORY_TIMES  # of a file, unpacked
 _GZIP_MAGIC = b"\x1f\x8b"
-_BLOCK = 2**20
+_BLOCK, _FED = 2**20, 2**12  # bytes unpacked and given at a time
+
+
+def refuse_larger(size: int, path: Path | str | None) -> None:
+    """Raise InputError for a file of more than `LARGEST_BYTES`, unpacked.
+
+    The one place where what would need too much memory is refused before it is taken.
+    """
+    if size > LARGEST_BYTES:
+        raise InputError(
+            f"holds over {LARGEST_BYTES / 2**20:.0f} MiB, and it takes about {MEMORY_TIMES} times "
+            f"as much memory to plan: {MEMORY_MOST / 2**30:.0f} GiB is the limit",
+            path=path,
+            advice="split the print",
+        )
 
 
 def unpacked(raw: bytes, path: Path | str, *, free: int = UNPACKED_FREE) -> bytes:
@@ -37,7 +53,7 @@ def unpacked(raw: bytes, path: Path | str, *, free: int = UNPACKED_FREE) -> byte
     """
     if not raw.startswith(_GZIP_MAGIC):
         return raw
-    most = min(max(free, UNPACKED_TIMES * len(raw)), UNPACKED_MOST)
+    most = max(free, UNPACKED_TIMES * len(raw))
     try:
         return _inflated(raw, most, path)
     except zlib.error as error:
@@ -46,19 +62,21 @@ def unpacked(raw: bytes, path: Path | str, *, free: int = UNPACKED_FREE) -> byte
 
 def _inflated(raw: bytes, most: int, path: Path | str) -> bytes:
     """Unpack all members of a gzip file, `most` bytes at the most."""
-    whole, rest = io.BytesIO(), raw
-    while rest.startswith(_GZIP_MAGIC):
+    whole, at = io.BytesIO(), 0
+    while raw.startswith(_GZIP_MAGIC, at):
         member = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)
         while not member.eof:
-            block = member.decompress(rest, _BLOCK)
-            rest = member.unused_data if member.eof else member.unconsumed_tail
+            fed = raw[at : at + _FED]  # what is left of it is copied: little, also of many members
+            block = member.decompress(fed, _BLOCK)
+            at += len(fed) - len(member.unused_data if member.eof else member.unconsumed_tail)
             if whole.tell() + len(block) > most:
                 raise InputError(
                     f"{len(raw):,} bytes unpack to more than {most:,}, so this is no print",
                     path=path,
                     advice="unpack it and look",
                 )
+            refuse_larger(whole.tell() + len(block), path)
             whole.write(block)
-            if not block and not rest and not member.eof:
+            if not block and not fed and not member.eof:
                 raise InputError("damaged gzip data (it ends too early)", path=path)
     return whole.getvalue()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import stat
 import sys
 import tomllib
 from collections import Counter
@@ -13,17 +15,42 @@ from pathlib import Path
 from typing import Any
 
 from decmcts.errors import InputError
+from decmcts.formats.files.bounds import LARGEST_BYTES, refuse_larger
 from decmcts.formats.files.fields import shown
 
+_A_FILE = "save what it gives in a file, and name that"
 _AT_LINE = re.compile(r"\(at line (\d+), column \d+\)")
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return what a file holds; raises InputError where it cannot be read."""
+    """Return what a file holds, `LARGEST_BYTES` at the most.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be read or is no ordinary file: a device may never end, and a pipe waits
+        for somebody to write.
+    """
     try:
-        return path.read_bytes()
+        require_file(path)
+        with open(path, "rb", opener=_without_waiting) as file:
+            content = file.read(LARGEST_BYTES + 1)
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", path=path) from error
+    refuse_larger(len(content), path)
+    return content
+
+
+def require_file(path: Path) -> None:
+    """Raise InputError for a device, pipe or socket, and OSError where nothing is there."""
+    mode = os.stat(path).st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a folder is said in the system's words
+        raise InputError("is a device, pipe or socket and no file", path=path, advice=_A_FILE)
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    """Open a file, also one that has become a pipe meanwhile."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
 
 
 def read_json(path: Path, kind: str) -> Mapping[str, Any]:

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.errors import InputError
+from decmcts.formats.files.names import in_one_line
 from decmcts.print.machine import Head, Machine, Slice
 
 __all__ = ["Clearances", "Setting", "clearance_head", "clearance_machine", "read_clearances"]
@@ -133,7 +134,7 @@ def clearance_machine(found: Clearances, *, source: str) -> Machine:
     across = float(np.subtract(high, low).max())
     head = clearance_head(found.radius, found.nozzle or 0.0, found.rod, across)
     return Machine(
-        name=f"{found.printer or 'printer'} by its clearances",
+        name=f"{in_one_line(found.printer)[:100] or 'printer'} by its clearances",
         bed_min=low,
         bed_max=high,
         heads=(Head("head", head, park=(*low, 0.0)),),

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from decmcts.formats.files.fields import Fields, shown
+from decmcts.formats.files.names import in_one_line
 from decmcts.formats.heads.head_dict import head_from, head_to_dict
 from decmcts.formats.heads.lengths import pair, size
 from decmcts.formats.heads.limits_dict import limits_from, limits_to_dict
@@ -20,6 +21,7 @@ from decmcts.formats.machines.machine_relations import AXES, check_relations
 from decmcts.print.machine import Machine, MotionLimits, Rail, Release
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 
+_LONGEST_NAME = 200
 _RELEASES = ("point", "action")
 _MACHINE_KEYS = (
     "name",
@@ -92,7 +94,7 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
     defaults = Machine("", (0.0, 0.0), (0.0, 0.0), ())
     limits = limits_from(given, MotionLimits())
     machine = Machine(
-        name=given.text("name"),
+        name=_name(given),
         source=given.text("source", ""),
         bed_min=pair(bed, "min"),
         bed_max=pair(bed, "max"),
@@ -110,6 +112,17 @@ def machine_from_dict(values: Any, *, where: str = "", path: Path | str | None =
     )
     check_relations(machine, given)
     return machine
+
+
+def _name(given: Fields) -> str:
+    """Return the name of a machine, which stands in a comment of each file made for it."""
+    name = given.text("name")
+    if name != in_one_line(name) or len(name) > _LONGEST_NAME:
+        given.fail(
+            "name", f"{shown(name)} is no name",
+            f"up to {_LONGEST_NAME} letters, single blanks, no line ends or controls",
+        )  # fmt: skip
+    return name
 
 
 def _release(given: Fields) -> Release:

@@ -20,6 +20,7 @@ from decmcts.formats.gcode.controller.limits import stated_limits
 from decmcts.formats.heads.clearances import Setting, clearance_machine, read_clearances
 from decmcts.print.machine import Machine, MotionLimits
 
+MOST_INHERITED = 500  # sections, of several parents each and theirs
 LONGEST_CHAIN = 20  # profiles that inherit from each other; OrcaSlicer's have four
 SHOWN = 8  # names in a message
 _SECTION = re.compile(r"^\[(.*)\]\s*$")
@@ -59,6 +60,8 @@ def machine_from_json(path: Path, profile: Mapping[str, Any]) -> Machine:
 
 def _inherited(name: str, file: Path, path: Path) -> Path:
     """Return the file of the profile another inherits from."""
+    if "/" in name or "\\" in name:
+        raise InputError(f"inherits from {name!r}, which is a path and no name", path=path)
     places = [file.parent / f"{name}.json", file.parent / "base" / f"{name}.json"]
     for folder in list(file.resolve().parents)[:5]:
         places += sorted((folder / "system").glob("*/machine"))
@@ -137,7 +140,9 @@ def _sections(path: Path) -> dict[str, Settings]:
 def _resolved(name: str, sections: Mapping[str, Settings], path: Path) -> Settings:
     """Return a printer's settings with those it inherits, its own last."""
     settings: Settings = {}
-    for section in _chain(name, sections, path, depth=0):
+    for count, section in enumerate(_chain(name, sections, path, depth=0)):
+        if count > MOST_INHERITED:
+            raise InputError(f"printer {name!r} inherits {MOST_INHERITED} times", path=path)
         settings.update(section)
     return settings
 

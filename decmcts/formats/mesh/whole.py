@@ -16,9 +16,9 @@ import numpy as np
 import trimesh
 
 from decmcts.errors import InputError
+from decmcts.formats.files.bounds import refuse_larger
 
 _HEADER, _TRIANGLE = 84, 50  # bytes of a binary STL
-_MOST_UNPACKED = 4 * 2**30  # bytes of a 3MF
 _AGAIN = "copy the file again, or export the model again"
 _VERTEX = re.compile(rb"vertex[ \t]+(\S+)[ \t]+(\S+)[ \t]+(\S+)", re.I)
 
@@ -126,11 +126,7 @@ def _require_model(content: bytes, path: Path) -> None:
     if not any(entry.filename.lower().endswith(".model") for entry in entries):
         raise InputError("is a zip archive without a 3MF model", path=path, advice=_AGAIN)
     unpacked = sum(entry.file_size for entry in entries)
-    if unpacked > _MOST_UNPACKED:
-        raise InputError(
-            f"unpacks to {unpacked / 2**30:.1f} GiB, at most {_MOST_UNPACKED / 2**30:g} are read",
-            path=path,
-        )
+    refuse_larger(unpacked, path)
 
 
 def _text(content: bytes, path: Path) -> bytes:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from decmcts.errors import InputError
+from decmcts.formats.files.reading import require_file
 from decmcts.formats.gcode import GcodeDocument, read_gcode
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.machines.machine_file import load_machine
@@ -46,11 +47,12 @@ def read_source(
     plate: int | None = None,
 ) -> Source:
     """Read `path` for a machine; see `decmcts.planning.read.read`."""
+    if not path.exists():
+        raise InputError("no such file", path=path)
+    require_file(path)
     chosen, origin = machine_for(machine, path, plate)
     if origin:
         report(Note(origin))
-    if not path.exists():
-        raise InputError("no such file", path=path)
     from_mesh = is_mesh(path)
     if from_mesh and plate is not None:
         raise InputError(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from decmcts.errors import InputError, VerificationError
-from decmcts.formats.files.atomic import refuse_special, write_whole
+from decmcts.formats.files.atomic import refuse_long_name, refuse_special, write_whole
 from decmcts.formats.gcode.text.source_text import (
     PACKED_SUFFIXES,
     load_text,
@@ -58,6 +58,7 @@ def refuse_place(path: Path, *, advice: str = "name another output") -> None:
     folder = Path(os.path.realpath(path)).parent
     if not folder.is_dir():
         raise InputError("no such folder", path=folder, advice="make it, or name another output")
+    refuse_long_name(path)
     if path.is_dir():
         raise InputError("the output is a folder", path=path, advice="name a file")
     refuse_special(path)

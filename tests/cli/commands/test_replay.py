@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from io import StringIO
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 
 from agents.launching.supervisor import AgentStatus
 from decmcts.cli.app import app
+from decmcts.cli.commands import replay
 from decmcts.cli.commands.replay import agents_table, read_record, recording
 from decmcts.errors import InputError
 from decmcts.planning.events import Heads
@@ -85,6 +87,16 @@ def test_a_recording_that_was_cut_off_is_damaged(tmp_path: Path, cut: int) -> No
         ('"sent": {', '"sent": {"hello": null, '),
         ('"at_s": ', '"at_s": Infinity, "was": '),
         ('"agents": [', '"agents": [3, '),
+        ('"at_s": ', '"at_s": 1e300, "was": '),
+        ('"at_s": ', '"at_s": 1e9, "was": '),
+        ('"at_s": ', '"at_s": NaN, "was": '),
+        ('"at_s": ', '"at_s": -1, "was": '),
+        ('"at_s": ', '"at_s": "1", "was": '),
+        ('"phase": "planning"', '"phase": ["x"]'),
+        ('"name": "left"', '"name": null'),
+        ('"name": "left"', '"name": "' + "left" * 100 + '"'),
+        ('"rounds": 3', '"rounds": 1e999'),
+        ('"rounds": 3', '"round": 3'),
     ],
 )
 def test_a_recording_whose_figures_are_none_is_damaged(
@@ -99,3 +111,29 @@ def test_a_recording_whose_figures_are_none_is_damaged(
     path.write_text(whole.replace(said, instead))
     with pytest.raises(InputError, match=r"launch\.jsonl:2: this recording is damaged"):
         read_record(path)
+
+
+def test_times_of_a_recording_do_not_fall(tmp_path: Path) -> None:
+    """Nothing that a launch writes does."""
+    path = tmp_path / "launch.jsonl"
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+    head, state = path.read_text().splitlines()
+    late, early = (re.sub(r'"at_s": [0-9.]+', f'"at_s": {at}', state) for at in (5, 4))
+    path.write_text("\n".join([head, late, early, ""]))
+    with pytest.raises(InputError, match=r"launch\.jsonl:3: this recording is damaged"):
+        read_record(path)
+
+
+def test_no_state_is_waited_for_longer_than_a_while(tmp_path, monkeypatch) -> None:
+    """A launch that was stopped for a day in between is shown in seconds."""
+    path, slept = tmp_path / "launch.jsonl", list[float]()
+    with recording(path) as keep:
+        keep(Heads((LEFT,), 100.0))
+    head, state = path.read_text().splitlines()
+    at = [re.sub(r'"at_s": [0-9.]+', f'"at_s": {s}', state) for s in (0, 2, 86402, 86404)]
+    path.write_text("\n".join([head, *at, ""]))
+    monkeypatch.setattr(replay.time, "sleep", slept.append)
+    monkeypatch.setattr(replay.time, "monotonic", lambda: 0.0)
+    assert CliRunner().invoke(app, ["replay", str(path), "--speed", "1"]).exit_code == 0
+    assert slept == [0.0, 2.0, 12.0, 14.0]

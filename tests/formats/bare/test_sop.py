@@ -113,7 +113,7 @@ def test_damaged_and_missing_files_are_named(tmp_path: Path) -> None:
     path.write_bytes(gzip.compress((HEAD + ROWS).encode())[:40])
     with pytest.raises(InputError, match=r"tiny\.sop\.gz: damaged"):
         read_sop(path)
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match=r"(?i)no such file"):
         read_sop(tmp_path / "none.sop")
     (tmp_path / "b.sop").write_bytes(bytes(range(256)))
     with pytest.raises(InputError, match="no text"):

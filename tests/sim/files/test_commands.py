@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from decmcts.formats.gcode import read_gcode, write_gcode
@@ -11,6 +12,7 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.verifying.judge import judge
 from decmcts.print.toolpath import Toolpath
 from sim.faults import FaultKind, Verdict
+from sim.files.commands import check_commands
 from sim.files.written import verify_written
 from tests.direct_actions import direct_actions
 
@@ -161,3 +163,26 @@ def test_verify_sees_foreign_commands(made):
     spoil(made, "G1 X150", "M84\nG1 X150")
     verdict = judge(out, Path(document.path), "mk4s", seed=0, trials=1)
     assert FaultKind.COMMAND in verdict.kinds()
+
+
+@pytest.mark.parametrize(
+    "row", ["G1 X150 Y100 E1e-1", "M106 S1e2", "M204 P7.5e2", "G92 E0e0", "M104 S2e2"]
+)
+def test_exponents_are_found_without_the_reader(made, row):
+    """The reader refuses them; the judge would find them if it did not."""
+    _, document, out = made
+    nowhere = np.empty(0, np.int64)
+    rows = out.read_bytes().split(b"\n")
+    for at in (3, len(rows) // 2):  # in the start code and among the beads
+        text = b"\n".join([*rows[:at], row.encode(), *rows[at:]])
+        faults, _ = check_commands(text, document, nowhere, nowhere)
+        assert any(f"line {at + 1}: '{row}' has an exponent" in fault.text for fault in faults)
+
+
+def test_names_and_messages_may_look_like_exponents(made):
+    """Nothing acts on them."""
+    _, document, out = made
+    nowhere = np.empty(0, np.int64)
+    text = out.read_bytes() + b"M117 1e5\nM486 Apart1e5\nEXCLUDE_OBJECT_START NAME=x1e5\n"
+    faults, _ = check_commands(text, document, nowhere, nowhere)
+    assert not any("exponent" in fault.text for fault in faults)

@@ -19,11 +19,16 @@ from decmcts.formats.gcode.dialects.dialect import Event, Kind, classify
 from decmcts.formats.gcode.dialects.layers import with_note
 from decmcts.formats.gcode.dialects.roles import CANONICAL, trailing_role
 from decmcts.formats.gcode.document import UNSET, StateTable
-from decmcts.formats.gcode.text.lines import Lines
+from decmcts.formats.gcode.text.lines import EXPONENT, Lines
 from decmcts.print.contours import Role
 
 _TYPED = re.compile(rb"^;\s*(TYPE|FEATURE):", re.M)
 _NEXT_LAYER = re.compile(r"; move to next layer \((\d+)\)")
+
+
+MOST_SLOTS = 200  # settings, among them fans and extruders by number: real files have up to 23
+MOST_WORDS = 200  # of what is in force in one of them: real files have up to 20
+MOST_CELLS = 5 * 10**7  # settings times states: half a GiB, real files have up to 500,000
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +53,10 @@ class Track:
 class _Recorder:
     """Collects while the lines go by; mutates only itself."""
 
+    lines: Lines
     slots: dict[str, int] = field(default_factory=dict)
     values: dict[str, int] = field(default_factory=lambda: {"": UNSET})
+    texts: list[str] = field(default_factory=lambda: [""])  # of `values`
     leave: dict[int, str] = field(default_factory=dict)
     merged: dict[str, dict[str, str]] = field(default_factory=dict)
     current: list[int] = field(default_factory=list)
@@ -63,16 +70,31 @@ class _Recorder:
         if where == len(self.current):
             self.current.append(UNSET)
         value = self.values.setdefault(text, len(self.values))
+        if value == len(self.texts):
+            self.texts.append(text)
         if self.current[where] == value:
             return
         self.current[where] = value
         self.at.append(line)
         self.ids.append(self.rows.setdefault(tuple(self.current), len(self.rows)))
+        self._refuse_too_much(text, line)
+
+    def _refuse_too_much(self, text: str, line: int) -> None:
+        """Raise InputError for states of no printer: each would cost more than the last."""
+        n, what = len(self.current), ""
+        if n > MOST_SLOTS:
+            what = f"over {MOST_SLOTS} settings of a machine are in force at a time"
+        elif len(text) > MOST_WORDS and len(text.split()) > MOST_WORDS:
+            what = f"a setting, layer or object of over {MOST_WORDS} words"
+        elif n * len(self.rows) > MOST_CELLS:
+            what = f"over {len(self.rows):,} different states of a machine"
+        if what:
+            raise self.lines.refuse(max(line, 0), what, "is it G-code of one printer?")
 
     def get(self, slot: str) -> str:
         """Return the text in a slot."""
         where = self.slots.get(slot)
-        return "" if where is None else list(self.values)[self.current[where]]
+        return "" if where is None else self.texts[self.current[where]]
 
     def take(self, event: Event, line: int) -> None:
         """Set what a line sets, whole or parameter by parameter."""
@@ -110,8 +132,15 @@ class _Recorder:
 
 
 def track_state(lines: Lines, motion: Motion) -> Track:
-    """Return the machine state and the barriers of a file."""
-    recorder, targets = _Recorder(), Targets()
+    """Return the machine state and the barriers of a file.
+
+    Raises
+    ------
+    InputError
+        At a line with a number that is read in different ways, and where more is set than any
+        machine has.
+    """
+    recorder, targets = _Recorder(lines), Targets()
     layers, splits = list[int](), list[int]()
     barriers: dict[int, str] = {}
     repeats: list[int] = []
@@ -125,6 +154,8 @@ def track_state(lines: Lines, motion: Motion) -> Track:
             continue
         event = known(lines.raw(line))
         kind = event.kind
+        if kind == Kind.UNREADABLE:
+            raise lines.refuse(line, EXPONENT, "write it without")
         if kind == Kind.STATE:
             recorder.take(event, line)
         elif kind == Kind.LAYER:

@@ -30,6 +30,7 @@ class Kind(IntEnum):
     SECTION = 7  # a tool change of the slicer begins
     SECTION_END = 8
     SPLIT = 9  # our own mark: the next bead is another contour though it begins here
+    UNREADABLE = 10  # a number in it has an exponent
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +70,7 @@ _MERGED = {
     "SET_PRESSURE_ADVANCE": ("pressure advance", "EXTRUDER"),
     "SET_RETRACTION": ("retraction", ""), "SET_FAN_SPEED": ("fan", "FAN"),
 }  # fmt: skip
+_NUMBERS = (_REPLACED.keys() | _MERGED.keys() | _TEMPERATURE) - {"M117"}  # that are acted on
 GROWING = frozenset(_MERGED) - {"M204", "SET_FAN_SPEED"}  # commands whose parameters only add up
 _REASONS = {
     "M600": "filament change", "M0": "pause", "M1": "pause", "M25": "pause", "M226": "pause",
@@ -78,6 +80,7 @@ _REASONS = {
 }  # fmt: skip
 UNKNOWN = frozenset({"unknown macro", "unknown command", "filament change", "pause"})
 # reasons of barriers that may move filament unseen
+_EXPONENT = re.compile(r"[0-9.]e[-+]?[0-9]")  # small: E5 behind a number is a word
 _WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]*)")
 
 
@@ -154,6 +157,8 @@ def _command(code: str) -> Event:
         return _NOTHING
     if event := _object(name, code, rest):
         return event
+    if name in _NUMBERS and _EXPONENT.search(rest):
+        return Event(Kind.UNREADABLE)
     if name in _REPLACED and not (name == "M220" and re.search(r"[BR]", rest.upper())):
         return _replaced(name, code, rest)
     if name in _MERGED:

@@ -18,13 +18,13 @@ from types import ModuleType
 from typing import Any, NoReturn
 
 from decmcts.errors import InputError
+from decmcts.formats.files.bounds import LARGEST_BYTES
 
 __all__ = ["MAGIC", "is_binary", "pack", "unpack"]
 
 MAGIC = b"GCDE"
 SUFFIX = ".bgcode"
 VERSION = 1
-LARGEST_TEXT = 1 << 30  # bytes a file may hold unpacked
 _KINDS = ("file metadata", "G-code", "slicer metadata", "printer metadata", "print metadata",
           "thumbnail")  # fmt: skip
 _GCODE, _PRINTER, _PRINT, _THUMBNAIL = 1, 3, 4, 5
@@ -178,7 +178,7 @@ def _failed(library: Any, result: Any, function: str, path: Path | str | None) -
 
 
 def read_blocks(
-    raw: bytes, path: Path | str | None = None, *, largest: int = LARGEST_TEXT
+    raw: bytes, path: Path | str | None = None, *, largest: int = LARGEST_BYTES
 ) -> list[Block]:
     """Return the blocks of binary G-code, checked.
 
@@ -234,9 +234,10 @@ def _grows_as_told(block: Block) -> bool:
     if block.compression == _DEFLATE:
         inflate = zlib.decompressobj()
         try:
-            return len(inflate.decompress(block.data, block.size + 1)) == block.size
+            size = len(inflate.decompress(block.data, block.size + 1))
         except zlib.error:
             return False
+        return inflate.eof and size == block.size  # not cut off behind its last byte
     return block.compression == _PLAIN or _heatshrink_size(block) == block.size
 
 

@@ -28,10 +28,12 @@ _AXES = {  # what a word of a move is taken for, and what to do about it
              "slicer's file, or slice for one head (`decmcts launch` makes files of several)"),
 }  # fmt: skip
 _AXIS = re.compile(r"[A-DU-W](?=\s*[-+.\d])", re.I)
+EXPONENT = "a number with an exponent, which firmwares read in different ways"
 _FAULTS = {
     scan.NO_NUMBER: "a parameter without a number (truncated line?)",
     scan.BAD_NUMBER: "a number that cannot be read",
     scan.BAD_CHARACTER: "a character that is no parameter",
+    scan.EXPONENT: EXPONENT,
 }
 
 

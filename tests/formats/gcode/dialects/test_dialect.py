@@ -109,3 +109,16 @@ def test_what_is_not_known_to_be_harmless_is_a_barrier(line, reason):
 def test_progress_and_bookkeeping_mean_nothing(line):
     """They are made anew or dropped."""
     assert classify(line.encode()).kind == Kind.NOTHING
+
+
+@pytest.mark.parametrize("line", [b"M204 S1e3", b"M106 S2.5e+2", b"M104 S2e2", b"M203 X1 Y5e2"])
+def test_exponents_are_refused_where_the_number_counts(line):
+    """One firmware reads 1000, another 1, a third 1 and a word E3."""
+    assert classify(line).kind == Kind.UNREADABLE
+    assert classify(line.replace(b"e", b" E")).kind != Kind.UNREADABLE
+
+
+@pytest.mark.parametrize("line", [b"M117 1e5 done", b"M486 A part1e5.stl", b"FOO X=1e5", b"; 1e5"])
+def test_messages_and_names_may_hold_anything(line):
+    """They are no numbers."""
+    assert classify(line).kind != Kind.UNREADABLE

@@ -152,6 +152,12 @@ def bomb() -> bytes:
     return stored([replace(blocks[0], compression=1, size=100, data=data), *blocks[1:]])
 
 
+def cut_deflate() -> bytes:
+    """Return packed data that ends behind its last byte, but before its own end."""
+    packer = zlib.compressobj()
+    return packer.compress(b"a=b\n" * 100) + packer.flush(zlib.Z_SYNC_FLUSH)
+
+
 def changed(kind: int, **fields: object) -> bytes:
     """Return a file with a block of one kind replaced, its checksum right."""
     blocks = read_blocks(pack(text()))
@@ -173,6 +179,7 @@ def damaged() -> dict[str, tuple[bytes, str]]:
         "bomb": (bomb(), "not of the size it says"),
         "too large": (changed(1, compression=0, size=1 << 31), "ends within a block"),
         "cut heatshrink": (changed(1, data=gcode.data[:-9]), "not of the size it says"),
+        "cut deflate": (changed(0, compression=1, data=cut_deflate(), size=400), "not of the size"),
         "other heatshrink": (changed(1, size=gcode.size + 40), "not of the size it says"),
         "unknown encoding": (changed(1, parameters=b"\x09\0"), "unknown way"),
         "metadata without values": (changed(0, data=b"abc", size=3), "unknown way"),

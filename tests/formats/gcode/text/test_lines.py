@@ -28,7 +28,6 @@ def values(line: str) -> dict[str, float]:
         ("g1 x1 y2", {"X": 1.0, "Y": 2.0}),
         ("N12 G01 X3*57", {"X": 3.0}),
         ("\tG1\tX 4 (to Y9) Z+.5 ; X7", {"X": 4.0, "Z": 0.5}),
-        ("G1 X1e-05 Y2", {"X": 1e-05, "Y": 2.0}),
         ("g1x1e-5", {"X": 1.0, "E": -5.0}),
         ("G1 X5. Y-.25\r", {"X": 5.0, "Y": -0.25}),
         ("G1 X0.123456789012345678901", {"X": 0.12345678901234568}),
@@ -51,7 +50,7 @@ def test_damaged_line_is_named(line):
     assert error.value.line == 2
 
 
-@pytest.mark.parametrize("line", ["G1 X1e9", "G1 Y-1000000000", "G1 Z1e300 E1"])
+@pytest.mark.parametrize("line", ["G1 X1000000000", "G1 Y-1000000000", "G1 Z%s E1" % ("9" * 300)])
 def test_coordinate_out_of_range_is_refused(line):
     """A coordinate no printer has is damage, not a place."""
     with pytest.raises(InputError, match="beyond"):
@@ -84,11 +83,13 @@ def test_scanner_never_raises_anything_else(text):
 @pytest.mark.parametrize(
     ("line", "what"),
     [
-        ("G1 X1e5", "a coordinate beyond ±10000"),
+        ("G1 X1e5", "a number with an exponent"),
+        ("G1 X1e-05 Y2", "a number with an exponent"),
+        ("G92 E1.e+5", "a number with an exponent"),
+        ("g1 e1e5", "a number with an exponent"),
         ("G1 X100000", "a coordinate beyond ±10000"),
         ("G1 X" + "7" * 5000, "a coordinate beyond ±10000"),
         ("G1 Y-10000.1", "a coordinate beyond ±10000"),
-        ("G1 X1 E1e300", "an amount of filament beyond"),
         ("G1 X1 E1" + "0" * 300, "an amount of filament beyond"),
         ("G1 X1 F" + "9" * 400, "a feed beyond"),
         ("G2 X1 I" + "9" * 20, "the centre of an arc beyond"),

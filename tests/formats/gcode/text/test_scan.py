@@ -16,5 +16,5 @@ from decmcts._kernels.gcode.scan import parse_number
 def test_numbers_of_more_than_a_byte(read, text, value):
     """Text is of bytes: without the compiler its sums are too, and `300` overflows."""
     raw = np.frombuffer(text.encode(), np.uint8)
-    found, behind, _ = read(raw, 0, len(raw), False)
+    found, behind, _ = read(raw, 0, len(raw))
     assert (found, behind) == (value, len(raw))
