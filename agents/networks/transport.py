@@ -34,6 +34,7 @@ class Presence:
 Arrival = Packet | Presence
 
 FORGED, MALFORMED, STRANGE = "forged", "malformed", "strange key"
+DISTURBS = FORGED, MALFORMED, STRANGE
 """How reasons of drops begin that say that somebody disturbs; peers do nothing of the kind."""
 
 

@@ -109,6 +109,7 @@ def figures(
         "file_time_s": {"before": times.before_s, "after": times.after_s} if times else None,
         "kept_source": times is not None and times.kept,
         "planned_already": None,
+        **({"team": planned.after.metrics["team"]} if "team" in planned.after.metrics else {}),
         "made_safe": source.original is not None,
         "verified": True,
         "written": [str(path) for path in paths],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypedDict
+from typing import Any, TypedDict
 
 
 class Metrics(TypedDict, total=False):
@@ -56,6 +56,7 @@ class Metrics(TypedDict, total=False):
     one_head_s: float
     bound: Mapping[str, float]  # fields of `decmcts.team.bounds.makespan.Bound`
     agents: Sequence[Mapping[str, object]]
+    team: Mapping[str, Any]  # what became of the agents, `decmcts.planning.team.outcome`
 
 
 def compared_order(before: Metrics) -> str:

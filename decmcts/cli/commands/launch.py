@@ -36,6 +36,7 @@ from decmcts.planning.options import (
 from decmcts.planning.problem.slicing import PRINTED, Chosen, Slicing
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
+from decmcts.planning.team.outcome import lines_of
 from decmcts.planning.team.parameters import read_parameters
 from decmcts.planning.writing.file_times import is_longer
 from decmcts.planning.writing.heads import head_files, stem_of
@@ -194,7 +195,7 @@ def show_team(result: Result, paths: list[Path], *, as_json: bool) -> None:
     if as_json:
         print_json("decmcts-result/1", figures(result, paths))
         return
-    for note in problem.job.notes:
+    for note in (*problem.job.notes, *lines_of(after["team"])):
         err.print(note, soft_wrap=True)
     title = (
         f"{result.source.path.name}: machine {planned.after.machine.name}, "

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
-from agents.launching.supervisor import AgentStatus
 from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
 from decmcts.planning.events import Note, Report, Step
@@ -24,6 +23,7 @@ from decmcts.planning.options import TeamSearch
 from decmcts.planning.problem.planned import Planned, document_of
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.team.beside import begun
+from decmcts.planning.team.outcome import Outcome
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -68,11 +68,9 @@ def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
     return document_of(problem, plan, {"planner": f"local, {shared}"})
 
 
-def best_of(
-    ready: Prepared, result: LaunchResult | None, search: TeamSearch, report: Report
-) -> PlanDocument:
+def best_of(ready: Prepared, outcome: Outcome, search: TeamSearch, report: Report) -> PlanDocument:
     """Return the exact plan of what was agreed, or of one head alone where that is faster."""
-    problem = ready.problem
+    problem, result = ready.problem, outcome.result
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
     yardsticks = begun(partial(_one_head, ready, heads))
@@ -89,7 +87,7 @@ def best_of(
         "agreed_digest": "" if agreement is None else agreement.digest,
         "live_heads": list(heads),
         "one_head_s": lone.makespan_s,
-        "agents": [] if agreement is None else [_traffic(agent) for agent in agreement.agents],
+        **outcome.metrics(),
     }
     if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
         return document_of(problem, joint, extra)
@@ -141,17 +139,3 @@ def _freedom_metrics(orders: OrderChoices) -> Metrics:
     if orders.freedom == "seam":
         said["seam"] = orders.seam
     return {**said, "objective": orders.objective}
-
-
-def _traffic(agent: AgentStatus) -> dict[str, object]:
-    """Return how many rounds an agent made and how many messages it exchanged."""
-    return {
-        "head": agent.name,
-        "rounds": agent.rounds,
-        "sent": sum(agent.sent.values()),
-        "sent_bytes": sum(agent.sent_bytes.values()),
-        "received": sum(agent.received.values()),
-        "received_bytes": sum(agent.received_bytes.values()),
-        "dropped": sum(agent.dropped.values()),
-        "agreeing_s": agent.agreeing_s,
-    }

@@ -29,6 +29,7 @@ from decmcts.planning.problem.planned import History, Planned, check, source_pla
 from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.joint import Prepared, best_of, with_bound
+from decmcts.planning.team.outcome import Outcome, lines_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
@@ -87,10 +88,10 @@ def plan_team(
     finish_beside(TEAM, report)  # so that agents load compiled kernels from the start
     started = time.perf_counter()
     report(Begun())
-    result = _agreed(ready, search, report, stop, agents)
+    outcome = _agreed(ready, search, report, stop, agents)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
-    after = best_of(ready, result, search, report)
-    planned = check(ready.problem, ready.before, after, _history(result), seconds, report)
+    after = best_of(ready, outcome, search, report)
+    planned = check(ready.problem, ready.before, after, _history(outcome), seconds, report)
     return with_bound(planned, ready.bound, report)
 
 
@@ -155,11 +156,14 @@ def lags_of(problem: PrintProblem, before: PlanDocument) -> Lags:
 
 def _agreed(
     ready: Prepared, search: TeamSearch, report: Report, stop: Stop, agents: Launch
-) -> LaunchResult | None:
-    """Return what the agents agreed on; None if they failed, for then one head prints alone."""
+) -> Outcome:
+    """Return what the agents agreed on; if that is nothing, one head prints alone."""
     problem = ready.problem
+    last: tuple[AgentStatus, ...] = ()
 
     def passed_on(states: tuple[AgentStatus, ...]) -> None:
+        nonlocal last
+        last = states
         report(Heads(states, ready.bound_s))
 
     passed_on(())
@@ -174,19 +178,18 @@ def _agreed(
             parameters=search.parameters,
             on_progress=passed_on,
         )
+        outcome = Outcome(result, result.agreement.agents)
     except LaunchError as error:
-        report(Note(f"{error}; one head prints alone"))
-        return None
-    for lost in (a for a in result.agreement.agents if a.phase == "lost"):
-        report(Note(f"head {lost.name} was lost ({lost.note}); the plan does without it"))
-    return result
+        outcome = Outcome(None, last, str(error))
+    for line in lines_of(outcome.metrics()["team"]):
+        report(Note(line))
+    return outcome
 
 
-def _history(result: LaunchResult | None) -> History:
+def _history(outcome: Outcome) -> History:
     """Return the best makespan of any agent over time, (k, 2)."""
     best, history = float("inf"), []
-    agents = () if result is None else result.agreement.agents
-    for seconds, makespan in sorted(h for a in agents for h in a.history):
+    for seconds, makespan in sorted(h for a in outcome.agents for h in a.history):
         if makespan < best:
             best = makespan
             history.append((seconds, makespan))
