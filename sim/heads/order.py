@@ -289,13 +289,14 @@ def _is_end(plan: JointPlan, edge: After) -> bool:
     return edge.point in (ACTION_END, len(path) - 1)
 
 
-def last_points(plan: JointPlan) -> list[dict[int, int]]:
-    """Return for each head the last point, before the end, that another waits for, by action."""
-    found: list[dict[int, int]] = [{} for _ in plan.heads]
+def last_points(plan: JointPlan, head: int) -> dict[int, int]:
+    """Return the last point, before the end, of a head's actions that others wait for."""
+    last = np.diff(plan.heads[head].path_offsets) - 1
+    found = np.full(len(last), -1)
     for actions in plan.heads:
-        for k in np.flatnonzero(np.diff(actions.after_offsets)).tolist():
-            for edge in actions.after_edges(k):
-                if not _is_end(plan, edge):
-                    points = found[edge.head]
-                    points[edge.action] = max(points.get(edge.action, 0), edge.point)
-    return found
+        rows = np.flatnonzero((actions.after_head == head) & (actions.after_point != ACTION_END))
+        action, point = actions.after_action[rows], actions.after_point[rows]
+        within = point != last[action]
+        np.maximum.at(found, action[within], point[within])
+    waited = np.flatnonzero(found >= 0)
+    return dict(zip(waited.tolist(), found[waited].tolist(), strict=True))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -75,26 +75,65 @@ def verify_heads(
             told(f"reading {Path(path).name} back")
             files.append(read_head_file(path, words))
     except InputError as error:
-        return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
-    faults = _check_names(files, plan)
-    if faults:
+        return unreadable(error)
+    if faults := check_names(files, plan):
         return Verdict(tuple(faults))
-    parts, walks = [], []
-    waited, due, arcs = last_points(plan), heat_due(document, job), turns_of_print(job, document)
-    for h, (file, actions, park) in enumerate(zip(files, plan.heads, parks, strict=True)):
-        told(f"walking the file of head {actions.head} along the plan")
-        part, walk, found = _judge_one(file, actions, job, document, park, waited[h], due)
-        faults += found + _check_arcs(file, part, actions, arcs)
-        parts.append(part)
-        walks.append(walk)
-    if all(walk.complete for walk in walks):
+    walked = []
+    for h, (file, park) in enumerate(zip(files, parks, strict=True)):
+        told(f"walking the file of head {plan.heads[h].head} along the plan")
+        walked.append(walk_file(file, h, plan, job, document, park))
+    told(ORDERED)
+    return judge_together(
+        walked, plan, job, document, release=release, interval_s=interval_s, words=words, read=read
+    )
+
+
+ORDERED = "what the files' sync points order"
+
+
+@dataclass(frozen=True, slots=True)
+class Walked:
+    """One head's file walked along its actions."""
+
+    file: HeadFile
+    part: Parts
+    walk: Walk
+    faults: list[Fault]
+
+
+def unreadable(error: InputError) -> Verdict:
+    """Return what is said of files of which one cannot be read."""
+    return Verdict((Fault(FaultKind.STATE, f"a file cannot be read back: {error}"),))
+
+
+def walk_file(
+    file: HeadFile, head: int, plan: JointPlan, job: PrintJob, document: GcodeDocument, park: Point
+) -> Walked:
+    """Check all that one head's file has by itself; the order between files is checked later."""
+    actions, waited = plan.heads[head], last_points(plan, head)
+    due, arcs = heat_due(document, job), turns_of_print(job, document)
+    part, walk, faults = _judge_one(file, actions, job, document, park, waited, due)
+    return Walked(file, part, walk, faults + _check_arcs(file, part, actions, arcs))
+
+
+def judge_together(
+    walked: Sequence[Walked], plan: JointPlan, job: PrintJob, document: GcodeDocument, *,
+    release: Release, interval_s: float, words: SyncWords, read: bool = False,
+) -> Verdict:  # fmt: skip
+    """Check what the files of all heads do together; of each the faults found so far come first."""
+    files, parts = [each.file for each in walked], [each.part for each in walked]
+    if named := check_names(files, plan):
+        return Verdict(tuple(named))
+    walks = [each.walk for each in walked]
+    faults = [fault for each in walked for fault in each.faults]
+    complete = all(walk.complete for walk in walks)
+    if complete:
         faults += _check_filament(files, parts, walks, plan, job, document)
-    told("what the files' sync points order")
     known = Knowledge([file.syncs for file in files])
     faults += check_words(words, release) + check_sync(files, known, release)
     apart_s = interval_s if release == "point" else 0.0
     faults += check_intervals(files, apart_s)
-    if not known.stuck and all(walk.complete for walk in walks):
+    if complete and not known.stuck:
         faults += check_order(files, plan, known, parts, walks, apart_s, read=read)
     return Verdict(tuple(faults), {"files": float(len(files))})
 
@@ -124,7 +163,7 @@ def _check_arcs(file: HeadFile, part: Parts, actions: HeadActions, arcs: Turns) 
     return check_arcs(turns_between(file.motion, part.begin, part.end), due, moved)
 
 
-def _check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
+def check_names(files: Sequence[HeadFile], plan: JointPlan) -> list[Fault]:
     """Check that there is one file for each head, and that each says so."""
     if len(files) != len(plan.heads):
         there = {file.name for file in files}

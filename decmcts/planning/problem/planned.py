@@ -39,6 +39,7 @@ class Planned:
     seconds: dict[str, float]
     sliced: FileTime | None = None  # the source's file, where it is G-code and was looked at
     own_s: float | None = None  # the source's own order written anew: its whole file, if known
+    head_files: tuple[bytes, ...] = ()  # text of the heads' files, judged; none: not written yet
 
 
 def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:
@@ -78,9 +79,14 @@ def check(
     started = time.perf_counter()
     verdict = verify_plan(after, source=problem.job)
     took = {**seconds, "verify": time.perf_counter() - started}
+    require_passed(verdict)
+    return Planned(problem, before, after, verdict, history, took)
+
+
+def require_passed(verdict: Verdict) -> None:
+    """Raise VerificationError for a plan with faults."""
     if verdict.faults:
         raise VerificationError(
             f"the plan failed verification with {len(verdict.faults)} faults "
             f"and was not written: {verdict.shown}"
         )
-    return Planned(problem, before, after, verdict, history, took)

@@ -25,10 +25,11 @@ from decmcts.planning.events import Begun, Heads, Note, Report, Sound, Step, Sto
 from decmcts.planning.one_head.pipeline import search_order
 from decmcts.planning.options import PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
-from decmcts.planning.problem.planned import History, Planned, check, source_plan
+from decmcts.planning.problem.planned import History, Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.joint import Prepared, best_of, with_bound
+from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Outcome, lines_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -40,6 +41,7 @@ from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
 from decmcts.team.schedule.leaning import lean
+from sim.faults import Verdict
 
 ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
 
@@ -90,8 +92,11 @@ def plan_team(
     report(Begun())
     outcome = _agreed(ready, search, report, stop, agents)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
-    after = best_of(ready, outcome, search, report)
-    planned = check(ready.problem, ready.before, after, _history(outcome), seconds, report)
+    with judge_beside(ready.problem, writes=writes) as apart:  # it loads while the plan is made
+        after = best_of(ready, outcome, search, report)
+        history = _history(outcome)
+        planned = Planned(ready.problem, ready.before, after, Verdict(()), history, seconds)
+        planned = judged(planned, apart, writes=writes, report=report)
     return with_bound(planned, ready.bound, report)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -23,7 +24,14 @@ from sim.content.same_print import is_other_print
 from sim.faults import Verdict
 from sim.heads.file import read_head_file
 from sim.heads.plan import plan_of_files
-from sim.heads.together import verify_heads
+from sim.heads.together import (
+    ORDERED,
+    Walked,
+    judge_together,
+    unreadable,
+    verify_heads,
+    walk_file,
+)
 
 
 def stem_of(output: Path) -> Path:
@@ -88,45 +96,87 @@ def write_heads(
 ) -> list[Path]:
     """`write` one G-code file per head, `STEM_HEAD.gcode`; returns the paths.
 
-    The report is told what is written, read back and judged.
+    Those that were written with the plan are put in place. Else the report is told what is
+    written, read back and judged.
 
     Raises
     ------
     VerificationError
         When the files, read back, are not the verified plan; then none is written.
     """
-    problem, plan = planned.problem, planned.after.plan
-    parks = {head.name: head.park for head in problem.machine.heads}
-    at = [parks[actions.head] for actions in plan.heads]
-    paths = [_head_file(stem, actions.head) for actions in plan.heads]
-    with draft_folder() as folder:
-        drafts = [folder / path.name for path in paths]
-        for index, draft in enumerate(drafts):
-            report(Step(f"writing {draft.name}"))
-            write(
-                problem.document,
-                problem.job,
-                plan,
-                index,
-                draft,
-                header_lines=header_lines(planned),
-                park=at[index],
-                release=problem.machine.release,
-                interval_s=problem.machine.signal_interval_s,
-                words=problem.machine.words,
-            )
-        verdict = verify_heads(
-            drafts, plan, problem.job, problem.document, parks=at,
-            release=problem.machine.release, interval_s=problem.machine.signal_interval_s,
-            words=problem.machine.words, told=lambda text: report(Step(text)),
-        )  # fmt: skip
-        require_sound(verdict, stem)
-        if (given := problem.source.original) is not None:
-            report(Step("judging the files by what was given"))
-            require_sound(_by_given(drafts, given, problem.machine), stem)
-        for path, draft in zip(paths, drafts, strict=True):
-            put(draft.read_bytes(), path)
+    paths = [_head_file(stem, actions.head) for actions in planned.after.plan.heads]
+    texts = planned.head_files
+    if not texts:
+        with draft_folder() as folder:
+            drafts = [folder / path.name for path in paths]
+            works = drafting(planned, drafts, write=write)
+            walked = [work(report=report) for _, work in works]
+            texts = judged_texts(planned, drafts, walked, stem, report)
+    for path, text in zip(paths, texts, strict=True):
+        put(text, path)
     return paths
+
+
+def drafting(
+    planned: Planned, drafts: Sequence[Path], *, write: HeadWriter = write_head_gcode
+) -> list[tuple[str, Callable[..., Walked]]]:
+    """Return the work of writing each head's draft and walking it along the plan, with its name.
+
+    It can be done in another process.
+    """
+    problem, plan = planned.problem, planned.after.plan
+    draft = partial(
+        _draft, problem.document, problem.job, plan, problem.machine, header_lines(planned),
+        write=write,
+    )  # fmt: skip
+    return [
+        (f"writing and judging {path.name}", partial(draft, head, path))
+        for head, path in enumerate(drafts)
+    ]
+
+
+def _draft(
+    document: GcodeDocument, job: PrintJob, plan: JointPlan, machine: Machine,
+    header: Sequence[str], head: int, path: Path, *, write: HeadWriter, report: Report,
+) -> Walked:  # fmt: skip
+    """Write the draft of one head's file, read it back and walk it along the plan."""
+    park = next(each.park for each in machine.heads if each.name == plan.heads[head].head)
+    report(Step(f"writing {path.name}"))
+    write(
+        document, job, plan, head, path, header_lines=header, park=park, release=machine.release,
+        interval_s=machine.signal_interval_s, words=machine.words,
+    )  # fmt: skip
+    report(Step(f"reading {path.name} back"))
+    try:
+        file = read_head_file(path, machine.words)
+    except InputError as error:
+        require_sound(unreadable(error), path)
+        raise  # not reached
+    report(Step(f"walking the file of head {plan.heads[head].head} along the plan"))
+    return walk_file(file, head, plan, job, document, park)
+
+
+def judged_texts(
+    planned: Planned, drafts: Sequence[Path], walked: Sequence[Walked], stem: Path, report: Report
+) -> tuple[bytes, ...]:
+    """Return the text of drafts that do together what the plan says.
+
+    Raises
+    ------
+    VerificationError
+        When they do not; it names the `stem`.
+    """
+    problem, machine = planned.problem, planned.problem.machine
+    report(Step(ORDERED))
+    verdict = judge_together(
+        walked, planned.after.plan, problem.job, problem.document, release=machine.release,
+        interval_s=machine.signal_interval_s, words=machine.words,
+    )  # fmt: skip
+    require_sound(verdict, stem)
+    if (given := problem.source.original) is not None:
+        report(Step("judging the files by what was given"))
+        require_sound(_by_given(drafts, given, machine), stem)
+    return tuple(draft.read_bytes() for draft in drafts)
 
 
 def _by_given(drafts: Sequence[Path], given: Source, machine: Machine) -> Verdict:

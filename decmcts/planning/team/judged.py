@@ -1,0 +1,73 @@
+"""The joint plan and its heads' files judged, two things at once on large prints."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from decmcts.formats.files.drafts import draft_folder
+from decmcts.planning.compiling.parts import PRINT, TEAM, is_compiled
+from decmcts.planning.events import Report, Step
+from decmcts.planning.problem.planned import Planned, require_passed
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.team.apart import Apart, shared_out
+from decmcts.planning.writing.heads import drafting, judged_texts
+from decmcts.print.job import PrintJob
+from decmcts.print.plan import PlanDocument
+from sim.faults import Verdict
+from sim.verify import verify_plan
+
+BESIDE_FROM = 5_000
+"""Contours; fewer are judged sooner than another process has loaded."""
+
+FILES = Path("the G-code of all heads")  # as messages call it
+
+
+@contextmanager
+def judge_beside(problem: PrintProblem, *, writes: bool) -> Iterator[Apart | None]:
+    """Start a process that judges beside this one; None where that is not worth it.
+
+    It is not where kernels are still being compiled: each process would compile them.
+    """
+    large = len(problem.job.contours) >= BESIDE_FROM
+    if not (writes and large and is_compiled(TEAM) and is_compiled(PRINT)):
+        yield None
+        return
+    with Apart() as apart:
+        yield apart
+
+
+def judged(planned: Planned, apart: Apart | None, *, writes: bool, report: Report) -> Planned:
+    """Return a plan that passed the judge; with `writes` its heads' files too, with their text.
+
+    Raises
+    ------
+    VerificationError
+        When the judge refuses the plan, or a file.
+    """
+    started, problem, after = time.perf_counter(), planned.problem, planned.after
+    with draft_folder() as folder:
+        heads = after.plan.heads if writes else ()
+        drafts = [folder / f"{actions.head}.gcode" for actions in heads]
+        by_size = sorted(range(len(heads)), key=lambda h: (len(heads[h].path), -h))
+        writing = drafting(planned, drafts) if writes else []
+        verifying = ("verifying", partial(_verified, after, problem.job))
+        verdict, *walked = shared_out(
+            [verifying, *(writing[h] for h in by_size)], apart, report
+        )  # fmt: skip
+        require_passed(verdict)
+        took = {**planned.seconds, "verify": time.perf_counter() - started}
+        texts: tuple[bytes, ...] = ()
+        if writes:
+            in_order = [walked[by_size.index(h)] for h in range(len(heads))]
+            texts = judged_texts(planned, drafts, in_order, FILES, report)
+    return replace(planned, verdict=verdict, seconds=took, head_files=texts)
+
+
+def _verified(after: PlanDocument, job: PrintJob, *, report: Report) -> Verdict:
+    report(Step("verifying"))
+    return verify_plan(after, source=job)
