@@ -40,7 +40,8 @@ def launch(
         What every order must keep.
     writes : bool
         Whether G-code will be written: then a print whose G-code could not be written is refused
-        before the search.
+        before the search, and the heads' files are made and judged beside the judging of the
+        plan, so that `Result.write_gcode` but puts them in place.
     report : Report
         Told what is done and where the heads stand.
     stop : Stop

@@ -42,8 +42,8 @@ from sim.content.same_print import check_print
 from sim.content.seams import job_with, seams_of_paths
 from sim.faults import Fault
 from sim.heads.file import HeadFile, axis_moves
+from sim.heads.laid import SAME_MM
 from sim.heads.sync import Knowledge
-from sim.heads.walk import SAME_MM
 from sim.replay.execution import execute
 from sim.replay.least import least_arrivals
 from sim.rules.order import PartialOrder, order_of

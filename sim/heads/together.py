@@ -28,11 +28,12 @@ from sim.files.written import moves_of
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.intervals import check_intervals
+from sim.heads.laid import SAME_MM
 from sim.heads.ledger import Bead, Printed, behind, belongs_to_bead, check_filament, dues_of
 from sim.heads.macros import check_words
 from sim.heads.order import Parts, check_order, check_sync, last_points
 from sim.heads.sync import Knowledge
-from sim.heads.walk import OWED_MM, SAME_MM, Walk, Walker, differing
+from sim.heads.walk import OWED_MM, Walk, Walker, differing
 
 Point = tuple[float, float, float]
 

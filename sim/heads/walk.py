@@ -3,6 +3,9 @@
 Between two actions a head may push or pull filament standing still. After a bead it may wipe
 back along it, but not past a point that another head waits for: that one may be there already.
 Every other move must be the plan's.
+
+Moves that lay beads are compared with the source's all at once, behind the walk. Only if some
+differ the file is walked again bead by bead, to say where.
 """
 
 from __future__ import annotations
@@ -19,10 +22,8 @@ from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.content.seams import Moved, Run, run_of
 from sim.heads.file import HeadFile
+from sim.heads.laid import E_MM, FEED_MM_S, SAME_MM, Laid, pairs_of_states
 
-SAME_MM = 1.1e-3  # files have three decimals
-E_MM = 5e-5
-FEED_MM_S = 1e-3
 OWED_MM = 1e-3
 SURPLUS_MM = 0.01
 _PRINT, _TRAVEL, _PARK, _ = map(int, ActionKind)  # plain numbers compare faster
@@ -40,16 +41,6 @@ class Walk:
     laid: list[tuple[int, int, int]] = field(default_factory=list)  # contour, moves begin..end - 1
     faults: list[str] = field(default_factory=list)
     complete: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Laid:
-    """What one print action lays down, in its direction."""
-
-    points: Floats  # (k, 3)
-    extrusion: Floats  # (k - 1,)
-    feed: Floats  # (k - 1,)
-    state: list[int]  # (k - 1,) rows of the source's states
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +80,11 @@ class Walker:
         self.at, self.end, self.blocks, self.waited = begin, end, blocks, waited
         self.walk = Walk()
         self._moves = _Moves.of(file)
-        self._kind = actions.kind.tolist()
+        self._trusts = True  # that beads are as they should be: they are looked at later
+        self._kind, self._contour = actions.kind.tolist(), actions.contour.tolist()
+        self._reversed, self._entry = actions.reversed.tolist(), actions.entry.tolist()
+        self._begin_of = job.contours.offsets.tolist()
+        self._later: list[tuple[int, bool, int]] = []  # contour, reversed, first move: to look at
         self._apart = _apart_in_file(actions.path, actions.path_offsets)
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
@@ -112,6 +107,14 @@ class Walker:
 
     def run(self) -> Walk:
         """Return the walk; it ends at the first move that is not the plan's."""
+        begin = self.at
+        walk = self._run()
+        if self._all_laid():
+            return walk
+        self._trusts, self.at, self.walk = False, begin, Walk()
+        return self._run()
+
+    def _run(self) -> Walk:
         for k in range(len(self.actions)):
             self.walk.first.append(-1)
             self.walk.reached.append([])
@@ -162,28 +165,39 @@ class Walker:
         return ""
 
     def _print(self, k: int) -> str:
-        laid = self._laid(k)
+        contour, is_reversed = self._contour[k], self._reversed[k]
+        laid = None if self._trusts and not self._entry[k] else self._laid(k)
         if isinstance(laid, str):
             return laid
-        contour = int(self.actions.contour[k])
+        a, b = self._begin_of[contour], self._begin_of[contour + 1]
         while self.at < self.end and self._stays(self.at):
-            if _is_same(*laid.points[:2].tolist()) and self._is_dot(
-                contour, float(laid.extrusion[0])
-            ):
+            if self._is_dot(contour, *(self._first_of(a, b, is_reversed) if laid is None else (
+                *laid.points[:2].tolist(), float(laid.extrusion[0])))):  # fmt: skip
                 break
             self._still()
         if said := self._begins(contour):
             return said
         reached = self.walk.reached[k]
         reached.append(self._line(self.at - 1))
-        self.walk.laid.append((contour, self.at, self.at + len(laid.extrusion)))
-        if (stop := self.at + len(laid.extrusion)) <= self.end and self._as_laid(laid, stop):
+        stop = self.at + (b - a - 1 if laid is None else len(laid.extrusion))
+        self.walk.laid.append((contour, self.at, stop))
+        if stop <= self.end and (laid is None or self._as_laid(laid, stop)):
+            if laid is None:
+                self._later.append((contour, is_reversed, self.at))
             reached += self._moves.line[self.at : stop]
             if stop > self.at:
                 self._step(k)
             self.at = stop
             return ""
-        return self._print_each(k, laid)
+        laid = self._laid(k) if laid is None else laid
+        return laid if isinstance(laid, str) else self._print_each(k, laid)
+
+    def _all_laid(self) -> bool:
+        """Tell whether all beads that are to be looked at lay down what they should."""
+        pairs = pairs_of_states(
+            self._later, self.file.motion, self._moves.state, self.job.contours, self.document
+        )
+        return pairs is not None and not any(self._other_state(*pair) for pair in pairs)
 
     def _as_laid(self, laid: Laid, stop: int) -> bool:
         """Tell whether all moves up to `stop` lay down what they should, in one look at each."""
@@ -223,14 +237,27 @@ class Walker:
             reached.append(line)
         return ""
 
-    def _is_dot(self, contour: int, filament: float) -> bool:
+    def _is_dot(
+        self, contour: int, begin: list[float], to: list[float], filament: float
+    ) -> bool:  # fmt: skip
         """Tell whether a move of filament alone is what a contour begins with on the spot.
 
         What stands before it pushes back what was retracted.
         """
+        if not _is_same(begin, to):
+            return False
         owed = float(self.file.motion.extruder[max(self._line(self.at) - 2, 0), 1])
         pushed = float(self.file.motion.extrusion[self.at])
         return owed <= self._due(contour) + OWED_MM and abs(pushed - filament) <= E_MM
+
+    def _first_of(
+        self, a: int, b: int, is_reversed: bool
+    ) -> tuple[list[float], list[float], float]:
+        """Return the ends of what a contour of points a..b - 1 begins with, and its filament."""
+        contours = self.job.contours
+        first, to, segment = (b - 1, b - 2, b - 1) if is_reversed else (a, a + 1, a + 1)
+        points = contours.points
+        return points[first].tolist(), points[to].tolist(), float(contours.extrusion[segment])
 
     def _laid(self, k: int) -> Laid | str:
         """Return what the plan's action lays down, from the source's own contour."""

@@ -20,7 +20,7 @@ from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from types import TracebackType
-from typing import Any, BinaryIO, Self
+from typing import IO, Any, BinaryIO, Self
 
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.team.beside import begun
@@ -32,7 +32,7 @@ Work = Callable[..., Any]
 LOADS = "decmcts.planning.team.judged"  # what the process loads before there is work
 
 
-class Gone(Exception):
+class GoneError(Exception):
     """The process is not there any more, or cannot be handed this work."""
 
 
@@ -57,13 +57,17 @@ class Apart:
         """End it, whatever it does."""
         self._process.kill()
         self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):  # what was not handed over is lost with it
+                if pipe is not None:
+                    pipe.close()
 
     def do(self, work: Work) -> Any:
         """Return what the work returns there, or raise what it raises.
 
         Raises
         ------
-        Gone
+        GoneError
             When this process has to do it itself.
         """
         stdin, stdout = self._process.stdin, self._process.stdout
@@ -72,7 +76,7 @@ class Apart:
             _send(work, stdin)
             found, error = pickle.load(stdout)
         except (OSError, EOFError, pickle.PickleError, AttributeError, TypeError) as gone:
-            raise Gone from gone
+            raise GoneError from gone
         if error is not None:
             raise error
         return found
@@ -92,7 +96,7 @@ def shared_out(works: Sequence[tuple[str, Work]], apart: Apart | None, report: R
                 k = left.popleft()
                 try:
                     found[k] = process.do(works[k][1])
-                except Gone:
+                except GoneError:
                     left.append(k)
                     return
 
@@ -112,7 +116,7 @@ def shared_out(works: Sequence[tuple[str, Work]], apart: Apart | None, report: R
     return [found[k] for k in range(len(works))]
 
 
-def _send(it: object, pipe: BinaryIO) -> None:
+def _send(it: object, pipe: IO[bytes]) -> None:
     pipe.write(pickle.dumps(it, pickle.HIGHEST_PROTOCOL))
     pipe.flush()
 
@@ -137,7 +141,7 @@ def main() -> None:
     while True:
         work = works.get()
         try:
-            answer = work(report=unheard), None
+            answer: tuple[Any, Exception | None] = work(report=unheard), None
         except Exception as error:
             answer = None, error
         _send(answer, answers)

@@ -76,8 +76,8 @@ def plan_team(
 ) -> Planned:
     """Let the agents plan and agree, schedule, verify.
 
-    With `writes` a print whose files could not be written is refused before the search, and a
-    note says what of its start code the heads' files leave out.
+    With `writes` a print whose files could not be written is refused before the search, a
+    note says what of its start code the heads' files leave out, and the plan comes with them.
 
     Raises
     ------

@@ -71,9 +71,15 @@ def test_each_step_of_writing_is_told(planned: Planned, tmp_path: Path) -> None:
     words = [event.text for event in events if isinstance(event, Step)]
     names = [head.head for head in planned.after.plan.heads]
     assert words == [
-        *(f"writing part_{name}.gcode" for name in names),
-        *(f"reading part_{name}.gcode back" for name in names),
-        *(f"walking the file of head {name} along the plan" for name in names),
+        *(
+            text
+            for name in names
+            for text in (
+                f"writing part_{name}.gcode",
+                f"reading part_{name}.gcode back",
+                f"walking the file of head {name} along the plan",
+            )
+        ),
         "what the files' sync points order",
     ]
 

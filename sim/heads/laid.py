@@ -1,0 +1,65 @@
+"""What a head's file lays down, against the contours of the source."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.controller.motion import Motion
+from decmcts.print.contours import Contours
+
+SAME_MM = 1.1e-3  # files have three decimals
+E_MM = 5e-5
+FEED_MM_S = 1e-3
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Laid:
+    """What one print action lays down, in its direction."""
+
+    points: Floats  # (k, 3)
+    extrusion: Floats  # (k - 1,)
+    feed: Floats  # (k - 1,)
+    state: list[int]  # (k - 1,) rows of the source's states
+
+
+def pairs_of_states(
+    beads: Sequence[tuple[int, bool, int]], motion: Motion, state: Sequence[int],
+    contours: Contours, document: GcodeDocument,
+) -> list[tuple[int, int]] | None:  # fmt: skip
+    """Return the states of the file and of the source that go together; None if moves differ.
+
+    Parameters
+    ----------
+    beads : sequence
+        Contours entered as sliced, whether reversed, and the first move of each. All its moves
+        are there.
+    motion, state
+        The file's moves, and the row of the states in force at each, (m,).
+    contours, document
+        The source.
+    """
+    if not beads:
+        return []
+    (contour, is_reversed, first), offsets = np.array(beads, np.int64).T, contours.offsets
+    begin, count = offsets[contour], offsets[contour + 1] - offsets[contour] - 1
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    move = np.repeat(first, count) + step
+    back = np.repeat(is_reversed, count)
+    segment = np.where(
+        back == 1, np.repeat(begin + count, count) - step, np.repeat(begin, count) + 1 + step
+    )  # as contours number them, by their last point
+    if (
+        (np.abs(motion.points[move + 1] - contours.points[segment - back]) > SAME_MM).any()
+        or (np.abs(motion.extrusion[move] - contours.extrusion[segment]) > E_MM).any()
+        or (np.abs(motion.feed[move] - contours.feed[segment]) > FEED_MM_S).any()
+    ):
+        return None
+    pairs = np.stack([np.asarray(state)[move], document.point_state[segment]], axis=1)
+    return list(map(tuple, np.unique(pairs, axis=0).tolist()))
