@@ -23,6 +23,9 @@ from contextlib import contextmanager
 from typing import IO, Any, TypeVar
 
 Found = TypeVar("Found")
+_LOST = OSError, EOFError, ValueError, pickle.PickleError, AttributeError, TypeError
+"""What a pipe that ended or was closed raises, and what cannot be packed."""
+
 _SIZE = 8  # bytes that say how long a message is
 
 
@@ -32,6 +35,7 @@ class Worker:
     def __init__(self, process: subprocess.Popen[bytes] | None) -> None:
         self._process = process
         self._over = False
+        self._one = threading.Lock()  # call at a time: answers come in their order
 
     def end(self) -> None:
         """End the process, be it at work or not; nobody waits for its answer."""
@@ -42,7 +46,7 @@ class Worker:
     def call(self, function: Callable[..., Found], *given: Any) -> Future[Found]:
         """Have a function of a module called; its result, or its error, is the future's.
 
-        Where the process is lost, asking for the result makes the call in this one.
+        Where the process is lost, or cannot be handed this, the call is made in this one.
         """
         found: Future[Found] = Future()
         threading.Thread(
@@ -56,7 +60,7 @@ class Worker:
         """Set the result of a call; made here where no answer comes."""
         try:
             error, value = self._answer(function, given)
-        except (OSError, EOFError, pickle.UnpicklingError):
+        except _LOST:
             if self._over:
                 found.cancel()
                 return
@@ -71,8 +75,9 @@ class Worker:
         process = self._process
         if process is None or process.stdin is None or process.stdout is None:
             raise EOFError
-        _send(process.stdin, (function, given))
-        return _receive(process.stdout)
+        with self._one:
+            _send(process.stdin, (function, given))
+            return _receive(process.stdout)
 
 
 @contextmanager

@@ -1,20 +1,27 @@
-"""The joint plan and its heads' files judged, two things at once on large prints."""
+"""The joint plan and its heads' files judged, two things at once on large prints.
+
+A worker (`decmcts.planning.worker`) judges the plan and then files of heads, from the smallest on;
+this process writes and judges files from the largest on.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.planning.compiling.parts import PRINT, TEAM, is_compiled
-from decmcts.planning.events import Report, Step
+from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.planned import Planned, require_passed
 from decmcts.planning.problem.print_problem import PrintProblem
-from decmcts.planning.team.apart import Apart, shared_out
+from decmcts.planning.team.beside import begun
+from decmcts.planning.worker import Worker, worker
 from decmcts.planning.writing.heads import drafting, judged_texts
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
@@ -24,12 +31,15 @@ from sim.verify import verify_plan
 BESIDE_FROM = 5_000
 """Contours; fewer are judged sooner than another process has loaded."""
 
+Work = Callable[..., Any]
+"""A piece of work; takes a keyword `report`."""
+
 FILES = Path("the G-code of all heads")  # as messages call it
 
 
 @contextmanager
-def judge_beside(problem: PrintProblem, *, writes: bool) -> Iterator[Apart | None]:
-    """Start a process that judges beside this one; None where that is not worth it.
+def judge_beside(problem: PrintProblem, *, writes: bool) -> Iterator[Worker | None]:
+    """Start a worker that judges beside this process; None where that is not worth it.
 
     It is not where kernels are still being compiled: each process would compile them.
     """
@@ -37,11 +47,11 @@ def judge_beside(problem: PrintProblem, *, writes: bool) -> Iterator[Apart | Non
     if not (writes and large and is_compiled(TEAM) and is_compiled(PRINT)):
         yield None
         return
-    with Apart() as apart:
-        yield apart
+    with worker(__name__) as beside:
+        yield beside
 
 
-def judged(planned: Planned, apart: Apart | None, *, writes: bool, report: Report) -> Planned:
+def judged(planned: Planned, beside: Worker | None, *, writes: bool, report: Report) -> Planned:
     """Return a plan that passed the judge; with `writes` its heads' files too, with their text.
 
     Raises
@@ -57,7 +67,7 @@ def judged(planned: Planned, apart: Apart | None, *, writes: bool, report: Repor
         writing = drafting(planned, drafts) if writes else []
         verifying = ("verifying", partial(_verified, after, problem.job))
         verdict, *walked = shared_out(
-            [verifying, *(writing[h] for h in by_size)], apart, report
+            [verifying, *(writing[h] for h in by_size)], beside, report
         )  # fmt: skip
         require_passed(verdict)
         took = {**planned.seconds, "verify": time.perf_counter() - started}
@@ -71,3 +81,31 @@ def judged(planned: Planned, apart: Apart | None, *, writes: bool, report: Repor
 def _verified(after: PlanDocument, job: PrintJob, *, report: Report) -> Verdict:
     report(Step("verifying"))
     return verify_plan(after, source=job)
+
+
+def shared_out(
+    works: Sequence[tuple[str, Work]], beside: Worker | None, report: Report
+) -> list[Any]:  # fmt: skip
+    """Do named pieces of work, `beside` from the first on and here from the last; return all.
+
+    Whichever process is free takes the next. All is done here, in turn, where there is no other.
+    """
+    if beside is None:
+        return [work(report=report) for _, work in works]
+    left, found = deque(range(len(works))), dict[int, Any]()
+
+    def elsewhere(process: Worker) -> None:
+        with suppress(IndexError):
+            while True:
+                k = left.popleft()
+                found[k] = process.call(partial(works[k][1], report=unheard)).result()
+
+    other = begun(partial(elsewhere, beside))
+    with suppress(IndexError):
+        while True:
+            k = left.pop()
+            found[k] = works[k][1](report=report)
+    if missing := set(range(len(works))) - found.keys():
+        report(Step(f"{works[min(missing)][0]}, in a process beside"))
+    other.result()
+    return [found[k] for k in range(len(works))]

@@ -92,11 +92,11 @@ def plan_team(
     report(Begun())
     outcome = _agreed(ready, search, report, stop, agents)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
-    with judge_beside(ready.problem, writes=writes) as apart:  # it loads while the plan is made
+    with judge_beside(ready.problem, writes=writes) as beside:  # it loads while the plan is made
         after = best_of(ready, outcome, search, report)
         history = _history(outcome)
         planned = Planned(ready.problem, ready.before, after, Verdict(()), history, seconds)
-        planned = judged(planned, apart, writes=writes, report=report)
+        planned = judged(planned, beside, writes=writes, report=report)
     return with_bound(planned, ready.bound, report)
 
 
