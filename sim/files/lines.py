@@ -55,13 +55,14 @@ def _digits(raw: Bytes) -> Bools:
 def no_comment_no_move(text: bytes) -> Iterator[tuple[int, int]]:
     """Yield number, from 1, and first byte of each line that may be neither comment nor G0 to G3.
 
-    Empty lines and those that begin with a comment are left out, and moves written with one
-    digit; others may be among what is yielded.
+    Empty lines and those that begin with a semicolon are left out, and moves written with one
+    digit; others may be among what is yielded. What begins with a comment in brackets is, as a
+    command may stand behind it.
     """
     raw = np.frombuffer(text + b"\n\n\n", np.uint8)
     starts = np.concatenate([[0], np.flatnonzero(raw[: len(text)] == _END) + 1])
     first, second, third = (raw[starts + k] for k in range(3))
     move = ((first == ord("G")) | (first == ord("g"))) & (second >= _ZERO) & (second <= _ZERO + 3)
     move &= ~(_digits(third) | (third == _DOT))
-    left = np.flatnonzero(~move & ~np.isin(first, (ord(";"), ord("("), ord("\r"), _END)))
+    left = np.flatnonzero(~move & ~np.isin(first, (ord(";"), ord("\r"), _END)))
     return zip((left + 1).tolist(), starts[left].tolist(), strict=True)

@@ -31,7 +31,7 @@ _QUIET = re.compile(
     re.I,
 )
 _HOMES = re.compile(rb"G0*2[89](?![0-9])", re.I)  # some cool the nozzle, with which they probe
-_LINE = re.compile(rb"^(?![ \t]*(?:[;(\r\n]|[Gg]0*[0-3](?![0-9.])))[^\n]+", re.M)
+_LINE = re.compile(rb"^(?![ \t]*(?:[;\r\n]|[Gg]0*[0-3](?![0-9.])))[^\n]+", re.M)
 
 Told = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
 Ints = NDArray[np.int64]

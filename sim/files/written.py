@@ -34,10 +34,12 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.content.seams import Moved, seams_of_file, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.files.command_book import check_book
 from sim.files.commands import check_commands
 from sim.files.ledger import check_filament
 from sim.files.moves import Matched, check_moves
 from sim.files.phases import in_phases
+from sim.files.settings import check_settings
 from sim.files.temperatures import check_temperatures
 
 DWELL_S = 2e-3  # files give dwells in whole milliseconds
@@ -173,20 +175,36 @@ def _check_text(
     line = np.asarray(written.motions.line)[laid]
     faults, places = check_commands(written.text, document, line, epoch)
     filament = check_filament(written.motions, source, document, places, (laid, contour))
-    return faults + filament + _check_heat(written, document, matched)
+    return faults + filament + _check_said(written, document, matched)
 
 
-def _check_heat(written: Written, document: GcodeDocument, matched: Matched) -> list[Fault]:
-    """Check the temperatures of a file; of a mesh sliced here there is no source that says any."""
-    if is_mesh(Path(document.path)):
-        return []
+def _check_said(written: Written, document: GcodeDocument, matched: Matched) -> list[Fault]:
+    """Check commands, settings and temperatures against the source's text, if there is one."""
     try:
-        source = load_text(document.path, document.plate)
+        source = source_text(document)
     except InputError as error:
         return [Fault(FaultKind.STATE, f"the source cannot be read once more: {error}")]
+    if source is None:
+        return []
     known = matched.source_line >= 0
     line = np.asarray(written.motions.line)[matched.laid[known]]
-    return check_temperatures(written.text, source, line, matched.source_line[known])
+    there = matched.source_line[known]
+    return [
+        *check_book(written.text, source),
+        *check_settings(written.text, source, line, there),
+        *check_temperatures(written.text, source, line, there),
+    ]
+
+
+def source_text(document: GcodeDocument) -> bytes | None:
+    """Return the text of a source; None of a mesh sliced here, which has none.
+
+    Raises
+    ------
+    InputError
+        When it cannot be read once more.
+    """
+    return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
 
 
 def _check_waits(

@@ -23,8 +23,9 @@ from decmcts.print.plan import ActionKind, HeadActions, JointPlan
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
 from sim.content.arcs import Turns, check_arcs, turns_between, turns_of_print
 from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.files.command_book import check_heads_book
 from sim.files.commands import accepted, is_move, known_settings
-from sim.files.written import moves_of
+from sim.files.written import moves_of, source_text
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.intervals import check_intervals
@@ -130,6 +131,8 @@ def judge_together(
     complete = all(walk.complete for walk in walks)
     if complete:
         faults += _check_filament(files, parts, walks, plan, job, document)
+    if (source := source_text(document)) is not None:
+        faults += check_heads_book([file.lines.text for file in files], source)
     known = Knowledge([file.syncs for file in files])
     faults += check_words(words, release) + check_sync(files, known, release)
     apart_s = interval_s if release == "point" else 0.0

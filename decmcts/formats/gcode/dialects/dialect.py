@@ -81,6 +81,7 @@ _REASONS = {
 UNKNOWN = frozenset({"unknown macro", "unknown command", "filament change", "pause"})
 # reasons of barriers that may move filament unseen
 _EXPONENT = re.compile(r"[0-9.]e[-+]?[0-9]")  # small: E5 behind a number is a word
+_DWELL = re.compile(r"G4 P\d+ ;")
 _WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]*)")
 
 
@@ -88,15 +89,20 @@ _WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]*)")
 def classify(raw: bytes) -> Event:
     """Return what a line (without its line end) means; moves are not asked about."""
     text = raw.decode("utf-8", "surrogateescape").strip()
-    if text[:1] in (";", "("):
+    if text[:1] == ";" or (text[:1] == "(" and not _behind_brackets(text)):
         return _comment(text)
-    if text.endswith(WAIT_MARK):
+    if text.endswith(WAIT_MARK) and _DWELL.match(text):
         return _NOTHING
     text = re.sub(r"^[Nn]\s*\d+\s*", "", text)
     code = text.split(";", 1)[0].strip()
     if not code.upper().startswith("M117"):
         code = re.sub(r"\*\d+\s*$", "", _without_brackets(code)).strip()
     return _command(code) if code else _NOTHING
+
+
+def _behind_brackets(text: str) -> str:
+    """Return what a line commands besides its comments in brackets."""
+    return _without_brackets(text.split(";", 1)[0]).strip()
 
 
 def _without_brackets(code: str) -> str:

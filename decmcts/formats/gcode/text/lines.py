@@ -39,6 +39,7 @@ _FAULTS = {
 
 _PROGRESS = re.compile(rb"M0*73(?: ?[PRQSCDLB] ?[0-9.]*)*(?: ?\([^)]*\)?)?\Z", re.I)
 _JOINED = re.compile(rb"(?<=[0-9.])(?=[A-Za-z])")  # two words that no blank parts
+_LED_BY_COMMENT = re.compile(rb"(?:\s*+\([^)]*+\))++")  # what stands behind it commands
 _PLAIN = re.compile(rb"G[0-3](?: [XYZEFIJ]-?[0-9.]+)+\Z")  # most lines: they command what they are
 
 
@@ -49,7 +50,10 @@ def command_of(line: bytes) -> bytes:
     """
     if _PLAIN.match(line):
         return line
-    code = b" ".join(line.split(b";", 1)[0].split())
+    code = line.split(b";", 1)[0]
+    if led := _LED_BY_COMMENT.match(code):
+        code = code[led.end() :]
+    code = b" ".join(code.split())
     if code[:1] in b"GMgm" and code[1:2].isdigit():
         code = _JOINED.sub(b" ", code)
     return b"" if code[:1] in (b"(", b"") or _PROGRESS.match(code) else code

@@ -1,0 +1,52 @@
+"""Each bead is laid under the settings of the source, by the judge's own reading."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sim.files.settings import check_settings
+
+SOURCE = b"M204 P900 T4000\nM106 S127.5\nG1 X1 E1\nM107\nM900 K.2\nG1 X2 E1\nM106 S51\nG1 X3 E1\n"
+BEADS = np.array([3, 6, 8])
+
+
+def faults_of(text: str, beads: list[int]) -> list[str]:
+    """Return the faults of a file that lays the three beads in these lines."""
+    return [fault.text for fault in check_settings(text.encode(), SOURCE, np.array(beads), BEADS)]
+
+
+def test_the_same_settings_in_other_words_are_no_fault() -> None:
+    """Beads of one state come together; words of one command may stand in several."""
+    text = "M204 P900\nM204 T4000\nM107 (off)\nM900 K.2\nG1 X2 E1\nM106 S127.50\nG1 X1 E1\n"
+    assert not faults_of(text + "M106 S51\nG1 X3 E1\n", [7, 5, 9])
+
+
+@pytest.mark.parametrize(
+    ("lost", "said"),
+    [
+        ("M204 P900 T4000", "line 3 is printed with M204 P not set, in the source with 900"),
+        ("M107", "line 6 is printed with fan 127.5, in the source with 0 (line 6 there)"),
+        ("M900 K.2", "line 6 is printed with M900 K not set, in the source with .2"),
+        ("M106 S51", "line 8 is printed with fan 0, in the source with 51 (line 8 there)"),
+        ("M106 S127.5", "line 3 is printed with fan 0, in the source with 127.5 (line 3 there)"),
+    ],
+)
+def test_a_setting_that_vanished_is_found(lost: str, said: str) -> None:
+    """The reader that made the file may have taken it for a comment."""
+    text = SOURCE.decode().replace(lost, "")
+    assert said in faults_of(text, BEADS.tolist())[0]
+
+
+def test_settings_of_tools_and_fans_are_their_own() -> None:
+    """What is said of one tool does not hold for another."""
+    source = b"M900 T0 K.1\nM900 T1 K.3\nM106 P1 S9\nG1 X1 E1\n"
+    text = b"M900 T0 K.1\nM900 T1 K.1\nM106 P2 S9\nG1 X1 E1\n"
+    at = np.array([4])
+    said = [
+        fault.text.split(" is printed with ")[1] for fault in check_settings(text, source, at, at)
+    ]
+    assert said == [
+        "M900 T1 K .1, in the source with .3 (line 4 there)",
+        "fan 1 not set, in the source with 9 (line 4 there)",
+    ]
