@@ -25,6 +25,7 @@ from agents.launching.places import remove_left
 from agents.launching.processes import PIPED, PREFIX
 from agents.loop.agent import TICK_S, Agent
 from agents.loop.pipes import PipeFront, TerminalFront, line_of
+from agents.messages.digests import apart
 from agents.messages.kinds import MAX_SILENCE_TICKS, SILENCE_TICKS
 from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
@@ -227,8 +228,9 @@ def _team_planner(given: argparse.Namespace) -> Planner:
 
 def _require_problem(digest: str, expected: str) -> None:
     if expected and digest != expected:
+        ours, theirs = apart(digest, expected)
         raise InputError(
-            f"the problem has digest {digest[:12]}, the launcher's has {expected[:12]}",
+            f"the problem has digest {ours}, the launcher's has {theirs}",
             advice="both sides need the same version of decmcts",
         )
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from agents.launching.crew import Crew
 from agents.launching.spawn import Agreement, OnStart, run_agents
 from agents.launching.supervisor import LaunchError, OnProgress
+from agents.messages.digests import apart
 from agents.planners.pack import TEAM, Pack, write_pack
 from agents.planners.serial import joint_order
 from decmcts._kernels.engine.lags import Lags
@@ -89,7 +90,7 @@ def _checked(problem: TeamProblem, agreement: Agreement) -> LaunchResult:
     """Resolve the agreed plan once more, here."""
     resolved = joint_order(problem, agreement.plans, agreement.live)
     if resolved.digest != agreement.digest:
-        agreed, here = agreement.digest[:12], resolved.digest[:12]
+        agreed, here = apart(agreement.digest, resolved.digest)
         raise LaunchError(f"the agreed plan {agreed} resolves to {here} here")
     return LaunchResult(agreement, resolved.toolpaths, problem.digest)
 

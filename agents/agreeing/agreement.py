@@ -61,6 +61,7 @@ from agents.agreeing.events import (
     Unfenced,
 )
 from agents.agreeing.roster import Roster
+from agents.messages.digests import apart
 from agents.messages.kinds import (
     DROPPABLE,
     Commit,
@@ -227,8 +228,8 @@ class Agreement:
         """Take in what a plan of others gives here."""
         key = (event.live, event.claimed)
         if not self._ballot.end_resolving(key, event.digest, event.makespan_s):
-            here = event.digest[:12] or "nothing"
-            text = f"plan {event.claimed[:12]} resolves to {here} here; not taken"
+            claimed, here = apart(event.claimed, event.digest)
+            text = f"plan {claimed} resolves to {here or 'nothing'} here; not taken"
             self._out.append(Note(text))
 
     def advance(self) -> None:
@@ -253,9 +254,9 @@ class Agreement:
         disputed = self._ballot.disputed(self.live)
         if disputed is None:
             return
-        head, plan = disputed
+        head, is_serial = disputed
         name = self._roster.names[head]
-        if plan.serial:
+        if is_serial:
             self._out += self._roster.refuse(head, f"the serial order of {name} is no order here")
         elif not self._serial:
             self._serial = True
@@ -292,6 +293,7 @@ class Agreement:
         return min(stages, default=int(Stage.RELEASED))
 
     def _state(self, stage: Stage, key: Key) -> Commit:
+        self._ballot.ours = key
         self._own = Commit(*key, stage, self._term, self._ballot.heard(key))
         self._say_own()
         return self._own
@@ -314,7 +316,8 @@ class Agreement:
     def _follow(self, commit: Commit) -> None:
         if self.phase is Phase.RELEASED:
             if self._own is not None and key_of(self._own) != key_of(commit):
-                self._out.append(Note(f"a peer released another plan, {commit.digest[:12]}"))
+                theirs, ours = apart(commit.digest, self._own.digest)
+                self._out.append(Note(f"a peer released another plan: {theirs}, not {ours}"))
         elif self.head not in commit.live:
             self._leave_parked("the others released a plan without this head")
         else:

@@ -13,7 +13,11 @@ from agents.messages.kinds import Commit, Plans, Proposal, Stage
 Key = tuple[tuple[int, ...], str]  # live set and digest: names a plan
 
 REMEMBERED = 256
-"""Plans kept that resolved to something else; a peer may make them up."""
+"""Plans of which is known that they resolve to something else: their digests only, for a
+peer may make them up."""
+
+VERIFIED = 64
+"""Plans kept whole that were resolved here, besides those that somebody stands by."""
 
 
 def key_of(stated: Proposal | Commit) -> Key:
@@ -29,13 +33,14 @@ class Ballot:
         self.verified: dict[Key, Proposal] = {}  # resolved here, with the digest they claim
         self._proposals: dict[int, Proposal] = {}
         self._pending: dict[Key, Proposal] = {}  # being resolved
-        self._rejected: dict[Key, Proposal] = {}
+        self._rejected: dict[Key, bool] = {}  # whether it was a serial order
+        self.ours: Key | None = None  # what we stand by
 
     def propose(self, head: int, proposal: Proposal, *, verified: bool = False) -> None:
         """Note a head's proposal; our own is verified."""
         self._proposals[head] = proposal
         if verified:
-            self.verified[key_of(proposal)] = proposal
+            self._keep(proposal)
 
     def proposal(self, head: int) -> Proposal | None:
         """Return a head's latest proposal."""
@@ -96,19 +101,28 @@ class Ballot:
             return True
         # Of an explicit order the makespan is an estimate of each host's own.
         if digest == proposal.digest and (proposal.serial or makespan_s == proposal.makespan_s):
-            self.verified[key] = proposal
+            self._keep(proposal)
             return True
         if len(self._rejected) >= REMEMBERED:
             del self._rejected[next(iter(self._rejected))]
-        self._rejected[key] = proposal
+        self._rejected[key] = proposal.serial
         return False
 
-    def disputed(self, live: tuple[int, ...]) -> tuple[int, Proposal] | None:
-        """Return a live head that stands by a plan which is another one here, with that plan."""
+    def _keep(self, proposal: Proposal) -> None:
+        """Keep a plan that was resolved here, and drop the oldest that nobody stands by."""
+        self.verified[key_of(proposal)] = proposal
+        stood_by = {key_of(said) for said in self._proposals.values()}
+        stood_by |= {key_of(said) for said in self.commits.values()}
+        old = [key for key in self.verified if key not in stood_by and key != self.ours]
+        for key in old[: max(0, len(self.verified) - VERIFIED)]:
+            del self.verified[key]
+
+    def disputed(self, live: tuple[int, ...]) -> tuple[int, bool] | None:
+        """Return a live head that stands by a plan which is another one here, and if a serial."""
         for head, commit in sorted(self.commits.items()):
-            plan = self._rejected.get(key_of(commit))
-            if plan is not None and commit.live == live and head in live:
-                return head, plan
+            is_serial = self._rejected.get(key_of(commit))
+            if is_serial is not None and commit.live == live and head in live:
+                return head, is_serial
         return None
 
     def stage(self, head: int, key: Key) -> int:

@@ -183,7 +183,7 @@ class Protocol:
         if not self._roster.is_peer(head):
             return
         if isinstance(message, Hello):
-            self._out += self._roster.hear(head, order[0], message)
+            self._out += self._roster.hear(head, order, message)
             return
         if not self._roster.may_hear(head, order, type(message)):
             return

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from agents.agreeing.events import Effect, Note, Refused, Send
+from agents.messages.digests import apart
 from agents.messages.kinds import SILENCE_TICKS, VERSION, Hello, Message
 
 
@@ -101,10 +102,13 @@ class Roster:
         if self.present(head) is None:
             self.fenced.add(head)
 
-    def hear(self, head: int, epoch: int, hello: Hello) -> list[Effect]:
+    def hear(self, head: int, order: tuple[int, int], hello: Hello) -> list[Effect]:
         """Take in a hello: greet or refuse the head, answer if asked."""
+        epoch = order[0]
         if self.present(head) != epoch:
             return []  # its token comes first; our next tick asks again
+        if not self._is_news(head, order, Hello):
+            return []  # said again by somebody else, it must keep no dead head here
         out: list[Effect] = [self._hello(wants_answer=False)] if hello.wants_answer else []
         self._silent[head] = 0
         if reason := self._mismatch(hello):
@@ -131,10 +135,14 @@ class Roster:
     def may_hear(self, head: int, order: tuple[int, int], kind: type[Message]) -> bool:
         """Whether to hear a message: its sender is greeted and said nothing newer of its kind."""
         # Not greeted: unknown or another problem. Our ticks ask for its hello.
-        epoch, seq = order
-        if self.greeted.get(head) != epoch:
+        if self.greeted.get(head) != order[0] or not self._is_news(head, order, kind):
             return False
         self._silent[head] = 0
+        return True
+
+    def _is_news(self, head: int, order: tuple[int, int], kind: type[Message]) -> bool:
+        """Whether this is the latest of its kind that a head said; if so it is from now on."""
+        epoch, seq = order
         of, latest = self._latest.get((head, kind), (epoch, -1))
         if of == epoch and latest >= seq:
             return False
@@ -166,5 +174,6 @@ class Roster:
         if hello.version != VERSION:
             return f"{hello.name} speaks version {hello.version} of the protocol, we {VERSION}"
         if hello.problem != self.problem:
-            return f"{hello.name} holds problem {hello.problem[:12]}, we hold {self.problem[:12]}"
+            theirs, ours = apart(hello.problem, self.problem)
+            return f"{hello.name} holds problem {theirs}, we hold {ours}"
         return ""

@@ -36,6 +36,10 @@ class Hearing:
         """Whether an agent said a word after some time."""
         return self._word_at.get(head, -float("inf")) > then
 
+    def was_heard(self, head: int) -> bool:
+        """Whether an agent ever showed a sign of life."""
+        return head in self._heard_at
+
     def is_hung(self, head: int, now: float) -> bool:
         """Whether an agent that was heard before is silent for too long."""
         return head in self._heard_at and now - self._heard_at[head] > HUNG_S

@@ -28,6 +28,7 @@ from agents.launching.limits import (
     MEET_S,
     MOST_MOVES,
     START_LIMIT_S,
+    UNHEARD_S,
 )
 from agents.launching.processes import Said
 from decmcts.search.sequence.stopping import Stopping
@@ -111,6 +112,7 @@ class Supervisor:
         self._elsewhere, self._moves = elsewhere, 0  # fresh places to meet at
         self._clock = clock
         self._started = clock()
+        self._first_ready_at: float | None = None
         self._ready_at: float | None = None  # all agents that are left
         self._met_at: float | None = None
         self._over_at: float | None = None  # planning, by the first agent's word
@@ -211,6 +213,7 @@ class Supervisor:
         match line:
             case {"event": "ready"}:
                 self._ready.add(head)
+                self._first_ready_at = self._first_ready_at or self._clock()
                 self._update(head, phase="waiting")
             case {"event": "progress"}:
                 self._progress(head, line)
@@ -347,11 +350,17 @@ class Supervisor:
             self._enforce_agreement(now)
 
     def _enforce_start(self, waiting: set[int], now: float) -> None:
+        heads = len(self._names)
+        until = self._started + UNHEARD_S + heads
+        if self._first_ready_at is not None:
+            until = min(until, self._first_ready_at + HUNG_S + heads / 2)
         for head in sorted(waiting):
             if now - self._started > START_LIMIT_S:
                 self.fence(head, f"not ready after {START_LIMIT_S:g} s")
             elif self._hearing.is_hung(head, now):
                 self.fence(head, f"it said nothing for {HUNG_S:g} s")
+            elif not self._hearing.was_heard(head) and now > until:
+                self.fence(head, "it never said anything")
 
     def _is_over(self, now: float) -> bool:
         """Whether planning has ended, by an agent's word or by the clock."""

@@ -286,7 +286,7 @@ class Agent:
             self._feed(kind(arrival.head, arrival.epoch))
             return
         try:
-            envelope = decode(arrival.payload)
+            envelope = decode(arrival.payload, self._planner.most_symbols)
             if (envelope.stamp.head, kind_of(envelope.message)) != (arrival.head, arrival.kind):
                 raise MessageError("message of another head or kind than its key")
         except MessageError as error:

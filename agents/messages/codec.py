@@ -83,8 +83,11 @@ def encode(envelope: Envelope) -> bytes:
     return packed
 
 
-def decode(data: bytes) -> Envelope:
+def decode(data: bytes, most_symbols: int = MAX_SYMBOLS) -> Envelope:
     """Return the message in `data`.
+
+    Sequences are unpacked only if they have no more symbols than `most_symbols` in all: what
+    a message of this problem may hold. A few bytes can stand for millions.
 
     Raises
     ------
@@ -99,7 +102,7 @@ def decode(data: bytes) -> Envelope:
         reader = _READERS[_text(kind)]
         _require_size(kind, len(data))
         stamp = Stamp(_integer(head), _integer(epoch), _integer(seq))
-        return Envelope(stamp, reader(fields))
+        return Envelope(stamp, reader(fields, min(most_symbols, MAX_SYMBOLS)))
     except MessageError:
         raise
     except (ValueError, KeyError, TypeError, OverflowError, zlib.error, RecursionError) as error:
@@ -145,13 +148,13 @@ def pack_sequences(sequences: Sequence[Sequence32]) -> list[Any]:
     return [lengths, width, zlib.compress(flat.astype(_WIDTHS[width]).tobytes(), _DEFLATE_LEVEL)]
 
 
-def unpack_sequences(packed: object) -> tuple[Sequence32, ...]:
-    """Return what `pack_sequences` packed; raises MessageError."""
+def unpack_sequences(packed: object, most: int = MAX_SYMBOLS) -> tuple[Sequence32, ...]:
+    """Return what `pack_sequences` packed, if that is `most` symbols; raises MessageError."""
     lengths, width, body = _list(packed, 3)
     sizes = [_integer(n) for n in _list(lengths)]
     dtype = _WIDTHS[_below(width, len(_WIDTHS))]
-    if any(n < 0 for n in sizes) or sum(sizes) > MAX_SYMBOLS:
-        raise MessageError(f"sequences of {sum(sizes)} symbols, limit {MAX_SYMBOLS}")
+    if any(n < 0 for n in sizes) or sum(sizes) > most:
+        raise MessageError(f"sequences of {sum(sizes)} symbols, limit {most}")
     flat = np.frombuffer(_inflate(body, sum(sizes) * int(dtype[-1])), dtype).astype(np.int64)
     return tuple(_undelta(part) for part in np.split(flat, np.cumsum(sizes)[:-1])[: len(sizes)])
 
@@ -213,67 +216,67 @@ def _plan_fields(plans: Plans) -> list[Any]:
     return [heads, pack_sequences([plans[h] for h in heads])]
 
 
-def _read_hello(fields: list[Any]) -> Hello:
+def _read_hello(fields: list[Any], _: int) -> Hello:
     problem, version, name, wants_answer = _list(fields, 4)
     return Hello(_text(problem), _integer(version), _text(name), _bool(wants_answer))
 
 
-def _read_distribution(fields: list[Any]) -> Distribution:
+def _read_distribution(fields: list[Any], most: int) -> Distribution:
     packed, q = _list(fields, 2)
     if not isinstance(q, bytes) or len(q) % 4 or not 0 < len(q) <= 4 * MAX_SEQUENCES:
         raise MessageError("probabilities are no float32 row")
     # Checked in single precision as it came; normalised again in double.
     row = np.frombuffer(q, "<f4").astype(np.float64)
-    message = Distribution(unpack_sequences(packed), row)
+    message = Distribution(unpack_sequences(packed, most), row)
     return Distribution(message.sequences, row / row.sum())
 
 
-def _read_proposal(fields: list[Any]) -> Proposal:
+def _read_proposal(fields: list[Any], most: int) -> Proposal:
     live, heads, packed, makespan, digest, serial = _list(fields, 6)
-    plans = _read_plans(heads, packed)
+    plans = _read_plans(heads, packed, most)
     return Proposal(_live(live), plans, _seconds(makespan), _text(digest), _bool(serial))
 
 
-def _read_joint(fields: list[Any]) -> Joint:
+def _read_joint(fields: list[Any], most: int) -> Joint:
     live, heads, packed, makespan = _list(fields, 4)
-    return Joint(_live(live), _read_plans(heads, packed), _seconds(makespan))
+    return Joint(_live(live), _read_plans(heads, packed, most), _seconds(makespan))
 
 
-def _read_plans(heads: object, packed: object) -> Plans:
+def _read_plans(heads: object, packed: object, most: int) -> Plans:
     owners = [_below(h, MAX_HEADS) for h in _list(heads)]
-    sequences = unpack_sequences(packed)
+    sequences = unpack_sequences(packed, most)
     if len(set(owners)) != len(owners) or len(owners) != len(sequences):
         raise MessageError("plans and their heads do not match")
     return dict(zip(owners, sequences, strict=True))
 
 
-def _read_beat(fields: list[Any]) -> Beat:
+def _read_beat(fields: list[Any], _: int) -> Beat:
     (within,) = _list(fields, 1)
     return Beat(_integer(within))
 
 
-def _read_commit(fields: list[Any]) -> Commit:
+def _read_commit(fields: list[Any], _: int) -> Commit:
     live, digest, stage, term, heard = _list(fields, 5)
     terms = tuple(_integer(t) for t in _list(heard))
     return Commit(_live(live), _text(digest), Stage(_integer(stage)), _integer(term), terms)
 
 
-def _read_request(fields: list[Any]) -> PlanRequest:
+def _read_request(fields: list[Any], _: int) -> PlanRequest:
     target, live, digest = _list(fields, 3)
     return PlanRequest(_integer(target), _live(live), _text(digest))
 
 
-def _read_reply(fields: list[Any]) -> PlanReply:
+def _read_reply(fields: list[Any], most: int) -> PlanReply:
     target, proposal = _list(fields, 2)
-    return PlanReply(_integer(target), _read_proposal(_list(proposal)))
+    return PlanReply(_integer(target), _read_proposal(_list(proposal), most))
 
 
-def _read_goodbye(fields: list[Any]) -> Goodbye:
+def _read_goodbye(fields: list[Any], _: int) -> Goodbye:
     digest, reason = _list(fields, 2)
     return Goodbye(_text(digest), _text(reason))
 
 
-_READERS: dict[str, Callable[[list[Any]], Message]] = {
+_READERS: dict[str, Callable[[list[Any], int], Message]] = {
     "hello": _read_hello,
     "distribution": _read_distribution,
     "joint": _read_joint,

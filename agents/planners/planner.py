@@ -35,6 +35,10 @@ class Planner(Protocol):
         """Digest of the problem."""
 
     @property
+    def most_symbols(self) -> int:
+        """Numbers in all plans of a message that may mean something for this problem."""
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of all heads."""
 

@@ -9,7 +9,7 @@ from agents.planners.pack import TEAM, Pack
 from agents.planners.planner import JointProposal
 from agents.planners.serial import joint_order, serial_plans
 from decmcts.feasibility.digest import code_digest, team_digest
-from decmcts.team.dec_mcts.parameters import Parameters, changed
+from decmcts.team.dec_mcts.parameters import RANGES, Parameters, changed
 from decmcts.team.dec_mcts.planner import DecMcts, PlanDistribution
 from decmcts.team.dec_mcts.warm_up import compile_rounds
 from decmcts.team.engine.plans import decode, means_something
@@ -26,6 +26,8 @@ class TeamPlanner:
         self.problem = team_digest(problem.digest, problem.job, code=code_digest())
         self.names = problem.head_names
         self._team = problem
+        stated = len(problem.head_names) * (len(problem.job.contours) + 2)
+        self.most_symbols = stated + int(RANGES["plans"][1]) * (problem.n_macros + 1)
         self._search = DecMcts(problem, head, seed=seed, parameters=parameters)
 
     @staticmethod

@@ -59,6 +59,7 @@ class ToyPlanner:
         self.lengths = np.random.default_rng(jobs).uniform(1.0, 9.0, jobs)
         digest = hashlib.sha256(self.lengths.tobytes() + repr(self.names).encode())
         self.problem = digest.hexdigest()
+        self.most_symbols = (len(self.names) + 10) * (jobs + 1)
         self._rng = np.random.default_rng([seed, head])
         self._others: dict[int, Distribution] = {}
         self._best: dict[tuple[int, ...], JointProposal] = {}

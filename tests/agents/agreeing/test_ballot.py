@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 
-from agents.agreeing.ballot import Ballot
+from agents.agreeing.ballot import VERIFIED, Ballot
 from agents.messages.kinds import Commit, Proposal, Stage
 
 A, B, C = "aa" * 8, "bb" * 8, "cc" * 8
@@ -84,3 +86,28 @@ def test_a_commit_stands_in_for_a_proposal_that_is_missing() -> None:
     assert won is not None and won.digest == A
     ballot.commits[1] = Commit((1,), A, Stage.COMMITTED, 3, (0,))
     assert ballot.best(LIVE) is None
+
+
+def test_of_rejected_plans_their_digests_are_kept() -> None:
+    """256 whole plans of a large print are gigabytes, and a peer may make them up."""
+    ballot = Ballot()
+    tracemalloc.start()
+    try:
+        for number in range(300):
+            plans = {1: np.zeros(25_000, np.int32)}
+            ballot.begin_resolving(Proposal((0, 1), plans, 1.0, f"{number:032x}"))
+            assert not ballot.end_resolving(((0, 1), f"{number:032x}"), "", 0.0)
+        left, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert left < 400_000
+
+
+def test_plans_that_nobody_stands_by_any_more_are_forgotten() -> None:
+    """Whatever is right is kept whole, for those who ask for it; but not for ever."""
+    ballot, ours = Ballot(), ((0, 1), f"{0:032x}")
+    ballot.ours = ours
+    for number in range(3 * VERIFIED):
+        ballot.propose(0, Proposal((0, 1), {}, 1.0, f"{number:032x}"), verified=True)
+    assert len(ballot.verified) <= VERIFIED + 1
+    assert ours in ballot.verified and ((0, 1), f"{3 * VERIFIED - 1:032x}") in ballot.verified

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import pytest
 
 from agents.agreeing.events import Effect, Note, Refused, Send
@@ -9,6 +11,7 @@ from agents.agreeing.roster import Roster
 from agents.messages.kinds import SILENCE_TICKS, VERSION, Commit, Hello
 
 PROBLEM = "ab" * 16
+NUMBERS = count(1)  # of messages
 
 
 @pytest.fixture
@@ -18,7 +21,7 @@ def roster() -> Roster:
 
 def greets(roster: Roster, head: int, epoch: int) -> list[Effect]:
     roster.appeared(head, epoch)
-    return roster.hear(head, epoch, Hello(PROBLEM, VERSION, f"h{head}", False))
+    return roster.hear(head, (epoch, next(NUMBERS)), Hello(PROBLEM, VERSION, f"h{head}", False))
 
 
 def test_nothing_late_of_a_fenced_incarnation_brings_it_back(roster: Roster) -> None:
@@ -89,7 +92,7 @@ def test_who_is_silent_longer_than_promised_is_dropped_until_it_speaks(roster: R
     assert Note("middle is silent") in effects and roster.live == (0,)
     assert roster.missing(roster.live) == (1, 2)  # not fenced: it may be moving
     assert any(isinstance(e, Send) for e in roster.tick())  # asked to say hello
-    roster.hear(1, 7, Hello(PROBLEM, VERSION, "h1", False))
+    roster.hear(1, (7, next(NUMBERS)), Hello(PROBLEM, VERSION, "h1", False))
     assert roster.live == (0, 1)
 
 
@@ -107,11 +110,26 @@ def test_what_is_refused_is_said_once_for_each_incarnation(roster: Roster) -> No
     """A restart with the right print must get in, and one with another wrong one be named."""
     wrong = Hello("cd" * 16, VERSION, "h1", False)
     roster.appeared(1, 7)
-    assert len(roster.hear(1, 7, wrong)) == 1
-    assert roster.hear(1, 7, wrong) == []
+    assert len(roster.hear(1, (7, 1), wrong)) == 1
+    assert roster.hear(1, (7, 2), wrong) == []
     roster.appeared(1, 8)
-    assert [type(e) for e in roster.hear(1, 8, wrong)] == [Refused]
+    assert [type(e) for e in roster.hear(1, (8, 1), wrong)] == [Refused]
     roster.gone(1, 8)
     roster.gone(1, 7)
     greets(roster, 1, 9)
+    assert roster.live == (0, 1)
+
+
+def test_a_hello_that_somebody_says_again_keeps_no_dead_head_here(roster: Roster) -> None:
+    """It has the right seal: whoever listens in can say it again, but not with a new number."""
+    hello = Hello(PROBLEM, VERSION, "h1", False)
+    roster.appeared(1, 7)
+    roster.hear(1, (7, 1), hello)
+    for _ in range(SILENCE_TICKS + 1):
+        roster.hear(1, (7, 1), hello)
+        roster.tick()
+    assert roster.live == (0,)
+    roster.hear(1, (7, 1), hello)
+    assert roster.live == (0,)
+    roster.hear(1, (7, 2), hello)
     assert roster.live == (0, 1)

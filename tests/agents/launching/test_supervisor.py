@@ -387,6 +387,24 @@ def test_a_stop_before_the_agents_met_is_said_to_be_one(said: list[dict[str, Any
     assert not any(child.killed or child.told for child in scene.children.values())
 
 
+@pytest.mark.parametrize("ready", [(), (0,)])
+def test_an_agent_that_is_stopped_as_it_starts_is_not_waited_for(ready: tuple[int, ...]) -> None:
+    """Before its first word nobody knew that it ran; it was waited for as if it loaded."""
+    scene = Scene()
+    scene.hushed = {head: (-1.0, 999.0) for head in (0, 1) if head not in ready}
+    for head in ready:
+        scene.says(head, {"event": "ready"})
+        waits = {**PROGRESS, "live": [head], "rounds": 0}
+        scene.keeps_saying(head, waits, since=1.0, until=12.0)
+        scene.released(head, "aa", at=12.0)
+    if ready:
+        assert scene.run()["digest"] == "aa"
+    else:
+        with pytest.raises(LaunchError, match="every agent ended: it never said anything"):
+            scene.run()
+    assert scene.now < 35.0
+
+
 @pytest.mark.slow
 def test_an_agent_that_never_gets_ready_is_fenced() -> None:
     """A process that hangs while loading must not hang the launch."""
