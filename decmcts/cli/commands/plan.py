@@ -163,14 +163,29 @@ def write(
 def write_extras(
     result: Result, plan: Path | None, report: Path | None, picture: Path | None
 ) -> list[Path]:
-    """Write plan.json, report and picture where asked; returns what was written."""
+    """Write report, picture and plan.json where asked; returns what was written.
+
+    A report or a picture that cannot be written costs nothing else: it is told of.
+
+    Raises
+    ------
+    InputError
+        When plan.json cannot be written.
+    """
+    kept = []
+    for path, write in ((report, result.write_report), (picture, result.write_picture)):
+        if path is None:
+            continue
+        try:
+            write(path)
+        except InputError as error:
+            err.print(f"{error}; all else that was asked for is written", soft_wrap=True)
+        else:
+            kept.append(path)
     if plan is not None:
         result.write_plan(plan)
-    if report is not None:
-        result.write_report(report)
-    if picture is not None:
-        result.write_picture(picture)
-    return [path for path in (plan, report, picture) if path is not None]
+        kept.insert(0, plan)
+    return kept
 
 
 def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) -> Slicing:

@@ -10,7 +10,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -72,29 +72,42 @@ def heads_table(heads: Heads) -> Table:
 
 @contextmanager
 def recording(path: Path | None) -> Iterator[Keep]:
-    """Keep every state that is told in a file; nothing without one."""
+    """Keep every state that is told in a file; nothing without one.
+
+    A file that cannot be written on costs the recording, not the launch: it is told of once.
+    """
     if path is None:
         yield lambda heads: None
         return
-    with ExitStack() as stack:
-        file: TextIO | None = None
-        started = time.monotonic()
+    file: TextIO | None = None
+    started, lost = time.monotonic(), False
 
-        def keep(heads: Heads) -> None:
-            nonlocal file, started
+    def keep(heads: Heads) -> None:
+        nonlocal file, started, lost
+        if lost:
+            return
+        try:
             if file is None:  # what was there stays until heads begin
-                file, started = (
-                    stack.enter_context(path.open("w", encoding="utf-8")),
-                    time.monotonic(),
-                )
+                file, started = path.open("w", encoding="utf-8", buffering=1), time.monotonic()
                 file.write(json.dumps({"format": FORMAT, "bound_s": heads.bound_s}) + "\n")
-            if not heads.agents:
-                return
-            states = [{**asdict(agent), "history": ()} for agent in heads.agents]
-            state = {"at_s": round(time.monotonic() - started, 3), "agents": states}
-            file.write(json.dumps(state) + "\n")
+            if heads.agents:
+                states = [{**asdict(agent), "history": ()} for agent in heads.agents]
+                state = {"at_s": round(time.monotonic() - started, 3), "agents": states}
+                file.write(json.dumps(state) + "\n")
+        except OSError as error:
+            lost = True
+            err.print(
+                f"{path}: the recording cannot be written ({error.strerror}); the launch goes on "
+                "without it",
+                soft_wrap=True,
+            )
 
+    try:
         yield keep
+    finally:
+        if file is not None:
+            with suppress(OSError):  # told above, when the line was written
+                file.close()
 
 
 def read_record(path: Path) -> tuple[float, list[State]]:

@@ -1,4 +1,4 @@
-"""Puts a file in place in one step, so that a failure leaves what was there before.
+"""Puts files in place in one step, so that a failure leaves what was there before.
 
 Nothing here knows what is in a file. A link is followed, so that it stays one;
 devices and pipes are refused: putting a file in their place would destroy them.
@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from decmcts.errors import InputError
@@ -25,24 +28,90 @@ def write_whole(path: Path | str, content: bytes) -> None:
     InputError
         When it cannot be written; what was there before is untouched.
     """
+    write_all([(path, content)])
+
+
+def write_all(files: Sequence[tuple[Path | str, bytes]]) -> None:
+    """Write files that belong together: all of them, or none.
+
+    All are staged beside their places and put there then, one right after the other. If one can't
+    be put in place, those before it go back to what they were. Only a kill between two renames
+    leaves some of either kind.
+
+    Raises
+    ------
+    InputError
+        When one of them cannot be written, which is named; what was there before is untouched.
+    """
+    staged, replaced = list[_Staged](), list[_Staged]()
+    path: Path | str = ""
     try:
-        target = Path(path).resolve()
-        refuse_special(target)
-        begin = target.name.encode("utf-8", "replace")[:BEGIN_BYTES].decode("utf-8", "ignore")
-        handle, temporary = tempfile.mkstemp(prefix=f".{begin}.", dir=target.parent)
-    except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
-        raise _unwritable(path, error) from error
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.chmod(temporary, _mode(target))
-        os.replace(temporary, target)
-    except OSError as error:
-        Path(temporary).unlink(missing_ok=True)
-        raise _unwritable(path, error) from error
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        for path, content in files:
+            staged.append(_staged(path))
+            staged[-1].fill(content)
+        for each in staged:
+            path = each.path
+            each.keep_old(len(files) > 1)
+            replaced.append(each)
+            os.replace(each.draft, each.target)
+    except BaseException as error:
+        for each in reversed(replaced):
+            each.put_back()
+        if isinstance(error, OSError | RuntimeError):  # RuntimeError: links in a circle
+            raise _unwritable(path, error) from error
         raise
+    finally:
+        for each in staged:
+            each.tidy()
+
+
+@dataclass(slots=True)
+class _Staged:
+    """A file beside its place, and what stands there."""
+
+    path: Path | str  # as it was named
+    target: Path
+    draft: Path
+    handle: int
+    old: Path | None = None  # what stood at its place, by another name
+
+    def fill(self, content: bytes) -> None:
+        with os.fdopen(self.handle, "wb") as file:
+            file.write(content)
+        self.draft.chmod(_mode(self.target))
+
+    def keep_old(self, others: bool) -> None:
+        """Keep what stands at its place, if `others` may fail behind it."""
+        if others and self.target.exists():
+            handle, name = tempfile.mkstemp(prefix=".kept.", dir=self.target.parent)
+            os.close(handle)
+            shutil.copy2(self.target, name)
+            self.old = Path(name)
+
+    def put_back(self) -> None:
+        """Undo `os.replace`, if it was done."""
+        with contextlib.suppress(OSError):
+            if self.draft.exists():
+                return
+            if self.old is None:
+                self.target.unlink(missing_ok=True)
+            else:
+                os.replace(self.old, self.target)
+
+    def tidy(self) -> None:
+        """Remove what is left beside its place."""
+        for path in (self.draft, self.old):
+            with contextlib.suppress(OSError):
+                if path is not None:
+                    path.unlink(missing_ok=True)
+
+
+def _staged(path: Path | str) -> _Staged:
+    target = Path(path).resolve()
+    refuse_special(target)
+    begin = target.name.encode("utf-8", "replace")[:BEGIN_BYTES].decode("utf-8", "ignore")
+    handle, draft = tempfile.mkstemp(prefix=f".{begin}.", dir=target.parent)
+    return _Staged(path, target, Path(draft), handle)
 
 
 def refuse_special(path: Path) -> None:

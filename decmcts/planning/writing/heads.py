@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from decmcts.errors import InputError
+from decmcts.formats.files.atomic import write_all
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
@@ -15,7 +16,7 @@ from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.lines import header_lines
-from decmcts.planning.writing.places import STDOUT, put, require_sound
+from decmcts.planning.writing.places import STDOUT, require_sound
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import JointPlan
@@ -94,7 +95,7 @@ def write_heads(
     write: HeadWriter = write_head_gcode,
     report: Report = unheard,
 ) -> list[Path]:
-    """`write` one G-code file per head, `STEM_HEAD.gcode`; returns the paths.
+    """`write` one G-code file per head, `STEM_HEAD.gcode`, all or none; returns the paths.
 
     Those that were written with the plan are put in place. Else the report is told what is
     written, read back and judged.
@@ -103,6 +104,8 @@ def write_heads(
     ------
     VerificationError
         When the files, read back, are not the verified plan; then none is written.
+    InputError
+        When one of them cannot be written; then none is.
     """
     paths = [_head_file(stem, actions.head) for actions in planned.after.plan.heads]
     texts = planned.head_files
@@ -112,8 +115,7 @@ def write_heads(
             works = drafting(planned, drafts, write=write)
             walked = [work(report=report) for _, work in works]
             texts = judged_texts(planned, drafts, walked, stem, report)
-    for path, text in zip(paths, texts, strict=True):
-        put(text, path)
+    write_all(list(zip(paths, texts, strict=True)))
     return paths
 
 

@@ -137,3 +137,15 @@ def test_no_state_is_waited_for_longer_than_a_while(tmp_path, monkeypatch) -> No
     monkeypatch.setattr(replay.time, "monotonic", lambda: 0.0)
     assert CliRunner().invoke(app, ["replay", str(path), "--speed", "1"]).exit_code == 0
     assert slept == [0.0, 2.0, 12.0, 14.0]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a full disk is a device of Linux'")
+def test_a_full_disk_costs_the_recording_and_nothing_else(capsys) -> None:
+    """It cost the launch, and named no file."""
+    with recording(Path("/dev/full")) as keep:
+        for _ in range(3):
+            keep(Heads((LEFT,), 100.0))
+    said = capsys.readouterr().err
+    assert (
+        said.replace("\n", " ").count("/dev/full: the recording cannot be written (No space") == 1
+    )
