@@ -15,7 +15,7 @@ people make by accident, and short beside a print."""
 START_LIMIT_S = 180.0
 """To load the problem and compile; a head that takes longer is fenced."""
 
-UNHEARD_S = 30.0
+UNHEARD_S = 12.0
 """Until the first sign of life of a process, and a second more for each head. Once another
 agent is ready, `HUNG_S` and half a second for each head: all begin at the same time."""
 

@@ -20,6 +20,7 @@ from typing import Any, BinaryIO
 from agents.networks.meeting import Meeting
 
 _STOP_S = 3.0
+_END_S = 1.0
 PREFIX = "decmcts: "  # of every error the program says
 PIPED = "--piped"  # to an agent: its arguments follow as one line on stdin
 
@@ -105,7 +106,10 @@ class AgentProcess:
 
     def ending(self) -> str:
         """Return how it ended, in words: by a signal, with its last words, or just so."""
-        code = self._process.poll()
+        try:
+            code: int | None = self._process.wait(_END_S)  # its pipe closes a moment before
+        except subprocess.TimeoutExpired:
+            code = None
         if code is not None and code < 0:
             return f"killed by {_signal_name(-code)}"
         return self.last_words() or ("" if code is None else f"its process ended ({code})")

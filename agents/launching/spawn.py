@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from agents.launching.crew import EXTRUDER, Crew
 from agents.launching.places import Places
-from agents.launching.supervisor import AgentStatus, OnProgress, Supervisor
+from agents.launching.supervisor import AgentStatus, LaunchError, OnProgress, Supervisor
 from agents.networks.meeting import Meeting
 from decmcts.search.sequence.stopping import Stopping
 
@@ -93,7 +93,11 @@ def run_agents(
             on_progress=on_progress,
             elsewhere=places.fresh,
         )
-        released = supervisor.run()
+        try:
+            released = supervisor.run()
+        except LaunchError as error:
+            error.agents = tuple(supervisor.status)
+            raise
     return _agreement(released, tuple(supervisor.status))
 
 

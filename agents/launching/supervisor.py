@@ -37,7 +37,9 @@ _POLL_S = 0.1
 
 
 class LaunchError(Exception):
-    """The agents came to no plan; one line says why."""
+    """The agents came to no plan; one line says why, and `agents` what became of each."""
+
+    agents: tuple[AgentStatus, ...] = ()
 
 
 class Child(Protocol):
@@ -294,9 +296,8 @@ class Supervisor:
             return
         accuser = min(overdue, key=lambda head: _rank(self._group(head)))
         missed = sorted(self._missing(accuser))
-        # Who is silent comes back, or is hung; who is in a long round says so after it.
         if not all(self._hearing.heard_since(h, self._misses[accuser]) for h in missed):
-            return
+            return  # who is silent comes back, or is hung; a long round ends
         if not self._move() and self._met_at is not None and not self._is_over(now):
             return  # they plan apart; there is time to find each other
         if now - self._moved_at >= patience_s:
@@ -368,7 +369,7 @@ class Supervisor:
         return self._over_at is not None or (met_at is not None and now - met_at > self._limit_s)
 
     def _enforce_agreement(self, now: float) -> None:
-        """Give up agents that keep all from a release: first those that never ended planning."""
+        """Give up agents that keep all from a release: first those that still plan."""
         if self._over_at is None:
             if self._met_at is not None and now - self._met_at > self._limit_s + LATE_LIMIT_S:
                 self._fence_silent(f"not done {LATE_LIMIT_S:g} s after the time for planning")

@@ -164,11 +164,8 @@ def _agreed(
 ) -> Outcome:
     """Return what the agents agreed on; if that is nothing, one head prints alone."""
     problem = ready.problem
-    last: tuple[AgentStatus, ...] = ()
 
     def passed_on(states: tuple[AgentStatus, ...]) -> None:
-        nonlocal last
-        last = states
         report(Heads(states, ready.bound_s))
 
     passed_on(())
@@ -185,7 +182,7 @@ def _agreed(
         )
         outcome = Outcome(result, result.agreement.agents)
     except LaunchError as error:
-        outcome = Outcome(None, last, str(error))
+        outcome = Outcome(None, error.agents, str(error))
     for line in lines_of(outcome.metrics()["team"]):
         report(Note(line))
     return outcome
