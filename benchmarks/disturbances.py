@@ -219,8 +219,8 @@ class Disturber:
         for process in self.others:
             process.kill()
             assert process.stdout is not None
-            wrong += [f"another user {line.decode().strip()}" for line in process.stdout]
-            process.wait()
+            with process, process.stdout as said:  # closes its pipes, and waits for it
+                wrong += [f"another user {line.decode().strip()}" for line in said]
         left = [pid for pid in self.pids.values() if Path(f"/proc/{pid}").exists()]
         wrong += [f"{len(left)} processes left"] if left else []
         return wrong + ([f"{self.folder()} left"] if self.folder().exists() else [])

@@ -41,6 +41,7 @@ CONTENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
             "ARCHITECTURE",
             "docs/team",
             "docs/protocol",
+            "docs/security",
             "docs/adr/README",
             "docs/results/README",
         ),
