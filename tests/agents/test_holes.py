@@ -283,3 +283,19 @@ def test_a_release_that_died_with_its_only_holder_is_not_waited_for() -> None:
     team.fence(0)
     team.run(5.0)
     assert team.releases()[1].live == (1,)
+
+
+@pytest.mark.parametrize("pause_s", [0.5, 1.5, 3.0, 5.0])
+@pytest.mark.parametrize("since_s", [0.5, 2.0])
+def test_heads_that_pause_greet_again_and_agree(since_s: float, pause_s: float) -> None:
+    """Each heard only itself for a moment, and neither could print all: both were given up.
+
+    It goes on while the other plans, or after that one's time is over.
+    """
+    team = Team(2, Weather(), limit_s=3.0, needed=0)
+    team.run(since_s)
+    team.network.hang(0)
+    team.run(pause_s)
+    team.network.resume(0)
+    team.run(9.0 - since_s - pause_s)
+    assert the_release(team).live == (0, 1)

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from agents.agreeing.events import Event, Fenced, Leave, PlanningEnded, Release
+from agents.loop.agent import Meet
 from agents.loop.pipes import PipeFront, parse_command
+from agents.networks.meeting import Meeting
 from decmcts.errors import InputError
 
 
@@ -85,6 +87,47 @@ def test_arguments_come_first_and_commands_behind_them(pipes: tuple[PipeFront, i
     assert front.commands() == [PlanningEnded()]
     os.write(commands_in, b'and": "exit"}\n')
     assert front.commands() == [Leave("done")]
+    os.close(commands_in)
+
+
+def test_where_to_meet_comes_with_the_arguments(pipes: tuple[PipeFront, int, int]) -> None:
+    """Its secret stands on no command line and in no environment."""
+    front, commands_in, _ = pipes
+    meeting = Meeting(("tcp/127.0.0.1:7001", "unixsock-stream//tmp/x/1"), bytes(range(32)))
+    told = {"command": "begin", "arguments": [], "meeting": meeting.to_dict()}
+    moved = {"command": "meet", "places": ["tcp/127.0.0.1:7002"] * 2}
+    os.write(commands_in, f"{json.dumps(told)}\n{json.dumps(moved)}\n".encode())
+    assert front.arguments() == []
+    assert front.meeting == meeting
+    assert front.commands() == [Meet(("tcp/127.0.0.1:7002",) * 2)]
+    os.close(commands_in)
+
+
+@pytest.mark.parametrize("places", [["nowhere"], ["udp/127.0.0.1:7"], ["tcp/h:1?x"], [7], "tcp"])
+def test_a_meeting_that_is_none_is_refused(
+    places: object, pipes: tuple[PipeFront, int, int]
+) -> None:
+    """It would end as an error of zenoh's."""
+    front, commands_in, _ = pipes
+    told = {"places": places, "secret": "ab" * 32}
+    line = json.dumps({"command": "begin", "arguments": [], "meeting": told})
+    os.write(commands_in, line.encode() + b"\n")
+    with pytest.raises(InputError, match="names no place to meet"):
+        front.arguments()
+    os.close(commands_in)
+
+
+def test_a_pulse_goes_on_while_others_write(pipes: tuple[PipeFront, int, int]) -> None:
+    """Lines of two threads must not mix."""
+    front, commands_in, lines_out = pipes
+    front.beat()
+    front.shut("cannot listen")
+    read = b""
+    while read.count(b"\n") < 2:
+        read += os.read(lines_out, 4096)
+    lines = [json.loads(line) for line in read.splitlines()]
+    assert sorted(line["event"] for line in lines) == ["pulse", "shut"]
+    front._open = False
     os.close(commands_in)
 
 
