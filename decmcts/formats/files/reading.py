@@ -34,7 +34,11 @@ def read_bytes(path: Path) -> bytes:
     try:
         require_file(path)
         with open(path, "rb", opener=_without_waiting) as file:
-            content = file.read(LARGEST_BYTES + 1)
+            size = os.fstat(file.fileno()).st_size
+            refuse_larger(size, path)
+            content = file.read(size + 1)
+            if len(content) > size:  # it grows, or its size is not said
+                content += file.read(LARGEST_BYTES + 1 - len(content))
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", path=path) from error
     refuse_larger(len(content), path)

@@ -28,6 +28,7 @@ _NEXT_LAYER = re.compile(r"; move to next layer \((\d+)\)")
 
 MOST_SLOTS = 200  # settings, among them fans and extruders by number: real files have up to 23
 MOST_WORDS = 200  # of what is in force in one of them: real files have up to 20
+MOST_TOOLS = 64
 MOST_CELLS = 5 * 10**7  # settings times states: half a GiB, real files have up to 500,000
 
 
@@ -56,6 +57,7 @@ class _Recorder:
     lines: Lines
     slots: dict[str, int] = field(default_factory=dict)
     values: dict[str, int] = field(default_factory=lambda: {"": UNSET})
+    tools: set[str] = field(default_factory=set)
     texts: list[str] = field(default_factory=lambda: [""])  # of `values`
     leave: dict[int, str] = field(default_factory=dict)
     merged: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -90,6 +92,14 @@ class _Recorder:
             what = f"over {len(self.rows):,} different states of a machine"
         if what:
             raise self.lines.refuse(max(line, 0), what, "is it G-code of one printer?")
+
+    def select(self, tool: str, line: int) -> None:
+        """Count the tools; books are kept of each in each stretch, so their number is limited."""
+        self.tools.add(tool)
+        if len(self.tools) > MOST_TOOLS:
+            raise self.lines.refuse(
+                line, f"over {MOST_TOOLS} tools", "is it G-code of one printer?"
+            )
 
     def get(self, slot: str) -> str:
         """Return the text in a slot."""
@@ -182,6 +192,8 @@ def track_state(lines: Lines, motion: Motion) -> Track:
             barriers[line] = reason
             if event.slot:
                 recorder.put(event.slot, target_of(code), line)
+            if event.slot == "tool":
+                recorder.select(code, line)
     return Track(
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
         np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),

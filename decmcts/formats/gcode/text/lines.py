@@ -175,17 +175,26 @@ def _check_brackets(lines: Lines) -> None:
     RepRapFirmware takes the rest of the line for a comment, Marlin reads on (but for
     PAREN_COMMENTS), Klipper knows no brackets and stops.
     """
-    at = lines.text.find(b"(")
-    while at >= 0:
-        line = int(np.searchsorted(lines.starts, at, side="right")) - 1
-        row = lines.raw(line)
-        code = row.split(b";", 1)[0]
-        if lines.letter[line] == ord("G") and code.rfind(b"(") > code.rfind(b")"):
+    opened = np.flatnonzero(np.frombuffer(lines.text, np.uint8) == ord("("))
+    rows = np.unique(np.searchsorted(lines.starts, opened, side="right") - 1)
+    for line in rows[lines.letter[rows] == ord("G")].tolist():
+        code = lines.raw(line).split(b";", 1)[0]
+        if _opens_again(code):
+            raise lines.refuse(
+                line, "a bracket within a bracket: firmwares differ in where such a comment ends",
+                "begin it with a semicolon",
+            )  # fmt: skip
+        if code.rfind(b"(") > code.rfind(b")"):
             raise lines.refuse(
                 line, "a bracket that is not closed hides the rest of the line from some firmwares",
                 "close the comment, or begin it with a semicolon",
             )  # fmt: skip
-        at = lines.text.find(b"(", int(lines.ends[line]))
+
+
+def _opens_again(code: bytes) -> bool:
+    """Tell whether a bracket opens within one that is open and closed later."""
+    end = code.rfind(b")")
+    return any(b"(" in part.partition(b"(")[2] for part in code[: max(end, 0)].split(b")"))
 
 
 def _check_tail(lines: Lines) -> None:

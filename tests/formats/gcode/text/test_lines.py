@@ -118,7 +118,16 @@ def test_number_equals_python_float(value, places):
     assert got == pytest.approx(float(re.sub(r"^-0$", "0", text)), abs=1e-11)
 
 
-@pytest.mark.parametrize("row", ["G1 X9 (half E.5 F900", "G1 X5 (a;b)", "G92 (x E0"])
+@pytest.mark.parametrize(
+    "row",
+    [
+        "G1 X9 (half E.5 F900",
+        "G1 X5 (a;b)",
+        "G92 (x E0",
+        "G1 X9 (a (b) E.5",
+        "G1 X9 (((a)",
+    ],
+)
 def test_a_bracket_that_stays_open_is_refused(row):
     """Firmwares differ in what it hides: the E behind it would be lost in silence here."""
     with pytest.raises(InputError, match="bracket") as caught:
