@@ -20,9 +20,11 @@ UNHEARD_S = 12.0
 agent is ready, `HUNG_S` and half a second for each head: all begin at the same time."""
 
 AGREE_LIMIT_S = 10.0
-"""From the first agent that ends planning to the release, and half a second for each head
+"""From the first agent that ends planning to the release, and `AGREE_HEAD_S` for each head
 above two. Where rounds are long, so many of them: an agent is told of the others' end only
 after its round, and then resolves their plans."""
+
+AGREE_HEAD_S = 2.0
 
 AGREE_ROUNDS = 8.0
 
@@ -39,5 +41,9 @@ AFTER_FENCE_S = 3.0
 
 MEET_S = 3.0
 """Agents that speak but miss each other for so long meet elsewhere, at most `MOST_MOVES` times."""
+
+MEET_HEAD_S = 1.0
+"""So much longer for each head above two: many need longer to find each other, and on a
+host with few processors they lose each other for a moment now and then."""
 
 MOST_MOVES = 2

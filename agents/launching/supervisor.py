@@ -19,12 +19,14 @@ from typing import Any, Protocol
 from agents.launching.hearing import Hearing
 from agents.launching.limits import (
     AFTER_FENCE_S,
+    AGREE_HEAD_S,
     AGREE_LIMIT_S,
     AGREE_ROUNDS,
     FOLLOW_LIMIT_S,
     GRACE_S,
     HUNG_S,
     LATE_LIMIT_S,
+    MEET_HEAD_S,
     MEET_S,
     MOST_MOVES,
     START_LIMIT_S,
@@ -82,10 +84,7 @@ OnProgress = Callable[[tuple[AgentStatus, ...]], None]
 
 
 class Supervisor:
-    """State of one launch; `run` until a plan is released.
-
-    `elsewhere` returns fresh places for all agents to meet at, one a head.
-    """
+    """State of one launch; `run` until a plan is released. `elsewhere` returns fresh places."""
 
     def __init__(
         self,
@@ -106,7 +105,7 @@ class Supervisor:
         self._released: dict[int, dict[str, Any]] = {}
         self._released_since: float | None = None  # by the first agent
         self._ready: set[int] = set()
-        self._misses: dict[int, float] = {}  # head that misses others -> since when
+        self._misses: dict[tuple[int, int], float] = {}  # who misses whom -> since when
         self._hearing = Hearing()
         assert stopping.seconds is not None  # agents plan by the clock
         self._limit_s, self._on_progress = stopping.seconds, on_progress
@@ -284,20 +283,20 @@ class Supervisor:
 
     def _settle_misses(self, now: float) -> None:
         """Have agents meet elsewhere that miss each other; if that is no help, fence one side."""
-        missing = [head for head in self._unfenced() if self._missing(head)]
-        self._misses = {head: self._misses.get(head, now) for head in missing}
-        patience_s = MEET_S + 0.1 * len(self._names)  # many need longer to meet
+        pairs = [(head, other) for head in self._unfenced() for other in self._missing(head)]
+        self._misses = {pair: self._misses.get(pair, now) for pair in pairs}
+        patience_s = MEET_S + MEET_HEAD_S * max(0, len(self._names) - 2)
         overdue = [
-            head
-            for head, at in self._misses.items()
-            if now - max(at, self._moved_at) >= patience_s and self._hearing.speaks(head, now)
+            (head, other)
+            for (head, other), at in self._misses.items()
+            if now - max(at, self._moved_at) >= patience_s
+            and self._hearing.speaks(head, now)
+            and self._hearing.heard_since(other, at)  # else it comes back, or is hung
         ]
         if not overdue:
             return
-        accuser = min(overdue, key=lambda head: _rank(self._group(head)))
-        missed = sorted(self._missing(accuser))
-        if not all(self._hearing.heard_since(h, self._misses[accuser]) for h in missed):
-            return  # who is silent comes back, or is hung; a long round ends
+        accuser = min((head for head, _ in overdue), key=lambda h: _rank(self._group(h)))
+        missed = sorted(other for head, other in overdue if head == accuser)
         if not self._move() and self._met_at is not None and not self._is_over(now):
             return  # they plan apart; there is time to find each other
         if now - self._moved_at >= patience_s:
@@ -387,7 +386,7 @@ class Supervisor:
 
     def agree_limit_s(self) -> float:
         """Return how long agents may take to agree, by what is known of their rounds."""
-        heads_s = 0.5 * max(0, len(self._names) - 2)
+        heads_s = AGREE_HEAD_S * max(0, len(self._names) - 2)
         return max(AGREE_LIMIT_S + heads_s, AGREE_ROUNDS * self._hearing.longest_round_s())
 
     def _fence_silent(self, why: str) -> None:
