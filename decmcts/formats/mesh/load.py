@@ -119,7 +119,9 @@ def _repair(mesh: trimesh.Trimesh) -> None:
     mesh.remove_unreferenced_vertices()
     if not mesh.is_watertight:
         trimesh.repair.fill_holes(mesh)
-    if not mesh.is_winding_consistent or mesh.volume < 0.0:
+    with np.errstate(invalid="ignore", divide="ignore"):  # of no volume: trimesh divides by it
+        inside_out = mesh.volume < 0.0
+    if inside_out or not mesh.is_winding_consistent:
         trimesh.repair.fix_normals(mesh, multibody=True)  # type: ignore[no-untyped-call]  # trimesh's
 
 

@@ -33,7 +33,8 @@ _HEATSHRINK = {  # compression: its tokens as bits, the group is the length of a
     2: re.compile("1[01]{8}|0[01]{11}([01]{4})"),
     3: re.compile("1[01]{8}|0[01]{12}([01]{4})"),
 }
-_ENCODINGS = (b"\0\0", b"\1\0", b"\2\0")  # of G-code: plain, MeatPack, with comments
+_AS_TEXT = b"\0\0"
+_ENCODINGS = (_AS_TEXT, b"\1\0", b"\2\0")  # of G-code: plain, MeatPack, with comments
 _MEATPACK_GROWTH = 2  # two characters a byte
 _CRC32 = 1
 _COMMAND = re.compile(rb"^[^;\s]", re.M)
@@ -259,12 +260,15 @@ def _heatshrink_size(block: Block) -> int:
 def _is_known(block: Block) -> bool:
     """Tell whether what a block holds is encoded as the library can read it.
 
-    It never returns from metadata whose lines are no `name=value`.
+    It never returns from metadata whose lines are no `name=value`, and reads on behind the end
+    of plain G-code whose last line does not end.
     """
     if block.kind == _THUMBNAIL:
         return block.compression == _PLAIN and block.parameters[:2] < b"\3"
     if block.kind == _GCODE:
-        return block.parameters in _ENCODINGS
+        if block.parameters != _AS_TEXT or block.compression in _HEATSHRINK:
+            return block.parameters in _ENCODINGS
+        return _plain(block).endswith(b"\n")
     if block.compression in _HEATSHRINK or block.parameters != b"\0\0":
         return False
     lines = _plain(block).split(b"\n")

@@ -180,6 +180,10 @@ def damaged() -> dict[str, tuple[bytes, str]]:
         "too large": (changed(1, compression=0, size=1 << 31), "ends within a block"),
         "cut heatshrink": (changed(1, data=gcode.data[:-9]), "not of the size it says"),
         "cut deflate": (changed(0, compression=1, data=cut_deflate(), size=400), "not of the size"),
+        "no line end": (
+            changed(1, compression=0, parameters=b"\0\0", data=b"G28\nG1", size=6),
+            "unknown way",
+        ),
         "other heatshrink": (changed(1, size=gcode.size + 40), "not of the size it says"),
         "unknown encoding": (changed(1, parameters=b"\x09\0"), "unknown way"),
         "metadata without values": (changed(0, data=b"abc", size=3), "unknown way"),
