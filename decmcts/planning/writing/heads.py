@@ -12,6 +12,7 @@ from decmcts.formats.files.atomic import write_all
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
+from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
 from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.source import Source
@@ -83,6 +84,7 @@ class HeadWriter(Protocol):
         release: Release,
         interval_s: float,
         words: SyncWords,
+        points: SyncPoints,
     ) -> None:
         """Write to `out`."""
         ...
@@ -126,9 +128,11 @@ def drafting(
 
     It can be done in another process.
     """
-    problem, plan = planned.problem, planned.after.plan
+    problem, plan, machine = planned.problem, planned.after.plan, planned.problem.machine
+    apart_s = machine.signal_interval_s if machine.release == "point" else 0.0
+    points = number_sync_points(plan, problem.job, machine.release, apart_s)  # once for all heads
     draft = partial(
-        _draft, problem.document, problem.job, plan, problem.machine, header_lines(planned),
+        _draft, problem.document, problem.job, plan, machine, header_lines(planned), points,
         write=write,
     )  # fmt: skip
     return [
@@ -139,14 +143,15 @@ def drafting(
 
 def _draft(
     document: GcodeDocument, job: PrintJob, plan: JointPlan, machine: Machine,
-    header: Sequence[str], head: int, path: Path, *, write: HeadWriter, report: Report,
+    header: Sequence[str], points: SyncPoints, head: int, path: Path, *, write: HeadWriter,
+    report: Report,
 ) -> Walked:  # fmt: skip
     """Write the draft of one head's file, read it back and walk it along the plan."""
     park = next(each.park for each in machine.heads if each.name == plan.heads[head].head)
     report(Step(f"writing {path.name}"))
     write(
         document, job, plan, head, path, header_lines=header, park=park, release=machine.release,
-        interval_s=machine.signal_interval_s, words=machine.words,
+        interval_s=machine.signal_interval_s, words=machine.words, points=points,
     )  # fmt: skip
     report(Step(f"reading {path.name} back"))
     try:

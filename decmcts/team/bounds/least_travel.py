@@ -208,9 +208,11 @@ def _near_pairs(outs: Ends, ins: Ends, n: int, pace: FastestTravel) -> _Pairs:
     seconds = pace.seconds(np.concatenate([far.ravel(), back.ravel()]))
     binds = np.flatnonzero((seconds < leaving[tail] + entering[head]) & (tail != head))
     tail, head, seconds = tail[binds], head[binds], seconds[binds]
-    order = np.lexsort((seconds, tail * n + head))
-    first = order[np.diff((tail * n + head)[order], prepend=-1) != 0]
-    return _Pairs(tail[first], head[first], seconds[first], leaving, entering)
+    pair = tail * n + head
+    order = np.argsort(pair, kind="stable")
+    begins = np.flatnonzero(np.diff(pair[order], prepend=-1))
+    first, least = order[begins], np.minimum.reduceat(seconds[order], begins)
+    return _Pairs(tail[first], head[first], least, leaving, entering)
 
 
 def _nearest(ends: Ends, others: Ends, count: int) -> tuple[Floats, NDArray[np.int64]]:

@@ -29,14 +29,10 @@ def beside() -> Iterator[Worker]:
 def test_each_piece_of_work_is_done_once_and_waited_for_with_a_word(beside: Worker) -> None:
     """A step that takes long is told, whichever process is at it."""
     events: list[Event] = []
-    works = [(name, partial(dict, at=name)) for name in ("first", "second", "last")]
+    works: list[tuple[str, Any]] = [(name, partial(dict, at=name)) for name in "abc"]
     found = shared_out(works, beside, events.append)
-    assert [each["at"] for each in found] == ["first", "second", "last"]
-    assert events in (
-        [],
-        [Step("first, in a process beside")],
-        [Step("second, in a process beside")],
-    )
+    assert [each["at"] for each in found] == ["a", "b", "c"]
+    assert set(events) <= {Step(f"{name}, in a process beside") for name in "abc"}
 
 
 def test_what_cannot_be_handed_over_is_done_here(beside: Worker) -> None:
@@ -47,7 +43,10 @@ def test_what_cannot_be_handed_over_is_done_here(beside: Worker) -> None:
 
 def test_what_fails_beside_fails_here(beside: Worker) -> None:
     """No result of the others hides it."""
-    works = [("fails", partial(int, "no number")), ("works", partial(dict, at=1))]
+    works: list[tuple[str, Any]] = [
+        ("fails", partial(int, "no number")),
+        ("works", partial(dict, at=1)),
+    ]
     with pytest.raises((ValueError, TypeError)):
         shared_out(works, beside, unheard)
 

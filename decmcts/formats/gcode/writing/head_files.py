@@ -88,6 +88,7 @@ def write_head_gcode(
     park: tuple[float, float, float] | None = None,
     release: Release = "action",
     interval_s: float = 0.0,
+    points: SyncPoints | None = None,
 ) -> None:
     """Write the file of one head of a plan.
 
@@ -102,6 +103,8 @@ def write_head_gcode(
         What the machine's controllers can signal.
     interval_s : float
         The least time between two signals of a head, where they signal points.
+    points : SyncPoints | None
+        The plan's synchronisation points (`number_sync_points`), where they are known already.
 
     Raises
     ------
@@ -112,7 +115,7 @@ def write_head_gcode(
     """
     text = head_gcode_bytes(
         document, job, plan, head_index, header_lines=header_lines, words=words,
-        park=park, release=release, interval_s=interval_s,
+        park=park, release=release, interval_s=interval_s, points=points,
     )  # fmt: skip
     save_text(text, out)
 
@@ -128,6 +131,7 @@ def head_gcode_bytes(
     park: tuple[float, float, float] | None = None,
     release: Release = "action",
     interval_s: float = 0.0,
+    points: SyncPoints | None = None,
 ) -> bytes:
     """Return what `write_head_gcode` writes."""
     head = plan.heads[head_index]
@@ -137,7 +141,8 @@ def head_gcode_bytes(
     if home is None:
         raise InputError(f"head {head.head} has nothing to do and no park position is given")
     apart_s = interval_s if release == "point" else 0.0
-    points = number_sync_points(plan, job, release, apart_s)
+    if points is None:
+        points = number_sync_points(plan, job, release, apart_s)
     if release == "action":
         _refuse_points(points, plan)
     file = _HeadFile(document, job, head_index, tool, points, words, apart_s)
