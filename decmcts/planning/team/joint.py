@@ -27,10 +27,12 @@ from decmcts.planning.team.outcome import Outcome
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
-from decmcts.team.bounds.makespan import Bound
+from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
 from decmcts.team.schedule.entries import OrderChoices, best_entries, differ, with_entries
 from decmcts.team.schedule.joint_plan import schedule
+
+BOUND_WAIT_S = 10.0  # at most, once all else is done
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,11 +96,22 @@ def best_of(ready: Prepared, outcome: Outcome, search: TeamSearch, report: Repor
     return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
 
 
-def with_bound(planned: Planned, bound: Future[Bound], report: Report) -> Planned:
-    """Return a judged plan that states the proven bound, once it is found."""
+def with_bound(
+    planned: Planned, bound: Future[Bound], report: Report, *, wait_s: float = BOUND_WAIT_S
+) -> Planned:
+    """Return a judged plan that states the proven bound.
+
+    Where that is not found in time it is one that counts neither travel nor the rail's room.
+    """
     if not bound.done():
         report(Step("a bound on the makespan"))
-    metrics: Metrics = {**planned.after.metrics, "bound": dataclasses.asdict(bound.result())}
+    try:
+        found = bound.result(wait_s)
+    except TimeoutError:
+        given = planned.problem
+        found = makespan_bound(given.job, given.machine, given.graph, travel=False, rail=False)
+        report(Note(f"the sharper bound was not found {wait_s:.0f} s after the plan: a simple one"))
+    metrics: Metrics = {**planned.after.metrics, "bound": dataclasses.asdict(found)}
     return dataclasses.replace(planned, after=dataclasses.replace(planned.after, metrics=metrics))
 
 

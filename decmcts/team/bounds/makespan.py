@@ -70,6 +70,7 @@ def makespan_bound(
     *,
     entries: SeamEntries | None = None,
     travel: bool = True,
+    rail: bool = True,
 ) -> Bound:
     """Return the conflict-aware bound for all heads of the machine.
 
@@ -79,6 +80,9 @@ def makespan_bound(
         Where loops may be entered besides as sliced; None: nowhere.
     travel : bool
         Whether to count travel.
+    rail : bool
+        Whether to count the room that heads take from each other along a rail, which takes a
+        linear programme.
     """
     # by tool and reach alone: by boxes some head that fits would count as one that does not
     eligible = eligibility(job.contours, machine.heads)
@@ -97,9 +101,9 @@ def makespan_bound(
         mine = alone & eligible[:, r]
         exclusive = max(exclusive, float(time[mine].sum()) + shares.spent(1, mine))
     even = (serial + travelled) / heads
-    shared = max(
-        even, _on_rail(job, machine, parts, entries, shares), _of_pair(job, machine, parts, entries)
-    )
+    shared = max(even, _of_pair(job, machine, parts, entries))
+    if rail:
+        shared = max(shared, _on_rail(job, machine, parts, entries, shares))
     window = _in_window(job, machine, parts)
     bound = max(shared, chain, exclusive, window) * (1.0 - SAFETY)
     return Bound(serial, travelled, shared, chain, exclusive, window, bound)

@@ -1,0 +1,35 @@
+"""Nobody waits long for a bound: a plan is worth more than what is proven of it."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from decmcts.planning.events import Event, Note
+from decmcts.planning.options import NO_QUALITY
+from decmcts.planning.problem.planned import Planned, source_plan
+from decmcts.planning.problem.print_problem import load
+from decmcts.planning.team.joint import with_bound
+from decmcts.team.bounds.makespan import Bound, makespan_bound
+from sim.faults import Verdict
+from tests.planning.problem.test_first_check import LAYERS
+
+
+def test_a_bound_that_is_not_found_in_time_is_a_simple_one(tmp_path: Path) -> None:
+    """It is proven too, and no sharper; where the sharper one is there it is taken."""
+    path = tmp_path / "in.gcode"
+    path.write_text(LAYERS)
+    problem, events = load(path, "dual-gantry", NO_QUALITY), list[Event]()
+    before = source_plan(problem)
+    planned = Planned(problem, before, before, Verdict(()), np.empty((0, 3)), {})
+    late = with_bound(planned, Future(), events.append, wait_s=0.0).after.metrics["bound"]
+    assert any(isinstance(event, Note) and "a simple one" in event.text for event in events)
+
+    found = replace(makespan_bound(problem.job, problem.machine, problem.graph), bound_s=1.0)
+    known = Future[Bound]()
+    known.set_result(found)
+    sharp = with_bound(planned, known, events.append, wait_s=0.0).after.metrics["bound"]
+    assert 0.0 < late["bound_s"] < sharp["bound_s"] == found.bound_s
