@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict
+from typing import TypedDict
+
+
+class TeamMetrics(TypedDict):
+    """What became of a launch's agents."""
+
+    agreed: bool
+    failed: str | None  # why they came to no plan
+    lost: Mapping[str, str]  # heads that the plan does without, each with the reason
+    disturbed: Mapping[str, int]  # messages dropped that no agent says, by reason
 
 
 class Metrics(TypedDict, total=False):
@@ -56,7 +65,7 @@ class Metrics(TypedDict, total=False):
     one_head_s: float
     bound: Mapping[str, float]  # fields of `decmcts.team.bounds.makespan.Bound`
     agents: Sequence[Mapping[str, object]]
-    team: Mapping[str, Any]  # what became of the agents, `decmcts.planning.team.outcome`
+    team: TeamMetrics
 
 
 def compared_order(before: Metrics) -> str:

@@ -20,8 +20,9 @@ from collections.abc import Iterator, Sequence
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import no_comment_no_move
 
+_ROW = re.compile(rb"[^\n]++")
 _BRACKETS = re.compile(rb"\([^()\n]*+\)")
-_NUMBER = re.compile(rb"\s*+[Nn] ?\d++(?:\.\d*+)?\s*+")
+_NUMBER = re.compile(rb"[Nn] ?\d++(?:\.\d*+)?")
 _CHECKSUM = re.compile(rb"\*\s*+\d++\s*+\Z")
 _WORD = re.compile(rb"([GMT]) ?0*(?=\d)", re.I)
 _IN_OTHER_BOOKS = re.compile(
@@ -72,8 +73,8 @@ def commands_of(text: bytes) -> Iterator[tuple[int, bytes]]:
     if b"\r" in text:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     for line, begin in no_comment_no_move(text):
-        end = text.find(b"\n", begin)
-        if command := command_in(text[begin : end if end >= 0 else len(text)]):
+        row = _ROW.match(text, begin)
+        if row and (command := command_in(row[0])):
             yield line, command
 
 
@@ -82,6 +83,7 @@ def command_in(line: bytes) -> bytes:
     code = line.split(b";", 1)[0]
     if b"(" in code:
         code = _BRACKETS.sub(b" ", code)
+    code = code.strip()
     if numbered := _NUMBER.match(code):
         code = _CHECKSUM.sub(b"", code[numbered.end() :])
     code = b" ".join(code.split())

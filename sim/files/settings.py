@@ -22,7 +22,7 @@ _SET = re.compile(
     rb"|SET_(?:VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION|FAN_SPEED)\b)(.*)",
     re.I | re.S,
 )
-_WORDS = re.compile(rb"([A-Z_]+) ?(?:= ?([^\s=]+)|([-+]?[\d.]*\d[\d.]*))", re.I)
+_WORDS = re.compile(rb"(?<![A-Z_])([A-Z_]++) ?(?:= ?([^\s=]+)|([-+]?[\d.]*\d[\d.]*))", re.I)
 _NAMES = (b"T", b"D", b"EXTRUDER", b"FAN")  # words that say of which tool, or of which fan
 _NAMES_NONE = (b"M204", b"M205")  # there T and D set something themselves
 _UNSAID = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was said

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from agents.launch import LaunchResult
 from agents.launching.supervisor import AgentStatus
 from agents.networks.transport import DISTURBS
-from decmcts.print.metrics import Metrics
+from decmcts.print.metrics import Metrics, TeamMetrics
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +47,7 @@ class Outcome:
         }
 
 
-def lines_of(team: Mapping[str, Any]) -> list[str]:
+def lines_of(team: TeamMetrics) -> list[str]:
     """Return a line for whatever a user should know of the agents, from a plan's metrics."""
     said = [f"{team['failed']}; one head prints alone"] if team["failed"] else []
     if not team["failed"]:

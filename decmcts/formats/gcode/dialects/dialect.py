@@ -107,11 +107,12 @@ def _behind_brackets(text: str) -> str:
 
 def _without_brackets(code: str) -> str:
     """Return a command without comments in brackets; one that is not closed stays."""
-    kept, at = [], 0
-    while (begin := code.find("(", at)) >= 0 and (end := code.find(")", begin)) >= 0:
-        kept.append(code[at:begin])
-        at = end + 1
-    return "".join([*kept, code[at:]])
+    *closed, rest = code.split(")")
+    kept = []
+    for piece in closed:
+        before, opened, _ = piece.partition("(")
+        kept.append(before if opened else piece + ")")
+    return "".join([*kept, rest])
 
 
 def _comment(text: str) -> Event:
