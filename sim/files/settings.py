@@ -9,6 +9,7 @@ the reader that made the result.
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,8 +80,10 @@ def _set_by(command: bytes) -> list[tuple[str, str]]:
     if (code := named[1].upper()) in (b"106", b"107", b"126", b"127"):
         said = dict(words)
         fan = said.get(b"P", "").lstrip("0")
-        speed = float(said.get(b"S", "255")) if code in (b"106", b"126") else 0.0
-        return [(f"fan{fan and ' '}{fan}", f"{speed:g}")]
+        speed = said.get(b"S", "255") if code in (b"106", b"126") else "0"
+        with suppress(ValueError):  # a template's word is no number, and stays what it is
+            speed = f"{float(speed):g}"
+        return [(f"fan{fan and ' '}{fan}", speed)]
     of = b"".join(
         b" %s%s" % (word, value.encode("latin-1"))
         for word, value in words

@@ -50,3 +50,10 @@ def test_settings_of_tools_and_fans_are_their_own() -> None:
         "M900 T1 K .1, in the source with .3 (line 4 there)",
         "fan 1 not set, in the source with 9 (line 4 there)",
     ]
+
+
+@pytest.mark.parametrize("speed", ["S={fan}", "S1.2.3", "S="])
+def test_a_speed_that_is_no_number_is_compared_as_it_stands(speed: str) -> None:
+    """Macros and templates hold anything; the judge must not stumble over it."""
+    source, at = f"M106 {speed}\nG1 X1 E1\n".encode(), np.array([2])
+    assert not check_settings(source, source, at, at)
