@@ -17,7 +17,7 @@ from typing import Self
 from agents.launching.processes import PIPED, AgentProcess, Said
 from agents.networks.meeting import Meeting
 
-EXTRUDER = (sys.executable, "-m", "agents.extruder")
+EXTRUDER = (sys.executable, "-P", "-m", "agents.extruder")
 
 
 class Crew:

@@ -23,9 +23,6 @@ from contextlib import contextmanager
 from typing import IO, Any, TypeVar
 
 Found = TypeVar("Found")
-_LOST = OSError, EOFError, ValueError, pickle.PickleError, AttributeError, TypeError
-"""What a pipe that ended or was closed raises, and what cannot be packed."""
-
 _SIZE = 8  # bytes that say how long a message is
 
 
@@ -60,7 +57,7 @@ class Worker:
         """Set the result of a call; made here where no answer comes."""
         try:
             error, value = self._answer(function, given)
-        except _LOST:
+        except Exception:  # a pipe that ended, or what can't be packed or unpacked: anything
             if self._over:
                 found.cancel()
                 return
@@ -86,7 +83,7 @@ def worker(*modules: str) -> Iterator[Worker]:
 
     It loads these `modules` before any call comes.
     """
-    command = [sys.executable, "-m", "decmcts.planning.worker", *modules]
+    command = [sys.executable, "-P", "-m", "decmcts.planning.worker", *modules]
     pipe = subprocess.PIPE
     try:
         process = subprocess.Popen(
@@ -144,7 +141,7 @@ def main() -> None:
         while True:
             try:
                 calls.put(_receive(sys.stdin.buffer))
-            except EOFError:
+            except BaseException:  # its end, or what can't be unpacked: the owner calls there
                 os._exit(0)
 
     threading.Thread(target=take, name="calls", daemon=True).start()

@@ -21,6 +21,7 @@ from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import no_comment_no_move
 
 _ROW = re.compile(rb"[^\n]++")
+_OWN_WAIT = re.compile(rb"\s*+G4 P\d++ ; decmcts waits for cooling\s*+\Z")  # plans make them anew
 _BRACKETS = re.compile(rb"\([^()\n]*+\)")
 _NUMBER = re.compile(rb"[Nn] ?\d++(?:\.\d*+)?")
 _CHECKSUM = re.compile(rb"\*\s*+\d++\s*+\Z")
@@ -74,7 +75,7 @@ def commands_of(text: bytes) -> Iterator[tuple[int, bytes]]:
         text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     for line, begin in no_comment_no_move(text):
         row = _ROW.match(text, begin)
-        if row and (command := command_in(row[0])):
+        if row and not _OWN_WAIT.match(row[0]) and (command := command_in(row[0])):
             yield line, command
 
 

@@ -40,7 +40,7 @@ _SETS_STATE = frozenset(
     b" M208 M486 M624 M625 SET_PRINT_STATS_INFO SET_VELOCITY_LIMIT SET_PRESSURE_ADVANCE"
     b" SET_RETRACTION SET_FAN_SPEED EXCLUDE_OBJECT_START EXCLUDE_OBJECT_END".split()
 )
-_EXPONENT = re.compile(  # in a command that is acted on; a message or a name may hold anything
+_WITH_EXPONENT = re.compile(  # in a command that is acted on; a message or a name may hold anything
     rb"(?:G\d|M(?:10[4679]|1[49]0|14[12]|191|20[1345789]|22[01]|566|572|593|900)(?!\d)"
     rb"|SET_(?!PRINT))[^;(]*?[0-9.]e[-+]?[0-9]"
 )
@@ -80,7 +80,7 @@ def check_commands(
     lines += more
     known = known_settings(document)
     for k in not_plain(text, _PLAIN):
-        if _EXPONENT.match(rows[k].lstrip()):
+        if _WITH_EXPONENT.match(rows[k].lstrip()):
             lines.append(f"line {k + 1}: {_shown(rows[k])} has an exponent: firmwares differ in it")
         if begin <= k < end and k not in taken and not accepted(rows[k], known):
             lines.append(f"line {k + 1}: {_shown(rows[k])} is not in the source at this place")

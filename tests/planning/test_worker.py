@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import CancelledError
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +15,13 @@ from decmcts.errors import InputError
 from decmcts.planning.worker import Worker, worker
 
 SOON_S = 60.0  # far more than anything here takes
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _finds_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A worker has to find the functions of this module."""
+    monkeypatch.setenv("PYTHONPATH", str(ROOT), prepend=os.pathsep)
 
 
 def whose() -> int:
@@ -96,3 +104,63 @@ def _runs(process: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+class Unpackable:
+    """What one side can pack and no other unpack, or what memory does not suffice for."""
+
+    def __init__(self, error: type[Exception], *, packs: bool) -> None:
+        self.error, self.packs = error, packs
+
+    def __reduce__(self) -> tuple[object, ...]:
+        if not self.packs:
+            raise self.error
+        return raised, (self.error,)
+
+
+def raised(error: type[Exception]) -> None:
+    raise error
+
+
+def kind_of(given: object) -> str:
+    return type(given).__name__
+
+
+def unpackable(error: type[Exception]) -> Unpackable:
+    return Unpackable(error, packs=True)
+
+
+@pytest.mark.parametrize("packs", [True, False])
+@pytest.mark.parametrize("error", [MemoryError, KeyError, ValueError])
+def test_what_cannot_get_there_is_called_here(error: type[Exception], packs: bool) -> None:
+    """Nobody may wait for ever for an answer to what never arrived."""
+    with worker() as beside:
+        given = Unpackable(error, packs=packs)
+        assert beside.call(kind_of, given).result(SOON_S) == "Unpackable"
+
+
+@pytest.mark.parametrize("error", [MemoryError, KeyError, ValueError])
+def test_a_result_that_cannot_come_back_is_made_here(error: type[Exception]) -> None:
+    """As above."""
+    with worker() as beside:
+        assert kind_of(beside.call(unpackable, error).result(SOON_S)) == "Unpackable"
+
+
+def test_what_lies_in_the_current_folder_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Prints are downloaded to folders where anything may lie."""
+    for name in ("queue", "numpy", "decmcts"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w'); raise SystemExit(3)")
+    monkeypatch.chdir(tmp_path)
+    with worker("decmcts.planning.plan") as beside:
+        assert beside.call(whose).result(SOON_S) != os.getpid()
+    assert not Path("ran").exists()
+
+
+def test_no_process_looks_for_modules_in_the_current_folder() -> None:
+    """Python does, after `-m` alone."""
+    files = [f for room in ("decmcts", "agents", "sim") for f in (ROOT / room).rglob("*.py")]
+    starts = [line for f in files for line in f.read_text("utf-8").splitlines() if '"-m"' in line]
+    assert len(starts) >= 4
+    assert all('"-P", "-m"' in line for line in starts)

@@ -85,8 +85,8 @@ class _Staged:
         if others and self.target.exists():
             handle, name = tempfile.mkstemp(prefix=".kept.", dir=self.target.parent)
             os.close(handle)
-            shutil.copy2(self.target, name)
             self.old = Path(name)
+            shutil.copy2(self.target, name)
 
     def put_back(self) -> None:
         """Undo `os.replace`, if it was done."""

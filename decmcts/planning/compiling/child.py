@@ -35,7 +35,7 @@ def compiled_beside(part: str) -> bool:
 
 def start_compiling(parts: Sequence[str]) -> subprocess.Popen[bytes]:
     """Start a process that compiles parts; it ends with this one."""
-    command = [sys.executable, "-m", "decmcts.planning.warm", *parts]
+    command = [sys.executable, "-P", "-m", "decmcts.planning.warm", *parts]
     quiet = subprocess.DEVNULL
     return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
 

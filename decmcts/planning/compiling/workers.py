@@ -20,7 +20,7 @@ def made(missing: Sequence[str]) -> Iterator[str]:
     with ExitStack() as stack:
         for worker in range(WORKERS):
             order = missing if worker == 0 else missing[::-1]
-            command = [sys.executable, "-m", "decmcts.planning.warm", *order]
+            command = [sys.executable, "-P", "-m", "decmcts.planning.warm", *order]
             child = stack.enter_context(
                 subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
             )

@@ -106,3 +106,13 @@ def test_a_disk_that_is_full_leaves_the_old_files(tmp_path: Path) -> None:
         assert contents(tmp_path) == dict.fromkeys(SET[:2], b"old")
     finally:
         subprocess.run(["umount", tmp_path], check=True)
+
+
+def test_nothing_is_left_where_an_old_file_cannot_be_kept(tmp_path: Path) -> None:
+    """A folder stands where the second file should go: it cannot be kept as a file."""
+    (tmp_path / "a.gcode").write_bytes(b"old")
+    (tmp_path / "b.gcode").mkdir()
+    with pytest.raises(InputError, match=r"b.gcode: cannot be written"):
+        write_all([(tmp_path / "a.gcode", b"new"), (tmp_path / "b.gcode", b"new")])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.gcode", "b.gcode"]
+    assert (tmp_path / "a.gcode").read_bytes() == b"old"

@@ -109,3 +109,11 @@ def test_a_bracket_comment_alone_stays_a_comment(tmp_path: Path) -> None:
     source.write_text(PRINT.format(command="(M600)"))
     job, document = read_gcode(source)
     assert not document.blocks and len(job.contours) == 2
+
+
+def test_waits_of_ours_are_made_anew() -> None:
+    """A source that is a result itself has waits that another order need not have."""
+    source = f"G4 P1200 {WAIT_MARK}\nM300 S440\nG4 P5\n".encode()
+    assert not check_book(b"M300 S440\nG4 P5\n", source)
+    assert check_book(b"M300 S440\n", source)
+    assert check_book(f"M300 S440\nG4 P5 {WAIT_MARK}\n".encode(), source)
