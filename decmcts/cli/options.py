@@ -233,7 +233,20 @@ ReportOption = Annotated[
 PictureOption = Annotated[
     Path | None,
     typer.Option(
-        "--picture", rich_help_panel=OUTPUT, metavar="FILE", help="Write a PNG, before/after"
+        "--picture",
+        rich_help_panel=OUTPUT,
+        metavar="FILE",
+        help="Draw what changed, and who prints what: .png or .svg",
+    ),
+]
+LayerOption = Annotated[
+    int | None,
+    typer.Option(
+        "--picture-layer",
+        rich_help_panel=OUTPUT,
+        metavar="N",
+        min=1,
+        help="The layer in the picture; default: where most travel is saved",
     ),
 ]
 JsonOption = Annotated[

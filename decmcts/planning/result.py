@@ -177,20 +177,28 @@ class Result:
         refuse_other_suffixes(None, out, None)
         write_report(out, before=planned.before, after=planned.after, history=planned.history)
 
-    def write_picture(self, path: str | Path) -> None:
-        """Write a PNG of the paths before and after.
+    def write_picture(self, path: str | Path, *, layer: int | None = None) -> None:
+        """Write a picture of what changed, for papers and chats: a PNG, or an SVG.
+
+        Parameters
+        ----------
+        path : str | Path
+            The file; its name ends in .png or .svg.
+        layer : int | None
+            The layer whose travels are drawn, from 1; None: where most travel is saved.
 
         Raises
         ------
         InputError
-            As `write_plan`.
+            As `write_plan`, and for a layer the print has not.
         """
         from sim.pictures.drawings import draw_plan  # and so does matplotlib
 
         out = Path(path)
         self._refuse(out)
         refuse_other_suffixes(None, None, out)
-        draw_plan(out, self.planned.before, self.planned.after)
+        name, planned = self.source.path.name, self.planned
+        draw_plan(out, planned.before, planned.after, name=name, layer=layer)
 
     def _refuse(self, path: Path) -> None:
         refuse_unwritable([path], self.source.path)

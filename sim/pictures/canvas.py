@@ -1,10 +1,12 @@
-"""Colours and the way a figure becomes a PNG, the same in every picture."""
+"""Colours and the way a figure becomes a file, the same in every picture."""
 
 from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -16,6 +18,8 @@ HEAD_COLOURS = (
     "#e377c2", "#17becf", "#bcbd22",
 )  # fmt: skip
 DPI = 150
+SVG: Any = {"svg.fonttype": "none", "svg.hashsalt": "decmcts", "font.family": "sans-serif"}
+# text stays text, and equal pictures are equal files
 
 
 def head_colour(index: int, heads: int) -> str:
@@ -24,8 +28,11 @@ def head_colour(index: int, heads: int) -> str:
 
 
 def save(figure: Figure, path: Path | str) -> None:
-    """Write a figure as PNG."""
+    """Write a figure as SVG where the name says so, else as PNG."""
     FigureCanvasAgg(figure)
     image = io.BytesIO()
-    figure.savefig(image, dpi=DPI, facecolor="white", format="png")
+    kind = "svg" if Path(path).suffix.lower() == ".svg" else "png"
+    dated = {"Date": None} if kind == "svg" else {}
+    with mpl.rc_context(SVG if kind == "svg" else {}):
+        figure.savefig(image, dpi=DPI, facecolor="white", format=kind, metadata=dated)
     write_whole(path, image.getvalue())

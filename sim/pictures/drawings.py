@@ -1,178 +1,188 @@
-"""PNG pictures of plans: before and after, and what each head does over time (a Gantt chart).
+"""Pictures of plans, PNG or SVG: what changed, who prints what, and what each head does when.
 
-Only drawing lives here; nothing is judged.
+Three questions are answered on one sheet. Which travels of a layer are gone, and which are new?
+In which layers is travel saved? Of several heads: what does each print, and when does it
+print, travel or wait? Only drawing lives here; nothing is judged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from decmcts.print.metrics import compared_order
-from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
-from sim.pictures.activity import activity
-from sim.pictures.canvas import TRAVEL, head_colour, save
-from sim.pictures.round_beads import draw_from_above, draw_from_the_side, round_beads_of
+from decmcts.print.plan import ActionKind, PlanDocument
+from sim.pictures.canvas import head_colour, save
+from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
+from sim.pictures.layer_travels import by_layer, layers_of, most_changed, require_layer, travels_of
+from sim.pictures.layer_view import SHADOW, LayerView, draw_layer, legend_of
+from sim.pictures.shares import bead_grids, mixed, mixed_colour
+from sim.pictures.sheet import ENTRIES, Sheet, sheet_of
 
-SEGMENTS = 100_000  # of one head drawn in one view; with more, whole paths are left out
+Floats = NDArray[np.float64]
 
 
-def action_segments(
-    actions: HeadActions, *, printing: bool, most: int | None = None
-) -> NDArray[np.float64]:
-    """Return the printing or the other segments of a head, (m, 2, 3).
+def draw_plan(
+    path: Path | str,
+    before: PlanDocument,
+    after: PlanDocument,
+    *,
+    name: str = "",
+    layer: int | None = None,
+) -> None:
+    """Draw what changed between two plans.
 
-    With `most`, only every k-th path is taken, so that about `most` segments are left.
+    Parameters
+    ----------
+    path : file to write, SVG where it ends so
+    before, after : the source's own order and the plan
+    name : of the source's file, for the title
+    layer : from 1, the layer whose travels are drawn; None: where most travel is saved
+
+    Raises
+    ------
+    InputError
+        For a layer the print has not.
     """
-    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
-    wanted = (owner[1:] == owner[:-1]) & ((actions.kind[owner[1:]] == ActionKind.PRINT) == printing)
-    if most is not None:
-        step = max(1, -(-int(wanted.sum()) // most))
-        number = np.cumsum((actions.kind == ActionKind.PRINT) == printing)
-        wanted &= (number % step == 0)[owner[1:]]
-    rows = np.nonzero(wanted)[0]
-    return np.stack([actions.path[rows], actions.path[rows + 1]], axis=1)
-
-
-def draw_plan(path: Path | str, before: PlanDocument, after: PlanDocument) -> None:
-    """Draw two plans side by side, from above and from the side; travel in red."""
-    extent, first = _extent([before, after]), compared_order(before.metrics)
-    wide, deep, high = extent[1] - extent[0]
-    views, size = _view_sizes(wide, deep, high)
-    figure = Figure(figsize=size)
-    axes = figure.subplots(2, 2, squeeze=False)
-    for column, (name, document) in enumerate(((first, before), ("after", after))):
-        axes[0, column].set_title(f"{name}\n{_caption(document)}", fontsize=10)
-        for row, (i, j) in enumerate(((0, 1), (0, 2))):
-            axes[row, column].set_position(views[row][column])
-            _draw_view(axes[row, column], document, i, j, extent)
-    axes[0, 0].set_ylabel("y, mm")
-    axes[1, 0].set_ylabel("z, mm")
-    figure.legend(handles=_legend(after), loc="lower center", ncols=6, frameon=False)
+    require_layer(layer, after.contours)
+    views, lengths = _views(before, after, layer)
+    first, heads = compared_order(before.metrics), len(after.plan.heads)
+    sheet = sheet_of(_extent(before, after), heads)
+    figure = Figure(figsize=sheet.size)
+    title, under = title_lines(name, before, after)
+    figure.text(sheet.left, sheet.top(0.32), title, fontsize=13, fontweight="bold")
+    figure.text(sheet.left, sheet.top(0.58), under, fontsize=9.5)
+    grids = bead_grids(after, (0, 1), sheet.extent)
+    for k, view in enumerate(views):
+        axis = _view_axis(figure, sheet, k)
+        _draw_shadow(axis, sheet, grids)
+        draw_layer(axis, view, gone=k == 0, inch_a_mm=sheet.inch_a_mm)
+        axis.set_title(f"{'after' if k else first}: {_counted(view)}", fontsize=9.5, loc="left")
+    figure.legend(
+        handles=legend_of(views), loc="upper left", ncols=ENTRIES, fontsize=8, frameon=False,
+        bbox_to_anchor=(sheet.left - 0.01, sheet.legend), columnspacing=1.1, handlelength=1.4,
+    )  # fmt: skip
+    draw_layers(figure.add_axes(sheet.chart), lengths, views[0].row, first)
+    if heads > 1:
+        _draw_shares(figure, sheet, after, grids)
+        _draw_heads(figure, sheet, after)
     save(figure, path)
 
 
-def _view_sizes(
-    wide: float, deep: float, high: float
-) -> tuple[list[list[tuple[float, float, float, float]]], tuple[float, float]]:
-    """Return where each view stands, in parts of the figure, and the figure's size in inches.
-
-    All four views have one scale, so each view is exactly as large as what it shows.
-    """
-    scale = min(6.0 / wide, 7.0 / deep, 6.0 / high)  # inches a mm
-    w, d, h = scale * wide, scale * deep, scale * high
-    left, gap, bottom, middle, top = 0.7, max(0.7, 4.2 - w), 1.0, 0.45, 0.8
-    size = (left + 2 * w + gap + 0.25, bottom + h + middle + d + top)
-    columns = (left, left + w + gap)
-    rows = ((bottom + h + middle, d), (bottom, h))
-    views = [
-        [(x / size[0], y / size[1], w / size[0], t / size[1]) for x in columns] for y, t in rows
-    ]
-    return views, size
+def _views(
+    before: PlanDocument, after: PlanDocument, layer: int | None
+) -> tuple[tuple[LayerView, LayerView], tuple[Floats, Floats]]:
+    """Return the layer to draw of both plans, and the travel to each layer, mm."""
+    layers, _ = layers_of(after)
+    was, now = travels_of(before), travels_of(after)
+    lengths = by_layer(was, len(layers)), by_layer(now, len(layers))
+    row = most_changed(*lengths) if layer is None else layer - 1
+    number = int(layers[row])
+    return (
+        LayerView(before, was, was.in_no_place_of(now), number, row),
+        LayerView(after, now, now.in_no_place_of(was), number, row),
+    ), lengths
 
 
-def _caption(document: PlanDocument) -> str:
-    """Return the figures of one plan in a few words."""
-    travel = sum(
-        float(
-            np.linalg.norm(np.diff(action_segments(actions, printing=False), axis=1), axis=2).sum()
-        )
-        for actions in document.plan.heads
-    )
-    minutes = document.plan.makespan_s / 60
-    text = f"{len(document.contours):,} contours, travel {travel:,.0f} mm, {minutes:,.1f} min"
-    laid = max(len(document.contours.points) - len(document.contours), 1)
-    share = max(1, -(-laid // (SEGMENTS * max(1, len(document.plan.heads)))))
-    return text + (f"\none in {share} contours drawn" if share > 1 else "")
-
-
-def _extent(documents: Sequence[PlanDocument]) -> NDArray[np.float64]:
-    """Return the box all printing fits in, with a margin, (2, 3)."""
-    points = np.concatenate([d.contours.points for d in documents])
+def _extent(before: PlanDocument, after: PlanDocument) -> Floats:
+    """Return the box all printing fits in, with a margin, (2, 3) mm."""
+    points = np.concatenate([d.contours.points for d in (before, after)])
+    if not len(points):
+        return np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.04 * float((high - low)[:2].max()) + 1.0
-    low[2] = min(low[2], 0.0)
-    return np.array([low - margin, high + margin])
+    low[2], above = min(low[2], 0.0), np.array([margin, margin, 0.06 * float(high[2]) + 0.2])
+    return np.array([low - [margin, margin, 0.0], high + above])
 
 
-def _draw_view(
-    axis: Any, document: PlanDocument, i: int, j: int, extent: NDArray[np.float64]
-) -> None:
-    """Draw the projection on coordinates i and j."""
-    all_actions = document.plan.heads
-    for printing, width in ((True, 0.4), (False, 0.5)):
-        for index, actions in enumerate(all_actions):
-            segments = action_segments(actions, printing=printing, most=SEGMENTS)[:, :, [i, j]]
-            colour = head_colour(index, len(all_actions)) if printing else TRAVEL
-            alpha = 0.6 if printing else float(np.clip(2500 / max(len(segments), 1), 0.06, 0.6))
-            axis.add_collection(
-                LineCollection(list(segments), colors=colour, linewidths=width, alpha=alpha)
-            )
-            if printing:
-                draw = draw_from_above if j == 1 else draw_from_the_side
-                draw(axis, round_beads_of(actions, document.contours), colour)
-    axis.set_xlim(extent[:, i])
-    axis.set_ylim(extent[:, j])
-    axis.set_aspect("equal", adjustable="box")
-    axis.tick_params(labelsize=8, labelbottom=j == 2)
-    if j == 2:
-        axis.set_xlabel("x, mm")
+def _view_axis(figure: Figure, sheet: Sheet, column: int) -> Any:
+    """Return axes for a view from above, in mm."""
+    axis = figure.add_axes(sheet.views[column])
+    axis.set_xlim(*sheet.extent[:, 0].tolist())
+    axis.set_ylim(*sheet.extent[:, 1].tolist())
+    axis.tick_params(labelsize=8, labelleft=column == 0)
+    axis.set_xlabel("x, mm", fontsize=8.5)
+    if column == 0:
+        axis.set_ylabel("y, mm", fontsize=8.5)
+    return axis
 
 
-def _legend(document: PlanDocument) -> list[Line2D]:
-    all_actions = document.plan.heads
-    handles = [
-        Line2D(
-            [], [], color=head_colour(k, len(all_actions)), lw=2, label=f"extrusion, {actions.head}"
-        )
-        for k, actions in enumerate(all_actions)
-    ]
-    handles.append(Line2D([], [], color=TRAVEL, lw=2, label="travel"))
-    beads = [round_beads_of(actions, document.contours).is_dot for actions in all_actions]
-    dots = np.concatenate([np.zeros(0, np.bool_), *beads])
-    colour = head_colour(0, len(all_actions))
-    for there, name, face in (
-        (dots.any(), "dot", colour), ((~dots).any(), "vertical bead", "none"),
-    ):  # fmt: skip
-        if there:
-            mark = Line2D([], [], marker="o", ls="", mec=colour, mfc=face, label=name)
-            handles.append(mark)
-    return handles
+def _draw_shadow(axis: Any, sheet: Sheet, grids: Floats) -> None:
+    """Draw the whole print, hardly seen, as the ground of a layer."""
+    shadow = mixed(grids, [SHADOW] * len(grids))
+    (x0, y0, _), (x1, y1, _) = sheet.extent.tolist()
+    axis.imshow(shadow, origin="lower", extent=(x0, x1, y0, y1), aspect="auto", zorder=1,
+                interpolation="nearest")  # fmt: skip
+
+
+def _counted(view: LayerView) -> str:
+    """Return which layer it is, how many travels lead to it, and how long they are."""
+    layers, heights = layers_of(view.document)
+    rows = view.rows
+    n, length = len(rows), float(view.travels.length_mm[rows].sum())
+    return (
+        f"layer {view.row + 1} of {len(layers)}, z {heights[view.row]:g} mm\n"
+        f"{n:,} travel{'s' * (n != 1)} to it, {length:,.0f} mm"
+    )
+
+
+def _draw_heads(figure: Figure, sheet: Sheet, after: PlanDocument) -> None:
+    """Draw what each head does over time."""
+    axis = figure.add_axes(sheet.times)
+    draw_times(axis, after)
+    axis.set_title("what each head does", fontsize=9.5, loc="left")
+    axis.legend(handles=times_legend(), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3,
+                fontsize=8, frameon=False, borderaxespad=0.2)  # fmt: skip
+
+
+def _draw_shares(figure: Figure, sheet: Sheet, after: PlanDocument, grids: Floats) -> None:
+    """Draw what each head prints, from above and from the front."""
+    heads = after.plan.heads
+    colours = [head_colour(k, len(heads)) for k in range(len(heads))]
+    axis = _view_axis(figure, sheet, 2)
+    (x0, y0, z0), (x1, y1, z1) = sheet.extent.tolist()
+    axis.imshow(mixed(grids, colours), origin="lower", extent=(x0, x1, y0, y1), aspect="auto",
+                interpolation="nearest")  # fmt: skip
+    axis.set_title(f"who prints what: all layers\n{_who(after)}", fontsize=9.5, loc="left")
+    handles = [Patch(color=c, label=h.head) for c, h in zip(colours, heads, strict=True)]
+    if ((grids > 0.0).sum(axis=0) > 1).any():
+        handles.append(Patch(color=mixed_colour(colours), label="mixed: several"))
+    figure.legend(
+        handles=handles, loc="upper left", ncols=4, fontsize=8, frameon=False,
+        bbox_to_anchor=(sheet.views[2][0] - 0.01, sheet.legend),
+    )  # fmt: skip
+    side = figure.add_axes(sheet.side)
+    front = mixed(bead_grids(after, (0, 2), sheet.extent), colours)
+    side.imshow(front, origin="lower", extent=(x0, x1, z0, z1), aspect="auto",
+                interpolation="nearest")  # fmt: skip
+    side.set_title("the same from the front", fontsize=8.5, loc="left")
+    side.set_xlabel("x, mm", fontsize=8.5)
+    side.set_ylabel("z, mm", fontsize=8.5)
+    side.tick_params(labelsize=8)
+
+
+def _who(after: PlanDocument) -> str:
+    """Return the heads' shares of the time spent printing."""
+    printing = [
+        float((h.end_s - h.begin_s)[h.kind == ActionKind.PRINT].sum()) for h in after.plan.heads
+    ]  # fmt: skip
+    total = max(sum(printing), 1e-12)
+    parts = zip(after.plan.heads, printing, strict=True)
+    return ", ".join(f"{h.head} {100 * p / total:.0f} %" for h, p in parts) + " of the printing"
 
 
 def draw_gantt(path: Path | str, document: PlanDocument) -> None:
-    """Draw what each head does over time; white is waiting.
+    """Draw what each head does over time; hatched is waiting.
 
     A long plan is drawn in intervals, each filled by the shares of its time.
     """
-    all_actions = document.plan.heads
-    figure = Figure(figsize=(12, 1.6 + 0.7 * len(all_actions)))
+    figure = Figure(figsize=(12, 1.6 + 0.7 * len(document.plan.heads)))
     figure.set_layout_engine("constrained")
-    axis = figure.subplots()
-    for row, actions in enumerate(all_actions):
-        edges, shares = activity(actions, document.plan.makespan_s)
-        left, width = edges[:-1] / 60, np.diff(edges) / 60
-        prints, travels = 0.8 * shares.T
-        foot = np.full(len(left), row + 0.4)
-        colour = head_colour(row, len(all_actions))
-        axis.bar(left, -prints, width, foot, align="edge", color=colour, linewidth=0)
-        axis.bar(left, -travels, width, foot - prints, align="edge", color=TRAVEL, linewidth=0)
-    axis.set_yticks(range(len(all_actions)), [actions.head for actions in all_actions])
-    axis.set_ylim(len(all_actions) - 0.4, -0.6)
-    axis.set_xlim(0, max(document.plan.makespan_s / 60, 1e-9))
-    axis.set_xlabel("minutes")
-    handles = [
-        Patch(color=head_colour(k, len(all_actions)), label=f"{actions.head} prints")
-        for k, actions in enumerate(all_actions)
-    ]
-    handles += [Patch(color=TRAVEL, label="travels"), Patch(fc="white", ec="grey", label="waits")]
-    figure.legend(handles=handles, loc="outside upper center", ncols=6, frameon=False)
+    draw_times(figure.subplots(), document)
+    figure.legend(handles=times_legend(), loc="outside upper center", ncols=3, frameon=False)
     save(figure, path)

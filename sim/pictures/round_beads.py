@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import EllipseCollection, PolyCollection
+from matplotlib.collections import EllipseCollection
 from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
@@ -77,20 +77,6 @@ def draw_from_above(axis: Any, beads: RoundBeads, colour: str) -> None:
                 alpha=0.8,
             )
         )
-
-
-def draw_from_the_side(axis: Any, beads: RoundBeads, colour: str) -> None:
-    """Draw what dots and vertical beads fill, seen along y."""
-    left, right = (beads.centre[:, 0] + side * beads.width / 2 for side in (-1, 1))
-    low = beads.low - beads.height
-    corners = np.stack(
-        [np.stack([x, z], axis=1) for x, z in (
-            (left, low), (right, low), (right, beads.high), (left, beads.high)
-        )], axis=1,
-    )  # fmt: skip
-    axis.add_collection(
-        PolyCollection(list(corners), facecolors=colour, edgecolors="none", alpha=0.6)
-    )
 
 
 def with_outlines(actions: HeadActions, contours: Contours) -> HeadActions:

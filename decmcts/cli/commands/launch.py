@@ -44,6 +44,7 @@ from decmcts.planning.writing.lines import cooling_line
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.samples import sample_path
 from decmcts.team.engine.space import eligibility
+from sim.pictures.layer_travels import require_layer
 
 StemOption = Annotated[
     Path | None,
@@ -117,6 +118,7 @@ def launch(
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
+    picture_layer: opt.LayerOption = None,
     record: RecordOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
@@ -141,11 +143,12 @@ def launch(
     result = run_team(
         source, machine, search, rules, limits=limits, plate=plate, record=record,
         writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",
+        picture_layer=picture_layer,
     )  # fmt: skip
     with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
         told(Step("writing files"))
         paths = [] if stem is None else list(result.write_gcode(stem, report=told).paths)
-        paths += write_extras(result, plan_file, report, picture)
+        paths += write_extras(result, plan_file, report, picture, layer=picture_layer)
     with written():
         show_team(result, paths, as_json=as_json)
         if only_shown:
@@ -163,6 +166,7 @@ def run_team(
     record: Path | None = None,
     writes: bool = True,
     remark: str = "",
+    picture_layer: int | None = None,
 ) -> Result:
     """Read, let the agents plan and agree, verify, and show how that goes.
 
@@ -183,6 +187,7 @@ def run_team(
 
         mesh = Slicing(Chosen(None), replace(PRINTED, skirts=0))  # start code primes the heads
         found = read(source, machine, limits=limits, mesh=mesh, plate=plate, report=told)
+        require_layer(picture_layer, found.job.contours)
         return launch_heads(
             found, search, rules, writes=writes, report=told, stop=stop, crew=crew
         )  # fmt: skip
@@ -245,8 +250,6 @@ def demo(
     seed: opt.SeedOption = 0,
 ) -> None:
     """Plan the plate that ships with the project for two heads; leaves files to look at."""
-    from sim.pictures.drawings import draw_gantt
-
     if folder.exists() and not folder.is_dir():
         raise InputError("is no folder", path=folder, advice="name another with --out")
     folder.mkdir(parents=True, exist_ok=True)
@@ -256,5 +259,4 @@ def demo(
     paths = list(found.write_gcode(folder / "plate").paths)
     extras = folder / "plan.json", folder / "report.html", folder / "plate.png"
     paths += write_extras(found, *extras)
-    draw_gantt(folder / "gantt.png", found.document)
-    show_team(found, [*paths, folder / "gantt.png"], as_json=False)
+    show_team(found, paths, as_json=False)

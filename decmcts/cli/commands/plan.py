@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -46,6 +47,7 @@ from decmcts.planning.writing.places import (
     refuse_unpackable,
     refuse_unwritable,
 )
+from sim.pictures.layer_travels import require_layer
 
 ONLY_SHOWN = (
     "nothing will be written, as neither -o nor --plan, --report or --picture is given: "
@@ -82,6 +84,7 @@ def plan(
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
+    picture_layer: opt.LayerOption = None,
     as_json: opt.JsonOption = False,
     layer_height: opt.LayerHeight = 0.2,
     nozzle: opt.Nozzle = 0.4,
@@ -123,10 +126,11 @@ def plan(
     result = run_single(
         source, machine, search, rules, limits=limits, slicing=slicing, plate=plate,
         writes=output is not None, remark=ONLY_SHOWN if only_shown else "",
+        picture_layer=picture_layer,
     )  # fmt: skip
     made, paths = write(
         result, output, allow_slower=allow_slower, plan_file=plan_file, report=report,
-        picture=picture, sliced=sliced,
+        picture=picture, picture_layer=picture_layer, sliced=sliced,
     )  # fmt: skip
     with written():
         show(made, paths, as_json=as_json, to=err if output == STDOUT else out)
@@ -142,6 +146,7 @@ def write(
     plan_file: Path | None,
     report: Path | None,
     picture: Path | None,
+    picture_layer: int | None,
     sliced: Path | None,
 ) -> tuple[Written, list[Path]]:
     """Write what was asked for; returns what was written and the names of all files."""
@@ -153,7 +158,7 @@ def write(
         paths = [] if output is None else [output]
         if plan_file or report or picture:
             told(Step("writing plan, report and pictures"))
-            paths += write_extras(made.result, plan_file, report, picture)
+            paths += write_extras(made.result, plan_file, report, picture, layer=picture_layer)
         if sliced is not None and result.source.sliced_by:
             save_text(Path(result.source.document.path).read_bytes(), sliced)
             paths.append(sliced)
@@ -161,9 +166,14 @@ def write(
 
 
 def write_extras(
-    result: Result, plan: Path | None, report: Path | None, picture: Path | None
+    result: Result,
+    plan: Path | None,
+    report: Path | None,
+    picture: Path | None,
+    *,
+    layer: int | None = None,
 ) -> list[Path]:
-    """Write report, picture and plan.json where asked; returns what was written.
+    """Write report, picture (of one layer) and plan.json where asked; returns what was written.
 
     A report or a picture that cannot be written costs nothing else: it is told of.
 
@@ -173,7 +183,8 @@ def write_extras(
         When plan.json cannot be written.
     """
     kept = []
-    for path, write in ((report, result.write_report), (picture, result.write_picture)):
+    draw = partial(result.write_picture, layer=layer)
+    for path, write in ((report, result.write_report), (picture, draw)):
         if path is None:
             continue
         try:
@@ -219,17 +230,19 @@ def run_single(
     writes: bool = True,
     make_safe: bool = True,
     remark: str = "",
+    picture_layer: int | None = None,
 ) -> Result:
     """Read, plan and verify for one head, and show how that goes.
 
     With `writes` what could not be written is refused before the search; the `remark` is
-    made once the input is known to be of use.
+    made once the input is known to be of use. So is a `picture_layer` the print has not.
     """
     with (
         running(time_limit_s=search.time_limit_s, unit=search.unit, remark=remark) as (told, stop),
         compiling_beside(parts_for(search, rules.freedom), told),  # while the source is read
     ):
         found = read(source, machine, limits=limits, mesh=slicing, plate=plate, report=told)
+        require_layer(picture_layer, found.job.contours)
         return find_order(
             found, search, rules, writes=writes, make_safe=make_safe, report=told, stop=stop
         )

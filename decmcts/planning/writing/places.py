@@ -125,7 +125,11 @@ def refuse_unpackable(output: Path | None, source: Path, plate: int | None = Non
 
 def refuse_other_suffixes(plan: Path | None, report: Path | None, picture: Path | None) -> None:
     """Raise InputError for an output whose name says it is of another kind."""
-    known = ((plan, (".json", ".json.gz")), (report, (".html", ".htm")), (picture, (".png",)))
+    known = (
+        (plan, (".json", ".json.gz")),
+        (report, (".html", ".htm")),
+        (picture, (".png", ".svg")),
+    )
     for path, ends in known:
         if path is not None and not path.name.lower().endswith(ends):
             raise InputError(

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from decmcts.errors import InputError
 from decmcts.print.plan import ActionKind, JointPlan
 from sim.pictures import drawings as pictures
 from sim.pictures.activity import EXACT, activity
-from sim.pictures.drawings import action_segments, draw_gantt, draw_plan
+from sim.pictures.canvas import TRAVEL
+from sim.pictures.drawings import draw_gantt, draw_plan
+from sim.pictures.layer_travels import layers_of, travels_of
+from sim.pictures.layer_view import LayerView, changed_colour, draw_layer
 from sim.pictures.machine_picture import draw_machine
 from sim.pictures.round_beads import round_beads_of, with_outlines
+from sim.pictures.sheet import sheet_of
 
 RED = np.array([214, 39, 40]) / 255
 
@@ -23,20 +32,96 @@ def has_colour(path, colour, tolerance=0.12):
     return bool((np.abs(pixels - colour).max(axis=2) < tolerance).any())
 
 
+def reordered(document):
+    """Return a plan whose first travel leads elsewhere; its ends are in no place of the other."""
+    heads = list(document.plan.heads)
+    path = heads[0].path.copy()
+    first, last = np.flatnonzero(heads[0].kind == ActionKind.PRINT)[[0, -1]]
+    for action in (first, last):
+        a, b = heads[0].path_offsets[action : action + 2]
+        path[a:b] += [0.4, 0.3, 0.0]
+    heads[0] = replace(heads[0], path=path)
+    return replace(document, plan=JointPlan(tuple(heads)))
+
+
+def drawn(document, other, layer, *, gone):
+    """Draw one layer; returns how many paths there are of each colour, and the axes."""
+    axis = Figure().subplots()
+    own, others = travels_of(document), travels_of(other)
+    number = int(layers_of(document)[0][layer])
+    view = LayerView(document, own, own.in_no_place_of(others), number, layer)
+    draw_layer(axis, view, gone=gone, inch_a_mm=0.02)
+    counts: dict[str, int] = {}
+    for lines in axis.collections:
+        if isinstance(lines, LineCollection) and len(lines.get_paths()):
+            colour = to_hex(lines.get_color()[0])
+            counts[colour] = counts.get(colour, 0) + len(lines.get_paths())
+    return counts, axis
+
+
+@pytest.mark.parametrize("name", ["tower_plan", "two_head_plan"])
+def test_what_changed_is_lit_up_and_nothing_else(make, name):
+    """Travels gone are red, new ones have the head's colour, and those of both are grey."""
+    document = getattr(make, name)()
+    other, heads = reordered(document), len(document.plan.heads)
+    changed = changed_colour(0, heads, gone=False)
+    assert {TRAVEL, changed} & drawn(document, document, 0, gone=True)[0].keys() == set()
+    assert drawn(document, other, 0, gone=True)[0][TRAVEL] >= 1
+    counts, _ = drawn(other, document, 0, gone=False)
+    assert counts[changed] >= 1 and TRAVEL not in counts
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["tower_plan", "two_head_plan"])
-def test_a_plan_is_drawn_with_travel_in_red(make, name, tmp_path):
-    """The picture every result comes with; travel must be seen."""
+def test_a_picture_says_what_it_shows(make, name, tmp_path):
+    """File, machine, units, the layer and what colours mean, as text that can be searched."""
     document = getattr(make, name)()
-    draw_plan(tmp_path / "p.png", document, document)
-    assert has_colour(tmp_path / "p.png", RED, 0.35)
+    heads = len(document.plan.heads)
+    draw_plan(tmp_path / "p.svg", document, document, name="cup<1>.gcode", layer=2)
+    text = (tmp_path / "p.svg").read_text()
+    ElementTree.fromstring(text)
+    for said in (
+        f"cup&lt;1&gt;.gcode on {document.machine.name}", "x, mm", "before: layer 2 of",
+        "after: layer 2 of", "travel gone", "travel to each layer",
+    ):  # fmt: skip
+        assert said in text
+    assert ("what each head does" in text) == ("who prints what" in text) == (heads > 1)
+    again = tmp_path / "again.svg"
+    draw_plan(again, document, document, name="cup<1>.gcode", layer=2)
+    assert again.read_text() == text
+
+
+def test_a_layer_the_print_has_not_is_refused(make, tmp_path):
+    """In one line that says which there are; nothing is written."""
+    document = make.tower_plan(layers=3)
+    for layer in (0, 4):
+        with pytest.raises(InputError, match="layers 1 to 3"):
+            draw_plan(tmp_path / "p.png", document, document, layer=layer)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("heads", [1, 2, 3, 16])
+@pytest.mark.parametrize("size", [(200.0, 2.0), (2.0, 200.0), (60.0, 50.0)])
+def test_nothing_on_a_sheet_overlaps_or_stands_outside(heads, size):
+    """Long, deep and square prints, with any number of heads."""
+    sheet = sheet_of(np.array([[0.0, 0.0, 0.0], [*size, 5.0]]), heads)
+    places = [*sheet.views, sheet.chart]
+    places += [sheet.side, sheet.times] if heads > 1 else []
+    for k, (x, y, w, h) in enumerate(places):
+        assert min(x, y, w, h) > 0.0 and x + w < 1.0 and y + h < 1.0
+        for left, low, wide, high in places[k + 1 :]:
+            assert x + w <= left or left + wide <= x or y + h <= low or low + high <= y
+    view = sheet.extent[1] - sheet.extent[0]
+    ratio = view[1] / view[0] * sheet.views[0][2] * sheet.size[0]
+    assert ratio == pytest.approx(sheet.views[0][3] * sheet.size[1])  # one scale across and up
 
 
 @pytest.mark.slow
 def test_gantt(make, tmp_path):
     """The chart of a two-head plan."""
     draw_gantt(tmp_path / "g.png", make.two_head_plan())
-    assert has_colour(tmp_path / "g.png", RED)
+    for head in (0, 1):
+        assert has_colour(tmp_path / "g.png", np.array(to_rgb(pictures.head_colour(head, 2))))
 
 
 @pytest.mark.slow
@@ -47,24 +132,6 @@ def test_machines_with_and_without_bodies(make, tmp_path):
         assert has_colour(tmp_path / "m.png", RED)
     head = replace(make.one_head_machine().heads[0], slices=())
     draw_machine(replace(make.one_head_machine(), heads=(head,)), tmp_path / "m.png")
-
-
-def test_segments_of_actions(make):
-    """Every printed millimetre and no other is in the grey lines."""
-    document = make.tower_plan()
-    actions = document.plan.heads[0]
-    printed = action_segments(actions, printing=True)
-    assert len(printed) == 4 * len(document.contours)
-    assert np.abs(np.diff(printed, axis=1)).sum() == pytest.approx(16.0 * len(document.contours))
-    assert len(action_segments(actions, printing=False)) == 3 * (len(actions) // 2 + 1)
-
-
-def test_thinning_leaves_out_whole_paths(make):
-    """Half a contour would look like a gap in the print."""
-    actions = make.tower_plan(layers=20).plan.heads[0]
-    some = action_segments(actions, printing=True, most=40)
-    assert 0 < len(some) <= 44
-    assert len(some) % 4 == 0
 
 
 def test_shares_add_up_to_the_time_spent(make):
@@ -121,13 +188,14 @@ def test_dots_and_vertical_beads_have_their_width(make):
         assert (now[:, 2].min(), now[:, 2].max()) == (path[:, 2].min(), path[:, 2].max())
 
 
-@pytest.mark.slow
-def test_dots_and_vertical_beads_are_drawn(make, tmp_path):
-    """From above, as discs and rings, and from the side; the legend names them."""
-    document, _, _ = with_round(make)
-    contours = replace(document.contours, width=np.full(len(document.contours), 3.0))
-    plain, wide = tmp_path / "plain.png", tmp_path / "wide.png"
-    draw_plan(plain, document, document)
-    draw_plan(wide, document, replace(document, contours=contours))
-    grey = [(np.abs(imread(p)[:, :, :3] - 0.56).max(axis=2) < 0.15).sum() for p in (plain, wide)]
-    assert grey[1] > grey[0] + 500
+def test_dots_and_vertical_beads_are_drawn(make):
+    """As wide as they are, in the layer they are of and in no other."""
+    document, prints, contours = with_round(make)
+    layers = contours.layer[document.plan.heads[0].contour[prints]].tolist()
+    for row, number in enumerate(layers_of(document)[0].tolist()):
+        _, axis = drawn(document, document, row, gone=False)
+        dots = [part for part in axis.collections if isinstance(part, EllipseCollection)]
+        widths = {float(w) for part in dots for w in part.get_widths() if part.get_alpha()}
+        wide = {float(contours.width[0]), 0.3 * float(contours.width[0])}
+        assert widths == pytest.approx(wide) if layers.count(number) == 2 else True
+        assert bool(widths) == (number in layers)

@@ -1,0 +1,114 @@
+"""Travels of a plan by the layer they lead to, and which of them another plan has too.
+
+Figures for pictures; nothing is judged, and nothing is drawn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.print.contours import Contours
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+
+SAME_PLACE = 100.0  # parts of a mm: ends nearer than this are one
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Travels:
+    """The travels of all heads: each is what lies between two contours a head prints.
+
+    Waits in between are part of it; the way to the park at the end is none.
+    """
+
+    head: NDArray[np.int64]  # (k,) index of the head
+    first: NDArray[np.int64]  # (k,) its first point in the head's path
+    last: NDArray[np.int64]  # (k,) and its last
+    layer: NDArray[np.int64]  # (k,) row of `layers`: of the contour it leads to
+    inside: NDArray[np.bool_]  # (k,) it comes from that layer too
+    length_mm: Floats  # (k,) as moved, lifts included
+    ends: NDArray[np.int64]  # (k, 6) both ends on a grid, the lesser first
+
+    def of_layer(self, layer: int) -> NDArray[np.int64]:
+        """Return the rows that lead to a layer."""
+        return np.flatnonzero(self.layer == layer)
+
+    def in_no_place_of(self, other: Travels) -> NDArray[np.bool_]:
+        """Tell which have no travel between the same two places in another plan, (k,)."""
+        both = np.concatenate([self.ends, other.ends])
+        _, number = np.unique(both, axis=0, return_inverse=True)
+        number = number.reshape(-1)
+        return ~np.isin(number[: len(self.ends)], number[len(self.ends) :])
+
+
+def layers_of(document: PlanDocument) -> tuple[NDArray[np.int32], Floats]:
+    """Return the numbers of the layers as sliced and the height of each, (n,) and (n,) mm."""
+    layers, row = np.unique(document.contours.layer, return_inverse=True)
+    top = np.full(len(layers), -np.inf)
+    np.maximum.at(top, row.reshape(-1), document.contours.top)
+    return layers, top
+
+
+def require_layer(layer: int | None, contours: Contours) -> None:
+    """Raise InputError for a layer, from 1, that is none of the print's."""
+    n_layers = len(np.unique(contours.layer))
+    if layer is not None and not 1 <= layer <= n_layers:
+        raise InputError(
+            f"there is no layer {layer} to draw: the print has layers 1 to {n_layers}",
+            advice="name one of them, or leave --picture-layer out",
+        )
+
+
+def travels_of(document: PlanDocument) -> Travels:
+    """Return all travels of a plan; linear in its points."""
+    layers, _ = layers_of(document)
+    layer_of = np.searchsorted(layers, document.contours.layer)
+    heads = [_of_head(k, head, layer_of) for k, head in enumerate(document.plan.heads)]
+    columns = zip(*heads, strict=True) if heads else ()
+    return Travels(*(np.concatenate(column) for column in columns))
+
+
+def _of_head(
+    index: int, actions: HeadActions, layer_of: NDArray[np.int64]
+) -> tuple[NDArray[np.generic], ...]:
+    """Return the columns of `Travels` for one head."""
+    prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    first = np.append(0, actions.path_offsets[prints[:-1] + 1] - 1) if len(prints) else prints
+    last = actions.path_offsets[prints]
+    steps = np.linalg.norm(np.diff(actions.path, axis=0), axis=1)
+    along = np.append(0.0, np.cumsum(steps))
+    layer = layer_of[actions.contour[prints]]
+    before = np.append(-1, layer[:-1]) if len(prints) else layer
+    ends = np.rint(actions.path[np.stack([first, last])] * SAME_PLACE).astype(np.int64)
+    swapped = _is_greater(ends[0], ends[1])[:, None]
+    low, high = np.where(swapped, ends[1], ends[0]), np.where(swapped, ends[0], ends[1])
+    made = along[last] - along[first]
+    kept = made > 0.0
+    columns = (
+        np.full(len(prints), index), first, last, layer, layer == before, made,
+        np.concatenate([low, high], axis=1),
+    )  # fmt: skip
+    return tuple(column[kept] for column in columns)
+
+
+def _is_greater(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Compare points x first, then y, then z, (k,)."""
+    differs = a != b
+    column = np.argmax(differs, axis=1)
+    rows = np.arange(len(a))
+    return np.asarray(a[rows, column] > b[rows, column])
+
+
+def by_layer(travels: Travels, n_layers: int) -> Floats:
+    """Return the length that leads to each layer, (n_layers,) mm."""
+    return np.bincount(travels.layer, travels.length_mm, n_layers).astype(np.float64)
+
+
+def most_changed(before_mm: Floats, after_mm: Floats) -> int:
+    """Return the layer where most travel is saved, or where none is, the one that changed most."""
+    saved = before_mm - after_mm
+    return int(np.argmax(saved if saved.max() > 0.0 else np.abs(saved)))
