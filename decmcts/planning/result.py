@@ -170,12 +170,19 @@ class Result:
         InputError
             As `write_plan`.
         """
-        from sim.pictures.report import write_report  # plotly loads for those who ask
+        from sim.pictures.report import Told, write_report  # shapely loads for those who ask
 
         out, planned = Path(path), self.planned
         self._refuse(out)
         refuse_other_suffixes(None, out, None)
-        write_report(out, before=planned.before, after=planned.after, history=planned.history)
+        job = planned.problem.job
+        barriers = [f"line {b.line} stays where it is ({b.reason}): {b.text}" for b in job.barriers]
+        told = Told(
+            self.source.path.name, planned.verdict, planned.problem.graph, [*job.notes, *barriers]
+        )
+        write_report(
+            out, before=planned.before, after=planned.after, history=planned.history, told=told
+        )
 
     def write_picture(self, path: str | Path, *, layer: int | None = None) -> None:
         """Write a picture of what changed, for papers and chats: a PNG, or an SVG.

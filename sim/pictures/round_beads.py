@@ -6,7 +6,7 @@ vertical bead as a ring around a point, from the side as columns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,6 @@ from numpy.typing import NDArray
 
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
-
-CORNERS = 16  # of a circle in the report page
-TURN_MM = 1.0  # a vertical bead's outline goes round once for so much of its height,
-TURNS = 20  # and so often at the most
 
 Floats = NDArray[np.float64]
 
@@ -77,34 +73,3 @@ def draw_from_above(axis: Any, beads: RoundBeads, colour: str) -> None:
                 alpha=0.8,
             )
         )
-
-
-def with_outlines(actions: HeadActions, contours: Contours) -> HeadActions:
-    """Return the actions with the outlines of dots and vertical beads as their paths.
-
-    A dot is a circle with another of half its size in it, a vertical bead a helix with a circle
-    at its top. Only for drawing: other heads' points of these paths are not counted anew.
-    """
-    beads = round_beads_of(actions, contours)
-    paths = [actions.action_path(k) for k in range(len(actions))]
-    for k in range(len(beads.action)):
-        paths[int(beads.action[k])] = _outline(beads, k)
-    if not len(beads.action):
-        return actions
-    offsets = np.cumsum([0, *map(len, paths)]).astype(np.int64)
-    return replace(actions, path=np.concatenate(paths), path_offsets=offsets)
-
-
-def _outline(beads: RoundBeads, k: int) -> Floats:
-    low, high, radius = beads.low[k], beads.high[k], beads.width[k] / 2
-    turns = 0 if beads.is_dot[k] else int(np.clip((high - low) / TURN_MM, 2, TURNS))
-    steps = np.arange((turns + 1) * CORNERS + 1)
-    angle = 2 * np.pi * steps / CORNERS
-    z = np.full(len(steps), high)
-    if turns:
-        z = low + (high - low) * np.minimum(steps / (turns * CORNERS), 1.0)
-    round_it = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    inner = np.stack([*(beads.centre[k] + radius / 2 * round_it[-CORNERS - 1 :]).T,
-                      np.full(CORNERS + 1, high)], axis=1)  # fmt: skip
-    outer = np.column_stack([beads.centre[k] + radius * round_it, z])
-    return np.concatenate([outer, inner]) if not turns else outer

@@ -21,7 +21,7 @@ from sim.pictures.drawings import draw_gantt, draw_plan
 from sim.pictures.layer_travels import layers_of, travels_of
 from sim.pictures.layer_view import LayerView, changed_colour, draw_layer
 from sim.pictures.machine_picture import draw_machine
-from sim.pictures.round_beads import round_beads_of, with_outlines
+from sim.pictures.round_beads import round_beads_of
 from sim.pictures.sheet import sheet_of
 
 RED = np.array([214, 39, 40]) / 255
@@ -177,15 +177,6 @@ def test_dots_and_vertical_beads_have_their_width(make):
     assert beads.action.tolist() == prints.tolist()
     assert beads.is_dot.tolist() == [True, False]
     assert (beads.high - beads.low).tolist() == pytest.approx([0.0, 3.0])
-    outlined = with_outlines(actions, contours)
-    for k in range(len(actions)):
-        path, now = actions.action_path(k), outlined.action_path(k)
-        if k not in prints:
-            assert (path == now).all()
-            continue
-        wide = contours.width[actions.contour[k]]
-        assert np.ptp(now, axis=0)[:2] == pytest.approx(wide)
-        assert (now[:, 2].min(), now[:, 2].max()) == (path[:, 2].min(), path[:, 2].max())
 
 
 def test_dots_and_vertical_beads_are_drawn(make):

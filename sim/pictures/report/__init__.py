@@ -1,0 +1,6 @@
+"""The report of a plan: one HTML page to look at, with no need of a network."""
+
+from sim.pictures.report.facts import Told
+from sim.pictures.report.page import write_report
+
+__all__ = ["Told", "write_report"]

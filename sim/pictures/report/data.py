@@ -1,0 +1,146 @@
+"""All that the report's page is told, as JSON and arrays; docs/report.md has its keys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.machine import Head, Machine
+from decmcts.print.metrics import compared_order
+from decmcts.print.plan import PlanDocument
+from decmcts.version import __version__
+from sim.pictures.report.blobs import Blobs
+from sim.pictures.report.changes import flags_of
+from sim.pictures.report.facts import Told, facts_of
+from sim.pictures.report.saving import saving_of
+from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
+from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
+
+History = Sequence[Sequence[float]] | NDArray[np.float64]
+MOST_EDGES = 300_000  # of the graph; with more the page has none
+
+
+def page_data(
+    before: PlanDocument, after: PlanDocument, history: History, told: Told
+) -> tuple[dict[str, Any], Blobs]:
+    """Return the page's JSON, and the arrays it names.
+
+    Parameters
+    ----------
+    before, after : the source's own order and the plan
+    history : rows of seconds, ..., cost: the search's best so far
+    told : what else is known
+    """
+    blobs = Blobs()
+    drawn = contours_of(after.contours, blobs)
+    flags = flags_of(before, after)
+    several = len(after.plan.heads) > 1
+    waits = waits_of(after, told.graph)
+    path = critical_path(after) if several else []
+    page = {
+        "title": told.file or after.machine.name,
+        "file": told.file or None,
+        "made_with": f"decmcts {__version__}",
+        "machine": _machine(after.machine),
+        "roles": list(ROLES),
+        "contours": drawn.contours,
+        "thinned": drawn.thinned,
+        "plans": [
+            plan_of(document, drawn, each, label, blobs)
+            for document, each, label in (
+                (before, flags[0], compared_order(before.metrics)), (after, flags[1], "after"),
+            )
+        ],
+        "facts": facts_of(before, after, told),
+        "waits": [_wait(wait) for wait in waits],
+        "wait_sums": sums_of(waits),
+        "critical": {
+            "head": blobs.add(np.array([head for head, _ in path])),
+            "action": blobs.add(np.array([action for _, action in path]), delta=True),
+        },
+        "history": _history(after, history),
+        "team": _team(after),
+        "saving": saving_of(before, after),
+        "graph": _graph(told.graph, blobs),
+        "notes": list(told.notes),
+    }  # fmt: skip
+    return page, blobs
+
+
+def _machine(machine: Machine) -> dict[str, Any]:
+    return {
+        "name": machine.name,
+        "bed_min": list(machine.bed_min),
+        "bed_max": list(machine.bed_max),
+        "clearance_mm": machine.head_clearance_mm,
+        "heads": [_shape(head) for head in machine.heads],
+    }
+
+
+def _shape(head: Head) -> dict[str, Any]:
+    return {
+        "name": head.name,
+        "park": list(head.park),
+        "slices": [
+            {"height": piece.height_mm, "polygons": [p.tolist() for p in piece.polygons]}
+            for piece in head.slices
+        ],
+        "bodies": [
+            {"name": body.name, "min": list(body.minimum), "max": list(body.maximum)}
+            for body in head.bodies
+        ],
+    }  # fmt: skip
+
+
+def _wait(wait: Wait) -> dict[str, Any]:
+    row = asdict(wait)
+    return {
+        key: round(value, 3) if isinstance(value, float) else value for key, value in row.items()
+    }
+
+
+def _history(after: PlanDocument, history: History) -> dict[str, Any]:
+    rows = np.asarray(history, np.float64)
+    bound = after.metrics.get("bound")
+    proven = bound.get("bound_s") if isinstance(bound, dict) else None
+    if len(after.plan.heads) == 1:
+        proven = after.metrics.get("bound_s") or after.metrics.get("bound_mm")
+    return {
+        "minimised": minimised(after),
+        "s": rows[:, 0].round(3).tolist() if len(rows) else [],
+        "cost": rows[:, -1].round(3).tolist() if len(rows) else [],
+        "bound": proven or None,
+        "cooled": bool(after.min_layer_time_s),
+    }
+
+
+def minimised(document: PlanDocument) -> str:
+    """Return what the search of a plan minimised, with its unit."""
+    if len(document.plan.heads) > 1:
+        return "time of the whole print, s"
+    timed = document.metrics.get("objective") == "time"
+    priced = (
+        " (longer where it crosses outer walls)" if document.metrics.get("walls_priced") else ""
+    )
+    return f"time of travels{priced}, s" if timed else f"travel{priced}, mm"
+
+
+def _team(after: PlanDocument) -> dict[str, Any] | None:
+    agents = after.metrics.get("agents")
+    return {"agents": list(agents), **after.metrics.get("team", {})} if agents else None
+
+
+def _graph(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any] | None:
+    if graph is None or graph.n_edges > MOST_EDGES:
+        return None
+    owner = np.repeat(np.arange(graph.n), np.diff(graph.pred_offsets))
+    return {
+        "counts": blobs.add(np.diff(graph.pred_offsets)),
+        "back": blobs.add(owner - graph.preds),  # how far before each contour
+        "kinds": blobs.add(graph.kinds),
+    }

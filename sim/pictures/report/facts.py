@@ -1,0 +1,135 @@
+"""What the report says first: verdict, time, travel, heads, in numbers and plain words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.metrics import Metrics
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from decmcts.search.bounds.certificate import INFORMS_PERCENT
+from sim.faults import Verdict
+from sim.pictures.report.waits import aside_s
+
+ROWS = (
+    ("emitted_travel_mm", "travel", "mm"),
+    ("retractions", "retractions", ""),
+    ("travel_over_walls_mm", "travel over outer walls", "mm"),
+)
+SETTINGS = (
+    ("planner", "planner"),
+    ("objective", "search makes shorter"),
+    ("freedom", "what it may change"),
+    ("seam", "seams"),
+    ("seed", "seed"),
+    ("time_limit_s", "search time, s"),
+    ("iterations", "steps of the search"),
+)
+WORDS = {
+    "fixed": "the order alone",
+    "reversible": "order and direction",
+    "seam": "order, direction and where loops begin",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a report is told besides the two plans; all of it may be missing."""
+
+    file: str = ""  # name of the source
+    verdict: Verdict | None = None
+    graph: DependencyGraph | None = None  # the planner's own, with the kinds of its edges
+    notes: Sequence[str] = ()  # on the source
+    warnings: Sequence[str] = ()
+
+
+def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str, Any]:
+    """Return the figures and words of the first screen, each once."""
+    was, now = before.metrics, after.metrics
+    rules = () if told.verdict is None else told.verdict.checked
+    return {
+        "file": told.file,
+        "machine": after.machine.name,
+        "contours": len(after.contours),
+        "ok": told.verdict is None or told.verdict.ok,
+        "judged": told.verdict is not None,
+        "checked": list(rules),
+        "near": None,
+        "time": _time(before, after),
+        "rows": [row for row in (_row(*r, was, now) for r in ROWS) if row is not None],
+        "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
+        "speed_up": _speed_up(after),
+        "proof": _proof(now),
+        "waits_s": float(now.get("waits_s") or 0.0),
+        "kept_source": bool(now.get("kept_source")),
+        "made_safe": bool(was.get("made_safe")),
+        "warnings": [*told.warnings, *(() if told.verdict is None else told.verdict.warnings)],
+        "settings": [
+            [label, WORDS.get(str(now.get(key)), now.get(key))]
+            for key, label in SETTINGS
+            if key in now
+        ],
+    }
+
+
+def _time(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:
+    """Return the time before and after: of whole files where both are known, else of the plans."""
+    was, now = before.metrics.get("file_time_s"), after.metrics.get("file_time_s")
+    if isinstance(was, int | float) and isinstance(now, int | float):
+        return {"before_s": float(was), "after_s": float(now), "of": "whole file"}
+    return {
+        "before_s": before.plan.makespan_s, "after_s": after.plan.makespan_s, "of": "plan",
+    }  # fmt: skip
+
+
+def _row(key: str, label: str, unit: str, was: Metrics, now: Metrics) -> dict[str, Any] | None:
+    first, then = was.get(key), now.get(key)
+    if not isinstance(first, int | float) or not isinstance(then, int | float):
+        return None
+    return {"key": key, "label": label, "unit": unit, "before": first, "after": then}
+
+
+def _head(actions: HeadActions, end_s: float) -> dict[str, Any]:
+    """Return what a head's time goes to; the four parts fill the time of the plan."""
+    lasts = actions.end_s - actions.begin_s
+    printing = float(lasts[actions.kind == ActionKind.PRINT].sum())
+    moving = (actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK)
+    aside = aside_s(actions)
+    travelling = float(lasts[moving].sum()) - aside
+    return {
+        "name": actions.head,
+        "contours": int((actions.kind == ActionKind.PRINT).sum()),
+        "printing_s": printing,
+        "travelling_s": travelling,
+        "aside_s": aside,
+        "waiting_s": max(0.0, end_s - printing - travelling - aside),
+        "share": printing / end_s if end_s > 0.0 else 0.0,
+    }
+
+
+def _speed_up(after: PlanDocument) -> dict[str, Any] | None:
+    alone, bound = after.metrics.get("one_head_s"), after.metrics.get("bound")
+    if len(after.plan.heads) < 2 or not isinstance(alone, int | float):
+        return None
+    proven = float(bound.get("bound_s", 0.0)) if isinstance(bound, dict) else 0.0
+    return {
+        "one_head_s": float(alone),
+        "makespan_s": after.plan.makespan_s,
+        "bound_s": proven or None,
+    }
+
+
+def _proof(now: Metrics) -> dict[str, Any] | None:
+    """Return the bound on the travels of one head, where it tells something."""
+    gap = now.get("gap_percent")
+    if not isinstance(gap, int | float) or not np.isfinite(gap) or gap > INFORMS_PERCENT:
+        return None
+    for unit, key in (("mm", "bound_mm"), ("s", "bound_s")):
+        if isinstance(bound := now.get(key), int | float):
+            value = now.get("travel_s" if unit == "s" else "extrusionless_travel_mm")
+            return {"unit": unit, "value": value, "bound": float(bound), "gap_percent": gap}
+    return None

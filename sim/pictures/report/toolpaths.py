@@ -1,0 +1,143 @@
+"""Contours and plans as arrays of the page: what is printed where, and by whom when.
+
+Contours are there once; a plan names them. Of what does not print only points are kept that do
+not follow from the contours before and behind it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.contours import Contours, Role
+from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
+from sim.pictures.report.blobs import Blobs
+
+STEP_MM = 0.01  # of places in the page
+STEP_S = 0.001
+MOST_POINTS = 1_000_000  # of contours; with more, points that lie nearly on a line are left out
+TOLERANCE_MM = 0.02
+
+ROLES = tuple(role.name.lower().replace("_", " ") for role in Role)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """The contours as the page has them."""
+
+    contours: dict[str, Any]
+    thinned: dict[str, Any] | None  # how many points of how many are there; None: all
+    rows: NDArray[np.int64]  # (n_points + 1,) how many points before each are there
+
+
+def contours_of(contours: Contours, blobs: Blobs, *, most: int = MOST_POINTS) -> Drawn:
+    """Return the contours for the page; of more than `most` points only essential ones."""
+    points, offsets, thinned = contours.points, contours.offsets, None
+    rows = np.arange(len(points) + 1)
+    if len(points) > most:
+        kept = essential(points, offsets, TOLERANCE_MM)
+        rows = np.concatenate([[0], np.cumsum(kept)])
+        offsets = rows[offsets]
+        thinned = {
+            "points": int(kept.sum()), "of": len(points), "tolerance_mm": TOLERANCE_MM,
+        }  # fmt: skip
+        points = points[kept]
+    x, y, z = (blobs.add(points[:, k], step=STEP_MM, delta=True) for k in range(3))
+    columns = {
+        name: blobs.add(getattr(contours, name), delta=name == "line")
+        for name in ("role", "layer", "tool", "line", "closed")
+    }
+    sizes = {name: blobs.add(getattr(contours, name), step=STEP_MM) for name in ("width", "height")}
+    found = {
+        "n": len(contours), "sizes": blobs.add(np.diff(offsets)), "x": x, "y": y, "z": z,
+        **columns, **sizes,
+    }  # fmt: skip
+    return Drawn(found, thinned, rows)
+
+
+def essential(
+    points: NDArray[np.float64], offsets: NDArray[np.int64], tolerance_mm: float
+) -> NDArray[np.bool_]:
+    """Tell which points of polylines must stay, (n,): ends, and every other that is no straight.
+
+    A point goes if it stands nearer than the tolerance to the line of its neighbours, and its
+    predecessor stays: so no line moves by more than the tolerance.
+    """
+    kept = np.ones(len(points), np.bool_)
+    if len(points) < 3:
+        return kept
+    a, b, c = points[:-2], points[1:-1], points[2:]
+    chord = c - a
+    length = np.linalg.norm(chord, axis=1)
+    away = np.linalg.norm(np.cross(b - a, chord), axis=1) / np.maximum(length, 1e-9)
+    near = (away < tolerance_mm) & (length > 0.0)
+    near &= np.einsum("ij,ij->i", b - a, c - b) > 0.0
+    flat = np.concatenate([[False], near, [False]])
+    flat[offsets[:-1]] = flat[offsets[1:] - 1] = False
+    ordinal = np.arange(len(points))
+    run = ordinal - np.maximum.accumulate(np.where(flat, -1, ordinal))  # place in a flat run
+    kept[flat & (run % 2 == 1)] = False
+    return kept
+
+
+def plan_of(
+    document: PlanDocument,
+    drawn: Drawn,
+    flags: tuple[NDArray[np.uint8], ...],
+    label: str,
+    blobs: Blobs,
+) -> dict[str, Any]:
+    """Return one plan for the page; `flags` as in `sim.pictures.report.changes`."""
+    heads = [
+        _head(actions, _entries(document.contours, actions, drawn), flag, blobs)
+        for actions, flag in zip(document.plan.heads, flags, strict=True)
+    ]
+    return {"label": label, "end_s": document.plan.makespan_s, "heads": heads}
+
+
+def _entries(contours: Contours, actions: HeadActions, drawn: Drawn) -> NDArray[np.int64]:
+    """Return the vertex each action enters its contour at, as the page numbers vertices."""
+    first = contours.offsets[np.maximum(actions.contour, 0)]
+    return np.asarray(drawn.rows[first + actions.entry] - drawn.rows[first])
+
+
+def _head(
+    actions: HeadActions, entry: NDArray[np.int64], flags: NDArray[np.uint8], blobs: Blobs
+) -> dict[str, Any]:
+    owner, kept = _kept(actions)
+    x, y, z = (blobs.add(actions.path[kept, k], step=STEP_MM, delta=True) for k in range(3))
+    begin = np.rint(actions.begin_s / STEP_S)
+    end = np.rint(actions.end_s / STEP_S)
+    behind = np.concatenate([[0.0], end[:-1]])
+    return {
+        "name": actions.head,
+        "n": len(actions),
+        "start": actions.path[0].tolist() if len(actions) else [0.0, 0.0, 0.0],
+        "kind": blobs.add(actions.kind),
+        "contour": blobs.add(actions.contour, delta=True),
+        "reversed": blobs.add(actions.reversed),
+        "entry": blobs.add(entry),
+        "idle": blobs.add(begin - behind),  # before each action
+        "lasts": blobs.add(end - begin),
+        "flags": blobs.add(flags),
+        "kept": blobs.add(np.bincount(owner[kept], minlength=len(actions))),
+        "x": x, "y": y, "z": z,
+    }  # fmt: skip
+
+
+def _kept(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the action of each point of the paths, and which points the page must be told.
+
+    Those of prints are known from their contours. So is where a travel begins after one and ends
+    before one, unless the contour is a loop entered elsewhere, whose gap moves with the seam.
+    """
+    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
+    rows = np.arange(len(owner))
+    plain = np.concatenate([(actions.kind == ActionKind.PRINT) & (actions.entry == 0), [False]])
+    behind, ahead = plain[owner - 1], plain[owner + 1]  # row 0 is behind none: the last is False
+    first, last = rows == actions.path_offsets[owner], rows == actions.path_offsets[owner + 1] - 1
+    known = (first & behind) | (last & ahead & (actions.kind[owner] != ActionKind.WAIT))
+    return owner, (actions.kind[owner] != ActionKind.PRINT) & ~known
