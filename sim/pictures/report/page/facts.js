@@ -1,0 +1,145 @@
+"use strict";
+/* The first screen: is it safe, what is saved, how the heads are used. Each figure once. */
+(() => {
+  const e = D.element;
+
+  const share = (part, whole) => {
+    const percent = whole ? (100 * part) / whole : 0;
+    return `${Math.abs(percent) < 9.95 ? percent.toFixed(1) : Math.round(percent)} %`;
+  };
+
+  function show(page) {
+    const { facts } = page;
+    const section = document.getElementById("facts");
+    section.append(...[
+      origin(facts, page),
+      e("div", { class: "cards" }, verdict(facts), time(facts), changes(facts)),
+      facts.heads.length > 1 ? heads(facts, page) : null,
+      warnings(facts),
+      facts.settings.length ? D.folded("How it was planned", () => settings(facts)) : null,
+    ].filter(Boolean));
+  }
+
+  function origin(facts, page) {
+    const parts = [facts.file, `machine ${facts.machine}`, `${D.format.number(page.contours.n)} beads`];
+    return e("p", { class: "origin" }, parts.filter(Boolean).join(" · "));
+  }
+
+  /** Whether it is safe, what was checked, and how near it came. */
+  function verdict(facts) {
+    const [mark, word] = facts.judged === false ? ["?", "Not checked"] : facts.ok ? ["✓", "Proven safe"] : ["✗", "Not safe: do not print"];
+    const near = facts.near || {};
+    const least = [
+      [near.heads_mm, "between heads, at their nearest"],
+      [near.print_mm, "to the print, at the nearest"],
+    ].filter(([mm]) => typeof mm === "number").map(([mm, what]) => e("li", {}, e("b", {}, apart(mm)), ` ${what}`));
+    const checked = () => e("ul", { class: "checked" }, ...facts.checked.map((text) => e("li", {}, text)));
+    return e("div", { class: `card ${facts.ok && facts.judged !== false ? "good" : "bad"}` },
+      e("p", { class: "big" }, e("span", { class: "mark", "aria-hidden": "true" }, mark), word),
+      least.length ? e("ul", { class: "near" }, ...least) : null,
+      facts.checked.length ? D.folded(`What was checked (${facts.checked.length})`, checked) : null);
+  }
+
+  /** Clearances: two digits below 10 mm. */
+  const apart = (mm) => `${mm.toFixed(mm < 9.95 ? 2 : 1)} mm`;
+
+  /** The difference of two times as they are shown: rounded to minutes where both are. */
+  function asShown(before_s, after_s) {
+    if (Math.min(before_s, after_s) < 3599.5) return D.format.duration(Math.abs(Math.round(before_s) - Math.round(after_s)));
+    const minutes = Math.abs(Math.round(before_s / 60) - Math.round(after_s / 60));
+    return minutes < 60 ? `${minutes} min` : D.format.duration(60 * minutes);
+  }
+
+  /** Before, after and what is saved. */
+  function time(facts) {
+    const { before_s, after_s, of } = facts.time;
+    const saved = before_s - after_s, most = Math.max(before_s, after_s, 1e-9);
+    const less = Math.abs(saved) < 0.5 ? "no change" : `${asShown(before_s, after_s)} ${saved > 0 ? "saved" : "longer"}`;
+    const bar = (label, seconds, kind) =>
+      e("div", { class: "pair" }, e("span", { class: "name" }, label),
+        e("div", { class: "track" }, e("div", { class: kind, style: `width:${(100 * seconds) / most}%` })),
+        e("b", {}, D.format.duration(seconds)));
+    const what = of === "whole file" ? "Time of the whole file" : "Time of the print, without start and end of the file";
+    return e("div", { class: "card" },
+      e("h2", {}, what),
+      e("p", { class: "big" }, less, Math.abs(saved) < 0.5 ? "" : e("small", {}, ` ${share(Math.abs(saved), before_s)}`)),
+      bar(D.page.plans[0].label, before_s, "was"), bar("after", after_s, "is"),
+      ...remarks(facts).map((text) => e("p", { class: "note" }, text)));
+  }
+
+  function remarks(facts) {
+    return [
+      facts.made_safe && "The source's own order would hit the part, so this is compared with printing layer by layer.",
+      facts.kept_source && "No better order was found: the file keeps its own.",
+      facts.heads.length < 2 && facts.waits_s >= 1 && `Of that the head waits ${D.format.duration(facts.waits_s)} for plastic to cool.`,
+    ].filter(Boolean);
+  }
+
+  /** What no order can be better than, for one head. */
+  function proof({ proof }) {
+    if (!proof) return null;
+    const least = proof.unit === "mm" ? `less travel than ${D.format.mm(proof.bound)}` : `shorter travels than ${D.format.duration(proof.bound)}`;
+    return e("p", {}, `No order can have ${least} (proven): at most ${proof.gap_percent.toFixed(1)} % above it.`);
+  }
+
+  /** Travel, retractions, walls crossed: before, after, less. */
+  function changes(facts) {
+    const shown = facts.rows.filter(({ before, after }) => before !== null && after !== null);
+    if (!shown.length && !facts.proof) return null;
+    const figure = (row, value) => (row.unit === "mm" ? D.format.mm(value) : D.format.number(value));
+    const change = ({ before, after }) => {
+      if (before === after) return "same";
+      const word = after < before ? "less" : "more";
+      return before ? `${share(Math.abs(before - after), before)} ${word}` : word;
+    };
+    const line = (row) => e("tr", {},
+      e("th", { scope: "row" }, row.label[0].toUpperCase() + row.label.slice(1)),
+      e("td", { class: "number" }, figure(row, row.before)),
+      e("td", { class: "number" }, figure(row, row.after)),
+      e("td", { class: `number ${row.after < row.before ? "less" : row.after > row.before ? "more" : ""}` }, change(row)));
+    return e("div", { class: "card" }, e("h2", {}, "What changed"), e("table", { class: "changes" },
+      e("thead", {}, e("tr", {}, e("td", {}), ...[D.page.plans[0].label, "after", "change"].map((t) => e("th", { scope: "col", class: "number" }, t)))),
+      e("tbody", {}, ...shown.map(line))), proof(facts));
+  }
+
+  /** How each head is used, and how much faster the team is. */
+  function heads(facts, page) {
+    const whole = Math.max(page.plans[1].end_s, 1e-9);
+    const kinds = [["printing_s", "prints", "prints"], ["travelling_s", "travels", "travels"], ["aside_s", "steps aside", "aside"], ["waiting_s", "stands still", "hatched"]];
+    const one = (head, k) => {
+      const parts = kinds.map(([key, verb, name]) => [head[key], verb, name]).filter(([s]) => s / whole >= 0.0005);
+      const used = parts.reduce((sum, [s]) => sum + s, 0);
+      if (whole - used > 0.005 * whole) parts.push([whole - used, "stands still", "hatched"]);
+      const said = parts.map(([s, verb]) => `${verb} ${share(s, whole)}`).join(", ");
+      const drawn = parts.map(([s, , name]) => e("div", { class: name, style: `width:${(100 * s) / Math.max(whole, used)}%` }));
+      const colour = `--head:var(--head${page.plans[1].heads[k] ? page.plans[1].heads[k].colour % 8 : 0})`;
+      return e("li", { style: colour }, e("b", {}, head.name), ` ${said} · ${D.format.number(head.contours)} beads`,
+        e("div", { class: "track", "aria-hidden": "true" }, ...drawn));
+    };
+    return e("div", { class: "card" }, e("h2", {}, "How the heads are used"), speed(facts.speed_up),
+      e("ul", { class: "used" }, ...facts.heads.map(one)));
+  }
+
+  function speed(up) {
+    if (!up) return null;
+    const text = [e("b", {}, `${(up.one_head_s / up.makespan_s).toFixed(2)} times as fast`), ` as one head alone, which takes ${D.format.duration(up.one_head_s)}.`];
+    if (up.bound_s) {
+      const above = share(up.makespan_s - up.bound_s, up.makespan_s);
+      text.push(` No plan for these heads can be shorter than ${D.format.duration(up.bound_s)} (proven), so at most ${above} is left to gain.`);
+    }
+    return e("p", {}, ...text);
+  }
+
+  function warnings(facts) {
+    if (!facts.warnings.length) return null;
+    return e("div", { class: "card warned" }, e("h2", {}, facts.warnings.length > 1 ? `${facts.warnings.length} warnings` : "Warning"),
+      e("ul", {}, ...facts.warnings.map((text) => e("li", {}, text))));
+  }
+
+  function settings(facts) {
+    const rows = [["planner", facts.planner], ...facts.settings].map(([k, v]) => [k, String(v)]);
+    return D.table("Settings", ["setting", "value"], rows);
+  }
+
+  D.facts = { show };
+})();
