@@ -13,8 +13,22 @@ from sim.pictures.report.facts import Told
 
 PAGE = files("sim.pictures.report") / "page"
 LIBRARIES = ("vendor/regl.min.js", "vendor/uPlot.iife.min.js")
-SCRIPTS = ("data.js", "state.js", "format.js", "main.js")
-STYLES = ("vendor/uPlot.min.css", "style.css")
+SCRIPTS = (
+    "data.js",
+    "state.js",
+    "format.js",
+    "elements.js",
+    "words.js",
+    "timeline.js",
+    "gantt_drawing.js",
+    "gantt.js",
+    "gantt_controls.js",
+    "waits.js",
+    "charts.js",
+    "facts.js",
+    "main.js",
+)
+STYLES = ("vendor/uPlot.min.css", "style.css", "charts.css")
 
 
 def write_report(

@@ -8,18 +8,6 @@
     D.state.set({ theme });
   }
 
-  /** An element with text and attributes; children are elements or text. */
-  D.element = (tag, attributes = {}, ...children) => {
-    const made = document.createElement(tag);
-    for (const [key, value] of Object.entries(attributes)) {
-      if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-      else if (value === true) made.setAttribute(key, "");
-      else if (value !== false && value != null) made.setAttribute(key, value);
-    }
-    made.append(...children.filter((child) => child != null));
-    return made;
-  };
-
   function about(page) {
     const { thinned, notes } = page, e = D.element;
     const lines = [
