@@ -65,6 +65,8 @@ class Metrics(TypedDict, total=False):
     one_head_s: float
     bound: Mapping[str, float]  # fields of `decmcts.team.bounds.makespan.Bound`
     agents: Sequence[Mapping[str, object]]
+    decided: Sequence[Sequence[float]]  # rows of seconds and each head's entropy over its plans
+    found_by: str | None  # the head that first knew the best joint plan
     team: TeamMetrics
 
 

@@ -18,6 +18,7 @@ class Outcome:
     result: LaunchResult | None  # None: they came to no plan
     agents: tuple[AgentStatus, ...]  # as they were seen last
     failed: str = ""  # why they came to none
+    decided: tuple[tuple[float, ...], ...] = ()  # see `Deciding`
 
     @property
     def lost(self) -> dict[str, str]:
@@ -34,10 +35,18 @@ class Outcome:
             dropped.update({k: n for k, n in agent.dropped.items() if k.startswith(DISTURBS)})
         return dict(sorted(dropped.items()))
 
+    @property
+    def found_by(self) -> str | None:
+        """The head whose agent was the first to know a plan as good as the best of all."""
+        known = [(cost, s, a.name) for a in self.agents for s, cost in a.history]
+        return min(known)[2] if known and not self.failed else None
+
     def metrics(self) -> Metrics:
         """Return what a plan states of its agents."""
         return {
             "agents": [_traffic(agent) for agent in self.agents],
+            "decided": self.decided,
+            "found_by": self.found_by,
             "team": {
                 "agreed": not self.failed,
                 "failed": self.failed or None,
@@ -45,6 +54,35 @@ class Outcome:
                 "disturbed": self.disturbed,
             },
         }
+
+
+class Deciding:
+    """How heads' distributions over plans sharpen: rows of seconds and each head's entropy.
+
+    An entropy is 1 where all plans are alike, and 0 where one is chosen. At most `MOST` rows are
+    kept, evenly spread.
+    """
+
+    MOST = 128
+
+    def __init__(self) -> None:
+        self._rows: list[tuple[float, ...]] = []
+        self._least_s = 0.0  # between two rows
+
+    def heard(self, agents: tuple[AgentStatus, ...]) -> None:
+        """Keep what the agents state, if enough time has passed."""
+        seconds = max((agent.elapsed_s for agent in agents), default=0.0)
+        if not seconds or (self._rows and seconds < self._rows[-1][0] + self._least_s):
+            return
+        self._rows.append((round(seconds, 3), *(round(a.entropy, 4) for a in agents)))
+        if len(self._rows) > self.MOST:
+            self._rows = self._rows[::2]
+            self._least_s = 2.0 * max(self._least_s, seconds / self.MOST)
+
+    @property
+    def rows(self) -> tuple[tuple[float, ...], ...]:
+        """What was kept."""
+        return tuple(self._rows)
 
 
 def lines_of(team: TeamMetrics) -> list[str]:

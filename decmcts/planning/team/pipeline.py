@@ -30,7 +30,7 @@ from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
 from decmcts.planning.team.joint import Prepared, best_of, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
-from decmcts.planning.team.outcome import Outcome, lines_of
+from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
@@ -163,9 +163,10 @@ def _agreed(
     ready: Prepared, search: TeamSearch, report: Report, stop: Stop, agents: Launch
 ) -> Outcome:
     """Return what the agents agreed on; if that is nothing, one head prints alone."""
-    problem = ready.problem
+    problem, deciding = ready.problem, Deciding()
 
     def passed_on(states: tuple[AgentStatus, ...]) -> None:
+        deciding.heard(states)
         report(Heads(states, ready.bound_s))
 
     passed_on(())
@@ -180,7 +181,7 @@ def _agreed(
             parameters=search.parameters,
             on_progress=passed_on,
         )
-        outcome = Outcome(result, result.agreement.agents)
+        outcome = Outcome(result, result.agreement.agents, decided=deciding.rows)
     except LaunchError as error:
         outcome = Outcome(None, error.agents, str(error))
     for line in lines_of(outcome.metrics()["team"]):

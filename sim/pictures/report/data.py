@@ -131,8 +131,19 @@ def minimised(document: PlanDocument) -> str:
 
 
 def _team(after: PlanDocument) -> dict[str, Any] | None:
-    agents = after.metrics.get("agents")
-    return {"agents": list(agents), **after.metrics.get("team", {})} if agents else None
+    """Return what agents did; times and entropies of rows as `rounds_s` and one list a head."""
+    said = after.metrics
+    agents = said.get("agents")
+    if not agents:
+        return None
+    rows = np.asarray(said.get("decided") or np.zeros((0, 1)), np.float64)
+    return {
+        "rounds_s": rows[:, 0].tolist(),
+        "entropy": rows[:, 1:].T.tolist(),
+        "found_by": said.get("found_by"),
+        "agents": list(agents),
+        **said.get("team", {}),
+    }
 
 
 def _graph(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any] | None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 from agents.launching.supervisor import AgentStatus
-from decmcts.planning.team.outcome import Outcome, lines_of
+from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 
 
 def said(outcome: Outcome) -> tuple[Any, list[str]]:
@@ -33,3 +34,24 @@ def test_who_disturbed_is_counted_and_said() -> None:
 def test_without_disturbance_nothing_is_said() -> None:
     """The usual summary has no line more."""
     assert said(Outcome(None, (AgentStatus(0, "left"),)))[1] == []
+
+
+def test_who_found_the_plan() -> None:
+    """The first of those that knew a plan as good as the best."""
+    left = AgentStatus(0, "left", history=((1.0, 9.0), (4.0, 5.0)))
+    right = AgentStatus(1, "right", history=((2.0, 5.0),))
+    assert Outcome(None, (left, right)).metrics()["found_by"] == "right"
+    assert Outcome(None, (left, right), "none agreed").metrics()["found_by"] is None
+
+
+def test_how_distributions_sharpen_is_kept_in_few_rows() -> None:
+    """A search of days has as many rows as one of seconds, evenly spread to its end."""
+    deciding = Deciding()
+    for step in range(10_000):
+        heads = (AgentStatus(0, "a", elapsed_s=step / 10, entropy=1.0 - step / 10_000),)
+        deciding.heard(heads)
+    seconds = [row[0] for row in deciding.rows]
+    assert 50 <= len(seconds) <= Deciding.MOST and seconds[-1] > 970.0
+    gaps = [b - a for a, b in pairwise(seconds)]
+    assert max(gaps[1:]) < 3.0 * min(gaps[1:])
+    assert [row[1] for row in deciding.rows] == sorted((r[1] for r in deciding.rows), reverse=True)
