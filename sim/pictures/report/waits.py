@@ -1,7 +1,8 @@
 """Why heads wait: what each wait ends with, the rule behind it, and the critical path.
 
 A wait ends when the last of what its action waits for has happened. That is an action of
-another head (`after` in plan.json), or time that must pass after it.
+another head (`after` in plan.json), or time that must pass after it. Where all of that has
+happened before the head stops, it stops only to be heard: heads signal one another at rest.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Wait:
     head: int
     begin_s: float
     end_s: float
-    cause: str  # a value of `CAUSES`, "space", "cooling" or "end"
+    cause: str  # a value of `CAUSES`, "space", "cooling", "signal" or "end"
     action: int | None = None  # of this head, which begins when the wait ends
     other_head: int | None = None
     other_action: int | None = None  # what is waited for
@@ -90,9 +91,9 @@ def _explained(
     """Return the wait before action k of a head, which began at `begin`."""
     actions = heads[head]
     end = float(actions.begin_s[k])
-    last = last_released(heads, head, k)
+    last = last_released(heads, head, k, by_s=begin)
     if last is None:
-        return Wait(head, begin, end, "cooling" if len(heads) == 1 else "space", k)
+        return Wait(head, begin, end, "cooling" if len(heads) == 1 else "signal", k)
     other, action, lag = last
     if lag >= COOLING_S and lag >= end - begin - SHORT_S:
         return Wait(head, begin, end, "cooling", k, other, action, lag)
@@ -101,10 +102,13 @@ def _explained(
 
 
 def last_released(
-    heads: tuple[HeadActions, ...], head: int, k: int
+    heads: tuple[HeadActions, ...], head: int, k: int, *, by_s: float
 ) -> tuple[int, int, float] | None:
-    """Return the head and action that released action k last, and the lag after it."""
-    latest, found = -np.inf, None
+    """Return the head and action that released action k last, and the lag after it.
+
+    None where all of it had happened by `by_s`, s: then action k waits for none of it.
+    """
+    latest, found = by_s + SHORT_S, None
     for edge in heads[head].after_edges(k):
         when = passed_s(heads[edge.head], edge.action, edge.point) + edge.lag_s
         if when > latest:
@@ -177,8 +181,7 @@ def critical_path(document: PlanDocument) -> list[tuple[int, int]]:
     k = len(heads[head]) - 1
     path = [(head, k)]
     while True:
-        waited = float(heads[head].begin_s[k]) - at_end(heads[head], k) >= SHORT_S
-        last = last_released(heads, head, k) if waited else None
+        last = last_released(heads, head, k, by_s=at_end(heads[head], k))
         if last is not None and heads[last[0]].begin_s[last[1]] < heads[head].begin_s[k]:
             head, k = last[0], last[1]
         elif k == 0:
