@@ -195,7 +195,9 @@
   function team(told) {
     const agents = told.agents || [];
     const parts = [e("h3", {}, "How the heads agreed")];
-    if (typeof told.found_by === "number") parts.push(e("p", {}, `The plan they kept was found by ${D.words.headName(told.found_by)}.`));
+    if (told.failed) parts.push(e("p", { class: "warning" }, `They came to no plan (${told.failed}), so one head prints alone.`));
+    for (const [head, why] of Object.entries(told.lost || {})) parts.push(e("p", { class: "warning" }, `${head} was lost: ${why}.`));
+    if (told.found_by) parts.push(e("p", {}, `The plan they kept was found by ${told.found_by}.`));
     if (told.entropy && told.entropy.length && told.rounds_s.length > 1) parts.push(sharpening(told));
     if (agents.length) parts.push(agentTable(agents));
     return e("div", {}, ...parts);
@@ -203,18 +205,17 @@
 
   function sharpening(told) {
     const names = told.entropy.map((_, k) => D.words.headName(k));
-    const last = (values) => values[values.length - 1];
-    const options = (bits) => Math.max(1, Math.round(Math.exp(bits)));
-    const from = Math.max(...told.entropy.map((row) => row[0])), to = Math.max(...told.entropy.map(last));
+    const last = (values) => values[values.length - 1].toFixed(2);
+    const changes = told.entropy.map((row, k) => `${names[k]} went from ${row[0].toFixed(2)} to ${last(row)}`);
     return figure({
       title: "How sure each head is of what it will do",
-      said: `Each head keeps a few plans with a probability for each. At first as many as ${options(from)} were about equally likely, at the end ${options(to)}.`,
+      said: `Each head keeps several plans, each with a probability. 1: all are as likely; 0: one is chosen. ${changes.join(", ")}.`,
       label: "Entropy of each head's distribution over the time of the search",
       data: [told.rounds_s, ...told.entropy],
       table: () => D.table("Entropy by round", ["second", ...names], thin(told.rounds_s.map((s, k) => [`${s.toFixed(2)} s`, ...told.entropy.map((row) => row[k].toFixed(3))]))),
       options: () => ({
-        scales: { x: { time: false }, y: { range: (u, low, high) => [0, 1.05 * high || 1] } },
-        axes: [axis("seconds of search", FLAT), axis("entropy, nats (0: decided)", { size: 50 })],
+        scales: { x: { time: false }, y: { range: [0, 1.02] } },
+        axes: [axis("seconds of search", FLAT), axis("entropy, share of the most", { size: 50 })],
         series: [{ label: "second", value: (u, v) => (v === null ? "–" : v.toFixed(2)) },
           ...names.map((name, k) => line(name, D.colour(`--head${k % 8}`), { dash: DASHES[k % DASHES.length], paths: uPlot.paths.stepped({ align: 1 }), value: (u, v) => (v === null ? "–" : v.toFixed(2)) }))],
       }),

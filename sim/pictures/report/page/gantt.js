@@ -31,6 +31,7 @@
     const when = `${D.format.clock(found.begin_s)} to ${D.format.clock(found.end_s)}`;
     if (found.wait) {
       const time = D.format.duration(found.end_s - found.begin_s);
+      if (found.wait.cause === "end" && found.wait.begin_s <= 0) return `${when}: ${found.name} has nothing to do`;
       if (found.wait.cause === "end") return `${when}: ${found.name} has nothing left to do for ${time}`;
       const other = found.wait.other_head, action = found.wait.other_action;
       const contour = other === null || action === null ? -1 : plan().heads[other].contour[action];

@@ -50,6 +50,7 @@
   /** Three lengths of a wait's label, the longest first. */
   const labels = (wait) => {
     const time = D.format.duration(wait.end_s - wait.begin_s);
+    if (wait.cause === "end" && wait.begin_s <= 0) return [`has nothing to do: ${time}`, "nothing to do", ""];
     if (wait.cause === "end") return [`${time}: nothing is left to do`, "done", ""];
     const other = wait.other_head === null ? "" : ` for ${headName(wait.other_head)}`;
     const what = wait.other_head === null ? null : bead(wait.other_head, wait.other_action);

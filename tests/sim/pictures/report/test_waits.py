@@ -78,6 +78,37 @@ def test_time_to_cool_is_called_that(make):
     assert first.cause == "space"
 
 
+def stopping(make):
+    """The right head stops 0.45 s before its second travel, long after what that waits for."""
+    document = make.stacked_plan((0, 0))
+
+    def later(rows):
+        return [
+            {**row, "begin_s": row["begin_s"] + 0.45, "end_s": row["end_s"] + 0.45}
+            if k >= 2
+            else row
+            for k, row in enumerate(rows)
+        ]
+
+    return make.edited(document, 1, later)
+
+
+def test_a_stop_to_be_heard_is_no_wait_for_a_head(make):
+    """Heads signal one another at rest; nobody is in the way meanwhile."""
+    document = stopping(make)
+    assert document.plan.heads[1].after(2) == [(0, 0)]
+    (wait,) = [w for w in of_head(waits_of(document, None), 1) if w.action == 2]
+    assert wait.cause == "signal" and wait.other_head is None
+
+
+def test_the_critical_path_stays_where_a_head_stops_to_be_heard(make):
+    """What happened long before shortens nothing, though the action waits for it."""
+    document = stopping(make)
+    path = critical_path(document)
+    assert (1, 1) in path and (1, 2) in path
+    assert path.index((1, 2)) == path.index((1, 1)) + 1
+
+
 def test_waits_fill_what_is_not_done(make):
     """Every second of a head is an action or a wait; those done first wait for the end."""
     document = make.timed(make.two_head_plan())
