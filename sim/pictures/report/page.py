@@ -13,22 +13,18 @@ from sim.pictures.report.facts import Told
 
 PAGE = files("sim.pictures.report") / "page"
 LIBRARIES = ("vendor/regl.min.js", "vendor/uPlot.iife.min.js")
-SCRIPTS = (
-    "data.js",
-    "state.js",
-    "format.js",
-    "elements.js",
-    "words.js",
-    "timeline.js",
-    "gantt_drawing.js",
-    "gantt.js",
-    "gantt_controls.js",
-    "waits.js",
-    "charts.js",
+VIEW = (
+    "camera.js", "beads.js", "colours.js", "changes.js", "layers.js", "segments.js", "travels.js",
+    "bodies.js", "pick.js", "painter.js", "input.js", "selected.js", "controls.js", "view.js",
+)  # fmt: skip
+CHARTS = (
+    "timeline.js", "gantt_drawing.js", "gantt.js", "gantt_controls.js", "waits.js", "charts.js",
     "facts.js",
-    "main.js",
-)
-STYLES = ("vendor/uPlot.min.css", "style.css", "charts.css")
+)  # fmt: skip
+SCRIPTS = (
+    "data.js", "state.js", "format.js", "elements.js", "words.js", *VIEW, *CHARTS, "main.js",
+)  # fmt: skip
+STYLES = ("vendor/uPlot.min.css", "style.css", "view.css", "charts.css")
 
 
 def write_report(

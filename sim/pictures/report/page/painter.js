@@ -1,0 +1,265 @@
+"use strict";
+// One picture of the print: what is drawn, in which order, how finely.
+(() => {
+  const { SHOWN, BEAD, LINE } = D.beads;
+  const ALL = 3e38; // seconds: everything is printed
+  const FAST_MS = 45; // a moving picture may take so long
+  const LEAST = 20_000; // segments, whatever the speed
+
+  class Painter {
+    constructor(regl, scene) {
+      const rows = isSlow(regl) ? D.beads.SPELLED_OUT : D.beads.INSTANCED;
+      const most = Math.max(2000, scene.fine.n, ...scene.travels.map(({ set }) => set.n));
+      const budget = rows === D.beads.INSTANCED ? 2_000_000 : 40_000;
+      Object.assign(this, { regl, rows, most, scene, frames: 0, drawn: 0, of: 0, budget });
+      this.strips = D.beads.strips(this);
+      this.faces = D.beads.faces(regl);
+      this.fine = D.beads.upload(this, scene.fine);
+      this.rough = D.beads.upload(this, scene.rough);
+      this.travels = scene.travels.map(({ set }) => D.beads.upload(this, set));
+      this.solids = this.solidsOf();
+      this.extra = null;
+      this.layerOf = Int32Array.from(scene.order, (c) => scene.page.contours.layer[c]);
+      this.layers = layersOf(this.layerOf, scene);
+    }
+
+    /** Solids and edges of the heads of each plan, by the machine's heads of the same name. */
+    solidsOf() {
+      const solids = this.scene.page.machine.heads.map((head) => [head.name, D.bodies.solidOf(head)]);
+      const found = new Map(solids.map(([name, { faces, edges }]) => [name, {
+        place: this.regl.buffer(faces), count: faces.length / 3, lines: edges, edges: null,
+      }]));
+      return this.scene.page.plans.map((plan) => plan.heads.map((head) => found.get(head.name)));
+    }
+
+    /** Give the heads' edges their colours: `of(plan, head)` -> [r, g, b]. */
+    tintHeads(of) {
+      this.solids.forEach((heads, p) => heads.forEach((solid, h) => {
+        if (!solid) return;
+        if (solid.edges) D.beads.release(solid.edges);
+        const rgb = of(p, h);
+        const lines = solid.lines.map((points) => ({ points, rgb }));
+        solid.edges = linesOf(this, lines, SHOWN.plain);
+      }));
+    }
+
+    /** The part of a list by descending layer that lies within [low, high]. */
+    static within(layerAt, n, low, high) {
+      const first = (bound) => {
+        let [a, b] = [0, n];
+        while (a < b) {
+          const middle = (a + b) >> 1;
+          if (layerAt(middle) > bound) a = middle + 1;
+          else b = middle;
+        }
+        return a;
+      };
+      return [first(high), first(low - 1)];
+    }
+
+    contoursWithin([low, high]) {
+      return Painter.within((k) => this.layerOf[k], this.layerOf.length, low, high);
+    }
+
+    travelsWithin(plan, [low, high]) {
+      const { runs } = this.scene.travels[plan];
+      const [a, b] = Painter.within((k) => runs[k].layer, runs.length, low, high);
+      const { first } = this.scene.travels[plan].set;
+      return [first[a], first[b]];
+    }
+
+    /** Give each contour of a plan its colour: `of(contour)` -> packed colour. */
+    tint(plan, of) {
+      const { order } = this.scene;
+      const colours = new Uint32Array(order.length);
+      for (let i = 0; i < order.length; i++) colours[i] = of(order[i]);
+      for (const on of [this.fine, this.rough]) {
+        const { first, tint } = on.set;
+        for (let i = 0; i < order.length; i++) tint[plan].fill(colours[i], first[i], first[i + 1]);
+        D.beads.recolour(this, on, plan);
+      }
+    }
+
+    tintTravels(plan, of) {
+      const { runs, set } = this.scene.travels[plan];
+      runs.forEach((run, i) => set.tint[0].fill(of(run), set.first[i], set.first[i + 1]));
+      D.beads.recolour(this, this.travels[plan], 0);
+    }
+
+    /** Lay thick lines over the picture: [{points: [[x, y, z] ...], rgb}]. */
+    overlay(lines) {
+      if (this.extra) D.beads.release(this.extra);
+      this.extra = linesOf(this, lines);
+    }
+
+    /**
+     * What is drawn of the beads: all, or while the view moves as much as is fast: with lines
+     * made simpler, then only outer walls, then only those of every second layer, twice as tall,
+     * and so on. Layers that are being printed, and the highest, stay whole.
+     */
+    choose(state, moving, panes) {
+      const [low, high] = state.layers;
+      const layers = this.layers.filter(({ layer }) => layer >= low && layer <= high);
+      const size = (on, until) => panes * layers.reduce(
+        (sum, one) => sum + on.set.first[one[until]] - on.set.first[one.from], 0);
+      this.of = size(this.fine, "to");
+      if (!moving || this.of <= this.budget) return { on: this.fine, layers, step: 1, whole: true };
+      if (size(this.rough, "to") <= this.budget) return { on: this.rough, layers, step: 1, whole: true };
+      const step = Math.max(1, Math.ceil(size(this.rough, "walls") / this.budget));
+      return { on: this.rough, layers, step, whole: false };
+    }
+
+    /** Runs of segments to draw of a plan: [begin, end, how many layers tall]. */
+    pieces({ on, layers, step, whole }, plan, now) {
+      if (!layers.length) return [];
+      const { first } = on.set;
+      if (whole && now === ALL) return [[first[layers[0].from], first[layers[layers.length - 1].to], 1]];
+      const busy = new Set(now === ALL ? [] : this.busyLayers(plan, now));
+      const found = [];
+      let shown = true; // the highest that has been begun is whole
+      for (const one of layers) {
+        if (one.begun[plan] >= now) continue;
+        const all = whole || shown || busy.has(one.layer);
+        shown = false;
+        if (!all && (layers[0].layer - one.layer) % step !== 0) continue;
+        found.push([first[one.from], first[all ? one.to : one.walls], all ? 1 : step]);
+      }
+      return found;
+    }
+
+    /** Layers of what the heads print at a time. */
+    busyLayers(plan, now) {
+      const { page } = this.scene;
+      return page.plans[plan].heads.flatMap((head) => {
+        const at = D.bodies.actionAt(head, now);
+        const c = [at, at - 1].map((k) => head.contour[k]).find((v) => v >= 0);
+        return c === undefined ? [] : [page.contours.layer[c]];
+      });
+    }
+
+    /** Draw one plan into its part of the canvas. */
+    pane(view, pane, chosen, state) {
+      const { plan } = pane;
+      const { page, top } = this.scene;
+      const now = state.time >= page.plans[plan].end_s ? ALL : state.time;
+      const seen = { ...D.beads.seenBy(view.camera, pane.box, view.ratio, view.reach), ...BEAD, now };
+      const common = { ...seen, plan, largest: this.scene.largest, top: top(state.layers[1]) };
+      const parts = this.pieces(chosen, plan, now).map(([begin, end, tall]) => (
+        { ...common, on: chosen.on, begin, count: end - begin, tall }));
+      this.strips(parts);
+      this.drawn += parts.reduce((sum, { count }) => sum + count, 0);
+      const line = { ...common, ...LINE, plan: 0 };
+      this.strips({ ...line, on: view.bed, begin: 0, count: view.bed.set.n, now: ALL, wide: 1 });
+      if (state.travels || state.changed) this.drawTravels(line, plan, state, now);
+      this.heads(view, line, pane, state);
+      if (this.extra) {
+        this.strips({ ...line, on: this.extra, begin: 0, count: this.extra.set.n, now: ALL, wide: 4 });
+      }
+    }
+
+    drawTravels(line, plan, state, now) {
+      const [begin, end] = this.travelsWithin(plan, state.layers);
+      if (end === begin) return;
+      this.strips({ ...line, on: this.travels[plan], begin, count: end - begin, now,
+        wide: state.changed ? 1.8 : 1.2 });
+      this.drawn += end - begin;
+    }
+
+    heads(view, line, pane, state) {
+      if (!view.heads.length) return;
+      view.heads[pane.plan].forEach(({ at, rgb }, h) => {
+        if (!at) return;
+        const solid = this.solids[pane.plan][h];
+        const still = { ...line, begin: 0, now: ALL, shift: at };
+        if (state.bodies && solid?.edges) {
+          const { place, count, edges } = solid;
+          this.strips({ ...still, on: edges, count: edges.set.n, wide: 1.3 });
+          this.faces({ ...line, place, count, shift: at, colour: [...rgb.map((v) => v / 255), 0.12] });
+        }
+        const mark = view.marks[pane.plan][h];
+        this.strips({ ...still, on: mark, count: mark.set.n, wide: 9 });
+      });
+    }
+
+    /** Draw everything; returns ms it took to hand over. */
+    frame(view, panes, state, moving) {
+      const begun = performance.now();
+      this.frames++;
+      this.drawn = 0;
+      this.regl.poll();
+      this.regl.clear({ color: [...view.ground.map((v) => v / 255), 1], depth: 1 });
+      const chosen = this.choose(state, moving, panes.length);
+      for (const pane of panes) this.pane(view, pane, chosen, state);
+      this.coarse = chosen.on !== this.fine;
+      return performance.now() - begun;
+    }
+
+    /** Draw more or less of a moving picture from now on. */
+    learn(ms) {
+      if (!this.coarse && ms < FAST_MS) return;
+      const wanted = this.budget * Math.min(1.5, Math.max(0.5, FAST_MS / ms));
+      this.budget = Math.max(LEAST, 0.6 * this.budget + 0.4 * wanted);
+    }
+  }
+
+  /** Whether the processor does the graphics: 500 instances take longer than 8 ms. */
+  function isSlow(regl) {
+    const probe = regl({
+      vert: "precision highp float; attribute vec2 corner; attribute float k;"
+        + "void main() { gl_Position = vec4(corner * 0.01 + k, 0.0, 1.0); }",
+      frag: "precision mediump float; void main() { gl_FragColor = vec4(0.0); }",
+      attributes: {
+        corner: [[0, 0], [1, 0], [0, 1], [1, 1]],
+        k: { buffer: regl.buffer(new Float32Array(500)), divisor: 1 },
+      },
+      primitive: "triangle strip", count: 4, instances: 500,
+    });
+    const timed = () => {
+      const begun = performance.now();
+      probe();
+      regl.read({ x: 0, y: 0, width: 1, height: 1 });
+      return performance.now() - begun;
+    };
+    timed(); // compiles
+    return Math.min(timed(), timed()) > 8;
+  }
+
+  /** Layers from the highest down: {layer, from, walls, to} as places in drawing order, and `begun` s. */
+  function layersOf(layerOf, { page, order, outer, by }) {
+    const found = [];
+    const begin = (p, c) => (by[p].head[c] < 0 ? Infinity
+      : page.plans[p].heads[by[p].head[c]].begin[by[p].action[c]]);
+    for (let i = 0; i < order.length; i++) {
+      let one = found[found.length - 1];
+      if (!one || one.layer !== layerOf[i]) {
+        one = { layer: layerOf[i], from: i, walls: i, to: i, begun: page.plans.map(() => Infinity) };
+        found.push(one);
+      }
+      one.to = i + 1;
+      if (outer[order[i]]) one.walls = i + 1;
+      page.plans.forEach((_, p) => { one.begun[p] = Math.min(one.begun[p], begin(p, order[i])); });
+    }
+    return found;
+  }
+
+  /** A set of plain lines with colours of their own, drawn in front of the rest if `lit`. */
+  function linesOf(drawing, lines, shown = SHOWN.lit) {
+    const count = lines.reduce((sum, { points }) => sum + Math.max(1, points.length - 1), 0);
+    if (!count) return null;
+    const low = [0, 1, 2].map((k) => Math.min(...lines.map(({ points }) => least(points, k))));
+    const high = [0, 1, 2].map((k) => Math.max(...lines.map(({ points }) => -least(points, k, -1))));
+    const set = D.segments.room(count, lines.length, 1, { low, high });
+    const write = D.segments.writer(set, 1);
+    for (const { points, rgb } of lines) {
+      const from = set.n;
+      if (points.length === 1) write(...points[0], ...points[0], 1, 1);
+      for (let k = 1; k < points.length; k++) write(...points[k - 1], ...points[k], 1, 1);
+      set.tint[0].fill(D.colours.packed(rgb, shown), from, set.n);
+    }
+    return D.beads.upload(drawing, set);
+  }
+
+  const least = (points, k, sign = 1) => points.reduce((min, p) => Math.min(min, sign * p[k]), Infinity);
+
+  D.painter = { Painter, linesOf };
+})();

@@ -1,0 +1,317 @@
+"use strict";
+// The 3-D view: the print before and after, drawn when something changes.
+(() => {
+  const STILL_MS = 160; // after which a view that moved is drawn whole
+  const SHARP = 2; // pixels drawn for a CSS pixel, each way: smooth edges
+
+  const { SHOWN } = D.beads;
+  const view = {
+    camera: D.camera.make(), ratio: 1, reach: 1000, heads: [], marks: [], bed: null, ground: [0, 0, 0],
+  };
+  let [scene, painter, regl, canvas, labels, parts] = [];
+  let [asked, moving, stillTimer, lastTick, lastMs] = [false, false, 0, 0, 0];
+
+  /** Which plans are drawn where: [{plan, left, top, width, height}] in CSS px, and `box` in device px. */
+  function panes(ratio = view.ratio) {
+    const { plans } = D.state.get();
+    const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+    const shown = plans === "both" ? [0, 1] : [plans === "before" ? 0 : 1];
+    const beside = width >= 620;
+    return shown.map((plan, k) => {
+      const split = shown.length === 2;
+      const w = split && beside ? width / 2 : width;
+      const h = split && !beside ? height / 2 : height;
+      const [left, top] = [split && beside ? k * w : 0, split && !beside ? k * h : 0];
+      const px = (v) => Math.round(v * ratio);
+      const box = { x: px(left), y: px(height - top - h), width: px(w), height: px(h) };
+      return { plan, left, top, width: w, height: h, box };
+    });
+  }
+
+  /** Draw with the next picture; a view that `moves` may be drawn roughly at first. */
+  function redraw(moves = false) {
+    if (!painter) return;
+    if (moves) {
+      moving = true;
+      clearTimeout(stillTimer);
+      stillTimer = setTimeout(() => { moving = false; redraw(); }, STILL_MS);
+    }
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(draw);
+  }
+
+  function draw(at) {
+    asked = false;
+    const playing = D.state.get().playing;
+    if (playing) advance(at);
+    const roughly = moving || D.state.get().playing;
+    if (roughly && lastTick) painter.learn(at - lastTick);
+    lastTick = roughly ? at : 0;
+    picture(roughly);
+    if (D.state.get().playing) redraw();
+    else if (playing) redraw(true);
+  }
+
+  function picture(roughly) {
+    view.ratio = roughly ? 1 : Math.max(SHARP, window.devicePixelRatio || 1);
+    const [w, h] = [canvas.clientWidth, canvas.clientHeight].map((v) => Math.max(1, Math.round(v * view.ratio)));
+    if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
+    const state = D.state.get();
+    const now = panes();
+    view.heads = headsAt(state);
+    painter.frame(view, now, state, roughly);
+    write(now, state);
+  }
+
+  /** Where each head of each plan stands; none when the print is done and they need not be seen. */
+  function headsAt(state) {
+    const { page } = scene;
+    const end = Math.max(...page.plans.map((plan) => plan.end_s));
+    if (state.time >= end && !state.playing) return [];
+    return page.plans.map((plan) => plan.heads.map((head) => ({
+      ...D.bodies.placeAt(page, head, state.time), name: head.name, rgb: D.colours.named(`--head${head.colour % 8}`),
+    })));
+  }
+
+  /** Words over the picture: which plan, how far, names of heads, and how much is drawn. */
+  function write(now, state) {
+    const { page } = scene;
+    const made = [];
+    for (const pane of now) {
+      const plan = page.plans[pane.plan];
+      const at = Math.min(state.time, plan.end_s);
+      const text = state.time >= plan.end_s ? `done at ${D.format.clock(plan.end_s)}` : D.format.clock(at);
+      made.push(label("pane", `${plan.label}: ${text}`, pane.left + 10, pane.top + 8));
+      for (const head of view.heads[pane.plan] ?? []) {
+        if (!head.at) continue;
+        const [x, y] = D.camera.project(view.camera, D.camera.basis(view.camera), head.at);
+        const [left, top] = [pane.left + pane.width / 2 + x + 10, pane.top + pane.height / 2 + y + 6];
+        const inside = left > pane.left && left < pane.left + pane.width && top > pane.top && top < pane.top + pane.height;
+        if (inside) made.push(label("head", head.name, left, top));
+      }
+    }
+    labels.replaceChildren(...made);
+    const drawn = D.format.number(painter.drawn);
+    parts.drawn.textContent = painter.coarse
+      ? `drawn roughly while it moves: ${drawn} of ${D.format.number(painter.of)} lines`
+      : `${drawn} lines drawn`;
+  }
+
+  function label(kind, text, left, top) {
+    const made = D.element("span", { class: `view-${kind}`, style: `left:${left}px;top:${top}px` }, text);
+    return made;
+  }
+
+  function advance(at) {
+    const state = D.state.get();
+    const end = Math.max(...scene.page.plans.map((plan) => plan.end_s));
+    const passed = lastTick ? Math.min(0.5, (at - lastTick) / 1000) : 0;
+    const time = Math.min(end, state.time + passed * state.speed);
+    D.state.set({ time, playing: time < end });
+  }
+
+  // Colours -----------------------------------------------------------------------------------
+
+  let legend = null;
+  /** Names of legend entries switched off, by mode. */
+  const off = new Map();
+
+  const offIn = (mode) => {
+    if (!off.has(mode)) {
+      off.set(mode, new Set(mode === "changed"
+        ? D.changes.KINDS.filter(({ on }) => !on).map(({ key }) => key) : []));
+    }
+    return off.get(mode);
+  };
+
+  function recolour() {
+    const state = D.state.get();
+    view.ground = D.colours.named("--scene");
+    const ghost = D.colours.mixed(view.ground, D.colours.named("--fg"), state.theme === "dark" ? 0.2 : 0.16);
+    const faint = D.colours.packed(ghost, SHOWN.ghost);
+    if (state.changed) colourChanges(faint);
+    else colourKinds(state.colour, faint);
+    view.bed = bedOf(view.bed);
+    painter.tintHeads((p, h) => D.colours.named(`--head${scene.page.plans[p].heads[h].colour % 8}`));
+    view.marks.flat().forEach((mark) => D.beads.release(mark));
+    view.marks = scene.page.plans.map((plan) => plan.heads.map((head) => D.painter.linesOf(
+      painter, [{ points: [[0, 0, 0]], rgb: D.colours.named(`--head${head.colour % 8}`) }])));
+    select();
+    if (parts.legend) parts.legend(legend, state);
+  }
+
+  function colourKinds(mode, faint) {
+    legend = { mode, off: offIn(mode), ...D.colours.MODES[mode](scene) };
+    const colours = legend.entries.map(({ rgb }, k) => (
+      legend.off.has(k) ? faint : D.colours.packed(rgb, SHOWN.plain)));
+    scene.page.plans.forEach((_, p) => painter.tint(p, (c) => colours[legend.of(c, p)] ?? faint));
+    const travel = D.colours.packed(D.colours.named("--travel"), SHOWN.plain);
+    scene.page.plans.forEach((_, p) => painter.tintTravels(p, () => travel));
+  }
+
+  function colourChanges(faint) {
+    const hidden = offIn("changed");
+    const colour = Object.fromEntries(D.changes.KINDS.map(({ key, colour: name }) => [
+      key, hidden.has(key) ? null : D.colours.packed(D.colours.named(name), SHOWN.lit)]));
+    scene.page.plans.forEach((_, p) => {
+      painter.tint(p, (c) => colour[D.changes.contourKind(scene, c)] ?? faint);
+      painter.tintTravels(p, ({ kind }) => colour[kind] ?? 0);
+    });
+    legend = { mode: "changed", off: hidden, sums: () => D.changes.sums(scene, D.state.get().layers) };
+  }
+
+  /** The bed's outline and a grid, 50 mm apart. */
+  function bedOf(was) {
+    if (was) D.beads.release(was);
+    const { bed_min: [x0, y0], bed_max: [x1, y1] } = scene.page.machine;
+    const rgb = D.colours.named("--line");
+    const lines = [{ points: [[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0], [x0, y0, 0]], rgb }];
+    const faint = D.colours.mixed(view.ground, rgb, 0.55);
+    for (let x = Math.ceil(x0 / 50) * 50; x < x1; x += 50) lines.push({ points: [[x, y0, 0], [x, y1, 0]], rgb: faint });
+    for (let y = Math.ceil(y0 / 50) * 50; y < y1; y += 50) lines.push({ points: [[x0, y, 0], [x1, y, 0]], rgb: faint });
+    return D.painter.linesOf(painter, lines, SHOWN.plain);
+  }
+
+  // Selection ---------------------------------------------------------------------------------
+
+  /** Points of an action as [[x, y, z] ...]. */
+  function pointsOf({ plan, head, action }) {
+    const { x, y, z } = D.path(scene.page, scene.page.plans[plan].heads[head], action);
+    return Array.from(x, (v, k) => [v, y[k], z[k]]);
+  }
+
+  function select() {
+    const { selected } = D.state.get();
+    if (!selected) {
+      painter.overlay([]);
+      return;
+    }
+    const [chosen, first, last] = ["--accent", "--bad", "--good"].map(D.colours.named);
+    const near = D.selected.neighbours(scene, selected);
+    const lines = [
+      ...near.before.slice(0, 200).map((at) => ({ points: pointsOf(at), rgb: first })),
+      ...near.after.slice(0, 200).map((at) => ({ points: pointsOf(at), rgb: last })),
+      { points: pointsOf(selected), rgb: chosen },
+    ].filter(({ points }) => points.length);
+    painter.overlay(lines);
+  }
+
+  /** What is shown at (x, y) px of the canvas: {plan, head, action} or null. */
+  function pick(x, y) {
+    const pane = panes().find((p) => x >= p.left && x < p.left + p.width && y >= p.top && y < p.top + p.height);
+    if (!pane) return null;
+    const state = D.state.get();
+    const { plan } = pane;
+    const now = state.time >= scene.page.plans[plan].end_s ? Infinity : state.time;
+    const [dx, dy] = [x - pane.left - pane.width / 2, y - pane.top - pane.height / 2];
+    const [a, b] = painter.contoursWithin(state.layers);
+    const { fine } = scene;
+    const bead = D.pick.nearest(view.camera, { set: fine, plan, begin: fine.first[a], end: fine.first[b],
+      now, wide: 0, largest: scene.largest }, dx, dy);
+    let travel = null;
+    if (state.travels || state.changed) {
+      const { set } = scene.travels[plan];
+      const [begin, end] = painter.travelsWithin(plan, state.layers);
+      travel = D.pick.nearest(view.camera, { set, plan: 0, begin, end, now, wide: 2, largest: 1 }, dx, dy);
+    }
+    if (travel && (!bead || travel.depth > bead.depth)) {
+      const run = scene.travels[plan].runs[D.pick.ownerOf(scene.travels[plan].set.first, travel.segment)];
+      return { plan, head: run.head, action: run.action };
+    }
+    if (!bead) return null;
+    const c = scene.order[D.pick.ownerOf(fine.first, bead.segment)];
+    return { plan, head: scene.by[plan].head[c], action: scene.by[plan].action[c] };
+  }
+
+  // Camera ------------------------------------------------------------------------------------
+
+  /** The box of what the layers show, and the machine's bed seen from where it matters. */
+  function fit() {
+    const { low, high } = scene.box;
+    const [pane] = panes();
+    D.camera.fit(view.camera, low, high, pane.width, pane.height);
+    redraw(true);
+  }
+
+  function turnTo(name) {
+    D.camera.turnTo(view.camera, name);
+    fit();
+  }
+
+  // Begin -------------------------------------------------------------------------------------
+
+  /** What draws with the graphics card; null, with a line in its place, where there is no WebGL. */
+  function drawing() {
+    try {
+      return createREGL({ canvas, extensions: ["ANGLE_instanced_arrays", "OES_element_index_uint"],
+        attributes: { antialias: false, alpha: false, preserveDrawingBuffer: true, powerPreference: "high-performance" } });
+    } catch (error) {
+      parts.missing(error);
+      return null;
+    }
+  }
+
+  async function begin(page) {
+    await D.segments.breathe();
+    scene = { page, ...(await D.segments.build(page)), travels: [] };
+    const { layer } = page.contours;
+    scene.layers = [layer.reduce((a, b) => Math.min(a, b), layer[0] ?? 0), layer.reduce((a, b) => Math.max(a, b), 0)];
+    scene.top = D.layers.tops(scene);
+    for (const p of page.plans.keys()) scene.travels.push(await D.travels.build(scene, p));
+    const { bed_min: [x0, y0], bed_max: [x1, y1] } = page.machine;
+    view.reach = 4 * (Math.hypot(x1 - x0, y1 - y0) + scene.box.high[2]);
+    painter = new D.painter.Painter(regl, scene);
+    recolour();
+    fit();
+    D.state.on(changed);
+    new ResizeObserver(() => redraw()).observe(canvas);
+    canvas.addEventListener("webglcontextrestored", () => redraw());
+    parts.begun(scene);
+    D.input.listen(canvas, view, { redraw, pick, turnTo, fit, panes });
+    D.selected.show(scene);
+  }
+
+  function changed(now, was) {
+    const differs = (...keys) => keys.some((key) => now[key] !== was[key]);
+    if (differs("theme", "colour", "changed")) recolour();
+    else if (differs("selected")) select();
+    if (differs("layers") && now.changed && parts.legend) parts.legend(legend, now);
+    redraw(differs("time", "layers") && !now.playing);
+  }
+
+  async function show(page) {
+    parts = D.controls.make(page, { fit, turnTo, redraw: () => redraw(true), recolour: () => { recolour(); redraw(); } });
+    canvas = document.getElementById("view-canvas");
+    labels = document.getElementById("view-labels");
+    regl = drawing();
+    D.view.ready = regl ? begin(page) : Promise.resolve();
+  }
+
+  D.view = {
+    show,
+    redraw,
+    ready: null,
+    stats: () => ({ segments: scene.fine.n, drawn: painter.drawn, frames: painter.frames, coarse: painter.coarse,
+      instanced: painter.rows === 1, budget: Math.round(painter.budget) }),
+    /** Mean ms of n pictures of a moving view, each waited for. */
+    async benchmark(n) {
+      const begun = performance.now();
+      for (let k = 0; k < n; k++) {
+        const from = performance.now();
+        view.camera.yaw += 0.02;
+        picture(true);
+        regl.read({ x: 0, y: 0, width: 1, height: 1 });
+        painter.learn(performance.now() - from);
+        if (k % 4 === 3) await D.segments.breathe();
+      }
+      const mean = (performance.now() - begun) / n;
+      redraw(true);
+      return mean;
+    },
+    picture,
+    camera: () => view.camera,
+    pick,
+    where: (point) => D.camera.project(view.camera, D.camera.basis(view.camera), point),
+  };
+})();
