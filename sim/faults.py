@@ -54,6 +54,20 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
+class Nearest:
+    """How near it came at the least; None: not measured, or there was nothing to measure.
+
+    In whatever timing, over all that was looked at.
+    """
+
+    heads_mm: float | None = None  # between the bodies of any two heads
+    heads_at_least: bool = False  # it is no less, and may be more: not every pair was looked at
+    heads_required_mm: float = 0.0  # what the machine asks for
+    heads: tuple[str, ...] = ()  # names of the two heads
+    heads_at: tuple[str, ...] = ()  # what each of them does there, in words
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """All faults found, and how much was checked to find them."""
 
@@ -61,6 +75,7 @@ class Verdict:
     counts: dict[str, float] = field(default_factory=dict)  # what was checked, how often
     checked: tuple[str, ...] = ()  # which rules it was held to, one line each
     warnings: tuple[str, ...] = ()  # what the source does as well and is bad all the same
+    nearest: Nearest = Nearest()
 
     @property
     def ok(self) -> bool:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Motions
 from decmcts.print.job import PrintJob
-from decmcts.print.machine import Machine, Rail
+from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.legs import Legs, legs_of
@@ -28,10 +27,10 @@ from sim.content.same_print import (
     is_other_print,
 )
 from sim.content.seams import Moved
-from sim.faults import LIMIT, Fault, FaultKind, Verdict, listed
+from sim.faults import LIMIT, Fault, FaultKind, Nearest, Verdict, listed
 from sim.files.extent import check_extent
 from sim.files.moves import check_moves
-from sim.replay.bodies import concurrent, find_clashes, find_rail_breaks
+from sim.replay.apart import check_heads, check_rail, count_pairs, nearest_heads
 from sim.replay.contacts import (
     Meetings,
     allowed_in_plan,
@@ -110,7 +109,11 @@ def verify_plan(
     held = rules or document.rules or usual_rules(document.machine)
     legs = legs_of(all_actions)
     order = order_of(legs.all_actions)
-    counts: dict[str, float] = {"contours": len(document.contours)}
+    counts: dict[str, float] = {
+        "contours": len(document.contours),
+        "actions": sum(map(len, legs.whole)),
+    }
+    nearest = Nearest()
     if isinstance(order, list):
         lines = [f"{legs.describe(h, leg)} can never begin" for h, leg in order]
         faults += listed(FaultKind.DEADLOCK, lines)
@@ -120,8 +123,10 @@ def verify_plan(
         prints = prints_of(len(document.contours), legs.all_actions, order)
         faults += check_meetings(meetings, legs.all_actions, prints)
         faults += _check_execution(document, legs, order, meetings, counts, trials, seed)
+        nearest = nearest_heads(document, legs, order)
     counts["seconds"] = time.perf_counter() - started
-    return Verdict(tuple(faults), counts, statements(document, source, machine, held, rules))
+    checked = statements(document, source, machine, held, rules)
+    return Verdict(tuple(faults), counts, checked, nearest=nearest)
 
 
 def _check_content(
@@ -179,6 +184,7 @@ def _check_execution(
     """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
     faults = check_times(document, legs.whole) + check_signals(document, legs.whole)
     faults += or_undecided(lambda: check_material(document, legs, order, meetings, counts))
+    counts["pairs"] = count_pairs(legs, order)
     faults += check_heads(document, legs, order)
     faults += check_rail(document, legs, order)
     arrivals = [arrivals_of(document, actions) for actions in legs.whole]
@@ -283,67 +289,12 @@ def check_material(
             allowed=allowed_in_plan(meetings[h], actions, moves, owner, beads),
         )
         lines += [
-            f"{_station(legs, h, int(owner[c.move]), False)}: {c.part} meets contour "
+            f"{legs.station(h, int(owner[c.move]))}: {c.part} meets contour "
             f"{beads.label[c.bead]}, which is {c.depth_mm:.3f} mm too high, near "
             f"{place_of(moves[c.move])}"
             for c in contacts
         ]
     return listed(FaultKind.HEAD_MATERIAL, lines)
-
-
-def check_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
-    """J3: heads that may move or rest at the same time keep their distance."""
-    lines: list[str] = []
-    for r, s in permutations(range(len(legs.all_actions)), 2):
-        for stations, others in concurrent(document.machine.heads, legs.all_actions, order, r, s):
-            clashes = find_clashes(
-                stations,
-                document.machine.heads[r],
-                others,
-                document.machine.heads[s],
-                clearance_mm=document.machine.head_clearance_mm,
-                limit=2 * LIMIT,
-            )
-            lines += [
-                f"{_station(legs, r, c.action, c.rest)} and "
-                f"{_station(legs, s, c.other_action, others.rest)} may happen together "
-                f"and come within {c.gap_mm:.3f} mm ({c.part}, {c.other_part})"
-                for c in clashes
-            ]
-    return listed(FaultKind.HEAD_HEAD, lines)
-
-
-def check_rail(document: PlanDocument, legs: Legs, order: PartialOrder) -> list[Fault]:
-    """Heads on one rail keep their order and their separation, whatever the timing."""
-    rails = document.machine.rails
-    lines = [line for rail in rails for line in _rail_lines(document, legs, order, rail)]
-    return listed(FaultKind.RAIL, lines)
-
-
-def _rail_lines(document: PlanDocument, legs: Legs, order: PartialOrder, rail: Rail) -> list[str]:
-    names = [head.name for head in document.machine.heads]
-    place = {name: i for i, name in enumerate(rail.order)}
-    lines: list[str] = []
-    for r, s in permutations(range(len(legs.all_actions)), 2):
-        if names[r] not in place or names[s] not in place:
-            continue
-        steps = place[names[s]] - place[names[r]]
-        least = rail.separation_mm * abs(steps)
-        for stations, others in concurrent(document.machine.heads, legs.all_actions, order, r, s):
-            lines += [
-                f"{_station(legs, r, a, stations.rest)} and {_station(legs, s, b, others.rest)} "
-                f"may happen together and be {gap:.3f} mm apart along {'xy'[rail.axis]}, "
-                f"less than {least:g} mm"
-                for a, b, gap in find_rail_breaks(
-                    stations,
-                    others,
-                    axis=rail.axis,
-                    separation_mm=least,
-                    below=steps > 0,
-                    limit=2 * LIMIT,
-                )
-            ]
-    return lines
 
 
 def check_replays(
@@ -379,12 +330,6 @@ def check_replays(
 def _met(legs: Legs, m: Meeting) -> str:
     (r, s), (a, b) = m.heads, m.actions
     return (
-        f"replay {m.trial!r} at {m.time_s:.2f} s: {_station(legs, r, a, False)} and "
-        f"{_station(legs, s, b, False)}: {m.gap_mm:.3f} mm apart"
+        f"replay {m.trial!r} at {m.time_s:.2f} s: {legs.station(r, a)} and "
+        f"{legs.station(s, b)}: {m.gap_mm:.3f} mm apart"
     )
-
-
-def _station(legs: Legs, head: int, leg: int, rest: bool) -> str:
-    if leg < 0:
-        return f"head {legs.whole[head].head} before its first action"
-    return legs.describe_rest(head, leg) if rest else legs.describe(head, leg)

@@ -68,6 +68,12 @@ class Legs:
             return f"{words} at point {self._points(head, leg)[1]}"
         return f"the rest after {words}"
 
+    def station(self, head: int, leg: int, rest: bool = False) -> str:
+        """Return the words for a leg, the rest behind it, or (-1) what is before the first."""
+        if leg < 0:
+            return f"head {self.whole[head].head} before its first action"
+        return self.describe_rest(head, leg) if rest else self.describe(head, leg)
+
     def _points(self, head: int, leg: int) -> tuple[int, int]:
         """Return the first and the last vertex of a leg, counted in its action's path."""
         offsets = self.all_actions[head].path_offsets

@@ -94,10 +94,10 @@ def concurrent(
     yield rests, theirs
     if r < s:
         yield action_stations(all_actions[r], order, r, s), theirs
-        yield _parked(heads[r]), _parked(heads[s])
+        yield parked(heads[r]), parked(heads[s])
 
 
-def _parked(head: Head) -> Stations:
+def parked(head: Head) -> Stations:
     """Return the rest of a head before its first action, beside one of the other head."""
     point, one = np.array([head.park], np.float64), np.array([0])
     boxes = np.hstack([point, point])

@@ -10,8 +10,9 @@ import pytest
 
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
 from sim.content.legs import legs_of
+from sim.replay.apart import check_heads, check_rail
 from sim.rules.order import PartialOrder, order_of
-from sim.verify import all_actions_of, check_heads, check_rail
+from sim.verify import all_actions_of
 
 BEAMS_MM, RAIL_MM = 21.0, 25.0  # how far apart the two heads of `two_head_machine` must be
 PARKS = (-40.0, 240.0)
