@@ -19,7 +19,7 @@ VIEW = (
 )  # fmt: skip
 CHARTS = (
     "timeline.js", "gantt_drawing.js", "gantt.js", "gantt_controls.js", "waits.js", "charts.js",
-    "facts.js",
+    "order_graph.js", "facts.js",
 )  # fmt: skip
 SCRIPTS = (
     "data.js", "state.js", "format.js", "elements.js", "words.js", *VIEW, *CHARTS, "main.js",

@@ -45,7 +45,11 @@
   });
 
   const number = (u, value) => (value === null || value === undefined ? "–" : D.format.number(value));
-  const wide = (u, values) => values.map((value) => D.format.number(value));
+  /** Numbers along an axis, as exact as they are apart. */
+  const wide = (u, values, k, space, apart) => {
+    const digits = Math.max(0, -Math.floor(Math.log10(apart) + 1e-9));
+    return values.map((v) => (v === null ? "" : v.toLocaleString("en", { minimumFractionDigits: digits, maximumFractionDigits: digits })));
+  };
 
   /** A dashed line with its name across the chart. */
   const bound = (value, text) => ({
@@ -81,6 +85,10 @@
     const from = history.s.length ? history.s[history.s.length - 1] : 0;
     const what = history.minimised.replace(/, (s|mm)$/, "");
     const said = [`The search brought the ${what} from ${shown(first, unit)} down to ${shown(best, unit)}; its last gain came after ${D.format.duration(from)}.`];
+    const { end_s } = page.plans[1];
+    if (page.plans[1].heads.length > 1 && Math.abs(best / end_s - 1) > 0.005) {
+      said.push(`With all its stops, the finished plan takes ${D.format.duration(end_s)}.`);
+    }
     if (history.cooled) said.push("After the search, beads that would be printed over too soon are moved back, so the plan may end higher than the curve.");
     const space = 0.12 * (Math.max(first, low) - Math.min(best, low)) + 1e-3 * Math.max(first, low);
     return figure({
@@ -131,18 +139,20 @@
     return { per, data: [first.map((k) => k + 1), ...columns.map(mean)] };
   }
 
+  const savedMm = ({ saving: { by_layer: { before, after } } }) => sum(before) - sum(after);
+
   function byLayer({ by_layer: { layer, before, after } }) {
     const saved = before.map((each, k) => each - after[k]), total = sum(saved);
     const { mm, parts } = bestParts(saved, Math.max(1, Math.min(10, Math.ceil(layer.length / 10))));
     const even = mm < EVEN * total && layer.length > 20;
     const where = even ? "spread over all layers" : `${D.format.mm(mm)} of it in ${parts.length === 1 ? "layer" : "layers"} ${ranges(parts)}`;
     const means = grouped(layer.length, [before, after]);
-    const said = total > 0
+    const said = Math.abs(total) < 1 ? "As much travel between beads as before." : total > 0
       ? `${D.format.mm(total)} of travel less between beads: ${where}.`
       : `${D.format.mm(-total)} of travel more between beads: that is no saving of travel.`;
     const label = D.page.plans[0].label;
     return figure({
-      title: "Where the saving comes from: by layer",
+      title: total >= 1 ? "Saving by layer" : "Travel by layer",
       said,
       label: `Travel between beads in each layer, ${label} and after`,
       data: means.data,
@@ -168,10 +178,10 @@
     const saved = before_mm.map((mm, k) => mm - after_mm[k]), total = sum(saved);
     const changed = saved.map((mm) => (total < 0 ? -mm : mm));
     const most = changed.indexOf(Math.max(...changed));
-    const said = `Most of the ${total < 0 ? "increase" : "saving"} is in travels of ${names[most]} mm: ${D.format.mm(changed[most])}. There were ${D.format.number(before[most])} of them, there are ${D.format.number(after[most])} now.`;
+    const said = Math.abs(total) < 1 ? null : `Most of the ${total < 0 ? "increase" : "saving"} is in travels of ${names[most]} mm: ${D.format.mm(changed[most])}. There were ${D.format.number(before[most])} of them, there are ${D.format.number(after[most])} now.`;
     const bar = (align) => uPlot.paths.bars({ size: [0.42, 60], align });
     return figure({
-      title: "Where the saving comes from: by length of travel",
+      title: total >= 1 ? "Saving by length of travel" : "Travel by length",
       said,
       label: `Travel in all by the length of single travels, ${label} and after`,
       data: [names.map((_, k) => k), before_mm, after_mm],
@@ -234,9 +244,9 @@
     const section = document.getElementById("search");
     const made = [];
     if (page.saving.by_layer.layer.length) made.push(byLayer(page.saving), byLength(page.saving));
-    if (page.history.s.length) made.push(convergence(page));
+    if (page.history.s.length && !page.facts.kept_source) made.push(convergence(page));
     if (!made.length) return;
-    section.append(e("h2", {}, "Where the saving comes from"), e("div", { class: "figures" }, ...made));
+    section.append(e("h2", {}, savedMm(page) >= 1 ? "Where the saving comes from" : "Travel and search"), e("div", { class: "figures" }, ...made));
     if (page.graph && D.orderGraph) section.append(D.orderGraph.folded(page));
     D.state.on((now, was) => { if (now.theme !== was.theme) kept.forEach((entry) => entry.draw()); });
   }

@@ -34,9 +34,11 @@
       if (found.wait.cause === "end" && found.wait.begin_s <= 0) return `${when}: ${found.name} has nothing to do`;
       if (found.wait.cause === "end") return `${when}: ${found.name} has nothing left to do for ${time}`;
       const other = found.wait.other_head, action = found.wait.other_action;
-      const contour = other === null || action === null ? -1 : plan().heads[other].contour[action];
+      const contour = other === null || action === null ? -1 : D.words.beadBy(other, action);
+      const next = found.wait.action === null ? -1 : D.words.beadFrom(found.head, found.wait.action);
+      const then = next < 0 ? "" : `; then it prints bead ${next} ${D.words.origin(next)}`;
       const lag = found.wait.lag_s ? `, and ${D.format.duration(found.wait.lag_s)} after that` : "";
-      return `${when}: ${found.name} waits ${time}${D.words.reason(found.wait)}${lag}${contour < 0 ? "" : ` ${D.words.origin(contour)}`}`;
+      return `${when}: ${found.name} waits ${time}${D.words.reason(found.wait)}${lag}${contour < 0 ? "" : ` ${D.words.origin(contour)}`}${then}`;
     }
     const time = D.format.duration(found.end_s - found.begin_s);
     const what = found.contour < 0 ? "" : ` bead ${found.contour} ${D.words.origin(found.contour)}`;

@@ -10,9 +10,10 @@
     const section = document.getElementById("heads");
     if (section.hidden) return;
     const real = D.gantt.longest().filter((wait) => wait.cause !== "end");
+    const others = real.filter((wait) => wait.cause !== "signal");
     section.append(...[
       page.critical.length ? chainText(page) : null,
-      e("div", { class: "halves" }, page.waits.length ? sums(page) : e("p", {}, "No head ever waits."), real.length ? list(real) : null),
+      e("div", { class: "halves" }, page.waits.length ? sums(page) : e("p", {}, "No head ever waits."), others.length ? list(others) : null),
       real.length > SHOWN ? D.folded(`All waits as a table (${D.format.number(real.length)})`, () => table(real)) : null,
       page.team ? D.charts.team(page.team) : null,
     ].filter(Boolean));

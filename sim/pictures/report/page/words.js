@@ -26,6 +26,29 @@
     return contour < 0 ? null : `bead ${contour}`;
   };
 
+  /** The last bead a head has begun by an action; -1: none. */
+  const beadBy = (head, action) => {
+    const { contour } = after().heads[head];
+    let k = action;
+    while (k >= 0 && contour[k] < 0) k--;
+    return k < 0 ? -1 : contour[k];
+  };
+
+  /** The next bead of a head from an action on; -1: none. */
+  const beadFrom = (head, action) => {
+    const { contour, n } = after().heads[head];
+    let k = action;
+    while (k < n && contour[k] < 0) k++;
+    return k < n ? contour[k] : -1;
+  };
+
+  /** What makes way: "bead 812 is in the way", or "to make way after bead 812". */
+  const makesWay = (wait, what) => {
+    if (what) return `: ${what} is in the way`;
+    const contour = wait.other_action === null ? -1 : beadBy(wait.other_head, wait.other_action);
+    return contour < 0 ? " to make way" : ` to make way after bead ${contour}`;
+  };
+
   /** Role, layer and line of the source of a contour, in brackets. */
   const origin = (contour) => {
     const { role, layer, line } = D.page.contours;
@@ -40,7 +63,7 @@
     const name = headName(wait.other_head);
     const what = bead(wait.other_head, wait.other_action);
     const why = short(wait.cause);
-    if (wait.cause === "space") return ` for ${name}${what ? `: ${what} is in the way` : " to make way"}`;
+    if (wait.cause === "space") return ` for ${name}${makesWay(wait, what)}`;
     if (wait.cause === "support" || wait.cause === "order") {
       return ` for ${name}${what ? `: ${what},` : ","} ${why}`;
     }
@@ -61,5 +84,5 @@
     ];
   };
 
-  D.words = { long, headName, bead, origin, reason, labels };
+  D.words = { long, headName, bead, beadBy, beadFrom, origin, reason, labels };
 })();
