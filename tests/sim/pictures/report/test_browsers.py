@@ -1,0 +1,138 @@
+"""The page as people use it: opened, clicked and typed in real browsers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page
+
+from decmcts import Result
+from decmcts.print.plan import JointPlan
+from sim.pictures.report import Told, write_report
+
+pytestmark = pytest.mark.slow
+HARD = ("critical", "serious")  # of axe's findings
+
+
+@contextmanager
+def opened(browser: Browser, path: Path, **how: Any) -> Iterator[Page]:
+    """Yield the page once it is ready; nothing may be asked for, warned of or fail."""
+    page = browser.new_page(**how)
+    said: list[str] = []
+    page.on("console", lambda line: said.append(f"{line.type}: {line.text}"))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: said.append(request.url))
+    page.goto(path.as_uri())
+    page.evaluate("D.ready")
+    yield page
+    asked = [line for line in said if not line.startswith(("file:", "data:", "blob:"))]
+    page.close()
+    assert not [line for line in asked if "GPU stall" not in line and "WebGL" not in line]
+
+
+@pytest.fixture
+def two_heads(make: SimpleNamespace, tmp_path: Path) -> Path:
+    """The report of a plan in which the right head waits for the left one."""
+    document = make.timed(make.two_head_plan())
+    contours, left = document.contours, document.machine.heads[0]
+    paths = [contours.polyline(c) for c in range(len(contours))]
+    visits = [(c, False) for c in np.argsort(contours.layer, kind="stable").tolist()]
+    alone = make.head_actions(left, visits, paths, 0, clearance_z=1.0)
+    before = replace(
+        document, machine=replace(document.machine, heads=(left,), rails=()),
+        plan=JointPlan((alone,)),
+    )  # fmt: skip
+    metrics: Any = {"one_head_s": 90.0, "bound": {"bound_s": 20.0}}
+    write_report(
+        tmp_path / "two.html", before=make.timed(before), after=replace(document, metrics=metrics),
+        history=[(0.0, 60.0), (2.0, 50.0)], told=Told("two.gcode"),
+    )  # fmt: skip
+    return tmp_path / "two.html"
+
+
+def test_the_first_screen_has_the_plan_s_figures(
+    browser: Browser, one_head: tuple[Result, Path]
+) -> None:
+    """What people read is what plan.json has."""
+    result, path = one_head
+    was, now = result.planned.before.metrics, result.planned.after.metrics
+    with opened(browser, path) as page:
+        text = page.inner_text("#facts")
+        for metrics in (was, now):
+            clock = page.evaluate("D.format.clock", metrics["file_time_s"])
+            shown = page.evaluate("D.format.duration", metrics["file_time_s"])
+            assert clock in text or shown in text
+            assert f"{metrics['retractions']:,}" in text
+            travel = metrics["emitted_travel_mm"]
+            forms = [page.evaluate(f"D.format.{form}", travel) for form in ("mm", "number")]
+            assert any(form in text for form in forms)
+        assert "four_nuts" in text and result.document.machine.name in text
+
+
+def test_the_page_has_the_paths_of_the_plan(
+    browser: Browser, one_head: tuple[Result, Path]
+) -> None:
+    """Every point of every action, put together from contours and the rest."""
+    result, path = one_head
+    with opened(browser, path) as page:
+        for which, document in enumerate((result.planned.before, result.planned.after)):
+            (actions,) = document.plan.heads
+            told = page.evaluate(
+                """which => { const head = D.page.plans[which].heads[0];
+                const paths = Array.from(head.kind, (_, k) => D.path(D.page, head, k));
+                return JSON.stringify([paths.map(p => p.x.length),
+                  ...["x", "y", "z"].map(axis => paths.flatMap(p => Array.from(p[axis])))]); }""",
+                which,
+            )
+            sizes, *drawn = json.loads(told)
+            assert sizes == np.diff(actions.path_offsets).tolist()
+            assert np.abs(np.array(drawn).T - actions.path).max() < 0.02
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_people_with_poor_eyes_and_screen_readers_can_use_it(
+    browser: Browser, two_heads: Path, dark: bool
+) -> None:
+    """Contrast, names and roles, by axe, in light and in dark."""
+    with opened(browser, two_heads) as page:
+        if dark:
+            page.evaluate(
+                "document.documentElement.dataset.theme = 'dark'; D.state.set({theme: 'dark'})"
+            )
+        found = Axe().run(page).response["violations"]
+        assert [
+            (f["id"], [n["html"] for n in f["nodes"]]) for f in found if f["impact"] in HARD
+        ] == []
+
+
+def test_the_theme_changes(browser: Browser, two_heads: Path) -> None:
+    """By its button, and everything is drawn anew without an error."""
+    with opened(browser, two_heads) as page:
+        was = page.evaluate("D.state.get().theme")
+        page.click("#theme")
+        assert page.evaluate("D.state.get().theme") != was
+        assert page.evaluate("document.documentElement.dataset.theme") != was
+
+
+def test_it_fits_a_telephone(browser: Browser, two_heads: Path) -> None:
+    """Nothing sticks out sideways at 360 pixels."""
+    with opened(browser, two_heads, viewport={"width": 360, "height": 740}) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
+
+
+def test_a_wait_says_for_whom(browser: Browser, two_heads: Path) -> None:
+    """The right head waits for the left one to park; a click goes there."""
+    with opened(browser, two_heads) as page:
+        text = page.inner_text("#heads")
+        assert "left" in text and "right" in text
+        (wait,) = [w for w in page.evaluate("D.page.waits") if w["other_head"] is not None]
+        assert wait["head"] == 1 and wait["other_head"] == 0
