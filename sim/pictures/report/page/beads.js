@@ -13,9 +13,8 @@
   uniform vec3 low, span, right, up, back, target, light;
   uniform vec2 scale;
   uniform float nearer, pixel, now, least, wide, largest, tall, top;
-  varying vec3 tone;
-  varying vec3 lit;
-  varying float along;
+  varying vec3 tone, lit;
+  varying vec2 along;
   void main() {
     float first = min(when.x, when.y), last = max(when.x, when.y);
     if (first >= now || tint.a < 0.1) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
@@ -54,19 +53,19 @@
     float round = clamp(0.7 * half_width / pixel - 0.2, 0.0, 1.0); // thin beads shine evenly
     lit = vec3(corner.y * round, dot(p, light) * sheen, dot(q, light) * sheen * mix(0.84, 1.0, round));
     tone = tint.rgb * (wide > 0.0 ? 1.0 : ground);
-    along = (corner.x * len * run + cap) / pixel;
+    // Lines of little height are dashed.
+    along = vec2((corner.x * len * run + cap) / pixel, wide > 0.0 && size.y < 0.5 ? 5.0 * wide : 0.0);
   }`;
 
   const FRAGMENT = `
   precision mediump float;
-  uniform float ambient, dash;
-  varying vec3 tone;
-  varying vec3 lit;
-  varying float along;
+  uniform float ambient;
+  varying vec3 tone, lit;
+  varying vec2 along;
   void main() {
-    if (dash > 0.0 && mod(along, dash) > 0.6 * dash) discard;
+    if (along.y > 0.0 && mod(along.x, along.y) > 0.62 * along.y) discard;
     float facing = lit.y * lit.x + lit.z * sqrt(max(0.0, 1.0 - lit.x * lit.x));
-    gl_FragColor = vec4(tone * (ambient + (1.0 - ambient) * 1.12 * max(0.0, facing)), 1.0);
+    gl_FragColor = vec4(tone * min(1.12, ambient + (1.0 - ambient) * 1.25 * max(0.0, facing)), 1.0);
   }`;
 
   const FACE_VERTEX = `
@@ -121,16 +120,16 @@
 
   const release = ({ place, when, tint }) => [place, ...when, ...tint].forEach((b) => b.destroy());
 
-  /** What every picture needs of the camera: `pane` is {x, y, width, height} in device px. */
-  function seenBy(camera, pane, ratio, reach) {
-    const zoom = camera.zoom * ratio;
+  /** What every picture needs of the camera: `box` is {x, y, width, height} in pixels drawn. */
+  function seenBy(camera, box, ratio, reach, into) {
     return {
       ...D.camera.basis(camera),
       target: camera.target,
-      scale: [(2 * zoom) / pane.width, (2 * zoom) / pane.height],
+      scale: [(2 * camera.zoom * ratio) / box.width, (2 * camera.zoom * ratio) / box.height],
       nearer: 1 / reach,
-      pixel: ratio / zoom,
-      pane,
+      pixel: 1 / camera.zoom,
+      pane: box,
+      into,
     };
   }
 
@@ -188,8 +187,8 @@
         tall: regl.prop("tall"),
         top: regl.prop("top"),
         ambient: regl.prop("ambient"),
-        dash: regl.prop("dash"),
       },
+      framebuffer: regl.prop("into"),
       viewport: regl.prop("pane"),
       scissor: { enable: true, box: regl.prop("pane") },
       depth: { enable: true, func: "lequal", mask: true },
@@ -213,6 +212,7 @@
       attributes: { place: regl.prop("place") },
       uniforms: { ...camera(regl), shift: regl.prop("shift"), colour: regl.prop("colour") },
       count: regl.prop("count"),
+      framebuffer: regl.prop("into"),
       viewport: regl.prop("pane"),
       scissor: { enable: true, box: regl.prop("pane") },
       depth: { enable: true, func: "less", mask: false },
@@ -221,8 +221,22 @@
     });
   }
 
-  const BEAD = { least: 0.45, wide: 0, tall: 1, ambient: 0.34, dash: 0 };
-  const LINE = { least: 0, wide: 1.2, tall: 1, ambient: 1, dash: 0 };
+  /** What lays a picture drawn elsewhere, finer, over the canvas. */
+  function copies(regl) {
+    return regl({
+      vert: "precision highp float; attribute vec2 corner; varying vec2 at;"
+        + "void main() { at = 0.5 + 0.5 * corner; gl_Position = vec4(corner, 0.0, 1.0); }",
+      frag: "precision mediump float; uniform sampler2D picture; varying vec2 at;"
+        + "void main() { gl_FragColor = texture2D(picture, at); }",
+      attributes: { corner: [[-1, -1], [3, -1], [-1, 3]] },
+      uniforms: { picture: regl.prop("picture") },
+      count: 3,
+      depth: { enable: false },
+    });
+  }
 
-  D.beads = { SHOWN, BEAD, LINE, INSTANCED, SPELLED_OUT, upload, recolour, release, seenBy, strips, faces };
+  const BEAD = { least: 0.45, wide: 0, tall: 1, ambient: 0.42 };
+  const LINE = { least: 0, wide: 1.2, tall: 1, ambient: 1 };
+
+  D.beads = { SHOWN, BEAD, LINE, INSTANCED, SPELLED_OUT, upload, recolour, release, seenBy, strips, faces, copies };
 })();

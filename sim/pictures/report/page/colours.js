@@ -124,7 +124,7 @@
       const found = measure(-0.5, 0.5, ["printed earlier than before", "later"],
         (c) => Math.sign(shift[c]) * Math.sqrt(Math.abs(shift[c])) * 0.75, TURN);
       if (!other.some(Boolean)) return found;
-      found.entries.push({ name: "printed by another head than before", rgb: named("--head3") });
+      found.entries.push({ name: "printed by another head than before", rgb: named("--other") });
       return { ...found, of: (c, p) => (other[c] ? STEPS : found.of(c, p)) };
     },
   };

@@ -14,6 +14,8 @@
       Object.assign(this, { regl, rows, most, scene, frames: 0, drawn: 0, of: 0, budget });
       this.strips = D.beads.strips(this);
       this.faces = D.beads.faces(regl);
+      this.copies = D.beads.copies(regl);
+      this.canvas = null; // a finer picture than the screen's, made in steps
       this.fine = D.beads.upload(this, scene.fine);
       this.rough = D.beads.upload(this, scene.rough);
       this.travels = scene.travels.map(({ set }) => D.beads.upload(this, set));
@@ -137,21 +139,30 @@
       });
     }
 
-    /** Draw one plan into its part of the canvas. */
-    pane(view, pane, chosen, state) {
-      const { plan } = pane;
-      const { page, top } = this.scene;
-      const now = state.time >= page.plans[plan].end_s ? ALL : state.time;
-      const seen = { ...D.beads.seenBy(view.camera, pane.box, view.ratio, view.reach), ...BEAD, now };
-      const common = { ...seen, plan, largest: this.scene.largest, top: top(state.layers[1]) };
-      const parts = this.pieces(chosen, plan, now).map(([begin, end, tall]) => (
-        { ...common, on: chosen.on, begin, count: end - begin, tall }));
+    /** What to draw a plan's beads and lines with: of a view, into `into` or the canvas. */
+    seen(view, pane, state, into = null) {
+      const { page, top, largest } = this.scene;
+      const now = state.time >= page.plans[pane.plan].end_s ? ALL : state.time;
+      return {
+        ...D.beads.seenBy(view.camera, pane.box, pane.ratio, view.reach, into), ...BEAD,
+        now, plan: pane.plan, largest, top: top(state.layers[1]),
+      };
+    }
+
+    /** Draw pieces of beads; returns how many segments. */
+    beads(seen, on, pieces) {
+      const parts = pieces.filter(([begin, end]) => end > begin).map(
+        ([begin, end, tall]) => ({ ...seen, on, begin, count: end - begin, tall }));
       this.strips(parts);
-      this.drawn += parts.reduce((sum, { count }) => sum + count, 0);
-      const line = { ...common, ...LINE, plan: 0 };
+      return parts.reduce((sum, { count }) => sum + count, 0);
+    }
+
+    /** Draw all but the beads: bed, travels, heads, what is selected. */
+    lines(view, seen, state) {
+      const line = { ...seen, ...LINE, plan: 0 };
       this.strips({ ...line, on: view.bed, begin: 0, count: view.bed.set.n, now: ALL, wide: 1 });
-      if (state.travels || state.changed) this.drawTravels(line, plan, state, now);
-      this.heads(view, line, pane, state);
+      if (state.travels || state.changed) this.drawTravels(line, seen.plan, state, seen.now);
+      this.heads(view, line, seen.plan, state);
       if (this.extra) {
         this.strips({ ...line, on: this.extra, begin: 0, count: this.extra.set.n, now: ALL, wide: 4 });
       }
@@ -162,36 +173,69 @@
       if (end === begin) return;
       this.strips({ ...line, on: this.travels[plan], begin, count: end - begin, now,
         wide: state.changed ? 1.8 : 1.2 });
-      this.drawn += end - begin;
     }
 
-    heads(view, line, pane, state) {
+    heads(view, line, plan, state) {
       if (!view.heads.length) return;
-      view.heads[pane.plan].forEach(({ at, rgb }, h) => {
+      view.heads[plan].forEach(({ at, rgb }, h) => {
         if (!at) return;
-        const solid = this.solids[pane.plan][h];
+        const solid = this.solids[plan][h];
         const still = { ...line, begin: 0, now: ALL, shift: at };
         if (state.bodies && solid?.edges) {
           const { place, count, edges } = solid;
           this.strips({ ...still, on: edges, count: edges.set.n, wide: 1.3 });
           this.faces({ ...line, place, count, shift: at, colour: [...rgb.map((v) => v / 255), 0.12] });
         }
-        const mark = view.marks[pane.plan][h];
+        const mark = view.marks[plan][h];
         this.strips({ ...still, on: mark, count: mark.set.n, wide: 9 });
       });
     }
 
-    /** Draw everything; returns ms it took to hand over. */
-    frame(view, panes, state, moving) {
-      const begun = performance.now();
-      this.frames++;
-      this.drawn = 0;
+    ground(view) {
+      return { color: [...view.ground.map((v) => v / 255), 1], depth: 1 };
+    }
+
+    /** Draw a picture at once, as finely as a moving view can be. */
+    quick(view, panes, state) {
       this.regl.poll();
-      this.regl.clear({ color: [...view.ground.map((v) => v / 255), 1], depth: 1 });
-      const chosen = this.choose(state, moving, panes.length);
-      for (const pane of panes) this.pane(view, pane, chosen, state);
+      this.regl.clear(this.ground(view));
+      const chosen = this.choose(state, true, panes.length);
+      this.drawn = 0;
+      for (const pane of panes) {
+        const seen = this.seen(view, pane, state);
+        this.drawn += this.beads(seen, chosen.on, this.pieces(chosen, pane.plan, seen.now));
+        this.lines(view, seen, state);
+      }
       this.coarse = chosen.on !== this.fine;
-      return performance.now() - begun;
+      this.frames++;
+    }
+
+    /** Draw everything, finer than the screen, in steps; shown when it is done. */
+    * whole(view, panes, state, width, height) {
+      this.canvas ??= this.regl.framebuffer({ width, height, depth: true, color: this.regl.texture({ width, height, min: "linear", mag: "linear" }) });
+      if (this.canvas.width !== width || this.canvas.height !== height) this.canvas.resize(width, height);
+      this.regl.poll();
+      this.regl.clear({ ...this.ground(view), framebuffer: this.canvas });
+      const chosen = this.choose(state, false, panes.length);
+      let [drawn, since] = [0, 0];
+      for (const pane of panes) {
+        const seen = this.seen(view, pane, state, this.canvas);
+        for (const [begin, end] of this.pieces(chosen, pane.plan, seen.now)) {
+          for (let from = begin; from < end; from += this.budget) {
+            const to = Math.min(end, from + this.budget);
+            drawn += this.beads(seen, this.fine, [[from, to, 1]]);
+            since += to - from;
+            if (since < this.budget) continue;
+            yield drawn;
+            since = 0;
+          }
+        }
+        this.lines(view, seen, state);
+      }
+      this.copies({ picture: this.canvas });
+      this.drawn = drawn;
+      this.coarse = false;
+      this.frames++;
     }
 
     /** Draw more or less of a moving picture from now on. */

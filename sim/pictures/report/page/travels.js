@@ -62,7 +62,7 @@
     for (let k = 1; k < x.length; k++) {
       set.when[0][2 * set.n] = begin + ((end - begin) * along[k - 1]) / length;
       set.when[0][2 * set.n + 1] = begin + ((end - begin) * along[k]) / length;
-      write(x[k - 1], y[k - 1], z[k - 1], x[k], y[k], z[k], 1, 1);
+      write(x[k - 1], y[k - 1], z[k - 1], x[k], y[k], z[k], 1, run.over ? 0 : 1); // no height: dashed
     }
     return along[along.length - 1];
   }

@@ -2,17 +2,19 @@
 // The 3-D view: the print before and after, drawn when something changes.
 (() => {
   const STILL_MS = 160; // after which a view that moved is drawn whole
-  const SHARP = 2; // pixels drawn for a CSS pixel, each way: smooth edges
+  const SHARP = 2; // a still picture is drawn so much finer than the screen, each way: smooth edges
 
   const { SHOWN } = D.beads;
   const view = {
-    camera: D.camera.make(), ratio: 1, reach: 1000, heads: [], marks: [], bed: null, ground: [0, 0, 0],
+    camera: D.camera.make(), reach: 1000, heads: [], marks: [], bed: null, ground: [0, 0, 0],
   };
   let [scene, painter, regl, canvas, labels, parts] = [];
-  let [asked, moving, stillTimer, lastTick, lastMs] = [false, false, 0, 0, 0];
+  let [asked, moving, stillTimer, lastTick] = [false, false, 0, 0];
+  let whole = null; // a still picture in the making
+  let settled = []; // who waits for it
 
-  /** Which plans are drawn where: [{plan, left, top, width, height}] in CSS px, and `box` in device px. */
-  function panes(ratio = view.ratio) {
+  /** Which plans are drawn where: [{plan, left, top, width, height}] in CSS px, and `box` in pixels. */
+  function panes(ratio = window.devicePixelRatio || 1) {
     const { plans } = D.state.get();
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     const shown = plans === "both" ? [0, 1] : [plans === "before" ? 0 : 1];
@@ -24,18 +26,23 @@
       const [left, top] = [split && beside ? k * w : 0, split && !beside ? k * h : 0];
       const px = (v) => Math.round(v * ratio);
       const box = { x: px(left), y: px(height - top - h), width: px(w), height: px(h) };
-      return { plan, left, top, width: w, height: h, box };
+      return { plan, left, top, width: w, height: h, box, ratio };
     });
   }
 
   /** Draw with the next picture; a view that `moves` may be drawn roughly at first. */
   function redraw(moves = false) {
     if (!painter) return;
+    whole = null;
     if (moves) {
       moving = true;
       clearTimeout(stillTimer);
       stillTimer = setTimeout(() => { moving = false; redraw(); }, STILL_MS);
     }
+    ask();
+  }
+
+  function ask() {
     if (asked) return;
     asked = true;
     requestAnimationFrame(draw);
@@ -48,20 +55,42 @@
     const roughly = moving || D.state.get().playing;
     if (roughly && lastTick) painter.learn(at - lastTick);
     lastTick = roughly ? at : 0;
-    picture(roughly);
+    if (roughly) picture();
+    else if (step()) ask();
     if (D.state.get().playing) redraw();
     else if (playing) redraw(true);
   }
 
-  function picture(roughly) {
-    view.ratio = roughly ? 1 : Math.max(SHARP, window.devicePixelRatio || 1);
-    const [w, h] = [canvas.clientWidth, canvas.clientHeight].map((v) => Math.max(1, Math.round(v * view.ratio)));
+  function sized() {
+    const ratio = window.devicePixelRatio || 1;
+    const [w, h] = [canvas.clientWidth, canvas.clientHeight].map((v) => Math.max(1, Math.round(v * ratio)));
     if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
+    const most = regl.limits.maxTextureSize / Math.max(w, h);
+    return { ratio, w, h, finer: Math.min(most, ratio < 1.5 ? SHARP : 1.5) };
+  }
+
+  /** Draw what a moving view shows. */
+  function picture() {
+    sized();
     const state = D.state.get();
-    const now = panes();
     view.heads = headsAt(state);
-    painter.frame(view, now, state, roughly);
-    write(now, state);
+    painter.quick(view, panes(), state);
+    write(panes(), state);
+  }
+
+  /** Draw some more of a still picture; false: it is done. */
+  function step() {
+    const state = D.state.get();
+    if (!whole) {
+      const { ratio, w, h, finer } = sized();
+      view.heads = headsAt(state);
+      whole = painter.whole(view, panes(ratio * finer), state, Math.round(w * finer), Math.round(h * finer));
+    }
+    if (!whole.next().done) return true;
+    whole = null;
+    write(panes(), state);
+    settled.splice(0).forEach((tell) => tell());
+    return false;
   }
 
   /** Where each head of each plan stands; none when the print is done and they need not be seen. */
@@ -91,17 +120,15 @@
         if (inside) made.push(label("head", head.name, left, top));
       }
     }
+    if (now.length === 2) made.push(D.element("i", { class: now[1].left ? "view-split" : "view-split level" }));
     labels.replaceChildren(...made);
-    const drawn = D.format.number(painter.drawn);
     parts.drawn.textContent = painter.coarse
-      ? `drawn roughly while it moves: ${drawn} of ${D.format.number(painter.of)} lines`
-      : `${drawn} lines drawn`;
+      ? `Drawn roughly while it moves: ${D.format.number(painter.drawn)} of ${D.format.number(painter.of)} lines.`
+      : `All ${D.format.number(painter.drawn)} lines of these layers are drawn.`;
   }
 
-  function label(kind, text, left, top) {
-    const made = D.element("span", { class: `view-${kind}`, style: `left:${left}px;top:${top}px` }, text);
-    return made;
-  }
+  const label = (kind, text, left, top) => (
+    D.element("span", { class: `view-${kind}`, style: `left:${left}px;top:${top}px` }, text));
 
   function advance(at) {
     const state = D.state.get();
@@ -300,7 +327,7 @@
       for (let k = 0; k < n; k++) {
         const from = performance.now();
         view.camera.yaw += 0.02;
-        picture(true);
+        picture();
         regl.read({ x: 0, y: 0, width: 1, height: 1 });
         painter.learn(performance.now() - from);
         if (k % 4 === 3) await D.segments.breathe();
@@ -309,6 +336,11 @@
       redraw(true);
       return mean;
     },
+    /** Resolves when a whole, still picture is shown. */
+    settled: () => new Promise((tell) => {
+      settled.push(tell);
+      redraw();
+    }),
     picture,
     camera: () => view.camera,
     pick,
