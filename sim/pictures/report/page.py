@@ -15,7 +15,8 @@ PAGE = files("sim.pictures.report") / "page"
 LIBRARIES = ("vendor/regl.min.js", "vendor/uPlot.iife.min.js")
 VIEW = (
     "camera.js", "beads.js", "colours.js", "changes.js", "layers.js", "segments.js", "travels.js",
-    "bodies.js", "pick.js", "painter.js", "input.js", "selected.js", "controls.js", "view.js",
+    "bodies.js", "pick.js", "painter.js", "tints.js", "input.js", "selected.js", "controls.js",
+    "view.js",
 )  # fmt: skip
 CHARTS = (
     "timeline.js", "gantt_drawing.js", "gantt.js", "gantt_controls.js", "waits.js", "charts.js",

@@ -49,7 +49,7 @@
     gl_Position = vec4(dot(at - target, right) * scale.x, dot(at - target, up) * scale.y, depth, 1.0);
     float sheen = sqrt(max(0.0, 1.0 - pow(dot(d, light), 2.0)));
     float below = exp(min(0.0, end.z - top) * 0.4);
-    float ground = mix(0.78, 1.0, below);
+    float ground = mix(0.86, 1.0, below);
     float round = clamp(0.7 * half_width / pixel - 0.2, 0.0, 1.0); // thin beads shine evenly
     lit = vec3(corner.y * round, dot(p, light) * sheen, dot(q, light) * sheen * mix(0.84, 1.0, round));
     tone = tint.rgb * (wide > 0.0 ? 1.0 : ground);
@@ -235,7 +235,7 @@
     });
   }
 
-  const BEAD = { least: 0.45, wide: 0, tall: 1, ambient: 0.42 };
+  const BEAD = { least: 0.45, wide: 0, tall: 1, ambient: 0.5 };
   const LINE = { least: 0, wide: 1.2, tall: 1, ambient: 1 };
 
   D.beads = { SHOWN, BEAD, LINE, INSTANCED, SPELLED_OUT, upload, recolour, release, seenBy, strips, faces, copies };

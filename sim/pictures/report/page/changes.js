@@ -33,9 +33,9 @@
   // What is lit up, in the order of the legend; `travel` entries are of one plan's picture.
   const KINDS = [
     { key: "gone", name: "travels gone", plan: 0, colour: "--gone", on: true },
-    { key: "walls", name: "walls no longer crossed", plan: 0, colour: "--gone", on: true, dash: true },
+    { key: "walls", name: "gone, over outer walls", plan: 0, colour: "--gone", on: true, dash: true },
     { key: "new", name: "travels new", plan: 1, colour: "--new", on: true },
-    { key: "crossed", name: "walls newly crossed", plan: 1, colour: "--new", on: true, dash: true },
+    { key: "crossed", name: "new, over outer walls", plan: 1, colour: "--new", on: true, dash: true },
     { key: "other", name: "printed by another head", colour: "--other", on: true },
     { key: "order", name: "printed earlier or later", colour: "--accent", on: false },
   ];

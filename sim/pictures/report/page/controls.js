@@ -1,7 +1,8 @@
 "use strict";
 // The controls around the view: what is shown, camera, layers, time, legend.
 (() => {
-  const SPEEDS = [1, 10, 60, 300, 1000];
+  const SPEEDS = [1, 10, 60, 300, 1000, 3000];
+  const SHOW_S = 90; // in which a print is played at most at first
   const COLOURS = { role: "role", head: "head", tool: "tool", layer: "layer", time: "time", speed: "speed", change: "change in order" };
   const PLANS = { before: "Before", after: "After", both: "Side by side" };
 
@@ -36,7 +37,7 @@
     const made = element("select", { id }, ...options.map(([v, text]) => element("option", { value: v }, text)));
     made.value = value;
     made.addEventListener("change", () => act(made.value));
-    return [element("label", { for: id }, label), made];
+    return [element("span", { class: "view-pair" }, element("label", { for: id }, label), made), made];
   }
 
   function slider(id, label, low, high, step, act) {
@@ -57,15 +58,15 @@
     time.max = end;
     const text = element("output", { class: "number", for: "view-time" });
     const speeds = SPEEDS.map((v) => [v, `${v}× as fast`]);
-    const [label, speed] = selection("view-speed", "Speed", speeds, "", (v) => D.state.set({ speed: Number(v) }));
+    const [pair, speed] = selection("view-speed", "Speed", speeds, "", (v) => D.state.set({ speed: Number(v) }));
     shown.push((now) => {
       play.textContent = now.playing ? "Pause" : "Play";
       time.value = now.time >= end ? end : now.time;
-      text.textContent = `${D.format.clock(now.time)} of ${D.format.clock(end)}`;
+      text.textContent = `${D.format.clock(Math.min(now.time, end))} of ${D.format.clock(end)}`;
       time.setAttribute("aria-valuetext", text.textContent);
       speed.value = String(now.speed);
     });
-    return element("div", { class: "view-row view-time" }, play, time, text, label, speed);
+    return element("div", { class: "view-row view-time" }, play, time, text, pair);
   }
 
   /** Both ends of the layers as sliders over a strip that shows travel by layer. */
@@ -87,9 +88,11 @@
       to.setAttribute("aria-valuetext", `layer ${b + 1}`);
       single.setAttribute("aria-pressed", String(a === b));
     });
-    const strip = element("canvas", { id: "view-strip", "aria-hidden": "true" });
+    const strip = element("canvas", { id: "view-strip", role: "img", "aria-label": "Travel in each layer, before and after" });
+    const words = element("span", { class: "view-bars muted" }, element("i", { class: "was" }), "travel before ",
+      element("i", {}), "after, layer by layer");
     return element("div", { class: "view-row view-layers" }, element("span", {}, "Layers"),
-      element("div", { class: "view-range" }, strip, from, to), text, single, most);
+      element("div", { class: "view-range" }, strip, from, to), text, single, most, words);
   }
 
   let travelled = null;
@@ -140,16 +143,15 @@
       made.append(swatch, text);
       return made;
     };
-    const swatch = (rgb, dashed = false) => element("i", {
-      class: dashed ? "dashed" : "", style: `--c:${D.colours.css(rgb)}` });
-    return (legend, state) => {
+    const swatch = (rgb, kind = "") => element("i", { class: kind, style: `--c:${D.colours.css(rgb)}` });
+    return (legend) => {
       if (!legend) return;
       const active = document.activeElement?.textContent;
       if (legend.mode === "changed") box.replaceChildren(...changesRows(legend, row, swatch));
       else if (legend.gradient) box.replaceChildren(...rampRows(legend, row, swatch));
       else box.replaceChildren(...legend.entries.map(({ name, rgb }, k) => row(k, swatch(rgb), name, legend.off)));
+      for (const { name, rgb } of legend.travels ?? []) box.append(element("span", { class: "view-entry" }, swatch(rgb, "line"), name));
       [...box.querySelectorAll("button")].find((each) => each.textContent === active)?.focus();
-      void state;
     };
   }
 
@@ -159,7 +161,7 @@
       const { count, mm } = sums[key];
       const text = plan === undefined ? `${name}: ${D.format.number(count)} beads`
         : `${name}: ${D.format.number(count)}, ${D.format.mm(mm)}`;
-      return count || plan === 0 ? [row(key, swatch(D.colours.named(colour), dash), text, legend.off)] : [];
+      return count || plan === 0 ? [row(key, swatch(D.colours.named(colour), plan === undefined ? "" : dash ? "line dashed" : "line"), text, legend.off)] : [];
     });
   }
 
@@ -179,13 +181,13 @@
 
   const KEYS = "Drag to turn, Shift and drag to move, wheel to zoom once clicked; two fingers move and zoom. " +
     "Keys in the picture: arrows turn, Shift and arrows move, + and - zoom, T F R I views, 0 fits, space plays, " +
-    "Page Up and Page Down go through layers, N and P through actions, B compares, C shows what changed, V travels.";
+    "Page Up and Page Down go through layers, N and P through a head's actions, Z goes near the selected one, B compares, C shows what changed, V travels, Escape selects nothing.";
 
   function bar(acts) {
-    const [label, colours] = selection("view-colour", "Colour by", Object.entries(COLOURS), "role",
+    const [pair, colours] = selection("view-colour", "Colour by", Object.entries(COLOURS), "role",
       (v) => D.state.set({ colour: v, changed: false }));
     shown.push((now) => { colours.value = now.colour; });
-    return element("div", { class: "view-row" }, choice("plans", PLANS, "Plans shown"), label, colours,
+    return element("div", { class: "view-row" }, choice("plans", PLANS, "Plans shown"), pair,
       toggle("changed", "What changed", "lights up what changed, dims the rest"),
       toggle("travels", "Travels", "shows travels too"),
       toggle("bodies", "Heads", "shows the heads' bodies while they move"), camera(acts));
@@ -196,12 +198,13 @@
     page = of;
     end = Math.max(...page.plans.map((plan) => plan.end_s));
     layers = D.state.get().layers;
+    D.state.set({ speed: SPEEDS.find((v) => end / v <= SHOW_S) ?? SPEEDS[SPEEDS.length - 1] });
     const section = document.getElementById("view");
     const stage = element("div", { class: "view-stage" },
-      element("canvas", { id: "view-canvas", tabindex: 0, role: "img", "aria-label": "The print in three dimensions", "aria-describedby": "view-keys" }),
+      element("canvas", { id: "view-canvas", tabindex: 0, role: "img", "aria-label": "The print in three dimensions; keys turn, move and step", "aria-describedby": "view-keys" }),
       element("div", { id: "view-labels", "aria-hidden": "true" }));
     const legend = element("div", { id: "view-legend", role: "group", "aria-label": "Legend: each entry dims what it names" });
-    const drawn = element("span", { id: "view-drawn", class: "muted", role: "status" }, "Preparing the picture…");
+    const drawn = element("span", { id: "view-drawn", class: "muted" }, "Preparing the picture…");
     section.replaceChildren(element("h2", {}, "The print"), element("div", { class: "panel" },
       bar(acts), stage, legend, layerRow(), timeRow(), drawn,
       element("details", { class: "note" }, element("summary", {}, "Mouse, touch and keys"), element("p", { id: "view-keys" }, KEYS))));

@@ -41,13 +41,14 @@
         from = now;
       } else if (event.shiftKey || event.buttons & 6) D.camera.pan(view.camera, x - px, y - py);
       else D.camera.orbit(view.camera, x - px, y - py);
+      view.fitted = false;
       to.redraw(true);
     });
     const lift = (event) => {
       const alone = pressed.size === 1;
       const there = pressed.delete(event.pointerId);
       if (there && alone && moved < CLICK_PX && event.type === "pointerup" && event.button === 0) {
-        D.state.set({ selected: to.pick(...at(event)) });
+        to.choose(...at(event));
       }
     };
     canvas.addEventListener("pointerup", lift);
@@ -58,6 +59,7 @@
       event.preventDefault();
       const lines = event.deltaMode === 1 ? 30 : 1;
       D.camera.zoomAt(view.camera, Math.exp(-event.deltaY * lines * 0.0015), ...inPane(at(event)));
+      view.fitted = false;
       to.redraw(true);
     }, { passive: false });
     canvas.addEventListener("keydown", (event) => key(event, view, to));
@@ -73,12 +75,14 @@
       const [x, y] = ARROWS[name];
       if (event.shiftKey) D.camera.pan(camera, -40 * x, -40 * y);
       else D.camera.orbit(camera, -15 * x, -15 * y);
+      view.fitted = false;
     } else if (name === "+" || name === "=") D.camera.zoomAt(camera, 1.25, 0, 0);
     else if (name === "-") D.camera.zoomAt(camera, 0.8, 0, 0);
     else if (name === "t") to.turnTo("top");
     else if (name === "f") to.turnTo("front");
     else if (name === "r") to.turnTo("right");
     else if (name === "i") to.turnTo("iso");
+    else if (name === "z") to.closer();
     else if (name === "0" || name === "Home") to.fit();
     else if (!other(name)) return;
     event.preventDefault();

@@ -184,7 +184,7 @@
         if (state.bodies && solid?.edges) {
           const { place, count, edges } = solid;
           this.strips({ ...still, on: edges, count: edges.set.n, wide: 1.3 });
-          this.faces({ ...line, place, count, shift: at, colour: [...rgb.map((v) => v / 255), 0.12] });
+          this.faces({ ...line, place, count, shift: at, colour: [...rgb.map((v) => v / 255), 0.09] });
         }
         const mark = view.marks[plan][h];
         this.strips({ ...still, on: mark, count: mark.set.n, wide: 9 });

@@ -8,7 +8,7 @@
 
   let scene = null;
   let followers = null; // of each contour: {offsets, after, kinds}
-  let [box, found] = [null, null];
+  let found = null;
 
   /** The graph turned round: what each contour is waited for by. */
   function turned({ offsets, preds, kinds }) {
@@ -57,6 +57,8 @@
   const headOf = ({ plan, head }) => scene.page.plans[plan].heads[head];
   const fact = (name, value) => [D.element("dt", {}, name), D.element("dd", {}, value)];
 
+  const lasting = (s) => (s < 1 ? `${s.toFixed(2)} s` : D.format.duration(s));
+
   function lengthOf(at) {
     const { x, y, z } = D.path(scene.page, headOf(at), at.action);
     let mm = 0;
@@ -79,7 +81,7 @@
     const [begin, end] = [head.begin[at.action], head.end[at.action]];
     const clock = D.format.clock;
     const rows = [
-      ...fact("when", `${clock(begin)} to ${clock(end)} (${D.format.duration(end - begin)}), ${plans[at.plan].label}`),
+      ...fact("when", `${clock(begin)} to ${clock(end)} (${lasting(end - begin)}), ${plans[at.plan].label}`),
       ...fact("by", `head ${head.name}, its action ${at.action + 1} of ${head.n}`),
       ...fact("length", D.format.mm(lengthOf(at))),
     ];
@@ -123,8 +125,10 @@
     D.state.set(change);
   }
 
-  function list(heading, none, rows) {
-    const made = D.element("div", {}, D.element("h3", {}, `${heading} (${rows.length})`));
+  const mark = (name) => D.element("i", { style: `--c:var(${name})`, "aria-hidden": "true" });
+
+  function list(heading, none, rows, colour) {
+    const made = D.element("div", {}, D.element("h3", {}, mark(colour), `${heading} (${rows.length})`));
     if (!rows.length) made.append(D.element("p", { class: "muted" }, none));
     const all = D.element("ul", { class: "view-list" });
     const show = (from, to) => rows.slice(from, to).forEach((row) => all.append(item(row)));
@@ -155,7 +159,7 @@
 
   function waitLine(wait, at) {
     const heads = scene.page.plans[1].heads;
-    const long = D.format.duration(wait.end_s - wait.begin_s);
+    const long = lasting(wait.end_s - wait.begin_s);
     const why = D.words?.long(wait.cause) ?? wait.cause;
     if (wait.head === at.head && wait.action === at.action) {
       const text = `${heads[wait.head].name} waited ${long} for this: ${why}`;
@@ -176,14 +180,14 @@
       return;
     }
     const head = headOf(at);
-    const children = [D.element("h3", { class: "view-title" }, title(at)), factsOf(at)];
+    const children = [D.element("h3", { class: "view-title" }, mark("--chosen"), title(at)), factsOf(at)];
     const waits = waitsOf(at);
     if (waits.length) children.push(D.element("ul", { class: "view-list" }, ...waits.slice(0, 20).map((w) => waitLine(w, at))));
     if (head.kind[at.action] === 0 && scene.page.graph) {
       const { before, after } = neighbours(scene, at);
       children.push(D.element("div", { class: "view-columns" },
-        list("Had to wait for", "Nothing: it could be printed at once.", before),
-        list("Waits for it", "Nothing waits for it.", after)));
+        list("Had to wait for", "Nothing: it could be printed at once.", before, "--bad"),
+        list("Waits for it", "Nothing waits for it.", after, "--good")));
     }
     found.replaceChildren(...children);
   }
@@ -206,7 +210,7 @@
 
   function show(of) {
     scene = of;
-    box = document.getElementById("selected");
+    const box = document.getElementById("selected");
     const field = D.element("input", { id: "selected-number", type: "text", inputmode: "numeric", size: 8 });
     const line = D.element("span", { class: "warning", role: "status" });
     const button = (text, name, act) => {
@@ -218,6 +222,7 @@
       D.element("label", { for: "selected-number" }, "Bead number"), field,
       D.element("button", { type: "submit", id: "selected-go" }, "Go"),
       button("Step back", "selected-back", () => step(-1)), button("Step on", "selected-on", () => step(1)),
+      button("Go near", "selected-near", () => D.view.closer()),
       button("Select nothing", "selected-none", () => D.state.set({ selected: null })), line);
     form.addEventListener("submit", (event) => {
       event.preventDefault();

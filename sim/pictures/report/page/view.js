@@ -4,21 +4,24 @@
   const STILL_MS = 160; // after which a view that moved is drawn whole
   const SHARP = 2; // a still picture is drawn so much finer than the screen, each way: smooth edges
 
-  const { SHOWN } = D.beads;
+  const MOST = 40; // beads shown that the selected one waited for, and that wait for it
+  const BESIDE_PX = 620; // two pictures stand side by side in so wide a view, else one above the other
+
   const view = {
-    camera: D.camera.make(), reach: 1000, heads: [], marks: [], bed: null, ground: [0, 0, 0],
+    camera: D.camera.make(), reach: 1000, fitted: true, heads: [], marks: [], bed: null, ground: [0, 0, 0],
   };
   let [scene, painter, regl, canvas, labels, parts] = [];
   let [asked, moving, stillTimer, lastTick] = [false, false, 0, 0];
   let whole = null; // a still picture in the making
-  let settled = []; // who waits for it
+  const settled = []; // who waits for it
+  let picking = false; // what is selected was clicked in the view
 
   /** Which plans are drawn where: [{plan, left, top, width, height}] in CSS px, and `box` in pixels. */
   function panes(ratio = window.devicePixelRatio || 1) {
     const { plans } = D.state.get();
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     const shown = plans === "both" ? [0, 1] : [plans === "before" ? 0 : 1];
-    const beside = width >= 620;
+    const beside = width >= BESIDE_PX;
     return shown.map((plan, k) => {
       const split = shown.length === 2;
       const w = split && beside ? width / 2 : width;
@@ -98,8 +101,8 @@
     const { page } = scene;
     const end = Math.max(...page.plans.map((plan) => plan.end_s));
     if (state.time >= end && !state.playing) return [];
-    return page.plans.map((plan) => plan.heads.map((head) => ({
-      ...D.bodies.placeAt(page, head, state.time), name: head.name, rgb: D.colours.named(`--head${head.colour % 8}`),
+    return page.plans.map((plan, p) => plan.heads.map((head, h) => ({
+      ...D.bodies.placeAt(page, head, state.time), name: head.name, rgb: D.tints.headRgb(scene, p, h),
     })));
   }
 
@@ -112,12 +115,13 @@
       const at = Math.min(state.time, plan.end_s);
       const text = state.time >= plan.end_s ? `done at ${D.format.clock(plan.end_s)}` : D.format.clock(at);
       made.push(label("pane", `${plan.label}: ${text}`, pane.left + 10, pane.top + 8));
-      for (const head of view.heads[pane.plan] ?? []) {
-        if (!head.at) continue;
-        const [x, y] = D.camera.project(view.camera, D.camera.basis(view.camera), head.at);
-        const [left, top] = [pane.left + pane.width / 2 + x + 10, pane.top + pane.height / 2 + y + 6];
-        const inside = left > pane.left && left < pane.left + pane.width && top > pane.top && top < pane.top + pane.height;
-        if (inside) made.push(label("head", head.name, left, top));
+      const heads = (view.heads[pane.plan] ?? []).filter(({ at: place }) => place);
+      const words = [...heads.map(({ name, at: place }) => ["head", name, place]), ["bed", "front", view.front]];
+      if (state.selected?.plan === pane.plan && view.chosen) words.push(["chosen", "selected", view.chosen]);
+      for (const [kind, word, place] of words) {
+        const [x, y] = D.camera.project(view.camera, D.camera.basis(view.camera), place);
+        const inside = Math.abs(x) < pane.width / 2 - 30 && Math.abs(y) < pane.height / 2 - 20;
+        if (inside) made.push(label(kind, word, pane.left + pane.width / 2 + x, pane.top + pane.height / 2 + y));
       }
     }
     if (now.length === 2) made.push(D.element("i", { class: now[1].left ? "view-split" : "view-split level" }));
@@ -138,66 +142,13 @@
     D.state.set({ time, playing: time < end });
   }
 
-  // Colours -----------------------------------------------------------------------------------
-
   let legend = null;
-  /** Names of legend entries switched off, by mode. */
-  const off = new Map();
 
-  const offIn = (mode) => {
-    if (!off.has(mode)) {
-      off.set(mode, new Set(mode === "changed"
-        ? D.changes.KINDS.filter(({ on }) => !on).map(({ key }) => key) : []));
-    }
-    return off.get(mode);
-  };
-
+  /** Give everything the colours of the state and of light or dark. */
   function recolour() {
-    const state = D.state.get();
-    view.ground = D.colours.named("--scene");
-    const ghost = D.colours.mixed(view.ground, D.colours.named("--fg"), state.theme === "dark" ? 0.2 : 0.16);
-    const faint = D.colours.packed(ghost, SHOWN.ghost);
-    if (state.changed) colourChanges(faint);
-    else colourKinds(state.colour, faint);
-    view.bed = bedOf(view.bed);
-    painter.tintHeads((p, h) => D.colours.named(`--head${scene.page.plans[p].heads[h].colour % 8}`));
-    view.marks.flat().forEach((mark) => D.beads.release(mark));
-    view.marks = scene.page.plans.map((plan) => plan.heads.map((head) => D.painter.linesOf(
-      painter, [{ points: [[0, 0, 0]], rgb: D.colours.named(`--head${head.colour % 8}`) }])));
+    legend = D.tints.apply(scene, painter, view);
     select();
-    if (parts.legend) parts.legend(legend, state);
-  }
-
-  function colourKinds(mode, faint) {
-    legend = { mode, off: offIn(mode), ...D.colours.MODES[mode](scene) };
-    const colours = legend.entries.map(({ rgb }, k) => (
-      legend.off.has(k) ? faint : D.colours.packed(rgb, SHOWN.plain)));
-    scene.page.plans.forEach((_, p) => painter.tint(p, (c) => colours[legend.of(c, p)] ?? faint));
-    const travel = D.colours.packed(D.colours.named("--travel"), SHOWN.plain);
-    scene.page.plans.forEach((_, p) => painter.tintTravels(p, () => travel));
-  }
-
-  function colourChanges(faint) {
-    const hidden = offIn("changed");
-    const colour = Object.fromEntries(D.changes.KINDS.map(({ key, colour: name }) => [
-      key, hidden.has(key) ? null : D.colours.packed(D.colours.named(name), SHOWN.lit)]));
-    scene.page.plans.forEach((_, p) => {
-      painter.tint(p, (c) => colour[D.changes.contourKind(scene, c)] ?? faint);
-      painter.tintTravels(p, ({ kind }) => colour[kind] ?? 0);
-    });
-    legend = { mode: "changed", off: hidden, sums: () => D.changes.sums(scene, D.state.get().layers) };
-  }
-
-  /** The bed's outline and a grid, 50 mm apart. */
-  function bedOf(was) {
-    if (was) D.beads.release(was);
-    const { bed_min: [x0, y0], bed_max: [x1, y1] } = scene.page.machine;
-    const rgb = D.colours.named("--line");
-    const lines = [{ points: [[x0, y0, 0], [x1, y0, 0], [x1, y1, 0], [x0, y1, 0], [x0, y0, 0]], rgb }];
-    const faint = D.colours.mixed(view.ground, rgb, 0.55);
-    for (let x = Math.ceil(x0 / 50) * 50; x < x1; x += 50) lines.push({ points: [[x, y0, 0], [x, y1, 0]], rgb: faint });
-    for (let y = Math.ceil(y0 / 50) * 50; y < y1; y += 50) lines.push({ points: [[x0, y, 0], [x1, y, 0]], rgb: faint });
-    return D.painter.linesOf(painter, lines, SHOWN.plain);
+    parts.legend(legend);
   }
 
   // Selection ---------------------------------------------------------------------------------
@@ -210,16 +161,19 @@
 
   function select() {
     const { selected } = D.state.get();
+    view.chosen = null;
     if (!selected) {
       painter.overlay([]);
       return;
     }
-    const [chosen, first, last] = ["--accent", "--bad", "--good"].map(D.colours.named);
+    const points = pointsOf(selected);
+    view.chosen = points[points.length >> 1] ?? null;
+    const [chosen, first, last] = ["--chosen", "--bad", "--good"].map(D.colours.named);
     const near = D.selected.neighbours(scene, selected);
     const lines = [
-      ...near.before.slice(0, 200).map((at) => ({ points: pointsOf(at), rgb: first })),
-      ...near.after.slice(0, 200).map((at) => ({ points: pointsOf(at), rgb: last })),
-      { points: pointsOf(selected), rgb: chosen },
+      ...near.before.slice(0, MOST).map((at) => ({ points: pointsOf(at), rgb: first })),
+      ...near.after.slice(0, MOST).map((at) => ({ points: pointsOf(at), rgb: last })),
+      { points, rgb: chosen },
     ].filter(({ points }) => points.length);
     painter.overlay(lines);
   }
@@ -251,13 +205,53 @@
     return { plan, head: scene.by[plan].head[c], action: scene.by[plan].action[c] };
   }
 
+  /** Select what is shown at (x, y) px of the canvas. */
+  function choose(x, y) {
+    picking = true;
+    D.state.set({ selected: pick(x, y) });
+    picking = false;
+  }
+
   // Camera ------------------------------------------------------------------------------------
 
-  /** The box of what the layers show, and the machine's bed seen from where it matters. */
+  /** Show the whole print. */
   function fit() {
     const { low, high } = scene.box;
     const [pane] = panes();
     D.camera.fit(view.camera, low, high, pane.width, pane.height);
+    view.fitted = true; // until someone turns it
+    redraw(true);
+  }
+
+  /** Zoom with the size of a picture: it halves when two stand side by side. */
+  function refit(halves) {
+    if (view.fitted) {
+      fit();
+      return;
+    }
+    const share = canvas.clientWidth >= BESIDE_PX ? 0.5 : 0.6;
+    view.camera.zoom *= halves > 0 ? share : halves < 0 ? 1 / share : 1;
+  }
+
+  /** Bring an action into the picture, if it is out of it. */
+  function reveal(at) {
+    const points = pointsOf(at);
+    const pane = panes().find(({ plan }) => plan === at.plan);
+    if (!points.length || !pane) return;
+    const middle = points[points.length >> 1];
+    const [x, y] = D.camera.project(view.camera, D.camera.basis(view.camera), middle);
+    const inside = Math.abs(x) < 0.42 * pane.width && Math.abs(y) < 0.42 * pane.height;
+    if (!inside) view.camera.target = middle;
+  }
+
+  /** Bring the selected action to the middle, near enough to see it. */
+  function closer() {
+    const { selected } = D.state.get();
+    if (!selected) return;
+    const points = pointsOf(selected);
+    const [low, high] = [Math.min, Math.max].map((most) => [0, 1, 2].map((k) => points.reduce((v, p) => most(v, p[k]), points[0][k])));
+    const [pane] = panes();
+    D.camera.fit(view.camera, low.map((v) => v - 3), high.map((v) => v + 3), pane.width, pane.height);
     redraw(true);
   }
 
@@ -287,6 +281,7 @@
     scene.top = D.layers.tops(scene);
     for (const p of page.plans.keys()) scene.travels.push(await D.travels.build(scene, p));
     const { bed_min: [x0, y0], bed_max: [x1, y1] } = page.machine;
+    view.front = [(x0 + x1) / 2, y0, 0];
     view.reach = 4 * (Math.hypot(x1 - x0, y1 - y0) + scene.box.high[2]);
     painter = new D.painter.Painter(regl, scene);
     recolour();
@@ -295,15 +290,17 @@
     new ResizeObserver(() => redraw()).observe(canvas);
     canvas.addEventListener("webglcontextrestored", () => redraw());
     parts.begun(scene);
-    D.input.listen(canvas, view, { redraw, pick, turnTo, fit, panes });
+    D.input.listen(canvas, view, { redraw, choose, turnTo, fit, panes, closer });
     D.selected.show(scene);
   }
 
   function changed(now, was) {
     const differs = (...keys) => keys.some((key) => now[key] !== was[key]);
-    if (differs("theme", "colour", "changed")) recolour();
+    if (differs("theme", "colour", "changed", "travels")) recolour();
     else if (differs("selected")) select();
-    if (differs("layers") && now.changed && parts.legend) parts.legend(legend, now);
+    if (differs("plans")) refit((now.plans === "both") - (was.plans === "both"));
+    if (differs("selected") && now.selected && !picking) reveal(now.selected);
+    if (differs("layers") && now.changed) parts.legend(legend);
     redraw(differs("time", "layers") && !now.playing);
   }
 
@@ -318,6 +315,7 @@
   D.view = {
     show,
     redraw,
+    closer,
     ready: null,
     stats: () => ({ segments: scene.fine.n, drawn: painter.drawn, frames: painter.frames, coarse: painter.coarse,
       instanced: painter.rows === 1, budget: Math.round(painter.budget) }),
