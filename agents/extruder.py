@@ -31,6 +31,7 @@ from agents.networks.meeting import Meeting, addresses, secret_of
 from agents.networks.transport import NoNetwork, Traffic, Transport
 from agents.planners.planner import Planner
 from decmcts.errors import InputError
+from decmcts.formats.files.names import harmless
 
 LINGER_S = 10.0
 """An agent without a launcher answers stragglers so long after its release."""
@@ -287,9 +288,9 @@ def _run_with(
 def _failed(error: Exception) -> int:
     """Say in the line the launcher shows what went wrong; a trace helps nobody there."""
     if isinstance(error, InputError):
-        print(f"{PREFIX}{error}", file=sys.stderr)
+        print(harmless(f"{PREFIX}{error}"), file=sys.stderr)
         return 2
-    print(f"{PREFIX}{type(error).__name__}: {error}", file=sys.stderr)
+    print(harmless(f"{PREFIX}{type(error).__name__}: {error}"), file=sys.stderr)
     return 1
 
 

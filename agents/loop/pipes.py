@@ -38,6 +38,7 @@ from agents.loop.agent import Meet, Progress
 from agents.networks.meeting import Meeting, checked_places
 from agents.networks.transport import Traffic
 from decmcts.errors import InputError
+from decmcts.formats.files.names import harmless
 
 _MAX_LINE = 65536
 _WATCH_MS = 100
@@ -198,7 +199,7 @@ class TerminalFront:
                 line = f"released plan {effect.digest}, makespan {effect.makespan_s:.1f} s"
             case Left(reason):
                 line = f"left: {reason}"
-        print(line, file=sys.stderr)
+        print(harmless(line), file=sys.stderr)
 
 
 def parse_arguments(line: bytes) -> tuple[list[str] | None, Meeting | None]:

@@ -1,4 +1,4 @@
-"""What a person sees on the terminal: steps, search progress, tables, faults.
+"""What a person sees on the terminal while a command works, and the console it is shown on.
 
 Everything goes to standard error except what was asked for (`--json`, tables),
 so that output can be piped. A terminal gets one line that changes, everything
@@ -23,7 +23,6 @@ from decmcts.cli import signals
 from decmcts.cli.terminal import SafeConsole
 from decmcts.planning.events import Event, Heads, Note, Report, Step
 from decmcts.planning.events import Progress as Searched
-from decmcts.print.metrics import Metrics, compared_order
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 err = SafeConsole(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
@@ -37,13 +36,15 @@ def steps(
     time_limit_s: float = 0.0,
     unit: str = "mm",
     table: Callable[[Heads], Table] | None = None,
+    logged: bool = True,
 ) -> Iterator[Report]:
     """Show what is done, with a spinner; yields the report to make events to.
 
-    While agents are heard of, what `table` makes of them is shown in its place.
+    While agents are heard of, what `table` makes of them is shown in its place. Where lines stay
+    (a log), steps are only `logged` if asked for; notes always are.
     """
     with ExitStack() as shown:
-        yield _Display(shown, time_limit_s, unit, table).report
+        yield _Display(shown, time_limit_s, unit, table, logged).report
 
 
 class _Display:
@@ -55,16 +56,18 @@ class _Display:
         time_limit_s: float,
         unit: str,
         table: Callable[[Heads], Table] | None,
+        logged: bool,
     ) -> None:
         self._shown, self._limit_s, self._unit, self._table = shown, time_limit_s, unit, table
         self._live = err.is_terminal and not err.is_dumb_terminal
+        self._logs = logged and not self._live
         self._said_at_s = 0.0
         self._begin_line()
 
     def report(self, event: Event) -> None:
         """Show an event."""
         if isinstance(event, Step):
-            self._step(event.text)
+            self._step(event)
         elif isinstance(event, Note):
             err.print(event.text, soft_wrap=True)
         elif isinstance(event, Searched):
@@ -85,12 +88,15 @@ class _Display:
         )
         self._task = self._line.add_task("starting", total=None)
 
-    def _step(self, text: str) -> None:
+    def _step(self, step: Step) -> None:
+        text = f"{step.text} ({step.number} of {step.of})" if step.of else step.text
         if self._heads is not None:
             self._shown.close()
             self._begin_line()
-        self._line.update(self._task, description=text, total=None)
-        if not self._live:
+        self._line.update(
+            self._task, description=text, total=step.of or None, completed=max(0, step.number - 1)
+        )
+        if self._logs:
             err.print(text, soft_wrap=True)
 
     def _heads_stand(self, table: Table) -> None:
@@ -109,7 +115,7 @@ class _Display:
             completed=min(state.seconds, self._limit_s),
             description=f"searching: {found}",
         )
-        if not self._live and state.seconds >= self._said_at_s + LINE_EVERY_S:
+        if self._logs and state.seconds >= self._said_at_s + LINE_EVERY_S:
             self._said_at_s = state.seconds
             of = f" of {self._limit_s:g}" if state.seconds <= self._limit_s else ""
             err.print(f"{state.seconds:.0f}{of} s: {found}", soft_wrap=True)
@@ -128,19 +134,6 @@ def written() -> Iterator[None]:
         )
 
 
-def clock_time(seconds: float) -> str:
-    """Return a time as people read it.
-
-    Examples
-    --------
-    >>> clock_time(3725.4)
-    '1 h 02 min 05 s'
-    """
-    hours, rest = divmod(round(seconds), 3600)
-    minutes, left = divmod(rest, 60)
-    return f"{hours} h {minutes:02d} min {left:02d} s" if hours else f"{minutes} min {left:02d} s"
-
-
 def above(state: Searched) -> str:
     """Return how far from optimal a search is at most, as words; nothing if that tells nothing."""
     if state.bound is None or state.bound <= 0.0:
@@ -154,52 +147,6 @@ def amount(cost: float, unit: str) -> str:
     if unit == "":
         return f"cost {cost:,.10g}"
     return f"travels {cost:,.1f} s" if unit == "s" else f"travel {cost:,.0f} mm"
-
-
-ROWS = (
-    ("contours", "contours", "", 0),
-    ("travel (paper's metric)", "extrusionless_travel_mm", "mm", 1),
-    ("emitted travel", "emitted_travel_mm", "mm", 1),
-    ("print time", "print_time_s", "s", 1),
-    ("print time of whole file", "file_time_s", "s", 1),
-    ("retractions", "retractions", "", 0),
-    ("travel over outer walls", "travel_over_walls_mm", "mm", 1),
-)  # of whole files where one was written; the last where the file names roles
-COUNTS = ("contours", "retractions")  # told as they are: 3 → 9 is no loss of 200 %
-
-
-def compared(before: Metrics, after: Metrics) -> dict[str, tuple[float, float]]:
-    """Return the figures of `ROWS` that both results have, before and after."""
-    pairs = {key: (before.get(key), after.get(key)) for _, key, _, _ in ROWS}
-    return {
-        key: (was, now)
-        for key, (was, now) in pairs.items()
-        if isinstance(was, int | float) and isinstance(now, int | float)
-    }
-
-
-def summary_of(before: Metrics, after: Metrics) -> dict[str, dict[str, float]]:
-    """Return the figures of a result against its source, for tables and `--json`."""
-    rows = {}
-    for key, (was, now) in compared(before, after).items():
-        gain = 100.0 * (was - now) / was if was else 0.0
-        rows[key] = {"before": was, "after": now, "less_percent": round(gain, 3)}
-    return rows
-
-
-def gain_table(before: Metrics, after: Metrics) -> Table:
-    """Return the table of what was gained."""
-    table, first = Table(), compared_order(before)
-    for name, justify in (("", "left"), (first, "right"), ("after", "right"), ("less", "right")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]  # a literal of rich's
-    figures = compared(before, after)
-    for label, key, unit, digits in ROWS:
-        if key not in figures:
-            continue
-        was, now = figures[key]
-        gain = f"{100.0 * (was - now) / was:.1f} %" if was and key not in COUNTS else ""
-        table.add_row(label, f"{was:,.{digits}f} {unit}", f"{now:,.{digits}f} {unit}", gain)
-    return table
 
 
 def print_json(schema: str, summary: dict[str, Any]) -> None:

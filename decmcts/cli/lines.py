@@ -6,19 +6,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from decmcts.cli.console import clock_time, summary_of
+from decmcts.cli.summary import summary_of
 from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.result import Result
 from decmcts.planning.writing.file_times import COUNTS_SHARE, FileTimes, is_longer
+from decmcts.print.metrics import Metrics, clock_time
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 
-def bound_line(found: Certificate | None) -> str | None:
-    """Return one line on travel, bound and gap; None if no bound was asked for.
+def bound_line(found: Certificate | None, *, verbose: bool = False) -> str | None:
+    """Return one line on how near to the best a result is; None where there is nothing to say.
 
-    A bound too far away to tell a good order from a quick one is not shown; it is in
-    the metrics for programs.
+    A bound too far away to tell a good order from a quick one is of no use to a person; it is
+    in the metrics for programs. The figures themselves are for those who ask.
     """
     if found is None:
         return None
@@ -27,44 +28,68 @@ def bound_line(found: Certificate | None) -> str | None:
     if found.bound is None:
         return f"no bound on the {what}: {found.skipped}"
     if found.gap_percent is None or found.gap_percent > INFORMS_PERCENT:
-        return f"{what} {travel:,.1f} {unit}; no useful bound was proven in the time it is given"
-    above = f" → at most {found.gap_percent:.1f} % above optimal"
+        said = f"{what} {travel:,.1f} {unit}; no useful bound was proven in the time it is given"
+        return said if verbose else None
+    above = f"at most {found.gap_percent:.1f} % more {what} than the best order there can be"
     if found.gap_percent <= 100.0 * ROUNDING:
-        above = " → proven optimal"
-    return f"{what} {travel:,.1f} {unit} ≥ bound {found.bound:,.1f} {unit}{above}"
+        above = f"no order has less {what}: proven"
+    return f"{above} ({travel:,.1f} {unit} ≥ {found.bound:,.1f} {unit})" if verbose else above
 
 
-def file_time_line(
+def longer_line(
     before_s: float, after_s: float, retracted_mm: float | None, *, combs: bool = False
-) -> str:
-    """Return one line on the time of the whole file, and on why it may have grown if it did.
+) -> str | None:
+    """Return one line on why a whole file takes longer than its source; None if it does not.
 
     `retracted_mm` is the travel from which filament is retracted, None if it never is;
     `combs` says that longer ones inside the part are left bare, as in the source.
     Some slicers lift while they travel.
     """
-    line = f"print time of the whole file: {clock_time(before_s)} → {clock_time(after_s)}"
     if not is_longer(before_s, after_s):
-        return line
+        return None
     kind = "travel that leaves the part" if combs else "travel"
     habit = (
         "" if retracted_mm is None else f"every {kind} from {retracted_mm:g} mm up is retracted, "
     )
     return (
-        f"{line}, longer: here {habit}lifts go straight up and what must cool is waited for, which "
-        "the source may do less; where time is what counts, print the source"
+        f"the file takes longer than its source: here {habit}lifts go straight up and what must "
+        "cool is waited for, which the source may do less; where time is what counts, print the "
+        "source"
     )
 
 
 def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
-    """Return the line on the time of a result's whole file; None where there is no other."""
+    """Return the line on a result's whole file that takes longer; None if it does not."""
     if times is None or times.before_s is None:
         return None
     settings = planned.problem.job.settings
     retracts = any(one.firmware_retraction or one.retract_mm > 0.0 for one in settings.each())
     retracted_mm = settings.retract_min_travel_mm if retracts else None
     combs = settings.bare_inside_mm > 0.0
-    return file_time_line(times.before_s, times.after_s, retracted_mm, combs=combs)
+    return longer_line(times.before_s, times.after_s, retracted_mm, combs=combs)
+
+
+def searched_line(after: Metrics) -> str:
+    """Return what was searched, and how."""
+    return (
+        f"planner {after['planner']} for {after['objective']}, freedom {after['freedom']}, "
+        f"seed {after['seed']}"
+    )
+
+
+def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
+    """Return what several heads gain over one, and how much of the time each prints."""
+    makespan, bound = after["makespan_s"], after["bound"]["bound_s"]
+    shares = [
+        f"{name} {100.0 * spent / makespan:.0f} %"
+        for name, spent in zip(heads, after["printing_s_per_head"], strict=True)
+    ]
+    return [
+        f"{after['one_head_s'] / makespan:.2f} times as fast as one head alone "
+        f"({clock_time(after['one_head_s'])}); at most {100.0 * (makespan / bound - 1.0):.0f} % "
+        f"above the proven bound ({clock_time(bound)})",
+        f"of that time prints: {', '.join(shares)}",
+    ]
 
 
 def kept_line(times: FileTimes) -> str:

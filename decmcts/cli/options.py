@@ -249,6 +249,15 @@ LayerOption = Annotated[
         help="The layer in the picture; default: where most travel is saved",
     ),
 ]
+VerboseOption = Annotated[
+    bool,
+    typer.Option(
+        "-v",
+        "--verbose",
+        rich_help_panel=OUTPUT,
+        help="Show the paper's figures too, and how it was searched",
+    ),
+]
 JsonOption = Annotated[
     bool, typer.Option("--json", rich_help_panel=OUTPUT, help="Print the summary as JSON")
 ]

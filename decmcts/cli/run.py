@@ -8,6 +8,7 @@ and 129 stopped by Ctrl-C, SIGTERM and SIGHUP before there was a result.
 from __future__ import annotations
 
 import os
+import threading
 import traceback
 from collections.abc import Callable
 
@@ -27,6 +28,7 @@ STOPPED = 130  # what typer makes of a KeyboardInterrupt
 def run(arguments: list[str], *, program: Callable[..., object] = app) -> int:
     """Run one command of a program and return its exit code."""
     signals.forget()
+    threading.excepthook = _thread_failed
     try:
         code = program(args=arguments, prog_name="decmcts", standalone_mode=False)
     except TyperException as error:
@@ -49,6 +51,13 @@ def run(arguments: list[str], *, program: Callable[..., object] = app) -> int:
     if code == STOPPED:
         return _stopped()
     return code if isinstance(code, int) else 0
+
+
+def _thread_failed(failed: threading.ExceptHookArgs) -> None:
+    """Show what ended a thread, on the console as all else."""
+    if failed.exc_value is not None:
+        said = "".join(traceback.format_exception(failed.exc_value))
+        err.print(f"decmcts: a thread failed\n{said}", soft_wrap=True)
 
 
 def _stopped() -> int:
@@ -76,6 +85,6 @@ def _usage(error: TyperException) -> str:
 def _failed(error: Exception | str, code: int) -> int:
     """Say what failed in one line; with --debug also where."""
     if os.environ.get("DECMCTS_DEBUG"):
-        traceback.print_exc()
+        err.print(traceback.format_exc(), soft_wrap=True)  # it may hold what a file does
     err.print(" ".join(f"decmcts: {error}".split()), soft_wrap=True)
     return code

@@ -20,15 +20,16 @@ def running(
     unit: str = "mm",
     remark: str = "",
     table: Callable[[Heads], Table] | None = None,
+    logged: bool = True,
 ) -> Iterator[tuple[Report, Stop]]:
     """Show a run and stop it by the first signal once it has begun to search, else end it.
 
-    The `remark` is made once the input is known to be of use.
+    The `remark` is made once the input is known to be of use; `logged` as in `steps`.
     """
     begun = threading.Event()
     with (
         interrupt_stops(lambda: not begun.is_set()) as stop,
-        steps(time_limit_s=time_limit_s, unit=unit, table=table) as show,
+        steps(time_limit_s=time_limit_s, unit=unit, table=table, logged=logged) as show,
     ):
 
         def report(event: Event) -> None:

@@ -16,9 +16,11 @@ __all__ = ["Begun", "Event", "Heads", "Note", "Progress", "Report", "Sound", "St
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What is done next, in a few words."""
+    """What is done next, in a few words, and which of how many steps in a row it is."""
 
     text: str
+    number: int = 0  # from 1
+    of: int = 0  # 0: alone, or not known
 
 
 @dataclass(frozen=True, slots=True)

@@ -204,7 +204,7 @@ class Result:
         out = Path(path)
         self._refuse(out)
         refuse_other_suffixes(None, None, out)
-        name, planned = self.source.path.name, self.planned
+        name, planned = self.source.name, self.planned
         draw_plan(out, planned.before, planned.after, name=name, layer=layer)
 
     def _refuse(self, path: Path) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +30,20 @@ def head_colour(index: int, heads: int) -> str:
     return HEAD_COLOURS[0] if heads == 1 else HEAD_COLOURS[1 + index % (len(HEAD_COLOURS) - 1)]
 
 
+@contextmanager
+def words_as_they_are() -> Iterator[None]:
+    """Take no name for a formula, and say nothing of letters the font has not."""
+    with mpl.rc_context({"text.parse_math": False}), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
+        yield
+
+
 def save(figure: Figure, path: Path | str) -> None:
     """Write a figure as SVG where the name says so, else as PNG."""
     FigureCanvasAgg(figure)
     image = io.BytesIO()
     kind = "svg" if Path(path).suffix.lower() == ".svg" else "png"
     dated = {"Date": None} if kind == "svg" else {}
-    with mpl.rc_context(SVG if kind == "svg" else {}):
+    with mpl.rc_context(SVG if kind == "svg" else {}), words_as_they_are():
         figure.savefig(image, dpi=DPI, facecolor="white", format=kind, metadata=dated)
     write_whole(path, image.getvalue())

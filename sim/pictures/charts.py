@@ -9,7 +9,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
-from decmcts.print.metrics import Metrics
+from decmcts.formats.files.names import in_one_line
+from decmcts.print.metrics import Metrics, clock_time
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.pictures.activity import activity
 from sim.pictures.canvas import head_colour
@@ -21,24 +22,12 @@ TICKS = 12  # of time, at the most
 Floats = NDArray[np.float64]
 
 
-def clock(seconds: float) -> str:
-    """Return a time as hours, minutes and seconds.
-
-    Examples
-    --------
-    >>> clock(3909.4)
-    '1:05:09'
-    """
-    minutes, left = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{left:02d}"
-
-
 def title_lines(name: str, before: PlanDocument, after: PlanDocument) -> tuple[str, str]:
     """Return the title of a picture, and the figures under it."""
     was, now = before.metrics, after.metrics
     on = f"on {after.machine.name}"
     heads = len(after.plan.heads)
-    title = f"{name} {on}" if name else f"{len(after.contours):,} contours {on}"
+    title = f"{in_one_line(name)} {on}" if name else f"{len(after.contours):,} contours {on}"
     whole = "file_time_s" in was and "file_time_s" in now and heads == 1
     figures = [
         _change("print time of the whole file" if whole else "print time",
@@ -55,7 +44,7 @@ def _change(what: str, was: Metrics, now: Metrics, key: str, *, timed: bool) -> 
     a, b = was.get(key), now.get(key)
     if not isinstance(a, int | float) or not isinstance(b, int | float):
         return ""
-    show = clock if timed else lambda value: f"{value:,.0f} mm"
+    show = clock_time if timed else lambda value: f"{value:,.0f} mm"
     less = f" ({100 * (b / a - 1):+.1f} %)".replace("-", "−") if a else ""
     return f"{what} {show(a)} → {show(b)}{less}"
 
@@ -103,7 +92,7 @@ def draw_times(axis: Any, document: PlanDocument) -> None:
 
 
 def _short(seconds: float, step_s: int) -> str:
-    return clock(seconds) if step_s < 60 else clock(seconds)[:-3]
+    return clock_time(seconds) if step_s < 60 else clock_time(seconds)[:-3]
 
 
 def _row_label(actions: HeadActions, end_s: float) -> str:

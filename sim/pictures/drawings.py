@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, PlanDocument
-from sim.pictures.canvas import head_colour, save
+from sim.pictures.canvas import head_colour, save, words_as_they_are
 from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
 from sim.pictures.layer_travels import by_layer, layers_of, most_changed, require_layer, travels_of
 from sim.pictures.layer_view import SHADOW, LayerView, draw_layer, legend_of
@@ -27,6 +27,7 @@ from sim.pictures.sheet import ENTRIES, Sheet, sheet_of
 Floats = NDArray[np.float64]
 
 
+@words_as_they_are()
 def draw_plan(
     path: Path | str,
     before: PlanDocument,
@@ -176,6 +177,7 @@ def _who(after: PlanDocument) -> str:
     return ", ".join(f"{h.head} {100 * p / total:.0f} %" for h, p in parts) + " of the printing"
 
 
+@words_as_they_are()
 def draw_gantt(path: Path | str, document: PlanDocument) -> None:
     """Draw what each head does over time; hatched is waiting.
 

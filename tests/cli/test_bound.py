@@ -20,12 +20,12 @@ LAYER = ";LAYER_CHANGE\n;Z:0.2\n;HEIGHT:0.2\n;TYPE:Perimeter\n;WIDTH:0.45\nG1 Z.
 def test_gap_is_told_against_the_bound() -> None:
     """In words, and in the unit of what was minimised."""
     assert bound_line(None) is None
-    line = bound_line(Certificate(9.9, 9.0, 10.0, "mm"))
-    assert line == "travel 9.9 mm ≥ bound 9.0 mm → at most 10.0 % above optimal"
-    line = bound_line(Certificate(9.9, 9.0, 10.0, "s"))
-    assert line == "travel time 9.9 s ≥ bound 9.0 s → at most 10.0 % above optimal"
-    line = bound_line(Certificate(39.0, 39.0, 0.0, "mm"))
-    assert line == "travel 39.0 mm ≥ bound 39.0 mm → proven optimal"
+    for unit, what in (("mm", "travel"), ("s", "travel time")):
+        near, best = Certificate(9.9, 9.0, 10.0, unit), Certificate(39.0, 39.0, 0.0, unit)
+        above = f"at most 10.0 % more {what} than the best order there can be"
+        assert bound_line(near) == above
+        assert bound_line(near, verbose=True) == f"{above} (9.9 {unit} ≥ 9.0 {unit})"
+        assert bound_line(best) == f"no order has less {what}: proven"
 
 
 def test_a_bound_that_is_none_says_why() -> None:
@@ -36,7 +36,9 @@ def test_a_bound_that_is_none_says_why() -> None:
 
 def test_a_bound_that_tells_nothing_is_left_to_programs() -> None:
     """'At most 224 % above optimal' is true of next to any order; nobody can use it."""
-    line = bound_line(Certificate(29.2, 9.0, 224.4, "mm"))
+    far_off = Certificate(29.2, 9.0, 224.4, "mm")
+    assert bound_line(far_off) is None
+    line = bound_line(far_off, verbose=True)
     assert line == "travel 29.2 mm; no useful bound was proven in the time it is given"
     far, near = (Progress(1.0, 1, cost, 0.0, 100.0) for cost in (126.0, 124.0))
     assert above(far) == ""

@@ -6,7 +6,9 @@ import ast
 import io
 import json
 import os
+import re
 import socket
+import threading
 import tomllib
 from pathlib import Path
 
@@ -78,15 +80,59 @@ def test_nothing_that_is_shown_commands_a_terminal(terminal: bool) -> None:
     assert harmless("fine → µ\n") == "fine → µ\n"
 
 
+WAYS = re.compile(
+    r"print|(Safe)?Console|typer\.(s?echo|secho)|traceback\.print_\w+|warnings\.warn"
+    r"|sys\.(stdout|stderr)(\.buffer)?\.write|os\.write"
+)
+KNOWN = {  # what else leads to a terminal or to a pipe, and what is said there
+    "decmcts/cli/console.py": {"SafeConsole", "sys.stdout.write"},  # JSON: controls as escapes
+    "decmcts/cli/app.py": {"typer.echo"},  # our version
+    "decmcts/cli/signals.py": {"os.write"},  # a line of ours
+    "decmcts/cli/streams.py": {"sys.stderr.write"},  # the system's words
+    "decmcts/cli/__init__.py": {"sys.stderr.write"},  # a line of ours
+    "decmcts/planning/warm.py": {"print"},  # names of parts, to its parent
+    "decmcts/planning/writing/places.py": {"sys.stdout.buffer.write"},  # G-code, by `-o -`
+    "agents/loop/pipes.py": {"print", "os.write"},  # harmless, or a digest; JSON to its parent
+    "agents/extruder.py": {"print"},  # harmless
+    "agents/networks/zenoh_session.py": {"os.write"},  # a password, to a file in memory
+}
+
+
+def ways_of(path: Path) -> set[str]:
+    """Return what a module calls that may show something."""
+    calls = (n for n in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(n, ast.Call))
+    return {name for call in calls if WAYS.fullmatch(name := ast.unparse(call.func))}
+
+
 def test_there_is_one_way_to_the_terminal() -> None:
     """A console of its own, or a bare print, would show what files hold as it is."""
-    named = {"terminal.py", "console.py"}
-    for path in sorted((ROOT / "decmcts").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-                made = node.func.id
-                assert made not in ("Console", "SafeConsole") or path.name in named, path
-                assert made != "print" or path.name == "warm.py", path  # parts, to its parent
+    found = {}
+    for package in ("decmcts", "agents", "sim"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            name = path.relative_to(ROOT).as_posix()
+            if not name.startswith("sim/experiments/") and (ways := ways_of(path)):
+                found[name] = ways
+    assert found == KNOWN
+
+
+def test_a_traceback_commands_no_terminal(tmp_path: Path, monkeypatch, capsys) -> None:
+    """With --debug, and where a thread fails: what a file holds stands in both."""
+    monkeypatch.setenv("DECMCTS_DEBUG", "1")
+
+    def fail(**_: object) -> int:
+        thread = threading.Thread(target=fail_too)
+        thread.start()
+        thread.join()
+        raise InputError("bad name \x1b]0;owned\x07", path=tmp_path / "a\x1b[2J")
+
+    def fail_too() -> None:
+        raise ValueError("in a thread \x1b[31m")
+
+    monkeypatch.setattr(threading, "excepthook", threading.excepthook)
+    assert run(["plan"], program=fail) == 2
+    said = capsys.readouterr().err
+    assert said.count("Traceback") == 2 and "in a thread" in said and "owned" in said
+    assert "\x1b" not in said and "\x07" not in said
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no such files there")

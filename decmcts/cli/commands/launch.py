@@ -11,12 +11,13 @@ import typer
 from agents import extruder
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.commands.plan import ONLY_SHOWN, write_extras
+from decmcts.cli.commands.plan import ONLY_SHOWN, titled, write_extras
 from decmcts.cli.commands.replay import heads_table, recording
-from decmcts.cli.console import err, gain_table, out, print_json, steps, written
-from decmcts.cli.lines import figures
+from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.lines import figures, searched_line, team_lines
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
+from decmcts.cli.summary import gain_table
 from decmcts.errors import InputError
 from decmcts.formats.bare.qcsp import is_qcsp
 from decmcts.formats.machines.machine_file import load_machine
@@ -121,6 +122,7 @@ def launch(
     picture_layer: opt.LayerOption = None,
     record: RecordOption = None,
     as_json: opt.JsonOption = False,
+    verbose: opt.VerboseOption = False,
 ) -> None:
     """Plan for several heads: one process each, agreeing on one joint plan; or solve a QCSP."""
     if is_qcsp(source):
@@ -148,9 +150,9 @@ def launch(
     with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
         told(Step("writing files"))
         paths = [] if stem is None else list(result.write_gcode(stem, report=told).paths)
-        paths += write_extras(result, plan_file, report, picture, layer=picture_layer)
+        paths += write_extras(result, plan_file, report, picture, picture_layer, told)
     with written():
-        show_team(result, paths, as_json=as_json)
+        show_team(result, paths, as_json=as_json, verbose=verbose)
         if only_shown:
             err.print("nothing was written; `-o STEM` writes the files of all heads")
 
@@ -193,7 +195,7 @@ def run_team(
         )  # fmt: skip
 
 
-def show_team(result: Result, paths: list[Path], *, as_json: bool) -> None:
+def show_team(result: Result, paths: list[Path], *, as_json: bool, verbose: bool = False) -> None:
     """Print the summary of a joint plan."""
     planned, problem = result.planned, result.planned.problem
     before, after = planned.before.metrics, planned.after.metrics
@@ -202,22 +204,17 @@ def show_team(result: Result, paths: list[Path], *, as_json: bool) -> None:
         return
     for note in (*problem.job.notes, *lines_of(after["team"])):
         err.print(note, soft_wrap=True)
-    title = (
-        f"{result.source.path.name}: machine {planned.after.machine.name}, "
-        f"planner {after['planner']}, seed {after['seed']}, verified"
-    )
-    out.print(title, soft_wrap=True)
-    out.print(gain_table(before, after))
-    ratio = after["one_head_s"] / after["makespan_s"]
-    over = after["makespan_s"] / after["bound"]["bound_s"]
-    out.print(
-        f"{ratio:.2f}x as fast as one head alone ({after['one_head_s']:,.0f} s, local search); "
-        f"{over:.2f} times the proven bound ({after['bound']['bound_s']:,.0f} s)"
-    )
-    if line := cooling_line(planned.after):
-        out.print(line, soft_wrap=True)
+    out.print(titled(result), soft_wrap=True)
+    out.print(gain_table(before, after, verbose=verbose))
+    for line in (
+        searched_line(after) if verbose else "",
+        *team_lines(after, [head.head for head in result.document.plan.heads]),
+        cooling_line(planned.after),
+    ):
+        if line:
+            out.print(line, soft_wrap=True)
     if is_longer(before["makespan_s"], after["makespan_s"]):
-        own = f"the source's own order ({before['makespan_s']:,.0f} s)"
+        own = "the source's own order"
         whole = eligibility(problem.job.contours, problem.machine.heads).all(axis=0)
         out.print(
             f"longer than one head in {own}: print the source"
@@ -256,7 +253,8 @@ def demo(
     found = run_team(
         sample_path("plate.gcode.gz"), "dual-gantry", TeamSearch(time_limit, seed), Rules()
     )
-    paths = list(found.write_gcode(folder / "plate").paths)
     extras = folder / "plan.json", folder / "report.html", folder / "plate.png"
-    paths += write_extras(found, *extras)
+    with interrupt_stops(), steps() as told:
+        paths = list(found.write_gcode(folder / "plate", report=told).paths)
+        paths += write_extras(found, *extras, None, told)
     show_team(found, paths, as_json=False)

@@ -12,17 +12,18 @@ from rich.console import Console
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.console import err, gain_table, out, print_json, steps, written
-from decmcts.cli.lines import bound_line, figures, kept_line, whole_file_line
+from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.lines import bound_line, figures, kept_line, searched_line, whole_file_line
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
+from decmcts.cli.summary import gain_table
 from decmcts.errors import InputError
 from decmcts.formats.bare.sop import is_sop
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.mesh import MESH_SUFFIXES, SliceOptions, is_mesh
 from decmcts.planning.compiling.child import compiling_beside
 from decmcts.planning.compiling.parts import parts_for
-from decmcts.planning.events import Step
+from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.options import (
     AvoidWalls,
     Freedom,
@@ -86,6 +87,7 @@ def plan(
     picture: opt.PictureOption = None,
     picture_layer: opt.LayerOption = None,
     as_json: opt.JsonOption = False,
+    verbose: opt.VerboseOption = False,
     layer_height: opt.LayerHeight = 0.2,
     nozzle: opt.Nozzle = 0.4,
     density: opt.Density = 0.2,
@@ -133,7 +135,7 @@ def plan(
         picture=picture, picture_layer=picture_layer, sliced=sliced,
     )  # fmt: skip
     with written():
-        show(made, paths, as_json=as_json, to=err if output == STDOUT else out)
+        show(made, paths, as_json=as_json, verbose=verbose, to=err if output == STDOUT else out)
         if only_shown:
             err.print("nothing was written; `-o OUT.gcode` writes the new order", soft_wrap=True)
 
@@ -156,9 +158,7 @@ def write(
         if output is not None:
             made = result.write_gcode(output, allow_slower=allow_slower, report=told, stop=stop)
         paths = [] if output is None else [output]
-        if plan_file or report or picture:
-            told(Step("writing plan, report and pictures"))
-            paths += write_extras(made.result, plan_file, report, picture, layer=picture_layer)
+        paths += write_extras(made.result, plan_file, report, picture, picture_layer, told)
         if sliced is not None and result.source.sliced_by:
             save_text(Path(result.source.document.path).read_bytes(), sliced)
             paths.append(sliced)
@@ -170,8 +170,8 @@ def write_extras(
     plan: Path | None,
     report: Path | None,
     picture: Path | None,
-    *,
     layer: int | None = None,
+    told: Report = unheard,
 ) -> list[Path]:
     """Write report, picture (of one layer) and plan.json where asked; returns what was written.
 
@@ -182,21 +182,21 @@ def write_extras(
     InputError
         When plan.json cannot be written.
     """
-    kept = []
     draw = partial(result.write_picture, layer=layer)
-    for path, write in ((report, result.write_report), (picture, draw)):
-        if path is None:
-            continue
+    works = ((report, result.write_report), (picture, draw), (plan, result.write_plan))
+    asked = [(path, write) for path, write in works if path is not None]
+    kept = []
+    for number, (path, write) in enumerate(asked, 1):
+        told(Step(f"writing {path.name}", number, len(asked)))
         try:
             write(path)
         except InputError as error:
+            if path is plan:
+                raise
             err.print(f"{error}; all else that was asked for is written", soft_wrap=True)
         else:
             kept.append(path)
-    if plan is not None:
-        result.write_plan(plan)
-        kept.insert(0, plan)
-    return kept
+    return sorted(kept, key=lambda path: path is not plan)
 
 
 def slicing_of(context: typer.Context, chosen: Chosen, options: SliceOptions) -> Slicing:
@@ -231,6 +231,7 @@ def run_single(
     make_safe: bool = True,
     remark: str = "",
     picture_layer: int | None = None,
+    logged: bool = True,
 ) -> Result:
     """Read, plan and verify for one head, and show how that goes.
 
@@ -238,7 +239,9 @@ def run_single(
     made once the input is known to be of use. So is a `picture_layer` the print has not.
     """
     with (
-        running(time_limit_s=search.time_limit_s, unit=search.unit, remark=remark) as (told, stop),
+        running(
+            time_limit_s=search.time_limit_s, unit=search.unit, remark=remark, logged=logged
+        ) as (told, stop),
         compiling_beside(parts_for(search, rules.freedom), told),  # while the source is read
     ):
         found = read(source, machine, limits=limits, mesh=slicing, plate=plate, report=told)
@@ -253,6 +256,7 @@ def show(
     paths: list[Path],
     *,
     as_json: bool,
+    verbose: bool = False,
     to: Console = out,
 ) -> None:
     """Print the summary, for a person (`to` a console) or for a program."""
@@ -263,27 +267,31 @@ def show(
         print_json("decmcts-result/1", figures(result, paths, times))
         return
     show_notes(result)
-    title = (
-        f"{result.source.path.name}: machine {planned.after.machine.name}, "
-        f"planner {after['planner']} for {after['objective']}, seed {after['seed']}, verified"
-    )
-    by = result.source.sliced_by
-    to.print(title, soft_wrap=True)
-    to.print(gain_table(before, after))
-    whole = None if times is not None and times.kept else whole_file_line(planned, times)
+    kept = times is not None and times.kept
+    to.print(titled(result), soft_wrap=True)
+    if not kept:  # else nothing has changed
+        to.print(gain_table(before, after, verbose=verbose))
     for line in (
-        f"sliced by {by}" if by else "",
-        bound_line(result.bound),
+        searched_line(after) if verbose else "",
+        f"sliced by {result.source.sliced_by}" if result.source.sliced_by else "",
+        "" if kept else bound_line(result.bound, verbose=verbose),
         cooling_line(planned.after),
-        whole,
+        None if kept else whole_file_line(planned, times),
         layers_line(planned),
     ):
         if line:
             to.print(line, soft_wrap=True)
-    if times is not None and times.kept:
+    if times is not None and kept:
         to.print(f"kept the source as it is: {kept_line(times)}", soft_wrap=True)
     for path in paths:
         to.print(f"wrote {name_of(path)}", soft_wrap=True)
+
+
+def titled(result: Result) -> str:
+    """Return what a summary is headed by."""
+    document = result.document
+    contours = f"{len(document.contours):,} contours"
+    return f"{result.source.name} on {document.machine.name}: {contours}, verified"
 
 
 def show_notes(result: Result) -> None:

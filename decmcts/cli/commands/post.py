@@ -6,6 +6,7 @@ slicer aborts its export (PrusaSlicer, OrcaSlicer).
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -13,10 +14,13 @@ import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
-from decmcts.cli.commands.plan import run_single, show_notes
-from decmcts.cli.console import err, out, print_json, steps, summary_of, written
-from decmcts.cli.lines import figures, kept_line, whole_file_line
+from decmcts.cli.commands.plan import run_single, show_notes, write_extras
+from decmcts.cli.console import err, out, print_json, steps, written
+from decmcts.cli.lines import figures, kept_line, searched_line, whole_file_line
+from decmcts.cli.optional_files import BESIDE, OptionalFiles, words_of
+from decmcts.cli.script_line import WHERE, own_program, script_line, wherever_it_runs
 from decmcts.cli.signals import interrupt_stops
+from decmcts.cli.summary import plain_lines
 from decmcts.errors import InputError
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_header import AsSliced, as_sliced
@@ -30,14 +34,46 @@ from decmcts.planning.options import (
     ProcessOrder,
     Search,
 )
+from decmcts.planning.problem.exported import beside, exported_file
 from decmcts.planning.result import Written
 from decmcts.planning.writing.lines import layers_line
-from decmcts.planning.writing.places import refuse_place, refuse_unwritable
+from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place, refuse_unwritable
+
+BESIDE_WORDS = "; without FILE next to the exported G-code"
+ReportOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--report",
+        rich_help_panel=opt.OUTPUT,
+        metavar="[FILE]",
+        help=f"Write an HTML report{BESIDE_WORDS}",
+    ),
+]
+PictureOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--picture",
+        rich_help_panel=opt.OUTPUT,
+        metavar="[FILE]",
+        help=f"Draw what changed, .png or .svg{BESIDE_WORDS}",
+    ),
+]
+LineOption = Annotated[
+    bool,
+    typer.Option(
+        "--show-line",
+        rich_help_panel=opt.OUTPUT,
+        help="Show the line for the slicer's post-processing scripts, with the options given",
+    ),
+]
 
 
-@app.command()
+@app.command(cls=OptionalFiles)
 def post(
-    path: Annotated[Path, typer.Argument(help="G-code file the slicer hands over")],
+    context: typer.Context,
+    path: Annotated[
+        Path | None, typer.Argument(help="G-code file the slicer hands over", show_default=False)
+    ] = None,
     machine: opt.MachineOption = None,
     plate: opt.PlateOption = None,
     planner: opt.PlannerOption = PlannerName.HYBRID,
@@ -54,10 +90,25 @@ def post(
     seed: opt.SeedOption = 0,
     allow_slower: opt.SlowerOption = False,
     make_safe: opt.MakeSafeOption = False,
+    report: ReportOption = None,
+    picture: PictureOption = None,
     as_json: opt.JsonOption = False,
+    verbose: opt.VerboseOption = False,
+    show_line: LineOption = False,
 ) -> None:
     """Reorder a G-code file in place, as a slicer's post-processing script."""
-    refuse_unwritable([], path)
+    if show_line:
+        show_script_line(context)
+        return
+    if path is None:
+        raise InputError(
+            "no file is named", advice="name one, or use --show-line for the slicer's line"
+        )
+    refuse_unwritable([view for view in (report, picture) if view != BESIDE], path)
+    exported = exported_file(path)
+    report = beside(exported, ".report.html") if report == BESIDE else report
+    picture = beside(exported, ".picture.png") if picture == BESIDE else picture
+    refuse_other_suffixes(None, report, picture)
     refuse_place(path, advice="it is edited in place: make it and its folder writable")
     if is_mesh(path):
         raise InputError("a mesh cannot be edited in place", path=path, advice="use decmcts plan")
@@ -66,49 +117,74 @@ def post(
     )  # fmt: skip
     if (before := as_sliced(load_text(path, plate))) is not None:
         with written():
-            show_planned_already(before, path, as_json=as_json)
+            show_planned_already(before, path, views=bool(report or picture), as_json=as_json)
         return
     search = Search(time_limit, seed, planner, objective, certificate=False)
     result = run_single(
-        path, machine, search, rules, limits=limits, plate=plate, make_safe=make_safe
-    )
-    with interrupt_stops() as stop, steps() as told:
+        path, machine, search, rules, limits=limits, plate=plate, make_safe=make_safe,
+        logged=verbose,
+    )  # fmt: skip
+    with interrupt_stops() as stop, steps(logged=verbose) as told:
         made = result.write_gcode(path, allow_slower=allow_slower, report=told, stop=stop)
+        views = write_extras(made.result, None, report, picture, None, told)
     with written():
-        show_rewritten(made, path, as_json=as_json)
+        show_rewritten(made, path, views, as_json=as_json, verbose=verbose)
 
 
-def show_planned_already(before: AsSliced, path: Path, *, as_json: bool) -> None:
-    """Say that a file is a result of ours, which another search would only shuffle."""
+def show_script_line(context: typer.Context) -> None:
+    """Show what to paste into a slicer, with the options that were given."""
+    words = [word for word in words_of(context) if word != "--show-line"]
+    if context.params["path"] is not None:
+        raise InputError("the slicer names the file itself", advice="leave it out with --show-line")
+    line = script_line(own_program(), ["post", *wherever_it_runs(words)], windows=os.name == "nt")
+    out.print(line, soft_wrap=True)
+    for where in WHERE:
+        err.print(where, soft_wrap=True)
+
+
+def show_planned_already(before: AsSliced, path: Path, *, views: bool, as_json: bool) -> None:
+    """Say that a file is a result of ours, which another search would only shuffle.
+
+    Then there are no `views`: what it was made of is not known.
+    """
     if as_json:
         said = {"input": str(path), "kept_source": True, "planned_already": before.version}
         print_json("decmcts-result/1", {**said, "written": []})
         return
     out.print(
         f"{path}: left as it was; decmcts {before.version} has planned it already "
-        "(`decmcts plan` searches on)",
+        f"(`decmcts plan` searches on){'; so there is nothing to show' if views else ''}",
         soft_wrap=True,
     )
 
 
-def show_rewritten(made: Written, path: Path, *, as_json: bool) -> None:
-    """Print the result in one line, for slicers show or log what a script says."""
+def show_rewritten(
+    made: Written, path: Path, views: list[Path], *, as_json: bool, verbose: bool = False
+) -> None:
+    """Print the result in a few plain lines, for slicers show or log what a script says.
+
+    The last lines say where `views`, report and picture, are.
+    """
     result, times = made.result, made.times
     kept = times is not None and times.kept
     if as_json:
-        print_json("decmcts-result/1", figures(result, [] if kept else [path], times))
+        paths = [*([] if kept else [path]), *views]
+        print_json("decmcts-result/1", figures(result, paths, times))
         return
     show_notes(result)
-    if times is not None and kept:
-        out.print(f"{path}: left as it was; {kept_line(times)}", soft_wrap=True)
-        return
     planned = result.planned
-    if line := layers_line(planned):
-        err.print(line, soft_wrap=True)
-    travel = summary_of(planned.before.metrics, planned.after.metrics)["emitted_travel_mm"]
-    took = f"; {line}" if (line := whole_file_line(planned, times)) else ""
-    out.print(
-        f"{path}: rewritten and verified; travel {travel['before']:,.0f} → {travel['after']:,.0f}"
-        f" mm ({travel['less_percent']:.1f} % less){took}",
-        soft_wrap=True,
-    )
+    before, after = planned.before.metrics, planned.after.metrics
+    name = result.source.name
+    if times is not None and kept:
+        lines: list[str | None] = [f"{name}: left as it was; {kept_line(times)}"]
+    else:
+        lines = [
+            f"{name}: rewritten for {planned.after.machine.name} and verified",
+            *plain_lines(before, after, verbose=verbose),
+            whole_file_line(planned, times),
+            layers_line(planned),
+        ]
+    lines += [searched_line(after) if verbose else None, *(f"wrote {view}" for view in views)]
+    for line in lines:
+        if line:
+            out.print(line, soft_wrap=True)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from decmcts.formats.files.atomic import write_whole
@@ -33,7 +34,7 @@ from decmcts.planning.writing.file_times import (
     worth_longer,
 )
 from decmcts.planning.writing.one_head import draft_single
-from decmcts.planning.writing.places import STDOUT, name_of, put
+from decmcts.planning.writing.places import STDOUT, put
 
 AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the first search's time, and at most so many s
 DraftOf = Callable[[Planned, Path, Path], FileTimes]
@@ -48,7 +49,7 @@ def write_no_slower(
     allow_slower: bool,
     report: Report = unheard,
     stop: Stop = never,
-    draft_of: DraftOf = draft_single,
+    draft_of: DraftOf | None = None,
 ) -> tuple[Planned, FileTimes]:
     """Write the G-code of one head to `path`; returns what was written and its times.
 
@@ -60,13 +61,13 @@ def write_no_slower(
     VerificationError
         When the text differs from the verified plan; what was at `path` is untouched.
     """
+    draft_of = draft_of or partial(draft_single, report=report)
     with draft_folder() as folder:
         draft, started = folder / "draft.gcode", time.perf_counter()
         other = None
         if not allow_slower and likely_longer(planned):
             other = _for_time(planned, search, report, stop)
             planned = planned if other is None else _sooner(planned, other)
-        report(_writing(path))
         times = draft_of(planned, draft, path)
         allowed = allow_slower or worth_longer(planned, times)
         if times.longer and not allowed and other is None:
@@ -80,10 +81,6 @@ def write_no_slower(
             put(_packed(draft.read_bytes(), path, planned, times), path, packed=True)
         planned.seconds["write"] = time.perf_counter() - started
     return with_whole_files(planned, times), times
-
-
-def _writing(path: Path) -> Step:
-    return Step(f"writing {name_of(path)}, reading it back and judging it")
 
 
 def _for_time(planned: Planned, search: Search, report: Report, stop: Stop) -> Planned | None:
@@ -121,7 +118,6 @@ def _again(
     if other is None:
         return planned, times
     first = draft.read_bytes()
-    report(_writing(path))
     found = draft_of(other, draft, path)
     if found.after_s < times.after_s:
         return other, found

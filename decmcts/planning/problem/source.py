@@ -16,6 +16,7 @@ from decmcts.formats.machines.own_machine import PAGE, machine_of_text
 from decmcts.formats.mesh import SliceOptions, is_mesh, read_sliced, slice_mesh
 from decmcts.planning.events import Note, Report, Step
 from decmcts.planning.options import Limits
+from decmcts.planning.problem.exported import exported_file
 from decmcts.planning.problem.slicing import SlicedFolder, Slicing
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
@@ -35,6 +36,11 @@ class Source:
     folder: SlicedFolder | None = None  # keeps the G-code of a mesh on disk
     plate: int | None = None  # of a .gcode.3mf; None: the only one with G-code
     original: Source | None = None  # what was given, where this is a safe order made of it
+
+    @property
+    def name(self) -> str:
+        """What people call it: the name that a slicer will give it, else its own."""
+        return exported_file(self.path).name
 
 
 def read_source(

@@ -9,14 +9,17 @@ from typing import Protocol
 from decmcts.formats.gcode import GcodeDocument, write_gcode
 from decmcts.formats.gcode.dialects.stated_times import restated
 from decmcts.formats.gcode.writing.own_header import as_sliced, with_time
+from decmcts.planning.events import Report, Step, unheard
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.writing.file_times import FileTimes, file_times
 from decmcts.planning.writing.lines import header_lines
-from decmcts.planning.writing.places import require_sound
+from decmcts.planning.writing.places import name_of, require_sound
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import HeadActions
 from sim.content.seams import seams_of_plan
 from sim.files.written import verify_written
+
+STEPS = 3  # of a draft: written, timed, judged
 
 
 class GcodeWriter(Protocol):
@@ -36,7 +39,12 @@ class GcodeWriter(Protocol):
 
 
 def draft_single(
-    planned: Planned, draft: Path, path: Path, *, write: GcodeWriter = write_gcode
+    planned: Planned,
+    draft: Path,
+    path: Path,
+    *,
+    write: GcodeWriter = write_gcode,
+    report: Report = unheard,
 ) -> FileTimes:
     """`write` the reordered G-code of a one-head plan to a draft and read it back.
 
@@ -45,14 +53,17 @@ def draft_single(
     VerificationError
         When the text differs from the verified plan; it names `path`, where it was to go.
     """
-    problem, actions = planned.problem, planned.after.plan.heads[0]
+    problem, actions, name = planned.problem, planned.after.plan.heads[0], name_of(path)
+    report(Step(f"writing {name}", 1, STEPS))
     write(problem.document, problem.job, actions, draft, header_lines=header_lines(planned))
+    report(Step(f"print time of {name}", 2, STEPS))
     times = file_times(planned, draft)
     if times.before_s:
         text = restated(draft.read_bytes(), times.after_s / times.before_s)
         was = as_sliced(problem.document.preamble)
         sliced_s = times.before_s if was is None or was.time_s is None else was.time_s
         draft.write_bytes(with_time(text, sliced_s, times.after_s))
+    report(Step(f"reading {name} back and judging it", 3, STEPS))
     seams = list(seams_of_plan(actions))
     verdict = verify_written(
         draft, problem.job, problem.document, problem.machine, seams=seams, actions=actions

@@ -91,6 +91,19 @@ def test_a_picture_says_what_it_shows(make, name, tmp_path):
     assert again.read_text() == text
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", ["png", "svg"])
+def test_a_name_is_no_formula_and_no_command(make, tmp_path, ending):
+    """Dollars, controls, bytes that are no text and letters the font has not: all are names."""
+    document = make.tower_plan()
+    path = tmp_path / f"p.{ending}"
+    draw_plan(path, document, document, name="$\\frac{$ \x1b[2J \udc9b & \u4e2d.gcode")
+    if ending == "svg":
+        text = path.read_text()
+        ElementTree.fromstring(text)
+        assert "$\\frac{$ [2J &amp; \u4e2d.gcode on" in text
+
+
 def test_a_layer_the_print_has_not_is_refused(make, tmp_path):
     """In one line that says which there are; nothing is written."""
     document = make.tower_plan(layers=3)
