@@ -178,7 +178,7 @@ class Result:
         job = planned.problem.job
         barriers = [f"line {b.line} stays where it is ({b.reason}): {b.text}" for b in job.barriers]
         told = Told(
-            self.source.path.name, planned.verdict, planned.problem.graph, [*job.notes, *barriers]
+            self.source.name, planned.verdict, planned.problem.graph, [*job.notes, *barriers]
         )
         write_report(
             out, before=planned.before, after=planned.after, history=planned.history, told=told
