@@ -54,17 +54,22 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
+class Gap:
+    """The least distance of something from something, over all that may happen."""
+
+    mm: float
+    required_mm: float  # what the machine asks for
+    heads: tuple[str, ...]  # names of those it is about
+    at: tuple[str, ...]  # both sides in words: what a head does, and which bead is there
+    at_least: bool = False  # it is no less and may be more: what is further off was not looked at
+
+
+@dataclass(frozen=True, slots=True)
 class Nearest:
-    """How near it came at the least; None: not measured, or there was nothing to measure.
+    """How near it came at the least; None: not measured, or there is nothing to measure."""
 
-    In whatever timing, over all that was looked at.
-    """
-
-    heads_mm: float | None = None  # between the bodies of any two heads
-    heads_at_least: bool = False  # it is no less, and may be more: not every pair was looked at
-    heads_required_mm: float = 0.0  # what the machine asks for
-    heads: tuple[str, ...] = ()  # names of the two heads
-    heads_at: tuple[str, ...] = ()  # what each of them does there, in words
+    heads: Gap | None = None  # between the bodies of two heads
+    beside: Gap | None = None  # of a head to beads that stand higher than what of it is beside them
 
 
 @dataclass(frozen=True, slots=True)

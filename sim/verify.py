@@ -27,13 +27,14 @@ from sim.content.same_print import (
     is_other_print,
 )
 from sim.content.seams import Moved
-from sim.faults import LIMIT, Fault, FaultKind, Nearest, Verdict, listed
+from sim.faults import LIMIT, Fault, FaultKind, Gap, Nearest, Verdict, listed
 from sim.files.extent import check_extent
 from sim.files.moves import check_moves
 from sim.replay.apart import check_heads, check_rail, count_pairs, nearest_heads
 from sim.replay.contacts import (
     Meetings,
     allowed_in_plan,
+    asked_near,
     check_meetings,
     source_meetings,
 )
@@ -47,8 +48,9 @@ from sim.replay.execution import (
     timing_factors,
 )
 from sim.replay.growth import beads_for, moves_of
-from sim.replay.material import as_material, find_contacts, or_undecided, place_of
+from sim.replay.material import find_contacts, or_undecided, place_of
 from sim.replay.nominal import check_least, check_metrics, check_times
+from sim.replay.shapes import as_material
 from sim.replay.signals import check_signals
 from sim.rules.cooling import check_cooling
 from sim.rules.order import PartialOrder, order_of
@@ -122,8 +124,8 @@ def verify_plan(
         faults += check_least(document, legs.whole, source) + check_metrics(document, legs.whole)
         prints = prints_of(len(document.contours), legs.all_actions, order)
         faults += check_meetings(meetings, legs.all_actions, prints)
-        faults += _check_execution(document, legs, order, meetings, counts, trials, seed)
-        nearest = nearest_heads(document, legs, order)
+        more, nearest = _check_execution(document, legs, order, meetings, counts, trials, seed)
+        faults += more
     counts["seconds"] = time.perf_counter() - started
     checked = statements(document, source, machine, held, rules)
     return Verdict(tuple(faults), counts, checked, nearest=nearest)
@@ -180,17 +182,19 @@ def _check_execution(
     counts: dict[str, float],
     trials: int,
     seed: int,
-) -> list[Fault]:
+) -> tuple[list[Fault], Nearest]:
     """Check times, contacts and cooling, in every execution the order allows; adds to `counts`."""
-    faults = check_times(document, legs.whole) + check_signals(document, legs.whole)
-    faults += or_undecided(lambda: check_material(document, legs, order, meetings, counts))
+    gaps: list[Gap] = []
+    met = or_undecided(lambda: check_material(document, legs, order, meetings, counts, gaps))
+    beside = None if met else min(gaps, key=lambda gap: gap.mm, default=None)
+    faults = check_times(document, legs.whole) + check_signals(document, legs.whole) + met
     counts["pairs"] = count_pairs(legs, order)
     faults += check_heads(document, legs, order)
     faults += check_rail(document, legs, order)
     arrivals = [arrivals_of(document, actions) for actions in legs.whole]
     faults += check_cooling(document, legs, order, arrivals)
     faults += check_replays(document, legs, order, arrivals, counts, trials=trials, seed=seed)
-    return faults
+    return faults, Nearest(nearest_heads(document, legs, order), beside)
 
 
 def verify_motions(
@@ -227,7 +231,7 @@ def verify_motions(
         "segments": float(len(matched.segments.ends)),
         "seconds": time.perf_counter() - started,
     }
-    return Verdict(tuple(matched.faults), counts, warnings=matched.warnings)
+    return Verdict(tuple(matched.faults), counts, (), matched.met.warnings, matched.met.nearest)
 
 
 def all_actions_of(document: PlanDocument) -> tuple[HeadActions, ...]:
@@ -268,10 +272,12 @@ def check_material(
     order: PartialOrder,
     meetings: Sequence[Meetings],
     counts: dict[str, float],
+    gaps: list[Gap],
 ) -> list[Fault]:
     """J2 and J5 by geometry: no head touches anything not ordered later.
 
-    But for what it touches in the source too, no less deep.
+    But for what it touches in the source too, no less deep. Adds to `counts`, and to `gaps` how
+    near each head comes.
     """
     lines: list[str] = []
     for h, actions in enumerate(legs.all_actions[: len(meetings)]):
@@ -287,7 +293,10 @@ def check_material(
             tolerance_mm=PLAN_TOLERANCE_MM,
             limit=10 * LIMIT,
             allowed=allowed_in_plan(meetings[h], actions, moves, owner, beads),
+            near=(near := asked_near(meetings[h], actions, owner)),
         )
+        does = legs.station(h, int(owner[near.move]))
+        gaps.append(near.gap(document.machine, h, does, "contour", beads.label))
         lines += [
             f"{legs.station(h, int(owner[c.move]))}: {c.part} meets contour "
             f"{beads.label[c.bead]}, which is {c.depth_mm:.3f} mm too high, near "

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode import Motions
 from decmcts.print.contours import Contours
 from decmcts.print.machine import Machine
-from sim.faults import LIMIT, SHOWN, Fault, FaultKind, listed
+from sim.faults import LIMIT, SHOWN, Fault, FaultKind, Gap, Nearest, listed
 from sim.files.printed_file import beads_of, moves_array, moving
 from sim.replay.contacts import (
     AT_MM,
@@ -21,15 +21,9 @@ from sim.replay.contacts import (
     source_meetings,
     turned_touching,
 )
-from sim.replay.material import (
-    Allowed,
-    Beads,
-    Contact,
-    as_material,
-    find_contacts,
-    or_undecided,
-    place_of,
-)
+from sim.replay.material import Allowed, Contact, find_contacts, or_undecided, place_of
+from sim.replay.near_misses import NearPrint
+from sim.replay.shapes import Beads, as_material
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -49,25 +43,39 @@ class Printed:
     contours: Contours | None = None  # the source's; None: no contact between them is its own
 
 
+@dataclass(slots=True)
+class Met:
+    """What came of moving the head through a file, but for its faults."""
+
+    warnings: tuple[str, ...] = ()
+    beside: Gap | None = None  # from its first contour to its last
+
+    @property
+    def nearest(self) -> Nearest:
+        """Return the least gaps of a verdict."""
+        return Nearest(beside=self.beside)
+
+
 def check_file_material(
     motions: Motions, printed: Printed, machine: Machine, source: Motions
-) -> tuple[list[Fault], tuple[str, ...]]:
-    """Move the first head of the machine through the file; return faults and warnings.
+) -> tuple[list[Fault], Met]:
+    """Move the first head of the machine through the file.
 
     Contacts between contours are none to report where the source makes them too
     (`sim.replay.contacts`). Those of other moves are warnings where the source makes the same
     move behind the same bead, in its end code for one.
     """
     if not (np.asarray(motions.contour) >= 0).any():
-        return [], ()
-    said: list[str] = []
-    faults = or_undecided(lambda: _file_faults(motions, printed, machine, source, said))
-    return faults, tuple(said)
+        return [], Met()
+    met = Met()
+    faults = or_undecided(lambda: _file_faults(motions, printed, machine, source, met))
+    return faults, met
 
 
 def _file_faults(
-    motions: Motions, printed: Printed, machine: Machine, source: Motions, said: list[str]
+    motions: Motions, printed: Printed, machine: Machine, source: Motions, met: Met
 ) -> list[Fault]:
+    """Return the faults; fills in `met`."""
     faults: list[Fault] = []
     file = _file_of(motions, printed, machine)
     if printed.contours is not None:
@@ -75,23 +83,26 @@ def _file_faults(
             printed.contours, machine, machine.heads[0], FILE_TOLERANCE_MM
         )
         faults = _check_meetings(file.meetings, printed)
-    allowed = file.allowed()
-    contacts = file.contacts(machine, allowed)
+    allowed, near = file.allowed(), file.asked_near()
+    contacts = file.contacts(machine, allowed, near)
     if (file.own[[c.move for c in contacts]] < 0).any():
         forgiven = _forgiven(file, source)
-        said += _warnings(
-            file, file.contacts(machine, lambda *near: allowed(*near) | ~forgiven(*near))
+        met.warnings = _warnings(
+            file, file.contacts(machine, lambda *at: allowed(*at) | ~forgiven(*at))
         )
-        contacts = file.contacts(machine, lambda *near: allowed(*near) | forgiven(*near))
+        contacts = file.contacts(machine, lambda *at: allowed(*at) | forgiven(*at))
+    if not contacts:
+        does = f"line {file.line[near.move]}"
+        met.beside = near.gap(machine, 0, does, "the bead of line", file.beads.label)
     return faults + listed(FaultKind.HEAD_MATERIAL, [file.text(c) for c in contacts])
 
 
-def _warnings(file: _File, contacts: list[Contact]) -> list[str]:
+def _warnings(file: _File, contacts: list[Contact]) -> tuple[str, ...]:
     lines = [file.text(c) for c in contacts[:SHOWN]]
     if (more := len(contacts) - SHOWN) > 0:
         count = f"over {more}" if len(contacts) >= LOOKED_AT else str(more)
         lines.append(f"and {count} more like it, as in the source")
-    return lines
+    return tuple(lines)
 
 
 def _forgiven(file: _File, source: Motions) -> Allowed:
@@ -145,12 +156,26 @@ class _File:
     contours: Contours | None = None
     meetings: Meetings | None = None
 
-    def contacts(self, machine: Machine, allowed: Allowed) -> list[Contact]:
-        """Return where the head meets a bead, but for what is allowed; `LOOKED_AT` at most."""
+    def contacts(
+        self, machine: Machine, allowed: Allowed, near: NearPrint | None = None
+    ) -> list[Contact]:
+        """Return where the head meets a bead, but for what is allowed; `LOOKED_AT` at most.
+
+        `near` is filled in where given.
+        """
         return find_contacts(
             self.moves, self.beads, machine.heads[0], clearance_mm=machine.clearance_mm,
-            tolerance_mm=FILE_TOLERANCE_MM, limit=LOOKED_AT, allowed=allowed,
+            tolerance_mm=FILE_TOLERANCE_MM, limit=LOOKED_AT, allowed=allowed, near=near,
         )  # fmt: skip
+
+    def asked_near(self) -> NearPrint:
+        """Return the question how near the head comes from the first contour to the last."""
+        prints = np.flatnonzero(self.own >= 0)
+        near = NearPrint(int(prints[0]), int(prints[-1]) + 1) if len(prints) else NearPrint(end=0)
+        if self.meetings is not None and len(self.meetings.key):
+            near.touching, near.n, near.contour = self.meetings.key, self.meetings.n, self.whose
+            near.whose = np.stack([self.own, self.before, self.after], axis=1)
+        return near
 
     def allowed(self) -> Allowed:
         """Return which contacts the contours of the source make too."""

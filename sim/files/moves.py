@@ -7,7 +7,7 @@ barriers allow; and the head, moved through the file, touches nothing printed be
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from sim.content.same_print import check_print
 from sim.content.seams import Moved, motions_with
 from sim.faults import Fault
 from sim.files.extent import check_file_extent, check_file_feeds
-from sim.files.file_contacts import Printed, check_file_material
+from sim.files.file_contacts import Met, Printed, check_file_material
 from sim.files.printed_file import laying_moves, segments_of
 from sim.rules.epochs import check_file_epochs
 from sim.rules.priming import check_file_priming
@@ -37,7 +37,9 @@ class Matched:
     laid: NDArray[np.int64]  # (n,) the moves that lay them
     contour: NDArray[np.int64]  # (n,) the source's contour each of them is of, -1: of none
     source_line: NDArray[np.int64]  # (n,) where the source lays each of them, -1: nowhere
-    warnings: tuple[str, ...] = ()  # contacts that the source makes on the same moves
+    met: Met = field(
+        default_factory=Met
+    )  # contacts that the source makes on the same moves, and the least gap
 
 
 def check_moves(
@@ -76,7 +78,7 @@ def check_moves(
     faults += check_file_extent(motions, source, machine)
     faults += check_file_feeds(motions, source)
     contours = job.contours if job is not None and len(job.contours) else None
-    contacts, warnings = check_file_material(
+    contacts, met = check_file_material(
         motions, Printed(laid, printed, match, contours), machine, given
     )
-    return Matched(faults + contacts, False, ours, laid, printed, lines, warnings)
+    return Matched(faults + contacts, False, ours, laid, printed, lines, met)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from decmcts.formats.gcode import Motions
 from sim.content.inventory import Segments, move_segments
 from sim.content.laid import laying_rows
-from sim.replay.material import Beads
+from sim.replay.shapes import Beads
 
 
 def laying_moves(motions: Motions) -> NDArray[np.int64]:

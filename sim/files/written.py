@@ -119,7 +119,7 @@ def _verify(
         "segments": float(len(matched.segments.ends)),
         "seconds": time.perf_counter() - started,
     }
-    return Verdict(tuple(faults), counts, warnings=matched.warnings)
+    return Verdict(tuple(faults), counts, (), matched.met.warnings, matched.met.nearest)
 
 
 def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Verdict:
@@ -133,7 +133,8 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     matched = check_moves(moves, moves, machine, job=job)
     checked = ("the file is its source, byte for byte",)
     counts = {"moves": float(len(moves.line))}
-    return Verdict(tuple(matched.faults), counts, checked, matched.warnings)
+    met = matched.met
+    return Verdict(tuple(matched.faults), counts, checked, met.warnings, met.nearest)
 
 
 def check_line_numbers(path: Path | str, plate: int | None) -> list[Fault]:

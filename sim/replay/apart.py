@@ -11,7 +11,7 @@ from itertools import combinations, permutations
 from decmcts.print.machine import Rail
 from decmcts.print.plan import PlanDocument
 from sim.content.legs import Legs
-from sim.faults import LIMIT, Fault, FaultKind, Nearest, listed
+from sim.faults import LIMIT, Fault, FaultKind, Gap, listed
 from sim.replay.bodies import concurrent, find_clashes, find_rail_breaks
 from sim.replay.heads_near import least_gap
 from sim.rules.order import PartialOrder
@@ -81,21 +81,20 @@ def count_pairs(legs: Legs, order: PartialOrder) -> int:
     return sum(int((order.following(r, s) - order.preceding(r, s)).sum()) for r, s in pairs)
 
 
-def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Nearest:
+def nearest_heads(document: PlanDocument, legs: Legs, order: PartialOrder) -> Gap | None:
     """Return how near any two heads may come, over all that they may do at the same time."""
     machine = document.machine
     near = least_gap(machine.heads, legs.all_actions, order)
     if near.heads[0] < 0:
-        return Nearest()
-    (r, s), mine, theirs = (
-        near.heads,
-        (near.action, near.rest),
-        (near.other_action, near.other_rest),
-    )
-    return Nearest(
-        heads_mm=near.gap_mm,
-        heads_at_least=near.at_least,
-        heads_required_mm=machine.head_clearance_mm,
-        heads=(machine.heads[r].name, machine.heads[s].name),
-        heads_at=(legs.station(r, *mine), legs.station(s, *theirs)),
+        return None
+    r, s = near.heads
+    return Gap(
+        near.gap_mm,
+        machine.head_clearance_mm,
+        (machine.heads[r].name, machine.heads[s].name),
+        (
+            legs.station(r, near.action, near.rest),
+            legs.station(s, near.other_action, near.other_rest),
+        ),
+        near.at_least,
     )

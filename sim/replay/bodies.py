@@ -19,7 +19,7 @@ from decmcts.print.machine import Head
 from decmcts.print.plan import HeadActions
 from sim.replay.boxes import near_in_windows
 from sim.replay.collision import Solid, Vertices, swept_vertices
-from sim.replay.material import parts_of
+from sim.replay.shapes import parts_of
 from sim.rules.order import PartialOrder
 
 TOLERANCE_MM = 1e-6

@@ -26,7 +26,9 @@ from decmcts.print.contours import Contours
 from decmcts.print.machine import Head, Machine
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.faults import Fault, FaultKind, listed
-from sim.replay.material import Allowed, Beads, as_material, deepest_contacts
+from sim.replay.material import Allowed, deepest_contacts
+from sim.replay.near_misses import NearPrint
+from sim.replay.shapes import Beads, as_material
 from sim.rules.precedence import ROUNDING_MM, Prints
 
 WIDER_MM = 5.0  # a head counts as wider from here above the tip at the latest
@@ -205,6 +207,22 @@ def allowed_in_plan(
         return met
 
     return allowed
+
+
+def asked_near(meetings: Meetings, actions: HeadActions, leg: Ints) -> NearPrint:
+    """Return the question how near a head comes to the print, but where the source touches.
+
+    A move is of the contour it prints, of the one before and of the next.
+    """
+    if not len(actions) or not len(meetings.key):
+        return NearPrint()
+    printed = np.where(actions.kind == ActionKind.PRINT, actions.contour, NOBODY).astype(np.int64)
+    rows = np.flatnonzero(printed >= 0)
+    known = np.concatenate([[NOBODY], printed[rows], [NOBODY]])
+    at = np.searchsorted(rows, leg)  # prints before the leg
+    before, after = known[at], known[np.searchsorted(rows, leg, side="right") + 1]
+    whose = np.stack([np.where(leg >= 0, printed[leg], NOBODY), before, after], axis=1)
+    return NearPrint(touching=meetings.key, whose=whose, n=meetings.n)
 
 
 def _upright(actions: HeadActions, moves: Floats, leg: Ints, *, last: bool) -> Ints:

@@ -24,8 +24,8 @@ from sim.content.seams import Moved, run_of
 from sim.replay.bodies import TOLERANCE_MM
 from sim.replay.collision import Solid, Vertices, swept_vertices
 from sim.replay.compiled import compiled
-from sim.replay.material import parts_of
 from sim.replay.motion import arrival_times
+from sim.replay.shapes import parts_of
 from sim.rules.order import PartialOrder
 
 SLOWEST, FASTEST = 2.0, 0.5  # an action takes up to so many times its planned time, or so few

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions
 from sim.content.legs import Legs
-from sim.replay.material import Beads
+from sim.replay.shapes import Beads
 from sim.rules.order import PartialOrder
 
 

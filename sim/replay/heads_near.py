@@ -26,7 +26,7 @@ from sim.replay.boxes import build_tree
 from sim.replay.collision import Solid, swept_vertices
 from sim.replay.compiled import compiled
 from sim.replay.gaps import polygon_gap
-from sim.replay.material import Part, parts_of
+from sim.replay.shapes import Part, parts_of
 from sim.rules.order import PartialOrder
 
 SAME_MM = 1e-9  # nearer by less than this is not nearer

@@ -16,30 +16,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from decmcts.print.machine import Head, Machine
+from decmcts.print.machine import Head
 from sim.faults import Fault, FaultKind
-from sim.replay import raster
-from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
+from sim.replay.near_misses import CAPACITY, Capacity, NearPrint, UndecidedError, near_misses
 from sim.replay.overlap import meets
-
-MARGIN_MM = 0.01  # the middle phase looks this much further than the exact check
-
-
-@dataclass(frozen=True, slots=True)
-class Capacity:
-    """How much memory the search for contacts may use."""
-
-    first: int = 1 << 16  # near misses at first; 16 times as many at each further try
-    most: int = 1 << 24  # near misses; a print with more is broken, not subtle
-    cells: int = 1 << 24  # grid cells that all beads may cover,
-    cells_each: int = 64  # or so many for each bead, where that is more
-
-
-CAPACITY = Capacity()
-
-
-class UndecidedError(Exception):
-    """The judge cannot say; a plan it cannot judge does not pass."""
+from sim.replay.shapes import Beads, Part, parts_of
 
 
 def or_undecided(check: Callable[[], list[Fault]]) -> list[Fault]:
@@ -51,29 +32,6 @@ def or_undecided(check: Callable[[], list[Fault]]) -> list[Fault]:
 
 
 @dataclass(frozen=True, slots=True)
-class Beads:
-    """Printed segments in any order, each with the first move that may meet it."""
-
-    start: NDArray[np.float64]  # (n, 3)
-    end: NDArray[np.float64]  # (n, 3)
-    width: NDArray[np.float64]  # (n,)
-    height: NDArray[np.float64]  # (n,)
-    since: NDArray[np.int64]  # (n,) index of the first move at which it may be there
-    label: NDArray[np.int64]  # (n,) what the caller calls it, e.g. the contour
-
-
-CENTRELINE_MM = 1e-3
-"""Width that stands for a centreline, once the tolerance is taken off both sides."""
-
-
-def as_material(beads: Beads, machine: Machine, tolerance_mm: float) -> Beads:
-    """Return the beads as the machine's model counts them: with their width, or as lines."""
-    if machine.bead_width:
-        return beads
-    return replace(beads, width=np.full_like(beads.width, CENTRELINE_MM + 2 * tolerance_mm))
-
-
-@dataclass(frozen=True, slots=True)
 class Contact:
     """A move in which the head meets a bead."""
 
@@ -81,40 +39,6 @@ class Contact:
     bead: int
     part: str  # name of the head part
     depth_mm: float  # how far the bead's top is above the part's lower side
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """A convex prism of the head, relative to the tip."""
-
-    name: str
-    polygon: NDArray[np.float64]  # (k, 2) counter-clockwise
-    low: float
-    high: float
-    slice: bool = False  # a slice of the head: it has no top, and keeps the clearance
-
-    def vertices(self) -> Vertices:
-        """Return its corners."""
-        return prism_vertices(self.polygon, self.low, self.high)
-
-
-def parts_of(head: Head) -> list[Part]:
-    """Return the convex parts of a head: every slice polygon and every body."""
-    parts = [
-        Part(
-            f"slice at {s.height_mm:g} mm",
-            np.asarray(polygon, np.float64),
-            s.height_mm,
-            HEAD_TOP_MM,
-            slice=True,
-        )
-        for s in head.slices
-        for polygon in s.polygons
-    ]
-    for body in head.bodies:
-        corners = box_vertices(np.array(body.minimum), np.array(body.maximum))[[0, 4, 6, 2], :2]
-        parts.append(Part(body.name, corners, body.minimum[2], body.maximum[2]))
-    return parts
 
 
 Allowed = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]], NDArray[np.bool_]]
@@ -159,7 +83,7 @@ def deepest_contacts(
     """
     order = np.argsort(beads.since, kind="stable")
     search = Search(moves, beads, parts_of(head), *margins)
-    found, total = _candidates(moves, beads, order, search.parts, margins, capacity)
+    found, total = near_misses(moves, beads, order, search.parts, margins, capacity)
     while total > capacity.first:
         if ends_at is not None:
             deepest = _deepest(search, owner, order, found, ends_at)
@@ -168,7 +92,7 @@ def deepest_contacts(
         if capacity.first >= capacity.most:
             raise UndecidedError(f"over {capacity.most} near misses in the source's own order")
         capacity = replace(capacity, first=min(16 * capacity.first, capacity.most))
-        found, total = _candidates(moves, beads, order, search.parts, margins, capacity)
+        found, total = near_misses(moves, beads, order, search.parts, margins, capacity)
     return _deepest(search, owner, order, found)
 
 
@@ -207,6 +131,7 @@ def find_contacts(
     limit: int,
     capacity: Capacity = CAPACITY,
     allowed: Allowed | None = None,
+    near: NearPrint | None = None,
 ) -> list[Contact]:
     """Return moves in which a part of the head overlaps a bead by more than the tolerance.
 
@@ -222,6 +147,7 @@ def find_contacts(
     limit : stop after this many
     capacity : how many near misses and grid cells are held
     allowed : which contacts are none to report; None: all are
+    near : filled in where given: how near a bead comes that is not met
 
     Raises
     ------
@@ -235,11 +161,11 @@ def find_contacts(
     parts = parts_of(head)
     margins = (clearance_mm, tolerance_mm)
     while True:
-        found, total = _candidates(moves, beads, order, parts, margins, capacity)
+        found, total = near_misses(moves, beads, order, parts, margins, capacity, near)
         search = Search(moves, beads, parts, clearance_mm, tolerance_mm)
         if allowed is not None:
-            near = order[found[:, 1]]
-            found = found[~allowed(found[:, 0], near, over_tip(moves, beads, found[:, 0], near))]
+            met = order[found[:, 1]]
+            found = found[~allowed(found[:, 0], met, over_tip(moves, beads, found[:, 0], met))]
         contacts = _judge_all(search, order, found, limit)
         if contacts or total <= capacity.first:
             return contacts
@@ -277,86 +203,6 @@ def _judge_all(
             if depth is not None:
                 contacts[move] = Contact(move, int(order[at]), search.parts[part].name, depth)
     return list(contacts.values())
-
-
-def _candidates(
-    moves: NDArray[np.float64],
-    beads: Beads,
-    order: NDArray[np.int64],
-    parts: list[Part],
-    margins: tuple[float, float],
-    capacity: Capacity,
-) -> tuple[NDArray[np.int64], int]:
-    """Return rows (move, position in `order`, part) to look at closely, and their number.
-
-    With more than `capacity.first` the search stops there, and the number is above that.
-    `margins` are the clearance and the tolerance.
-    """
-    clearance_mm, tolerance_mm = margins
-    rows, since = _rectangles(beads, order, clearance_mm), beads.since[order]
-    offsets = np.concatenate([[0], np.cumsum([len(p.polygon) for p in parts])]).astype(np.int64)
-    heights = np.array([p.low for p in parts]) + tolerance_mm
-    packed = (heights, offsets, np.concatenate([p.polygon for p in parts]))
-    reach = np.hypot(rows[:, 4], rows[:, 5])[:, None]
-    low, high = (rows[:, :2] - reach).min(axis=0), (rows[:, :2] + reach).max(axis=0)
-    grid, shape = raster.grid_over(low, high)
-    _refuse_too_many(rows, grid, shape, max(capacity.cells, capacity.cells_each * len(rows)))
-    moves = np.ascontiguousarray(moves, np.float64)
-    kept = _that_matter(moves, since, rows[:, 6], float(heights.min()))
-    if not len(kept):
-        return np.empty((0, 3), np.int64), 0
-    rows, upto = rows[kept], _there_by(since[kept], len(moves))
-    entries = raster.count_entries(rows, grid, shape)
-    found = np.empty((capacity.first, 3), np.int64)
-    n = int(raster.scan(moves, upto, rows, packed, grid, shape, entries, found))
-    found = found[:n]
-    found[:, 1] = kept[found[:, 1]]
-    return found, n
-
-
-def _there_by(since: NDArray[np.int64], n_moves: int) -> NDArray[np.int64]:
-    """Return how many beads, sorted by `since`, may be there at each move, (n_moves,)."""
-    return np.searchsorted(since, np.arange(n_moves), side="right")
-
-
-def _that_matter(
-    moves: NDArray[np.float64], since: NDArray[np.int64], tops: NDArray[np.float64], least: float
-) -> NDArray[np.int64]:
-    """Return the beads that are higher than some part of the head on a move made later.
-
-    A head that prints layer by layer never goes below the top of anything, so there are none.
-    """
-    lowest = raster.lowest_asked(moves, _there_by(since, len(moves)), tops, least)
-    there = np.flatnonzero(since < len(moves))
-    return there[tops[there] > lowest[np.maximum(since[there], 0)]]
-
-
-def _refuse_too_many(
-    rows: NDArray[np.float64], grid: NDArray[np.float64], shape: NDArray[np.int64], most: int
-) -> None:
-    """Raise UndecidedError where beads cover more than `most` cells, counted where they may."""
-    across = np.abs(rows[:, 2:4])
-    spans = rows[:, 4:5] * across + rows[:, 5:6] * across[:, ::-1]
-    if float((2.0 * spans / grid[2] + 2.0).prod(axis=1).sum()) <= most:
-        return
-    entries = raster.count_entries(rows, grid, shape)
-    if entries > most:
-        raise UndecidedError(f"beads cover {entries} cells of {grid[2]:g} mm, too many to hold")
-
-
-def _rectangles(beads: Beads, order: NDArray[np.int64], clearance_mm: float) -> NDArray[np.float64]:
-    """Return boxes round the beads as the raster takes them, (n, 7), a margin too large."""
-    start, end = beads.start[order], beads.end[order]
-    along = end[:, :2] - start[:, :2]
-    length = np.hypot(along[:, 0], along[:, 1])
-    unit = np.where(length[:, None] > 0, along / np.maximum(length, 1e-12)[:, None], [1.0, 0.0])
-    rows = np.empty((len(order), 7))
-    rows[:, :2] = (start[:, :2] + end[:, :2]) / 2
-    rows[:, 2:4] = unit
-    rows[:, 5] = beads.width[order] / 2 + clearance_mm + MARGIN_MM
-    rows[:, 4] = length / 2 + rows[:, 5]
-    rows[:, 6] = np.maximum(start[:, 2], end[:, 2])
-    return rows
 
 
 def _judge(

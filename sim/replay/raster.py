@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.replay.bead_gaps import come_nearer, margin_of
 from sim.replay.compiled import compiled
 
 CELL_MM = 2.0  # side of a cell, unless that makes too many
@@ -146,23 +147,24 @@ def sweep_planes(polygon: Floats, move: Floats, planes: Floats) -> int:
 
 
 @compiled
-def outside(planes: Floats, count: int, x: float, y: float, half: float) -> bool:
-    """Whether the square of half side `half` at (x, y) lies beyond one of the half-planes."""
+def outside(planes: Floats, count: int, x: float, y: float, half: float, more: float) -> bool:
+    """Whether the square of half side `half` at (x, y) is `more` beyond one of the half-planes."""
     for e in range(count):
         nx, ny = planes[e, 0], planes[e, 1]
-        if nx * x + ny * y - half * (abs(nx) + abs(ny)) > planes[e, 2]:
+        if nx * x + ny * y - half * (abs(nx) + abs(ny)) > planes[e, 2] + more:
             return True
     return False
 
 
 @compiled
-def sweep_meets(planes: Floats, count: int, polygon: Floats, move: Floats, bead: Floats) -> bool:
-    """Separating axes of a swept polygon and the rectangle of a bead."""
+def sweep_meets(sweep: Any, bead: Floats, more: float) -> bool:
+    """Whether no axis parts a swept polygon from the rectangle of a bead by over `more`, mm."""
+    planes, count, polygon, move = sweep
     x, y, ux, uy, long, wide = bead[0], bead[1], bead[2], bead[3], bead[4], bead[5]
     for e in range(count):
         nx, ny = planes[e, 0], planes[e, 1]
         extent = abs(nx * ux + ny * uy) * long + abs(ny * ux - nx * uy) * wide
-        if nx * x + ny * y - extent > planes[e, 2]:
+        if nx * x + ny * y - extent > planes[e, 2] + more:
             return False
     for axis in range(2):
         ax, ay, extent = (ux, uy, long) if axis == 0 else (-uy, ux, wide)
@@ -172,7 +174,8 @@ def sweep_meets(planes: Floats, count: int, polygon: Floats, move: Floats, bead:
             low, high = min(low, s), max(high, s)
         s0, s1 = ax * move[0] + ay * move[1], ax * move[3] + ay * move[4]
         centre = ax * x + ay * y
-        if low + min(s0, s1) > centre + extent or high + max(s0, s1) < centre - extent:
+        reach = extent + more
+        if low + min(s0, s1) > centre + reach or high + max(s0, s1) < centre - reach:
             return False
     return True
 
@@ -214,6 +217,14 @@ def lowest_asked(moves: Floats, upto: Ints, tops: Floats, least: float) -> Float
 
 
 @compiled
+def widened(
+    box: tuple[float, float, float, float], more: float
+) -> tuple[float, float, float, float]:
+    """Return a box that reaches `more` further on every side."""
+    return box[0] - more, box[1] + more, box[2] - more, box[3] + more
+
+
+@compiled
 def coarse_hit(
     box: tuple[float, float, float, float], level: float, grid: Floats, coarse_peak: Floats
 ) -> bool:
@@ -231,19 +242,22 @@ def coarse_hit(
 @compiled
 def walk_cell(
     entry: int, level: float, sweep: Any, beads: Floats, lists: Any, entry_peak: Floats,
-    stamp: Any, found: Any, tag: Any,
+    stamp: Any, found: Any, tag: Any, near: Any,
 ) -> int:  # fmt: skip
-    """Collect the beads of one cell's list that the sweep meets; mutates stamp and found."""
-    planes, count, polygon, move = sweep
+    """Collect the beads of one cell's list that the sweep meets; mutates stamp, found and near."""
     query, part, mark, n = tag
     while entry >= 0 and entry_peak[entry] > level:
         b = lists[2][entry]
         if beads[b, 6] > level and stamp[b] != mark:
             stamp[b] = mark
-            if sweep_meets(planes, count, polygon, move, beads[b]):
-                if n < len(found):
-                    found[n, 0], found[n, 1], found[n, 2] = query, b, part
-                n += 1
+            more = margin_of(near, query)
+            if sweep_meets(sweep, beads[b], more):
+                if more == 0.0 or sweep_meets(sweep, beads[b], 0.0):
+                    if n < len(found):
+                        found[n, 0], found[n, 1], found[n, 2] = query, b, part
+                    n += 1
+                if more > 0.0:
+                    come_nearer(near, query, b, part, sweep[3])
         entry = lists[1][entry]
     return int(n)
 
@@ -251,9 +265,10 @@ def walk_cell(
 @compiled
 def search_cells(
     box: tuple[float, float, float, float], level: float, sweep: Any, beads: Floats, grid: Floats,
-    shape: Ints, lists: Any, peaks: Any, stamp: Any, found: Any, tag: Any,
+    shape: Ints, lists: Any, peaks: Any, stamp: Any, found: Any, tag: Any, near: Any,
 ) -> int:  # fmt: skip
     """Collect the beads above `level` that one sweep meets; returns the new number found."""
+    half = 0.5 * grid[2]
     query, part, mark, n = tag
     i0, i1 = int((box[0] - grid[0]) // grid[2]), int((box[1] - grid[0]) // grid[2])
     j0, j1 = int((box[2] - grid[1]) // grid[2]), int((box[3] - grid[1]) // grid[2])
@@ -262,19 +277,21 @@ def search_cells(
             if peaks[0][i, j] <= level:
                 continue
             x, y = grid[0] + (i + 0.5) * grid[2], grid[1] + (j + 0.5) * grid[2]
-            if outside(sweep[0], sweep[1], x, y, 0.5 * grid[2]):
+            if outside(sweep[0], sweep[1], x, y, half, margin_of(near, query)):
                 continue
-            at = (query, part, mark, n)
-            n = walk_cell(lists[0][i, j], level, sweep, beads, lists, peaks[1], stamp, found, at)
+            n = walk_cell(
+                lists[0][i, j], level, sweep, beads, lists, peaks[1], stamp, found,
+                (query, part, mark, n), near,
+            )  # fmt: skip
     return int(n)
 
 
 @compiled
 def scan(
     moves: Floats, upto: Ints, beads: Floats, parts: Any, grid: Floats, shape: Ints,
-    entries: int, found: Any,
+    entries: int, found: Any, near: Any,
 ) -> int:  # fmt: skip
-    """Grow the material move by move and collect what each move may touch.
+    """Grow the material move by move and collect what each move may touch; mutates near.
 
     Writes rows (move, bead, part) into `found` and returns how many there are; it
     stops at the first move for which there is no more room, and returns more than that.
@@ -288,6 +305,7 @@ def scan(
     grid : (3,) corner of the grid and side of a cell
     shape : (2,) cells along x and y
     entries : number of (bead, cell) entries, from `count_entries`
+    near : how near a bead comes that no move touches (`sim.replay.bead_gaps`)
     """
     heights, offsets, xy = parts
     nx, ny = shape[0], shape[1]
@@ -310,11 +328,13 @@ def scan(
             if highest <= level:
                 continue
             polygon = xy[offsets[k] : offsets[k + 1]]
-            box = box_of(polygon, moves[m])
+            box = widened(box_of(polygon, moves[m]), margin_of(near, m))
             if not coarse_hit(box, level, grid, coarse):
                 continue
             count = sweep_planes(polygon, moves[m], planes)
             sweep = (planes, count, polygon, moves[m])
             tag = (m, k, m * len(heights) + k, n)
-            n = search_cells(box, level, sweep, beads, grid, shape, lists, peaks, stamp, found, tag)
+            n = search_cells(
+                box, level, sweep, beads, grid, shape, lists, peaks, stamp, found, tag, near
+            )
     return n

@@ -40,3 +40,34 @@ def test_a_head_that_does_nothing_stands_at_its_park(make, width, kinds):
         JointPlan((actions,)), {},
     )  # fmt: skip
     assert {kind.name for kind in verify_plan(make.timed(document)).kinds()} == kinds
+
+
+def test_a_verdict_says_how_near_it_came(make):
+    """Towers 15 mm apart, the second printed beside the first: the head reaches 7 mm."""
+    nearest = verify_plan(make.tower_plan(towers=((20.0, 20.0), (35.0, 20.0)))).nearest
+    assert nearest.heads is None
+    assert nearest.beside is not None
+    assert nearest.beside.mm == pytest.approx(15.0 - 4.0 - 7.0 - 0.2)
+    assert not nearest.beside.at_least
+    assert nearest.beside.at[0].endswith("(slice at 0 mm)")
+    assert nearest.beside.at[1].startswith("contour ")
+    far = verify_plan(make.tower_plan()).nearest.beside
+    assert (far.mm, far.at_least, far.at) == (5.0, True, ())
+
+
+def test_a_verdict_says_how_near_two_heads_come(make):
+    """Their bodies are 20 mm wide and the rail keeps the nozzles apart."""
+    plan = make.two_head_plan()
+    heads = verify_plan(plan).nearest.heads
+    assert heads is not None
+    assert heads.heads == ("left", "right")
+    assert heads.mm >= heads.required_mm == plan.machine.head_clearance_mm
+    assert not heads.at_least
+    for head, words in zip(heads.heads, heads.at, strict=True):
+        assert f"head {head} " in words
+
+
+def test_a_plan_that_meets_the_print_states_no_room_beside_it(make):
+    """There is none."""
+    verdict = verify_plan(make.tower_plan(towers=((20.0, 20.0), (26.0, 20.0))))
+    assert verdict.nearest.beside is None

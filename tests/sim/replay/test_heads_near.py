@@ -13,7 +13,7 @@ from decmcts.print.plan import ACTION_END, ActionKind
 from sim.content.legs import legs_of
 from sim.replay.bodies import concurrent, path_gap
 from sim.replay.heads_near import least_gap, outermost
-from sim.replay.material import parts_of
+from sim.replay.shapes import parts_of
 from sim.rules.order import PartialOrder, order_of
 
 MOST_MM = 1e4

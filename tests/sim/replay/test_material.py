@@ -9,14 +9,9 @@ from shapely.geometry import LineString, MultiPoint, Polygon
 
 from decmcts.print.machine import Body, Head, Slice
 from sim.faults import FaultKind
-from sim.replay.material import (
-    CAPACITY,
-    Beads,
-    Capacity,
-    UndecidedError,
-    find_contacts,
-    or_undecided,
-)
+from sim.replay.material import find_contacts, or_undecided
+from sim.replay.near_misses import CAPACITY, Capacity, UndecidedError
+from sim.replay.shapes import Beads
 
 SKEW = np.array([[-3.0, -1.0], [12.0, -2.0], [4.0, 9.0]])
 

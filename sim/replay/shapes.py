@@ -1,0 +1,68 @@
+"""What meets: the convex parts of a head, and the beads of a print."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.print.machine import Head, Machine
+from sim.replay.collision import HEAD_TOP_MM, Vertices, box_vertices, prism_vertices
+
+
+@dataclass(frozen=True, slots=True)
+class Beads:
+    """Printed segments in any order, each with the first move that may meet it."""
+
+    start: NDArray[np.float64]  # (n, 3)
+    end: NDArray[np.float64]  # (n, 3)
+    width: NDArray[np.float64]  # (n,)
+    height: NDArray[np.float64]  # (n,)
+    since: NDArray[np.int64]  # (n,) index of the first move at which it may be there
+    label: NDArray[np.int64]  # (n,) what the caller calls it, e.g. the contour
+
+
+CENTRELINE_MM = 1e-3
+"""Width that stands for a centreline, once the tolerance is taken off both sides."""
+
+
+def as_material(beads: Beads, machine: Machine, tolerance_mm: float) -> Beads:
+    """Return the beads as the machine's model counts them: with their width, or as lines."""
+    if machine.bead_width:
+        return beads
+    return replace(beads, width=np.full_like(beads.width, CENTRELINE_MM + 2 * tolerance_mm))
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A convex prism of the head, relative to the tip."""
+
+    name: str
+    polygon: NDArray[np.float64]  # (k, 2) counter-clockwise
+    low: float
+    high: float
+    slice: bool = False  # a slice of the head: it has no top, and keeps the clearance
+
+    def vertices(self) -> Vertices:
+        """Return its corners."""
+        return prism_vertices(self.polygon, self.low, self.high)
+
+
+def parts_of(head: Head) -> list[Part]:
+    """Return the convex parts of a head: every slice polygon and every body."""
+    parts = [
+        Part(
+            f"slice at {s.height_mm:g} mm",
+            np.asarray(polygon, np.float64),
+            s.height_mm,
+            HEAD_TOP_MM,
+            slice=True,
+        )
+        for s in head.slices
+        for polygon in s.polygons
+    ]
+    for body in head.bodies:
+        corners = box_vertices(np.array(body.minimum), np.array(body.maximum))[[0, 4, 6, 2], :2]
+        parts.append(Part(body.name, corners, body.minimum[2], body.maximum[2]))
+    return parts
