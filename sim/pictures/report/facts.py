@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,7 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
         "ok": told.verdict is None or told.verdict.ok,
         "judged": told.verdict is not None,
         "checked": list(rules),
-        "near": None,
+        "near": _near(told.verdict),
         "time": _time(before, after),
         "rows": [row for row in (_row(*r, was, now) for r in ROWS) if row is not None],
         "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
@@ -74,6 +74,13 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
             if key in now
         ],
     }
+
+
+def _near(verdict: Verdict | None) -> dict[str, Any] | None:
+    """Return how near heads came to each other and to the print; None: not measured."""
+    found = {} if verdict is None else asdict(verdict.nearest)
+    measured = [found.get(key) for key in ("heads_mm", "print_mm")]
+    return found if any(value is not None for value in measured) else None
 
 
 def _time(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:
