@@ -1,14 +1,17 @@
 """The judge's book of settings: what is in force when a bead is laid.
 
 Each bead is laid with the fan, the factors of speed and flow, accelerations, pressure advance and
-the like that it is laid with in the source. A setting is a word of a command (`M204 P`) for what
-that command names besides (`M900 T1 K`). Both texts are read by `sim.files.command_book`, not by
-the reader that made the result.
+the like that it is laid with in the source. A setting is a word of a command (`M204 P`), for the
+axis that it names or for both (`M593 X F`). `M204 S` is P and T at once. Of some settings each tool
+has its own (`M900 T1 K`). Firmwares differ in whether one that names no tool is of the tool in use
+or of all, so such a setting is kept in both ways, and both have to agree. Both texts are read by
+`sim.files.command_book`, not by the reader that made the result.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
@@ -23,9 +26,18 @@ _SET = re.compile(
     rb"|SET_(?:VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION|FAN_SPEED)\b)(.*)",
     re.I | re.S,
 )
-_WORDS = re.compile(rb"(?<![A-Z_])([A-Z_]++) ?(?:= ?([^\s=]+)|([-+]?[\d.]*\d[\d.]*))", re.I)
-_NAMES = (b"T", b"D", b"EXTRUDER", b"FAN")  # words that say of which tool, or of which fan
-_NAMES_NONE = (b"M204", b"M205")  # there T and D set something themselves
+_WORDS = re.compile(
+    rb"(?<![A-Z_])([A-Z_]++) ?(?:= ?([^\s=]+)|(\"[^\"]*+\"|[-+]?[\d.]*\d[\d.]*+(?::[-+\d.]++)*+))",
+    re.I,
+)
+_QUOTED = re.compile(rb'"[^"]*+"')
+_AXIS = re.compile(rb"(?<![A-Z_])[XY](?![A-Z_=])", re.I)
+_SELECTS = re.compile(rb"T ?(\d++)")
+_EXTRUDER = re.compile(r"extruder(\d*)", re.I)
+_OF_TOOL = {  # the words that say of which tool
+    b"M221": (b"T", b"D"), b"M900": (b"T",), b"M572": (b"D",),
+    b"SET_PRESSURE_ADVANCE": (b"EXTRUDER",),
+}  # fmt: skip
 _UNSAID = {"fan": "0", "M220 S": "100", "M221 S": "100"}  # in force where nothing was said
 
 Ints = NDArray[np.int64]
@@ -65,31 +77,65 @@ def check_settings(text: bytes, source: bytes, line: Ints, source_line: Ints) ->
 def settings_of(text: bytes) -> Settings:
     """Return what a text sets, and where; linear in its length."""
     found: Settings = {}
+    tool, kept, tools = "0", "100", set[str]()
     for line, command in commands_of(text):
-        for name, value in _set_by(command):
+        if selects := _SELECTS.match(command):
+            tool = selects[1].decode().lstrip("0") or "0"
+            tools.add(tool)
+        if (named := _FAN.match(command)) is not None:
+            said = [_fan(named[1], named[2])]
+        elif (named := _SET.match(command)) is None:
+            continue
+        else:
+            said = list(_set_by(named[1].upper(), named[2], tool))
+        if command[:4].upper() == b"M220":
+            now = found["M220 S"][-1][1] if "M220 S" in found else "100"
+            kept = now if re.search(rb"B", named[2], re.I) else kept
+            said = [("M220 S", kept), *said] if re.search(rb"R", named[2], re.I) else said
+        for name, value in said:
             found.setdefault(name, []).append((line, value))
     return found
 
 
-def _set_by(command: bytes) -> list[tuple[str, str]]:
-    """Return the settings that a command changes, and to what."""
-    named = _FAN.match(command) or _SET.match(command)
-    if named is None:
-        return []
-    words = [(word.upper(), (a or b).decode("latin-1")) for word, a, b in _WORDS.findall(named[2])]
-    if (code := named[1].upper()) in (b"106", b"107", b"126", b"127"):
-        said = dict(words)
-        fan = said.get(b"P", "").lstrip("0")
-        speed = said.get(b"S", "255") if code in (b"106", b"126") else "0"
-        with suppress(ValueError):  # a template's word is no number, and stays what it is
-            speed = f"{float(speed):g}"
-        return [(f"fan{fan and ' '}{fan}", speed)]
-    of = b"".join(
-        b" %s%s" % (word, value.encode("latin-1"))
-        for word, value in words
-        if word in _NAMES and code not in _NAMES_NONE
-    )
-    return [((code + of + b" " + word).decode("latin-1"), value) for word, value in words]
+def _fan(code: bytes, rest: bytes) -> tuple[str, str]:
+    """Return which fan a command sets, and to what; that of M126 and M127 is one for all tools."""
+    words = _words(rest)
+    fan = words.get(b"P", "").lstrip("0")
+    speed = words.get(b"S", "255") if code in (b"106", b"126") else "0"
+    with suppress(ValueError):  # a template's word is no number, and stays what it is
+        speed = f"{float(speed):g}"
+    return f"fan{fan and ' '}{fan}", speed
+
+
+def _set_by(code: bytes, rest: bytes, tool: str) -> Iterator[tuple[str, str]]:
+    """Yield the settings that a command changes, and to what."""
+    words, name = _words(rest), code.decode("latin-1")
+    of: tuple[str, ...] = ("",)
+    if code in _OF_TOOL:
+        named = next((words.pop(key) for key in _OF_TOOL[code] if key in words), tool)
+        tools = [_tool_of(one) for one in named.split(":")]
+        of = (*([""] if tool in tools else []), *(f"T{one} " for one in tools))
+    elif code == b"M593":
+        axes = _AXIS.findall(_QUOTED.sub(b"", rest)) or [b"X", b"Y"]
+        of = tuple(f"{axis.decode().upper()} " for axis in axes)
+    elif code == b"M204" and (both := words.pop(b"S", None)) is not None:
+        words = {b"P": both, b"T": both} | words
+    elif b"FAN" in words:
+        of = (f"FAN{words.pop(b'FAN')} ",)
+    for part in of:
+        yield from (
+            (f"{name} {part}{key.decode('latin-1')}", value) for key, value in words.items()
+        )
+
+
+def _words(rest: bytes) -> dict[bytes, str]:
+    return {key.upper(): (a or b).decode("latin-1") for key, a, b in _WORDS.findall(rest)}
+
+
+def _tool_of(name: str) -> str:
+    """Return the number of a tool, or its name."""
+    named = _EXTRUDER.fullmatch(name)
+    return (named[1] if named else name).lstrip("0") or "0"
 
 
 def _in_force(changes: list[tuple[int, str]], values: list[str], line: Ints) -> Ints:

@@ -111,7 +111,8 @@ def state_limits(
     for row, values in zip(rows, kinds.tolist(), strict=True):
         for slot, value in zip(slots, values, strict=True):
             if states.values[value]:
-                _APPLY[states.slots[slot]](row, parameters(states.values[value]))
+                for line in states.values[value].split("\n"):
+                    _APPLY[states.slots[slot]](row, parameters(line))
     return np.asarray(np.minimum(rows, ceiling)[back.ravel()])
 
 

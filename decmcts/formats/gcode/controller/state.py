@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.gcode.moves import RELATIVE_E, RELATIVE_XYZ
+from decmcts.formats.gcode.controller.held import Held
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.targets import Targets, target_of
-from decmcts.formats.gcode.dialects.dialect import Event, Kind, classify
+from decmcts.formats.gcode.dialects.dialect import OF_TOOL, Event, Kind, classify, without_brackets
 from decmcts.formats.gcode.dialects.layers import with_note
 from decmcts.formats.gcode.dialects.roles import CANONICAL, trailing_role
 from decmcts.formats.gcode.document import UNSET, StateTable
@@ -24,6 +25,9 @@ from decmcts.print.contours import Role
 
 _TYPED = re.compile(rb"^;\s*(TYPE|FEATURE):", re.M)
 _NEXT_LAYER = re.compile(r"; move to next layer \((\d+)\)")
+_TOOL = re.compile(r"T(\d++)")
+_EXTRUDER = re.compile(r"extruder(\d*)")
+_FACTOR = re.compile(r"M0*220(?![\d.])(.*)", re.I)
 
 
 MOST_SLOTS = 200  # settings, among them fans and extruders by number: real files have up to 23
@@ -44,6 +48,7 @@ class Track:
     splits: NDArray[np.int64]  # lines that part contours and nothing else
     sections: NDArray[np.int64]  # (s, 2) first and last line of a slicer's tool change
     repeats: NDArray[np.int64]  # lines that set a temperature that is in force, and do nothing
+    left: frozenset[int]  # values of another tool: of the one in use nothing was said since
 
     def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
         """Return the state in force when a line begins."""
@@ -56,22 +61,24 @@ class _Recorder:
 
     lines: Lines
     slots: dict[str, int] = field(default_factory=dict)
-    values: dict[str, int] = field(default_factory=lambda: {"": UNSET})
+    values: dict[tuple[str, bool], int] = field(default_factory=lambda: {("", False): UNSET})
     tools: set[str] = field(default_factory=set)
+    tool: str = "0"  # in use
+    factor: str = "M220 S100"  # of speed, that M220 B has kept
     texts: list[str] = field(default_factory=lambda: [""])  # of `values`
     leave: dict[int, str] = field(default_factory=dict)
-    merged: dict[str, dict[str, str]] = field(default_factory=dict)
+    merged: dict[str, Held] = field(default_factory=dict)
     current: list[int] = field(default_factory=list)
     rows: dict[tuple[int, ...], int] = field(default_factory=lambda: {(): 0})
     at: list[int] = field(default_factory=lambda: [-1])
     ids: list[int] = field(default_factory=lambda: [0])
 
-    def put(self, slot: str, text: str, line: int) -> None:
-        """Set a slot from `line` on."""
+    def put(self, slot: str, text: str, line: int, *, left: bool = False) -> None:
+        """Set a slot from `line` on; `left` where another tool has left it so."""
         where = self.slots.setdefault(slot, len(self.slots))
         if where == len(self.current):
             self.current.append(UNSET)
-        value = self.values.setdefault(text, len(self.values))
+        value = self.values.setdefault((text, left), len(self.values))
         if value == len(self.texts):
             self.texts.append(text)
         if self.current[where] == value:
@@ -93,13 +100,22 @@ class _Recorder:
         if what:
             raise self.lines.refuse(max(line, 0), what, "is it G-code of one printer?")
 
-    def select(self, tool: str, line: int) -> None:
-        """Count the tools; books are kept of each in each stretch, so their number is limited."""
-        self.tools.add(tool)
+    def select(self, code: str, line: int) -> None:
+        """Take a tool into use, of which nothing is known but what was said of it by name.
+
+        Books are kept of each in each stretch, so their number is limited.
+        """
+        self.tools.add(code)
         if len(self.tools) > MOST_TOOLS:
             raise self.lines.refuse(
                 line, f"over {MOST_TOOLS} tools", "is it G-code of one printer?"
             )
+        tool = (found[1].lstrip("0") or "0") if (found := _TOOL.match(code)) else code
+        if tool != self.tool:
+            self.tool = tool
+            for slot in sorted(OF_TOOL & self.slots.keys()):
+                self.merged.pop(slot, None)
+                self.put(slot, self.get(slot), line, left=self.get(slot) != "")
 
     def get(self, slot: str) -> str:
         """Return the text in a slot."""
@@ -108,22 +124,37 @@ class _Recorder:
 
     def take(self, event: Event, line: int) -> None:
         """Set what a line sets, whole or parameter by parameter."""
-        if event.params:
-            self.merge(event, line)
+        if event.tools is not None:
+            for name in event.tools or (self.tool,):
+                said = _EXTRUDER.fullmatch(name)
+                tool = (said[1] or "0") if said else name.lstrip("0") or "0"
+                slot = event.slot if tool == self.tool else f"{event.slot} {tool}"
+                joint = "" if len(event.names) < 2 else "="
+                form = f"{event.names}{joint}{name}" if event.tools else ""
+                self.merge(slot, event, line, form)
+        elif event.params:
+            self.merge(event.slot, event, line)
         else:
             self.put(event.slot, event.text, line)
 
-    def merge(self, event: Event, line: int) -> None:
+    def merge(self, slot: str, event: Event, line: int, form: str = "") -> None:
         """Set the parameters of a command that holds them one by one."""
-        held = self.merged.setdefault(event.slot, {})
-        if event.text == "M204" and any(key == "S" for key, _ in event.params):
-            held.clear()  # M204 S sets printing and travel acceleration at once
-        held.update(event.params)
-        if event.text == "M204" and held.keys() >= {"P", "T"}:
-            held.pop("S", None)  # both parts of it are said anew
-        joint = "" if len(next(iter(held))) < 2 else "="
-        words = " ".join(f"{key}{joint}{value}" for key, value in held.items())
-        self.put(event.slot, f"{event.text} {words}".strip(), line)
+        held = self.merged.get(slot)
+        if held is None or held.command != event.text:
+            held = self.merged[slot] = Held(event.text)
+        self.put(slot, held.say(event.params, form=form, whole=event.whole), line)
+
+    def keep_factor(self, code: str, line: int) -> None:
+        """Take an M220 that keeps the factor of speed (B) or puts it back (R)."""
+        if not (found := _FACTOR.match(without_brackets(code).strip())):
+            return
+        words = found[1].upper()
+        if "B" in words:
+            self.factor = self.get("speed factor") or self.factor
+        if "R" in words:
+            self.put("speed factor", self.factor, line)
+        if new := re.search(r"S\s*([\d.]+)", words):
+            self.put("speed factor", f"M220 S{new[1]}", line)
 
     def leave_slot(self, slot: str, text: str, line: int) -> None:
         """End the object in a slot and keep the words that end it."""
@@ -138,7 +169,7 @@ class _Recorder:
         for key, row in self.rows.items():
             rows[row, : len(key)] = key
         leave = tuple(self.leave.get(k, "") for k in range(len(self.values)))
-        return StateTable(tuple(self.slots), tuple(self.values), leave, rows)
+        return StateTable(tuple(self.slots), tuple(self.texts), leave, rows)
 
 
 def track_state(lines: Lines, motion: Motion) -> Track:
@@ -194,10 +225,12 @@ def track_state(lines: Lines, motion: Motion) -> Track:
                 recorder.put(event.slot, target_of(code), line)
             if event.slot == "tool":
                 recorder.select(code, line)
+            recorder.keep_factor(code, line)
     return Track(
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
         np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),
         np.asarray(sections, np.int64).reshape(-1, 2), np.asarray(repeats, np.int64),
+        frozenset(value for (_, left), value in recorder.values.items() if left),
     )  # fmt: skip
 
 

@@ -41,6 +41,9 @@ class Event:
     slot: str = ""  # which state it sets
     text: str = ""  # the state's text, or the barrier's reason
     params: Params = ()  # of a command whose parameters hold one by one
+    tools: tuple[str, ...] | None = None  # that it names, of a setting of a tool; (): that in use
+    names: str = ""  # the word that names them
+    whole: str = ""  # the command, if it may be said again as it stands
 
 
 SPLIT_MARK = "; next contour"
@@ -57,21 +60,27 @@ _BESIDE = re.compile(
 _TEMPERATURE = {"M104", "M109", "M140", "M190", "M141", "M191", "M142", "M116", "M303"}
 # Commands whose setting holds: slot and the parameter that selects which one.
 _REPLACED = {
-    "M106": ("fan", "P"), "M107": ("fan", "P"), "M126": ("fan", "T"), "M127": ("fan", "T"),
-    "M220": ("speed factor", ""), "M221": ("flow factor", "TD"), "M117": ("message", ""),
-    "M900": ("linear advance", "T"), "M572": ("pressure advance", "D"), "M74": ("mass", ""),
-    "M593": ("input shaping", ""), "G17": ("plane", ""),
-    "SET_PRINT_STATS_INFO": ("print stats", ""),
+    "M106": ("fan", "P"), "M107": ("fan", "P"), "M126": ("fan", ""), "M127": ("fan", ""),
+    "M220": ("speed factor", ""), "M117": ("message", ""), "M74": ("mass", ""),
+    "G17": ("plane", ""), "SET_PRINT_STATS_INFO": ("print stats", ""),
 }  # fmt: skip
 _MERGED = {
     "M204": ("acceleration", ""), "M205": ("jerk", ""), "M201": ("axis acceleration", ""),
     "M203": ("axis feed", ""), "M566": ("jerk (RRF)", ""), "M207": ("retraction", ""),
     "M208": ("unretraction", ""), "SET_VELOCITY_LIMIT": ("velocity limit", ""),
-    "SET_PRESSURE_ADVANCE": ("pressure advance", "EXTRUDER"),
-    "SET_RETRACTION": ("retraction", ""), "SET_FAN_SPEED": ("fan", "FAN"),
+    "M593": ("input shaping", ""), "SET_RETRACTION": ("retraction", ""),
+    "SET_FAN_SPEED": ("fan", "FAN"),
 }  # fmt: skip
-_NUMBERS = (_REPLACED.keys() | _MERGED.keys() | _TEMPERATURE) - {"M117"}  # that are acted on
-GROWING = frozenset(_MERGED) - {"M204", "SET_FAN_SPEED"}  # commands whose parameters only add up
+_OF_TOOL = {
+    "M221": ("flow factor", ("T", "D")), "M900": ("linear advance", ("T",)),
+    "M572": ("pressure advance", ("D",)),
+    "SET_PRESSURE_ADVANCE": ("pressure advance", ("EXTRUDER",)),
+}  # fmt: skip
+OF_TOOL = frozenset(slot for slot, _ in _OF_TOOL.values())  # settings of the tool in use, or named
+_SET = _REPLACED.keys() | _MERGED.keys() | _OF_TOOL.keys()
+_NUMBERS = (_SET | _TEMPERATURE) - {"M117"}  # that are acted on
+GROWING = frozenset(_MERGED.keys() | _OF_TOOL.keys()) - {"SET_FAN_SPEED"}
+# commands whose parameters only add up
 _REASONS = {
     "M600": "filament change", "M0": "pause", "M1": "pause", "M25": "pause", "M226": "pause",
     "M601": "pause", "M125": "pause", "PAUSE": "pause", "@PAUSE": "pause",
@@ -82,7 +91,7 @@ UNKNOWN = frozenset({"unknown macro", "unknown command", "filament change", "pau
 # reasons of barriers that may move filament unseen
 _EXPONENT = re.compile(r"[0-9.]e[-+]?[0-9]")  # small: E5 behind a number is a word
 _DWELL = re.compile(r"G4 P\d+ ;")
-_WORD = re.compile(r"([A-Za-z])\s*([-+]?[0-9.]*)")
+_WORD = re.compile(r'([A-Za-z])\s*("[^"]*"|[-+]?[0-9.]*(?::[-+]?[0-9.]+)*)')
 
 
 @lru_cache(maxsize=65536)
@@ -96,16 +105,16 @@ def classify(raw: bytes) -> Event:
     text = re.sub(r"^[Nn]\s*\d+\s*", "", text)
     code = text.split(";", 1)[0].strip()
     if not code.upper().startswith("M117"):
-        code = re.sub(r"\*\d+\s*$", "", _without_brackets(code)).strip()
+        code = re.sub(r"\*\d+\s*$", "", without_brackets(code)).strip()
     return _command(code) if code else _NOTHING
 
 
 def _behind_brackets(text: str) -> str:
     """Return what a line commands besides its comments in brackets."""
-    return _without_brackets(text.split(";", 1)[0]).strip()
+    return without_brackets(text.split(";", 1)[0]).strip()
 
 
-def _without_brackets(code: str) -> str:
+def without_brackets(code: str) -> str:
     """Return a command without comments in brackets; one that is not closed stays."""
     *closed, rest = code.split(")")
     kept = []
@@ -168,8 +177,10 @@ def _command(code: str) -> Event:
         return Event(Kind.UNREADABLE)
     if name in _REPLACED and not (name == "M220" and re.search(r"[BR]", rest.upper())):
         return _replaced(name, code, rest)
+    if name in _OF_TOOL:
+        return _of_tool(name, code, rest)
     if name in _MERGED:
-        return _merged(name, rest)
+        return _merged(name, code, rest)
     return _barrier(name, code, rest)
 
 
@@ -208,10 +219,21 @@ def _replaced(name: str, code: str, rest: str) -> Event:
     return Event(Kind.STATE, _selected(slot, selectors, params), code)
 
 
-def _merged(name: str, rest: str) -> Event:
+def _merged(name: str, code: str, rest: str) -> Event:
     slot, selectors = _MERGED[name]
     params = _params(name, rest)
-    return Event(Kind.STATE, _selected(slot, selectors, params), name, params or (("", ""),))
+    whole = code if name == "M593" else ""
+    slot = _selected(slot, selectors, params)
+    return Event(Kind.STATE, slot, name, params or (("", ""),), whole=whole)
+
+
+def _of_tool(name: str, code: str, rest: str) -> Event:
+    slot, selectors = _OF_TOOL[name]
+    params = _params(name, rest)
+    found = next(((key, value) for key, value in params if key in selectors), ("", ""))
+    kept = tuple(word for word in params if word[0] not in selectors) or (("", ""),)
+    tools = tuple(filter(None, found[1].split(":")))
+    return Event(Kind.STATE, slot, name, kept, tools, found[0], "" if len(tools) > 1 else code)
 
 
 def _barrier(name: str, code: str, rest: str) -> Event:

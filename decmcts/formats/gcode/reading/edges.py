@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.formats.gcode.controller.held import Key, keys_of
 from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
@@ -21,6 +22,10 @@ from decmcts.formats.gcode.reading.dots import REFILLS
 from decmcts.formats.gcode.reading.grouping import Runs
 
 DOWN_MM = 1e-3  # heights nearer than that are one
+_WHOLE: Key = ("", "")  # what a command sets that is said whole
+
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
 
 
 def state_edges(
@@ -39,14 +44,14 @@ def state_edges(
         used = np.unique([first[:, k], last[:, k]])
         if slot in DESCRIBES or slot.startswith(SILENT) or _can_be_left(track, slot, used):
             continue
-        missing = _missing(track.table.values, used)
-        one_way |= missing[first[:, k]] & ~missing[last[:, k]]
-        unset = np.flatnonzero(missing[first[:, k]])
-        if not len(unset):
+        said, grows = _growth(track, used)
+        if not grows.any():
             continue
-        edge[unset[-1] + 1 :][:1] = True
-        if not missing[last[unset[-1], k]]:  # set within this contour: it ends its epoch
-            edge[unset[-1]] = True
+        begin, end = said[first[:, k]], said[last[:, k]]
+        within = grows[begin, end]
+        one_way |= within
+        edge |= within  # set within this contour: it ends its epoch
+        edge[1:] |= within[:-1] | grows[end[:-1], begin[1:]]
     _mark_dots(edge, motion, runs, track)
     edge[0] = False
     return edge, one_way
@@ -75,14 +80,21 @@ def _can_be_left(track: Track, slot: str, used: NDArray[np.int32]) -> bool:
     return slot in BEFORE_TRAVEL and all(table.leave[k] for k in used.tolist() if k != UNSET)
 
 
-def _missing(values: tuple[str, ...], used: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Tell which values leave something unset that another of the used ones sets, (n_values,)."""
-    words = [text.split() for text in values]
-    most: dict[str, int] = {}
+def _growth(track: Track, used: NDArray[np.int32]) -> tuple[Ints, Bools]:
+    """Return what each used value sets, (n_values,) numbers, and which sets more than which.
+
+    The latter by number, [from, to]: nothing can be set back from what sets more. What another
+    tool has left sets nothing of the one in use.
+    """
+    said, numbers = np.zeros(len(track.table.values), np.int64), dict[frozenset[Key], int]()
     for k in used.tolist():
-        if words[k] and words[k][0] in GROWING:
-            most[words[k][0]] = max(most.get(words[k][0], 0), len(words[k]))
-    return np.array([not w or len(w) < most.get(w[0], 0) for w in words])
+        text = track.table.values[k]
+        keys = frozenset[Key]()
+        if k != UNSET and k not in track.left:
+            keys = keys_of(text) if text.split(maxsplit=1)[0] in GROWING else frozenset([_WHOLE])
+        said[k] = numbers.setdefault(keys, len(numbers))
+    grows = [[bool(more - keys) for more in numbers] for keys in numbers]
+    return said, np.array(grows, np.bool_)
 
 
 def _mark_first_layer(
