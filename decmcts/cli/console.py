@@ -23,6 +23,7 @@ from decmcts.cli import signals
 from decmcts.cli.terminal import SafeConsole
 from decmcts.planning.events import Event, Heads, Note, Report, Step
 from decmcts.planning.events import Progress as Searched
+from decmcts.print.metrics import clock_time
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 err = SafeConsole(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets
@@ -73,7 +74,7 @@ class _Display:
         elif isinstance(event, Searched):
             self._searched(event)
         elif isinstance(event, Heads) and self._table is not None:
-            self._heads_stand(self._table(event))
+            self._heads_stand(event, self._table(event))
 
     def _begin_line(self) -> None:
         columns = (
@@ -99,11 +100,15 @@ class _Display:
         if self._logs:
             err.print(text, soft_wrap=True)
 
-    def _heads_stand(self, table: Table) -> None:
+    def _heads_stand(self, heads: Heads, table: Table) -> None:
         if self._heads is None:
             self._shown.close()  # one live display at a time
             self._heads = self._shown.enter_context(Live(console=err, transient=True))
         self._heads.update(table)
+        at_s = max((agent.elapsed_s for agent in heads.agents), default=0.0)
+        if self._logs and at_s >= self._said_at_s + LINE_EVERY_S:
+            self._said_at_s = at_s
+            err.print(heads_line(heads, at_s, self._limit_s), soft_wrap=True)
 
     def _searched(self, state: Searched) -> None:
         # another search began where seconds fall
@@ -140,6 +145,18 @@ def above(state: Searched) -> str:
         return ""
     gap = 100.0 * (state.cost / state.bound - 1.0)
     return f" ≥ {state.bound:,.0f}, at most {gap:.0f} % above" if gap <= INFORMS_PERCENT else ""
+
+
+def heads_line(heads: Heads, at_s: float, limit_s: float) -> str:
+    """Return where the heads' search stands, for a log."""
+    best_s = min(agent.best_makespan_s for agent in heads.agents)
+    found = f"print time {clock_time(best_s)}" if math.isfinite(best_s) else "no joint plan yet"
+    above = (
+        f", {100.0 * (best_s / heads.bound_s - 1.0):.0f} % above the bound"
+        if heads.bound_s > 0.0 and math.isfinite(best_s)
+        else ""
+    )
+    return f"heads search, {at_s:.0f} of {limit_s:g} s: {found}{above}"
 
 
 def amount(cost: float, unit: str) -> str:

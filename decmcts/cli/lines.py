@@ -86,9 +86,9 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
     ]
     return [
         f"{after['one_head_s'] / makespan:.2f} times as fast as one head alone "
-        f"({clock_time(after['one_head_s'])}); at most {100.0 * (makespan / bound - 1.0):.0f} % "
+        f"({clock_time(after['one_head_s'])}), and {100.0 * (makespan / bound - 1.0):.0f} % "
         f"above the proven bound ({clock_time(bound)})",
-        f"of that time prints: {', '.join(shares)}",
+        f"of the print time each head prints: {', '.join(shares)}",
     ]
 
 

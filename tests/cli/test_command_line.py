@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from rich.table import Table
 
+from agents.launching.supervisor import AgentStatus
 from decmcts.cli.console import out, steps
 from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.machines.machine_file import preset_names
-from decmcts.planning.events import Step
+from decmcts.planning.events import Heads, Note, Progress, Step
 from decmcts.planning.writing.places import refuse_unwritable
 from tests.cli.test_bad_input import SQUARE, gcode
 from tests.formats.gcode.dialects.test_layers import PRUSA, towers
@@ -79,6 +82,31 @@ def test_steps_are_lines_where_nobody_watches(capsys):
     with steps() as report:
         report(Step("reading [/a].gcode"))
     assert capsys.readouterr().err == "reading [/a].gcode\n"
+
+
+def test_steps_say_how_far_they_are_and_are_left_out_of_a_short_log(capsys):
+    """After the search too; a slicer's log wants notes and the result only."""
+    with steps() as report:
+        report(Step("writing out.gcode", 1, 3))
+    assert capsys.readouterr().err == "writing out.gcode (1 of 3)\n"
+    with steps(logged=False) as report:
+        report(Step("writing out.gcode", 1, 3))
+        report(Progress(6.0, 1, 90.0, 0.0))
+        report(Note("no machine is named"))
+    assert capsys.readouterr().err == "no machine is named\n"
+
+
+def test_heads_that_search_are_lines_where_nobody_watches(capsys):
+    """Half a minute of silence looks like a hang."""
+    with steps(time_limit_s=30.0, table=lambda _: Table()) as report:
+        for at_s, best_s in ((0.4, math.inf), (6.0, 4402.2), (7.0, 4400.0), (11.0, 4305.0)):
+            heads = (AgentStatus(0, "left", elapsed_s=at_s, best_makespan_s=best_s),)
+            report(Heads(heads, 4100.0))
+        report(Heads((), 0.0))
+    assert capsys.readouterr().err.splitlines() == [
+        "heads search, 6 of 30 s: print time 1:13:22, 7 % above the bound",
+        "heads search, 11 of 30 s: print time 1:11:45, 5 % above the bound",
+    ]
 
 
 def test_names_with_brackets_are_printed_as_they_are(capsys):

@@ -148,7 +148,7 @@ def launch(
         picture_layer=picture_layer,
     )  # fmt: skip
     with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
-        told(Step("writing files"))
+        told(Step("putting the files of all heads in place"))
         paths = [] if stem is None else list(result.write_gcode(stem, report=told).paths)
         paths += write_extras(result, plan_file, report, picture, picture_layer, told)
     with written():

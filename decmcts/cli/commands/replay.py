@@ -28,6 +28,7 @@ from decmcts.formats.files.bounds import LARGEST_SECONDS
 from decmcts.formats.files.fields import Fields, shown
 from decmcts.formats.files.reading import read_bytes
 from decmcts.planning.events import Heads
+from decmcts.print.metrics import clock_time
 
 FORMAT = "decmcts-record/1"
 BEGINS = json.dumps({"format": FORMAT})[:-1]
@@ -40,8 +41,8 @@ State = tuple[float, tuple[AgentStatus, ...]]  # seconds since the first, and al
 
 def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
     """Return the table of what each head does, with its best makespan over a bound above 0."""
-    bound = f"{bound_s:,.0f} s" if bound_s > 0.0 else "not known yet"
-    title = f"agents; best: makespan in s; bound {bound}"
+    bound = clock_time(bound_s) if bound_s > 0.0 else "not known yet"
+    title = f"heads; best: print time of the joint plan; bound {bound}"
     table = Table(title=title, title_justify="left", box=SIMPLE, show_edge=False, padding=0)
     names = ("head", "phase", "s", "rounds", "best", "÷ bound", "entropy", "sent", "KiB",
              "heard", "KiB")  # fmt: skip
@@ -54,7 +55,7 @@ def agents_table(agents: tuple[AgentStatus, ...], bound_s: float) -> Table:
             a.phase,
             f"{a.elapsed_s:.0f}",
             str(a.rounds),
-            f"{a.best_makespan_s:,.0f}",
+            clock_time(a.best_makespan_s) if math.isfinite(a.best_makespan_s) else "",
             f"{a.best_makespan_s / bound_s:.3f}" if bound_s > 0.0 else "",
             f"{a.entropy:.2f}",
             str(sum(a.sent.values())),

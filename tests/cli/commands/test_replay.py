@@ -51,7 +51,7 @@ def test_the_table_fits_a_plain_terminal() -> None:
     console.print(agents_table((long,), 100_000.0))
     shown = console.export_text()
     assert "…" not in shown
-    for word in ("right-back", "planning", "3600", "119,289", "1.193", "heard", "18,853"):
+    for word in ("right-back", "planning", "3600", "33:08:09", "1.193", "heard", "18,853"):
         assert word in shown
 
 
