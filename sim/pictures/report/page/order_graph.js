@@ -112,11 +112,14 @@
     }
   }
 
+  const many = (n, what) => `${D.format.number(n)} ${what}${n === 1 ? "" : "s"}`;
+
   function tell(beads, edges) {
     const counts = new Map();
     for (const [, , kind] of edges) counts.set(kind, (counts.get(kind) || 0) + 1);
     const waiting = new Set(edges.map(([, bead]) => bead));
-    said.textContent = `Layer ${layer() + 1}: ${beads.length} beads, ${D.format.number(edges.length)} rules between them; ${beads.length - waiting.size} beads wait for none.`;
+    const free = beads.length - waiting.size;
+    said.textContent = `Layer ${layer() + 1}: ${many(beads.length, "bead")}, ${many(edges.length, "rule")}; ${free === 1 ? "1 bead waits" : `${many(free, "bead")} wait`} for none.`;
     list.replaceChildren(...[...counts].sort((a, b) => b[1] - a[1]).map(([kind, n]) =>
       D.element("li", {}, swatch(kind), `${NAMES[kind]} (${D.format.number(n)})`)));
   }

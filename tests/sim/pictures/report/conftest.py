@@ -6,12 +6,20 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
-from playwright.sync_api import Browser, Playwright, sync_playwright
+from playwright.sync_api import Browser, Page, Playwright, sync_playwright
 
 from decmcts import PlannerName, Result, Search, plan, read, sample_path
+from decmcts.feasibility.graph import DependencyGraph, EdgeKind
+from decmcts.print.plan import PlanDocument
+from sim.pictures.report import Told, write_report
+from tests.sim.conftest import stacked_plan
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FIREFOX = ("firefox-esr", "firefox")
@@ -78,3 +86,57 @@ def browser(
         )
     yield opened
     opened.close()
+
+
+@pytest.fixture(scope="session")
+def cooling(tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanDocument, Path]:
+    """A plan and its report: the right head waits for the left one to pass, then for 60 s."""
+    document = stacked_plan((0, 1, -1, 60.0))
+    document = replace(
+        document,
+        precedence=np.array([(0, 2)], np.int32),
+        metrics={"one_head_s": 200.0, "bound": {"bound_s": 57.0}, "agents": [{"head": "left"}],
+                 "found_by": "right", "decided": [[0.1, 1.0, 1.0], [0.5, 0.4, 0.0]]},
+    )  # fmt: skip
+    graph = DependencyGraph.from_pairs(
+        3, document.precedence, np.array([EdgeKind.GEOMETRY], np.uint8)
+    )
+    path = tmp_path_factory.mktemp("report") / "heads.html"
+    write_report(
+        path, before=document, after=document, history=[(0.5, 150.0), (2.0, 130.0)],
+        told=Told("two.gcode", graph=graph),
+    )  # fmt: skip
+    return document, path
+
+
+@pytest.fixture(scope="session")
+def shared_page(browser: Browser, cooling: tuple[PlanDocument, Path]) -> Iterator[Page]:
+    """The page of that report, opened once: it takes longer than most of what is tried in it."""
+    with opened(browser, cooling[1]) as page:
+        yield page
+
+
+@pytest.fixture
+def page(shared_page: Page) -> Page:
+    """The same page, showing the whole print with nothing selected."""
+    shared_page.evaluate(
+        """() => { document.activeElement.blur(); D.gantt.span(0, 1e9); D.gantt.leave();
+        D.state.set({ selected: null, time: 0 }); }"""
+    )
+    return shared_page
+
+
+@contextmanager
+def opened(browser: Browser, path: Path, **how: Any) -> Iterator[Page]:
+    """Yield the page once it is ready; nothing may be asked for, warned of or fail."""
+    page = browser.new_page(**how)
+    said: list[str] = []
+    page.on("console", lambda line: said.append(f"{line.type}: {line.text}"))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: said.append(request.url))
+    page.goto(path.as_uri())
+    page.evaluate("D.ready")
+    yield page
+    asked = [line for line in said if not line.startswith(("file:", "data:", "blob:"))]
+    page.close()
+    assert not [line for line in asked if "GPU stall" not in line and "WebGL" not in line]

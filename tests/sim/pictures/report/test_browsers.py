@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,30 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser
 
 from decmcts import Result
 from decmcts.print.plan import JointPlan
 from sim.pictures.report import Told, write_report
+from tests.sim.pictures.report.conftest import opened
 
 pytestmark = pytest.mark.slow
 HARD = ("critical", "serious")  # of axe's findings
-
-
-@contextmanager
-def opened(browser: Browser, path: Path, **how: Any) -> Iterator[Page]:
-    """Yield the page once it is ready; nothing may be asked for, warned of or fail."""
-    page = browser.new_page(**how)
-    said: list[str] = []
-    page.on("console", lambda line: said.append(f"{line.type}: {line.text}"))
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: said.append(request.url))
-    page.goto(path.as_uri())
-    page.evaluate("D.ready")
-    yield page
-    asked = [line for line in said if not line.startswith(("file:", "data:", "blob:"))]
-    page.close()
-    assert not [line for line in asked if "GPU stall" not in line and "WebGL" not in line]
 
 
 @pytest.fixture

@@ -1,0 +1,99 @@
+"""The first screen, the charts and the graph: their numbers are the plan's."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page
+
+from decmcts import Result
+from decmcts.print.plan import PlanDocument
+from sim.pictures.report.changes import travels_to
+from tests.sim.pictures.report.conftest import opened
+
+pytestmark = pytest.mark.slow
+
+
+def test_the_parts_of_a_head_s_time_fill_it(page: Page, cooling: tuple[PlanDocument, Path]) -> None:
+    """A part is never longer than the whole, and none is missing."""
+    document, _ = cooling
+    end = document.plan.makespan_s
+    for actions, text in zip(
+        document.plan.heads, page.locator("#facts .used li").all_inner_texts(), strict=True
+    ):
+        shares = [float(n) for n in re.findall(r"([\d.]+) %", text)]
+        assert sum(shares) == pytest.approx(100.0, abs=1.1)
+        printing = float((actions.end_s - actions.begin_s)[actions.kind == 0].sum())
+        assert shares[0] == pytest.approx(100.0 * printing / end, abs=0.6)
+    text = page.inner_text("#facts")
+    assert f"{200.0 / end:.2f} times as fast" in text
+    assert page.evaluate("D.format.duration", 57.0) in text  # the bound
+    assert f"at most {round(100 * (1 - 57.0 / end))} % is left" in text
+    assert "Not checked" in text  # nobody said that it was
+
+
+def test_charts_hold_the_plan_s_travel(browser: Browser, one_head: tuple[Result, Path]) -> None:
+    """By layer and by length, before and after; in the tables behind them too."""
+    result, path = one_head
+    documents = (result.planned.before, result.planned.after)
+    with opened(browser, path) as page:
+        page.wait_for_function("D.charts.kept.every((each) => each.plot)")
+        layers, lengths = page.evaluate(
+            "D.charts.kept.slice(0, 2).map((each) => each.plot.data.map((row) => [...row]))"
+        )
+        n = int(documents[0].contours.layer.max()) + 1
+        assert len(layers[0]) == n <= 120
+        for which, document in enumerate(documents):
+            mm, contours = travels_to(document.plan.heads[0])
+            assert sum(lengths[1 + which]) == pytest.approx(mm.sum(), rel=1e-3)
+            home = mm[contours < 0].sum()
+            assert sum(layers[1 + which]) == pytest.approx(mm.sum() - home, rel=1e-3)
+        folded = page.locator("#search figure details")
+        folded.nth(1).locator("summary").click()
+        folded.nth(1).locator("tbody td").first.wait_for()
+        cells = folded.nth(1).locator("tbody td").all_inner_texts()
+        assert page.evaluate("D.format.number", lengths[2][-1]) == cells[-1]
+        page.evaluate("window.was = D.charts.kept.map((each) => each.plot)")
+        page.click("#theme")
+        assert page.evaluate("D.charts.kept.every((each, k) => each.plot !== was[k])")
+
+
+def test_the_bound_is_drawn_below_the_search(
+    page: Page, cooling: tuple[PlanDocument, Path]
+) -> None:
+    """A dashed line at its height, in a colour of its own; the curve ends at the best cost."""
+    page.wait_for_function("D.charts.kept.every((each) => each.plot)")
+    share = page.evaluate(
+        """() => { const u = D.charts.kept.map((each) => each.plot).find((p) =>
+          p.axes[1].label.includes('whole print'));
+        const y = Math.round(u.valToPos(57, 'y', true)), { left, width } = u.bbox;
+        const { data } = u.ctx.getImageData(left, y, width, 13), below = 12 * 4 * width;
+        let n = 0;
+        for (let i = 0; i < 4 * width; i += 4) n += data[i + 3] > 100 && !data[below + i + 3];
+        return [n / width, u.data[1].at(-1)]; }"""
+    )
+    assert 0.4 < share[0] < 0.8 and share[1] == 130.0
+    assert "found by right" in page.inner_text("#heads")
+    entropy = page.evaluate(
+        """D.charts.kept.map((each) => [each.plot.axes[1].label, each.plot.data])
+        .find(([label]) => label.startsWith('entropy'))[1]"""
+    )
+    assert entropy == [[0.1, 0.5], [1.0, 0.4], [1.0, 0.0]]
+
+
+def test_the_graph_shows_what_comes_first(page: Page, cooling: tuple[PlanDocument, Path]) -> None:
+    """Line 2 lies on line 0: a rule from another layer, shown if asked."""
+    page.click("#search summary:has-text('The graph')")
+    graph = page.locator("#search details[open]").last
+    graph.locator("canvas:not([aria-hidden])").wait_for()
+    graph.locator("input[type=number]").fill(str(int(cooling[0].contours.layer[2]) + 1))
+    told = graph.locator("p[aria-live]")
+    assert "0 rules; 1 bead waits for none" in told.inner_text()
+    graph.locator("input[type=checkbox]").check()
+    assert "1 bead, 1 rule; 0 beads wait for none" in told.inner_text()
+    graph.locator("summary:has-text('These rules')").click()
+    graph.locator("tbody td").first.wait_for()
+    cells = graph.locator("tbody td").all_inner_texts()
+    assert cells[:2] == ["bead 0", "bead 2"] and cells[2].startswith("geometry")
