@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -68,6 +69,16 @@ def test_runs_once_and_resumes(script, tmp_path):
     assert "four_nuts" in (tmp_path / files[0]).read_text()
     run(script, options, tmp_path)
     assert (tmp_path / f"{script}.csv").read_text() == written
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium: apt-get install it")
+def test_a_report_is_measured_in_a_browser(tmp_path):
+    """Size, and seconds until it is there, of one that ships with us."""
+    run("report", ["--models", "four_nuts", "--repeats", "1", "--machine", "mk4s"], tmp_path)
+    (row,) = csv.DictReader((tmp_path / "report.csv").read_text().splitlines())
+    assert 0.1 < float(row["mb"]) < 1.0 and float(row["pictures_a_s"]) > 0.0
+    assert "four_nuts" in (tmp_path / "report.md").read_text()
 
 
 @pytest.mark.slow
