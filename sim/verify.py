@@ -114,6 +114,8 @@ def verify_plan(
     counts: dict[str, float] = {
         "contours": len(document.contours),
         "actions": sum(map(len, legs.whole)),
+        "heads": len(document.machine.heads),
+        "trials": trials,
     }
     nearest = Nearest()
     if isinstance(order, list):

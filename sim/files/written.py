@@ -132,7 +132,7 @@ def verify_same(job: PrintJob, document: GcodeDocument, machine: Machine) -> Ver
     assert moves is not None
     matched = check_moves(moves, moves, machine, job=job)
     checked = ("the file is its source, byte for byte",)
-    counts = {"moves": float(len(moves.line))}
+    counts = {"moves": float(len(moves.line)), "segments": float(len(matched.segments.ends))}
     met = matched.met
     return Verdict(tuple(matched.faults), counts, checked, met.warnings, met.nearest)
 

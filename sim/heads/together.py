@@ -139,7 +139,8 @@ def judge_together(
     faults += check_intervals(files, apart_s)
     if complete and not known.stuck:
         faults += check_order(files, plan, known, parts, walks, apart_s, read=read)
-    return Verdict(tuple(faults), {"files": float(len(files))})
+    signals = sum(len(file.syncs) for file in files)
+    return Verdict(tuple(faults), {"files": float(len(files)), "signals": float(signals)})
 
 
 def _check_filament(

@@ -55,8 +55,12 @@ def test_a_result_has_its_keys(tmp_path: Path, capsys: pytest.CaptureFixture[str
     verdict = said(
         ["verify", str(made), "--source", str(source), "--machine", "paper"], capsys
     )  # same extrusions
-    assert verdict.keys() == {"schema", "file", "ok", "faults", "checked", "warnings"}
+    keys = {"schema", "file", "ok", "faults", "checked", "warnings", "counts", "nearest"}
+    assert verdict.keys() == keys
     assert (verdict["schema"], verdict["ok"]) == ("decmcts-verdict/1", True)
+    assert verdict["counts"].keys() == {"moves", "segments"}
+    assert verdict["nearest"]["heads"] is None
+    assert verdict["nearest"]["beside"].keys() == {"mm", "at_least", "required_mm", "heads", "at"}
 
 
 def test_machines_have_their_keys(capsys: pytest.CaptureFixture[str]) -> None:

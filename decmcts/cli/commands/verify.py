@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
+from decmcts.cli.verdicts import checked_lines, nearest_facts
 from decmcts.planning.verify import verify as judge
 from decmcts.planning.verifying.held import Held
 from sim.faults import Verdict
@@ -41,6 +42,15 @@ TrialsOption = Annotated[
         help="Random timing trials of a joint plan",
     ),
 ]
+VerboseOption = Annotated[
+    bool,
+    typer.Option(
+        "-v",
+        "--verbose",
+        rich_help_panel=opt.OUTPUT,
+        help="Say all rules, and where it came nearest",
+    ),
+]
 
 
 @app.command()
@@ -58,25 +68,35 @@ def verify(
     seed: opt.SeedOption = 0,
     trials: TrialsOption = 3,
     as_json: opt.JsonOption = False,
+    verbose: VerboseOption = False,
 ) -> None:
-    """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any."""
+    """Replay a plan or a G-code file independently; one line a fault, exit code 1 if any.
+
+    What was checked is said, and how near heads came to each other and to the print.
+    """
     held = Held(process_order, quality, max_layers_ahead, freedom, min_layer_time)
     with steps() as told:
         verdict = judge(
             result, source, machine, plan=plan, plate=plate, held=held, seed=seed, trials=trials,
             report=told,
         )  # fmt: skip
-    show(verdict, ", ".join(map(str, result)), as_json=as_json)
+    show(verdict, ", ".join(map(str, result)), as_json=as_json, verbose=verbose)
     if verdict.faults:
         raise typer.Exit(1)
 
 
-def show(verdict: Verdict, names: str, *, as_json: bool) -> None:
+def show(verdict: Verdict, names: str, *, as_json: bool, verbose: bool = False) -> None:
     """Print what was found in the files of these names, for a person or for a program."""
     if as_json:
         faults = [str(fault) for fault in verdict.faults]
-        found = {"ok": not faults, "faults": faults, "checked": list(verdict.checked)}
-        found["warnings"] = list(verdict.warnings)
+        found: dict[str, Any] = {
+            "ok": not faults,
+            "faults": faults,
+            "checked": list(verdict.checked),
+        }
+        counts = {key: count for key, count in verdict.counts.items() if key != "seconds"}
+        found |= {"warnings": list(verdict.warnings), "counts": counts}
+        found["nearest"] = nearest_facts(verdict)
         print_json("decmcts-verdict/1", {"file": names, **found})
         return
     for fault in verdict.faults:
@@ -85,6 +105,6 @@ def show(verdict: Verdict, names: str, *, as_json: bool) -> None:
         err.print(f"warning, as in the source: {line}", soft_wrap=True, markup=False)
     n = len(verdict.faults)
     state = f"{n} fault{'s' * (n > 1)}" if n else "no fault"
-    for line in verdict.checked:
+    for line in checked_lines(verdict, verbose=verbose):
         err.print(line, soft_wrap=True, markup=False)
     err.print(f"{names}: {state}", soft_wrap=True)

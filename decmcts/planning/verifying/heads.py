@@ -98,7 +98,7 @@ def judge_heads_alone(
     found = judge(source=(job, document))
     if not found.ok and (phases := in_phases(job, document)) is not None:
         found = min(judge(source=phases), found, key=lambda verdict: len(verdict.faults))
-    return Verdict((*faults, *found.faults), found.counts, found.checked)
+    return replace(found, faults=(*faults, *found.faults))
 
 
 def _judge_alone(
@@ -117,7 +117,9 @@ def _judge_alone(
         interval_s=machine.signal_interval_s, words=machine.words, read=True,
     )  # fmt: skip
     every = (*altered, *verdict.faults, *more.faults)
-    return Verdict(every, verdict.counts, (verdict.checked[0], WITHOUT_PLAN))
+    checked = (*verdict.checked[:1], WITHOUT_PLAN)
+    counts = {**verdict.counts, **more.counts}
+    return replace(verdict, faults=every, counts=counts, checked=checked)
 
 
 def misnamed(paths: Sequence[Path], named: Sequence[str], machine: Machine) -> list[Fault]:

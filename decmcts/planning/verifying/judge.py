@@ -53,9 +53,8 @@ def judge_several(
     if is_other_print(verdict.faults):
         return verdict
     files = judge_heads(results, given, read_plan(plan), plate=plate)
-    return Verdict(
-        (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}, verdict.checked
-    )
+    every, counts = (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}
+    return replace(verdict, faults=every, counts=counts)
 
 
 def judge(

@@ -151,3 +151,13 @@ def test_a_plan_that_states_less_time_than_its_source_is_found(made, capsys):
     assert run([*asked, "--min-layer-time", "0"]) == 0
     spoilt(plan, lambda rows: rows.update(min_layer_time_s=12.0))
     assert run(asked) == 0
+
+
+def test_it_says_what_was_checked(made, capsys):
+    """ "No fault" of an empty look would be worth nothing."""
+    source, plan = made
+    assert run(["verify", str(plan), "--source", str(source), "--machine", "mk4s"]) == 0
+    said = capsys.readouterr().err
+    assert "checked: 3 contours, 7 actions of 1 head" in said
+    assert "nearest: head and print" in said
+    assert "pairs of actions" not in said  # of one head there are none

@@ -1,0 +1,135 @@
+"""What was judged, in plain lines: how much of it, by which rules, and how near it came."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sim.faults import Gap, Verdict
+
+PLAN_RULES = (
+    "contours: each once, whole, as it is sliced or reversed, by a head that reaches it and has "
+    "its tool",
+    "paths: joined end to end, from park to park, with the nominal times that motion needs",
+    "order: what lies below, shells, priming, barriers, contacts of the source; no deadlock",
+    "print: no head touches what may be printed by then, in any timing",
+    "heads: their bodies keep their clearance and rails their order, in any timing; replayed too",
+    "cooling: no spot is printed over too soon",
+    "figures: what the plan states of itself",
+)
+GCODE_RULES = (
+    "extrusions: each of the source's once, in its place, with its filament, feed and arcs",
+    "commands: the source's, each once and between the same beads; settings and temperatures",
+    "filament: what is pushed and pulled between every two beads",
+    "order: barriers, priming, contacts of the source",
+    "moves: within the machine's and the source's extent, and none touches what is printed",
+)
+HEADS_RULES = (
+    "files: each its head's actions, one after the other, with the source's commands for it",
+    "signals: what all files' sync points order together is what must be",
+)
+
+
+def checked_lines(verdict: Verdict, *, verbose: bool = False) -> list[str]:
+    """Return what was checked and how near it came, a line each; `verbose`: where, and all rules.
+
+    Examples
+    --------
+    >>> checked_lines(Verdict((), {"moves": 1200, "segments": 900}))
+    ['checked: 900 beads, 1,200 moves']
+    """
+    counts, lines = verdict.counts, []
+    if counted := _counted(counts):
+        lines.append(f"checked: {counted}")
+    lines += _timings(counts)
+    for gap, words in _gaps(verdict):
+        lines += _gap_lines(gap, words, verbose=verbose)
+    if verbose:
+        lines += [f"rule: {rule}" for rule in _rules(counts)]
+    return [*lines, *verdict.checked]
+
+
+def nearest_facts(verdict: Verdict) -> dict[str, Any]:
+    """Return how near it came as `--json` prints it."""
+    found = {"heads": verdict.nearest.heads, "beside": verdict.nearest.beside}
+    return {name: None if gap is None else _facts(gap) for name, gap in found.items()}
+
+
+def _facts(gap: Gap) -> dict[str, Any]:
+    return {
+        "mm": gap.mm,
+        "at_least": gap.at_least,
+        "required_mm": gap.required_mm,
+        "heads": list(gap.heads),
+        "at": list(gap.at),
+    }
+
+
+def _counted(counts: Mapping[str, float]) -> str:
+    """Return how much was looked at, in words."""
+    words = []
+    for key, one, many in (
+        ("files", "file", "files"),
+        ("contours", "contour", "contours"),
+        ("segments", "bead", "beads"),
+        ("actions", "action", "actions"),
+        ("moves", "move", "moves"),
+        ("signals", "sync point", "sync points"),
+    ):
+        if key in counts:
+            words.append(_many(counts[key], one, many))
+            if key == "actions":
+                words[-1] += f" of {_many(counts.get('heads', 1), 'head', 'heads')}"
+    return ", ".join(words)
+
+
+def _timings(counts: Mapping[str, float]) -> list[str]:
+    """Return how heads were looked at beside each other; nothing of one head."""
+    if counts.get("heads", 1) < 2:
+        return []
+    pairs = _many(counts.get("pairs", 0), "pair", "pairs")
+    trials = f"{counts.get('trials', 0):,.0f} of them random"
+    return [
+        f"checked: {pairs} of actions that may run at once, in any timing; "
+        f"{_many(counts.get('replays', 0), 'timing', 'timings')} replayed, {trials}"
+    ]
+
+
+def _many(count: float, one: str, many: str) -> str:
+    return f"{count:,.0f} {one if count == 1 else many}"
+
+
+def _gaps(verdict: Verdict) -> list[tuple[Gap, str]]:
+    """Return the least gaps that were measured, with what they are between."""
+    found = []
+    if (heads := verdict.nearest.heads) is not None:
+        found.append((heads, f"heads {' and '.join(heads.heads)}"))
+    if (beside := verdict.nearest.beside) is not None:
+        found.append((beside, "head and print, where a bead stands higher beside it"))
+    return found
+
+
+def _gap_lines(gap: Gap, words: str, *, verbose: bool) -> list[str]:
+    least = "at least " if gap.at_least else ""
+    line = f"nearest: {words}: {least}{millimetres(gap.mm)} mm"
+    line += f" ({gap.required_mm:g} mm required)" if gap.required_mm else ""
+    return [line, f"  {' beside '.join(gap.at)}"] if verbose and gap.at else [line]
+
+
+def millimetres(value: float) -> str:
+    """Return a distance to the µm, never rounded up.
+
+    Examples
+    --------
+    >>> millimetres(10.0169), millimetres(5.0), millimetres(0.9999999)
+    ('10.016', '5', '0.999')
+    """
+    return f"{int(value * 1000.0 + 1e-6) / 1000.0:g}"
+
+
+def _rules(counts: Mapping[str, float]) -> tuple[str, ...]:
+    """Return what is asked of a result of this kind."""
+    rules = PLAN_RULES if "actions" in counts else ()
+    if "files" in counts:
+        return (*rules, *HEADS_RULES)
+    return rules or (GCODE_RULES if "moves" in counts else ())
