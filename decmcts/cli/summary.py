@@ -39,7 +39,7 @@ class Row:
     label: str
     before: str
     after: str
-    less: str  # '' where a share tells nothing
+    change: str  # '' where a share tells nothing
 
 
 def compared(before: Metrics, after: Metrics) -> dict[str, tuple[float, float]]:
@@ -78,8 +78,8 @@ def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[R
 
 
 def _row(label: str, key: str, was: float, now: float) -> Row:
-    gain = f"{100.0 * (was - now) / was:.1f} %" if was and key not in COUNTS else ""
-    return Row(label, _shown(key, was), _shown(key, now), gain)
+    share = f"{100.0 * (now - was) / was:+.1f} %" if was and key not in COUNTS else ""
+    return Row(label, _shown(key, was), _shown(key, now), share.replace("-", "−"))
 
 
 def _shown(key: str, value: float) -> str:
@@ -93,10 +93,10 @@ def gain_table(before: Metrics, after: Metrics, *, verbose: bool = False) -> Tab
     """Return the table of what was gained."""
     table, first = Table(), compared_order(before)
     table.add_column("")
-    for name in (first, "after", "less"):
+    for name in (first, "after", "change"):
         table.add_column(name, justify="right")
     for row in rows_of(before, after, verbose=verbose):
-        table.add_row(row.label, row.before, row.after, row.less)
+        table.add_row(row.label, row.before, row.after, row.change)
     return table
 
 
@@ -104,6 +104,6 @@ def plain_lines(before: Metrics, after: Metrics, *, verbose: bool = False) -> li
     """Return the same as lines, for a log without columns."""
     of = "" if compared_order(before) == "before" else f" ({compared_order(before)})"
     return [
-        f"{row.label}: {row.before}{of} → {row.after}" + (f" ({row.less} less)" if row.less else "")
+        f"{row.label}: {row.before}{of} → {row.after}" + (f" ({row.change})" if row.change else "")
         for row in rows_of(before, after, verbose=verbose)
     ]

@@ -65,8 +65,8 @@ def test_a_table_has_each_figure_once_in_the_makers_words() -> None:
     """One print time, the whole file's, in h:min:s; the paper's figures are for who asks."""
     rows = shown(verbose=False)
     assert rows == [
-        ["print time", "1:05:09", "1:00:00", "7.9 %"],
-        ["travel", "1,000 mm", "520 mm", "48.0 %"],
+        ["print time", "1:05:09", "1:00:00", "−7.9 %"],
+        ["travel", "1,000 mm", "520 mm", "−48.0 %"],
         ["retractions", "30", "30", ""],
     ]
     more = shown(verbose=True)
@@ -86,8 +86,8 @@ def test_the_time_of_a_plan_is_shown_where_no_file_was_written() -> None:
 def test_a_log_has_the_same_figures_as_lines() -> None:
     """A slicer's window has neither columns nor a wide font; what is compared with is named."""
     assert plain_lines(WAS, NOW) == [
-        "print time: 1:05:09 → 1:00:00 (7.9 % less)",
-        "travel: 1,000 mm → 520 mm (48.0 % less)",
+        "print time: 1:05:09 → 1:00:00 (−7.9 %)",
+        "travel: 1,000 mm → 520 mm (−48.0 %)",
         "retractions: 30 → 30",
     ]
     assert (
