@@ -21,6 +21,9 @@ CONTENTS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "README": {
         "Use": (
             "docs/options",
+            "docs/report",
+            "docs/gallery",
+            "docs/first-print-on-two-heads",
             "docs/machine-format",
             "docs/measure-your-head",
             "docs/meshes",
