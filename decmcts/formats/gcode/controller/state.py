@@ -48,6 +48,7 @@ class Track:
     splits: NDArray[np.int64]  # lines that part contours and nothing else
     sections: NDArray[np.int64]  # (s, 2) first and last line of a slicer's tool change
     repeats: NDArray[np.int64]  # lines that set a temperature that is in force, and do nothing
+    idle: NDArray[np.int64]  # commands that end an object where none is open, and do nothing
     left: frozenset[int]  # values of another tool: of the one in use nothing was said since
 
     def at(self, line: NDArray[np.int64] | int) -> NDArray[np.int32]:
@@ -156,12 +157,14 @@ class _Recorder:
         if new := re.search(r"S\s*([\d.]+)", words):
             self.put("speed factor", f"M220 S{new[1]}", line)
 
-    def leave_slot(self, slot: str, text: str, line: int) -> None:
-        """End the object in a slot and keep the words that end it."""
+    def leave_slot(self, slot: str, text: str, line: int) -> bool:
+        """End the object in a slot and keep the words that end it; False where none is open."""
         where = self.slots.get(slot)
-        if where is not None and where < len(self.current) and self.current[where] != UNSET:
-            self.leave[self.current[where]] = text
-            self.put(slot, "", line)
+        if where is None or where >= len(self.current) or self.current[where] == UNSET:
+            return False
+        self.leave[self.current[where]] = text
+        self.put(slot, "", line)
+        return True
 
     def table(self) -> StateTable:
         """Return the states as a frozen table."""
@@ -184,7 +187,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
     recorder, targets = _Recorder(lines), Targets()
     layers, splits = list[int](), list[int]()
     barriers: dict[int, str] = {}
-    repeats: list[int] = []
+    repeats, idle = list[int](), list[int]()
     sections: list[tuple[int, int]] = []
     opened, last_layer = -1, ""
     known = cache(classify)  # most lines say what others said
@@ -206,7 +209,8 @@ def track_state(lines: Lines, motion: Motion) -> Track:
         elif kind == Kind.LAYER_NOTE:
             last_layer = _note(recorder, event, line, last_layer)
         elif kind == Kind.LEAVE:
-            recorder.leave_slot(event.slot, event.text, line)
+            if not recorder.leave_slot(event.slot, event.text, line) and event.slot == "object":
+                idle.append(line)
         elif kind == Kind.SPLIT:
             splits.append(line)
         elif kind == Kind.SECTION:
@@ -230,6 +234,7 @@ def track_state(lines: Lines, motion: Motion) -> Track:
         recorder.table(), np.asarray(recorder.at, np.int64), np.asarray(recorder.ids, np.int32),
         np.asarray(layers, np.int64), barriers, np.asarray(splits, np.int64),
         np.asarray(sections, np.int64).reshape(-1, 2), np.asarray(repeats, np.int64),
+        np.asarray(idle, np.int64),
         frozenset(value for (_, left), value in recorder.values.items() if left),
     )  # fmt: skip
 

@@ -333,13 +333,16 @@ def _notes(
     parsed: _Parsed, blocks: Blocks, settings: ProcessSettings, point_arc: NDArray[np.int32]
 ) -> tuple[str, ...]:
     notes, span = [], parsed.motion.line[[parsed.runs.first[0], parsed.runs.last[-1]]]
-    again = parsed.track.repeats[np.searchsorted(parsed.track.repeats, span[0]) :]
-    if len(again := again[again < span[1]]):
-        text = parsed.lines.raw(int(again[0])).decode("utf-8", "replace").split(";", 1)[0].strip()
-        notes.append(
-            f"temperatures that are in force already are left out: {len(again)}, first {text} "
-            f"(line {again[0] + 1})"
-        )
+    for lines, what in (
+        (parsed.track.repeats, "temperatures that are in force already"),
+        (parsed.track.idle, "commands that end an object where none is open"),
+    ):
+        again = lines[np.searchsorted(lines, span[0]) :]
+        if len(again := again[again < span[1]]):
+            text = parsed.lines.raw(int(again[0])).decode("utf-8", "replace").split(";", 1)[0]
+            notes.append(
+                f"{what} are left out: {len(again)}, first {text.strip()} (line {again[0] + 1})"
+            )
     if curved := len(np.unique(point_arc[point_arc != NO_ARC])):
         notes.append(
             f"{curved} arc{'s' * (curved != 1)}, planned as chords at most {CHORD_ERROR_MM} mm "
