@@ -79,8 +79,7 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
 def _near(verdict: Verdict | None) -> dict[str, Any] | None:
     """Return how near heads came to each other and to the print; None: not measured."""
     found = {} if verdict is None else asdict(verdict.nearest)
-    measured = [found.get(key) for key in ("heads_mm", "print_mm")]
-    return found if any(value is not None for value in measured) else None
+    return found if any(found.values()) else None
 
 
 def _time(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:

@@ -29,19 +29,29 @@
   function verdict(facts) {
     const [mark, word] = facts.judged === false ? ["?", "Not checked"] : facts.ok ? ["✓", "Proven safe"] : ["✗", "Not safe: do not print"];
     const near = facts.near || {};
-    const least = [
-      [near.heads_mm, "between heads, at their nearest"],
-      [near.print_mm, "to the print, at the nearest"],
-    ].filter(([mm]) => typeof mm === "number").map(([mm, what]) => e("li", {}, e("b", {}, apart(mm)), ` ${what}`));
-    const checked = () => e("ul", { class: "checked" }, ...facts.checked.map((text) => e("li", {}, text)));
+    const least = [nearest(near.heads, "between heads"), nearest(near.beside, "from a head to the print beside it")].filter(Boolean);
+    const where = [["Heads were nearest", near.heads], ["The print was nearest", near.beside]]
+      .filter(([, gap]) => gap && gap.at.length).map(([text, gap]) => `${text} at: ${gap.at.join("; ")}`);
+    const checked = () => e("ul", { class: "checked" }, ...[...facts.checked, ...where].map((text) => e("li", {}, text)));
     return e("div", { class: `card ${facts.ok && facts.judged !== false ? "good" : "bad"}` },
       e("p", { class: "big" }, e("span", { class: "mark", "aria-hidden": "true" }, mark), word),
       least.length ? e("ul", { class: "near" }, ...least) : null,
       facts.checked.length ? D.folded(`What was checked (${facts.checked.length})`, checked) : null);
   }
 
-  /** Clearances: two digits below 10 mm. */
-  const apart = (mm) => `${mm.toFixed(mm < 9.95 ? 2 : 1)} mm`;
+  /** Clearances: two digits below 10 mm, one above; the last one rounded down. */
+  const apart = (mm) => {
+    const unit = mm < 10 ? 100 : 10;
+    return `${(Math.floor(mm * unit + 1e-6) / unit).toFixed(mm < 10 ? 2 : 1)} mm`;
+  };
+
+  /** The least distance of its kind, what the machine asks for, and where it was. */
+  function nearest(gap, what) {
+    if (!gap) return null;
+    const more = gap.at_least ? "or more " : "";
+    const asked = gap.required_mm > 0 ? `${Number(gap.required_mm.toFixed(2))} mm is asked for` : "none is asked for";
+    return e("li", {}, e("b", {}, apart(gap.mm)), ` ${more}${what}, at the nearest; ${asked}`);
+  }
 
   /** The difference of two times as they are shown: rounded to minutes where both are. */
   function asShown(before_s, after_s) {

@@ -5,7 +5,7 @@
   const LEAST_SPAN_S = 0.5;
   const view = { from: 0, to: 1, left: 64, width: 600, ratio: 1 };
   let rows = [], longest = [], placed = [], critical = null, focus = null;
-  let base, over, line, asked = 0;
+  let base, over, line, nowList, asked = 0, told = 0;
 
   const plan = () => D.page.plans[1];
   const drawing = () => D.ganttDrawing;
@@ -26,23 +26,24 @@
     };
   }
 
-  /** The same in words. */
-  function sentence(found) {
-    const when = `${D.format.clock(found.begin_s)} to ${D.format.clock(found.end_s)}`;
+  const sentence = (found) => `${D.format.clock(found.begin_s)} to ${D.format.clock(found.end_s)}: ${deed(found)}`;
+
+  /** The same in words, without the times. */
+  function deed(found) {
     if (found.wait) {
       const time = D.format.duration(found.end_s - found.begin_s);
-      if (found.wait.cause === "end" && found.wait.begin_s <= 0) return `${when}: ${found.name} has nothing to do`;
-      if (found.wait.cause === "end") return `${when}: ${found.name} has nothing left to do for ${time}`;
+      if (found.wait.cause === "end" && found.wait.begin_s <= 0) return `${found.name} has nothing to do`;
+      if (found.wait.cause === "end") return `${found.name} has nothing left to do for ${time}`;
       const other = found.wait.other_head, action = found.wait.other_action;
       const contour = other === null || action === null ? -1 : D.words.beadBy(other, action);
       const next = found.wait.action === null ? -1 : D.words.beadFrom(found.head, found.wait.action);
       const then = next < 0 ? "" : `; then it prints bead ${next} ${D.words.origin(next)}`;
       const lag = found.wait.lag_s ? `, and ${D.format.duration(found.wait.lag_s)} after that` : "";
-      return `${when}: ${found.name} waits ${time}${D.words.reason(found.wait)}${lag}${contour < 0 ? "" : ` ${D.words.origin(contour)}`}${then}`;
+      return `${found.name} waits ${time}${D.words.reason(found.wait)}${lag}${contour < 0 ? "" : ` ${D.words.origin(contour)}`}${then}`;
     }
     const time = D.format.duration(found.end_s - found.begin_s);
     const what = found.contour < 0 ? "" : ` bead ${found.contour} ${D.words.origin(found.contour)}`;
-    return `${when}: ${found.name} ${found.what}${what} for ${time}`;
+    return `${found.name} ${found.what}${what} for ${time}`;
   }
 
   /** Where much happens within a pixel: shares instead of one action. */
@@ -121,6 +122,15 @@
     return found;
   }
 
+  /** What every head does at the time that all sections share. */
+  function tellNow() {
+    told = 0;
+    const { time } = D.state.get(), done = time >= plan().end_s;
+    const begin = done ? `Done at ${D.format.clock(plan().end_s)}` : `At ${D.format.clock(time)}`;
+    const deeds = done ? [] : rows.map((row) => e("li", {}, deed(at(row.head, time))));
+    nowList.replaceChildren(e("li", {}, e("b", {}, begin)), ...deeds);
+  }
+
   function leave() {
     focus = null;
     redrawOver();
@@ -161,6 +171,7 @@
       if (end_s < view.from || begin_s > view.to) span(begin_s - half, begin_s + half);
     }
     if (moved || now.selected !== was.selected || now.time !== was.time) redrawOver();
+    if (now.time !== was.time && !told) told = requestAnimationFrame(tellNow);
   }
 
   function show(page) {
@@ -173,12 +184,14 @@
     view.to = page.plans[1].end_s;
     base = e("canvas", { "aria-hidden": "true" });
     over = e("canvas", { tabindex: "0", role: "application", "aria-label": name(page), "aria-describedby": "gantt-keys gantt-now" });
+    nowList = e("ul", { class: "legend nows", "aria-label": "what the heads do now" });
     line = e("p", { id: "gantt-now", class: "now" }, "Point at the chart, or use the keys, to read what a head does.");
     section.append(
       e("h2", {}, several ? "The heads over time" : "The head over time"),
       D.ganttControls.toolbar(page),
       D.ganttControls.legend(page),
       e("div", { class: "gantt" }, base, over),
+      nowList,
       line,
       e("p", { id: "gantt-keys", class: "note" }, "Drag to move, click to select; with the chart in focus the wheel zooms. Keys: ← → next action, ↑ ↓ head, + − zoom, Page up and down to move, w next wait, 0 whole print, Enter selects."),
     );
@@ -186,6 +199,7 @@
     D.state.on(onState);
     new ResizeObserver(resize).observe(base.parentElement);
     resize();
+    tellNow();
     D.waits.show(page);
   }
 

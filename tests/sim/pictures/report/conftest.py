@@ -18,10 +18,12 @@ from playwright.sync_api import Browser, Page, Playwright, sync_playwright
 from decmcts import PlannerName, Result, Search, plan, read, sample_path
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.print.plan import PlanDocument
+from sim.faults import Gap, Nearest, Verdict
 from sim.pictures.report import Told, write_report
 from tests.sim.conftest import stacked_plan
 
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+NEAREST = Nearest(heads=Gap(12.39, 5.0, ("left", "right"), ("left prints", "right rests")))
 FIREFOX = ("firefox-esr", "firefox")
 SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
             "--enable-unsafe-swiftshader")  # fmt: skip
@@ -104,7 +106,7 @@ def cooling(tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanDocument, Pat
     path = tmp_path_factory.mktemp("report") / "heads.html"
     write_report(
         path, before=document, after=document, history=[(0.5, 150.0), (2.0, 130.0)],
-        told=Told("two.gcode", graph=graph),
+        told=Told("two.gcode", verdict=Verdict((), checked=("a rule",), nearest=NEAREST), graph=graph),
     )  # fmt: skip
     return document, path
 

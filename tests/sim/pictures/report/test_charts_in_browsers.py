@@ -31,7 +31,17 @@ def test_the_parts_of_a_head_s_time_fill_it(page: Page, cooling: tuple[PlanDocum
     assert f"{200.0 / end:.2f} times as fast" in text
     assert page.evaluate("D.format.duration", 57.0) in text  # the bound
     assert f"at most {round(100 * (1 - 57.0 / end))} % is left" in text
-    assert "Not checked" in text  # nobody said that it was
+
+
+def test_the_verdict_says_what_was_checked_and_how_near_it_came(page: Page) -> None:
+    """Rounded down: 12.39 mm are not 12.4. What was checked is there if asked."""
+    card = page.locator("#facts .card").first
+    assert card.inner_text().split("\n")[0].endswith("Proven safe")
+    assert "12.3 mm between heads, at the nearest; 5 mm is asked for" in card.inner_text()
+    card.locator("summary").click()
+    checked = card.locator(".checked li")
+    checked.first.wait_for()
+    assert checked.all_inner_texts()[0] == "a rule" and "right rests" in card.inner_text()
 
 
 def test_charts_hold_the_plan_s_travel(browser: Browser, one_head: tuple[Result, Path]) -> None:

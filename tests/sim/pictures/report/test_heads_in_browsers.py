@@ -138,6 +138,19 @@ def test_the_mouse_moves_the_chart(page: Page, cooling: tuple[PlanDocument, Path
     page.click("#heads [aria-label^='See it']")
 
 
+def test_it_says_what_each_head_does_now(page: Page, cooling: tuple[PlanDocument, Path]) -> None:
+    """At the time that the view shows too."""
+    right = cooling[0].plan.heads[1]
+    (wait,) = [w for w in waits_of(cooling[0], None) if w.cause == "cooling"]
+    page.evaluate("(time) => D.state.set({ time })", (wait.begin_s + wait.end_s) / 2)
+    page.locator(".nows >> text=right waits").wait_for()
+    printing = int(np.flatnonzero(right.kind == 0)[0])
+    page.evaluate("(time) => D.state.set({ time })", float(right.begin_s[printing]) + 0.5)
+    page.locator(f".nows >> text=right prints bead {right.contour[printing]}").wait_for()
+    page.evaluate("(time) => D.state.set({ time })", cooling[0].plan.makespan_s + 1.0)
+    page.locator(".nows >> text=Done at").wait_for()
+
+
 def count(page: Page, colour: str) -> int:
     """Pixels of a colour in the chart."""
     found: int = page.evaluate(
