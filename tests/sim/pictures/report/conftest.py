@@ -106,7 +106,7 @@ def cooling(tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanDocument, Pat
     path = tmp_path_factory.mktemp("report") / "heads.html"
     write_report(
         path, before=document, after=document, history=[(0.5, 150.0), (2.0, 130.0)],
-        told=Told("two.gcode", verdict=Verdict((), checked=("a rule",), nearest=NEAREST), graph=graph),
+        told=Told("two.gcode", Verdict((), checked=("a rule",), nearest=NEAREST), graph),
     )  # fmt: skip
     return document, path
 
