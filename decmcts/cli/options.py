@@ -246,7 +246,7 @@ LayerOption = Annotated[
         rich_help_panel=OUTPUT,
         metavar="N",
         min=1,
-        help="The layer in the picture; default: where most travel is saved",
+        help="The layer in the picture; default: where travel changed most",
     ),
 ]
 VerboseOption = Annotated[

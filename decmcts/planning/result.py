@@ -192,7 +192,7 @@ class Result:
         path : str | Path
             The file; its name ends in .png or .svg.
         layer : int | None
-            The layer whose travels are drawn, from 1; None: where most travel is saved.
+            The layer whose travels are drawn, from 1; None: where travel changed most.
 
         Raises
         ------

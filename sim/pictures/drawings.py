@@ -43,7 +43,7 @@ def draw_plan(
     path : file to write, SVG where it ends so
     before, after : the source's own order and the plan
     name : of the source's file, for the title
-    layer : from 1, the layer whose travels are drawn; None: where most travel is saved
+    layer : from 1, the layer whose travels are drawn; None: where travel changed most
 
     Raises
     ------

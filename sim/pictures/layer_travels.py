@@ -109,6 +109,6 @@ def by_layer(travels: Travels, n_layers: int) -> Floats:
 
 
 def most_changed(before_mm: Floats, after_mm: Floats) -> int:
-    """Return the layer where most travel is saved, or where none is, the one that changed most."""
+    """Return the layer where travel changed most: in the direction it changed as a whole."""
     saved = before_mm - after_mm
-    return int(np.argmax(saved if saved.max() > 0.0 else np.abs(saved)))
+    return int(np.argmax(saved if saved.sum() >= 0.0 else -saved))

@@ -54,11 +54,12 @@ def test_a_plan_has_no_travel_that_is_not_its_own(make):
     assert own.in_no_place_of(travels_of(other)).tolist().count(True) == 1
 
 
-def test_the_layer_shown_is_where_most_is_saved():
-    """Where nothing is saved, it is the one that changed most; the first of equals."""
-    assert most_changed(np.array([5.0, 9.0, 2.0]), np.array([4.0, 1.0, 80.0])) == 1
-    assert most_changed(np.array([5.0, 9.0]), np.array([6.0, 12.0])) == 1
-    assert most_changed(np.array([5.0, 9.0]), np.array([5.0, 9.0])) == 0
+def test_the_layer_shown_is_where_travel_changed_most():
+    """A plan that saves is shown by what it saves, one that travels more by what it adds."""
+    before = np.array([5.0, 9.0, 2.0])
+    assert most_changed(before, np.array([4.0, 1.0, 8.0])) == 1
+    assert most_changed(before, np.array([4.0, 1.0, 80.0])) == 2
+    assert most_changed(before, before) == 0
 
 
 def test_a_head_that_prints_nothing_has_no_travels(make):
