@@ -205,8 +205,6 @@
   function team(told) {
     const agents = told.agents || [];
     const parts = [e("h3", {}, "How the heads agreed")];
-    if (told.failed) parts.push(e("p", { class: "warning" }, `They came to no plan (${told.failed}), so one head prints alone.`));
-    for (const [head, why] of Object.entries(told.lost || {})) parts.push(e("p", { class: "warning" }, `${head} was lost: ${why}.`));
     if (told.found_by) parts.push(e("p", {}, `The plan they kept was found by ${told.found_by}.`));
     if (told.entropy && told.entropy.length && told.rounds_s.length > 1) parts.push(sharpening(told));
     if (agents.length) parts.push(agentTable(agents));

@@ -15,7 +15,7 @@
       origin(facts, page),
       e("div", { class: "cards" }, verdict(facts), time(facts), changes(facts)),
       facts.heads.length > 1 ? heads(facts, page) : null,
-      warnings(facts),
+      warnings([...lost(page.team || {}), ...facts.warnings]),
       facts.settings.length ? D.folded("How it was planned", () => settings(facts)) : null,
     ].filter(Boolean));
   }
@@ -120,7 +120,8 @@
       const parts = kinds.map(([key, verb, name]) => [head[key], verb, name]).filter(([s]) => s / whole >= 0.0005);
       const used = parts.reduce((sum, [s]) => sum + s, 0);
       if (whole - used > 0.005 * whole) parts.push([whole - used, "stands still", "hatched"]);
-      const said = parts.map(([s, verb]) => `${verb} ${share(s, whole)}`).join(", ");
+      const busy = head.contours || used > 0.001 * whole;
+      const said = busy ? parts.map(([s, verb]) => `${verb} ${((100 * s) / whole).toFixed(1)} %`).join(", ") : "has nothing to do";
       const drawn = parts.map(([s, , name]) => e("div", { class: name, style: `width:${(100 * s) / Math.max(whole, used)}%` }));
       const colour = `--head:var(--head${page.plans[1].heads[k] ? page.plans[1].heads[k].colour % 8 : 0})`;
       return e("li", { style: colour }, e("b", {}, head.name), ` ${said} · ${D.format.number(head.contours)} beads`,
@@ -140,10 +141,16 @@
     return e("p", {}, ...text);
   }
 
-  function warnings(facts) {
-    if (!facts.warnings.length) return null;
-    return e("div", { class: "card warned" }, e("h2", {}, facts.warnings.length > 1 ? `${facts.warnings.length} warnings` : "Warning"),
-      e("ul", {}, ...facts.warnings.map((text) => e("li", {}, text))));
+  /** Heads that the plan does without. */
+  function lost({ failed, lost: heads = {} }) {
+    const lines = Object.entries(heads).map(([head, why]) => `${head} was lost, so the plan does without it: ${why}`);
+    return failed ? [`The heads came to no plan (${failed}), so one head prints alone`, ...lines] : lines;
+  }
+
+  function warnings(lines) {
+    if (!lines.length) return null;
+    return e("div", { class: "card warned" }, e("h2", {}, lines.length > 1 ? `${lines.length} warnings` : "Warning"),
+      e("ul", {}, ...lines.map((text) => e("li", {}, text))));
   }
 
   function settings(facts) {

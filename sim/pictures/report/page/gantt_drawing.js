@@ -72,10 +72,17 @@
     });
   }
 
+  /** Black or white, whichever is read better on a colour #rrggbb. */
+  function inkOn(colour) {
+    const [r, g, b] = [1, 3, 5].map((k) => (parseInt(colour.slice(k, k + 2), 16) / 255) ** 2.2);
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.18 ? "#000" : "#fff";
+  }
+
   /** Borders and numbers of beads, where they are wide enough to be seen. */
   function drawBeads(context, row, view, top) {
     const from = row.segment(view.from), until = row.segment(view.to);
     if (until - from > (view.width - view.left) / 6) return;
+    const ink = inkOn(D.colour(`--head${D.page.plans[1].heads[row.head].colour % 8}`));
     context.lineWidth = 1;
     for (let s = from; s <= until; s++) {
       if (row.kind[s] !== PRINT) continue;
@@ -84,7 +91,7 @@
       context.strokeRect(a + 0.5, top + 0.5, Math.max(1, b - a - 1), BAR - 1);
       const text = String(D.page.plans[1].heads[row.head].contour[row.action[s]]);
       if (b - a < context.measureText(text).width + 8) continue;
-      context.fillStyle = D.colour("--bg");
+      context.fillStyle = ink;
       context.fillText(text, a + 4, top + BAR / 2 + 4);
     }
   }

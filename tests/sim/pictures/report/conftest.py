@@ -98,7 +98,8 @@ def cooling(tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanDocument, Pat
         document,
         precedence=np.array([(0, 2)], np.int32),
         metrics={"one_head_s": 200.0, "bound": {"bound_s": 57.0}, "agents": [{"head": "left"}],
-                 "found_by": "right", "decided": [[0.1, 1.0, 1.0], [0.5, 0.4, 0.0]]},
+                 "found_by": "right", "team": {"lost": {"third": "no answer"}},
+                 "decided": [[0.1, 1.0, 1.0], [0.5, 0.4, 0.0]]},
     )  # fmt: skip
     graph = DependencyGraph.from_pairs(
         3, document.precedence, np.array([EdgeKind.GEOMETRY], np.uint8)

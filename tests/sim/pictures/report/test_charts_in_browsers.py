@@ -42,6 +42,7 @@ def test_the_verdict_says_what_was_checked_and_how_near_it_came(page: Page) -> N
     checked = card.locator(".checked li")
     checked.first.wait_for()
     assert checked.all_inner_texts()[0] == "a rule" and "right rests" in card.inner_text()
+    assert "third was lost" in page.inner_text("#facts .warned")
 
 
 def test_charts_hold_the_plan_s_travel(browser: Browser, one_head: tuple[Result, Path]) -> None:
@@ -65,6 +66,8 @@ def test_charts_hold_the_plan_s_travel(browser: Browser, one_head: tuple[Result,
         folded.nth(1).locator("tbody td").first.wait_for()
         cells = folded.nth(1).locator("tbody td").all_inner_texts()
         assert page.evaluate("D.format.number", lengths[2][-1]) == cells[-1]
+        page.set_viewport_size({"width": 360, "height": 740})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
         page.evaluate("window.was = D.charts.kept.map((each) => each.plot)")
         page.click("#theme")
         assert page.evaluate("D.charts.kept.every((each, k) => each.plot !== was[k])")
