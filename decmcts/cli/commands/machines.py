@@ -23,29 +23,33 @@ def machines(
         typer.Option(
             "--draw",
             metavar="FOLDER",
-            help="Folder for a PNG of every machine listed",
+            help="Folder for a PNG of every machine listed; or, with --machine, a .png or .svg",
             rich_help_panel=opt.OUTPUT,
         ),
     ] = None,
     machine: opt.ListedMachineOption = None,
     as_json: opt.JsonOption = False,
 ) -> None:
-    """List the machines; with --draw, draw their heads."""
-    if draw is not None and not draw.is_dir():
-        raise InputError("no such folder", path=draw, advice="make it first")
+    """List the machines; with --draw, draw their heads, and several as near as they may be."""
+    is_file = machine is not None and draw is not None and draw.suffix.lower() in (".png", ".svg")
+    folder = draw.parent if draw is not None and is_file else draw
+    if folder is not None and not folder.is_dir():
+        raise InputError("no such folder", path=folder, advice="make it first")
     listed = [load_machine(name) for name in ([machine] if machine else preset_names())]
     for m in listed if draw is not None else []:
         from sim.pictures.machine_picture import draw_machine  # takes a second to load
 
         assert draw is not None
-        draw_machine(m, draw / f"{as_file_name(m.name)}.png")
+        draw_machine(m, draw if is_file else draw / f"{as_file_name(m.name)}.png")
     if as_json:
         print_json("decmcts-machines/1", {"machines": [facts(m) for m in listed]})
         return
     for m in listed:
         show_machine(m)
     if draw is not None:
-        out.print(f"wrote a PNG a machine to {draw}", soft_wrap=True)
+        out.print(
+            f"wrote {draw}" if is_file else f"wrote a PNG a machine to {draw}", soft_wrap=True
+        )
 
 
 def show_machine(m: Machine) -> None:
