@@ -3,6 +3,7 @@
 (() => {
   const e = D.element;
   const LEAST_SPAN_S = 0.5;
+  const ROUNDED_S = 0.01; // times are rounded: at its begin an action has begun
   const view = { from: 0, to: 1, left: 64, width: 600, ratio: 1 };
   let rows = [], longest = [], placed = [], critical = null, focus = null;
   let base, over, line, nowList, asked = 0, told = 0;
@@ -127,7 +128,7 @@
     told = 0;
     const { time } = D.state.get(), done = time >= plan().end_s;
     const begin = done ? `Done at ${D.format.clock(plan().end_s)}` : `At ${D.format.clock(time)}`;
-    const deeds = done ? [] : rows.map((row) => e("li", {}, deed(at(row.head, time))));
+    const deeds = done ? [] : rows.map((row) => e("li", {}, deed(at(row.head, time + ROUNDED_S))));
     nowList.replaceChildren(e("li", {}, e("b", {}, begin)), ...deeds);
   }
 
