@@ -156,7 +156,8 @@ def heads_line(heads: Heads, at_s: float, limit_s: float) -> str:
         if heads.bound_s > 0.0 and math.isfinite(best_s)
         else ""
     )
-    return f"heads search, {at_s:.0f} of {limit_s:g} s: {found}{above}"
+    of = f" of {limit_s:g}" if at_s <= limit_s else ""  # and then they agree
+    return f"heads search, {at_s:.0f}{of} s: {found}{above}"
 
 
 def amount(cost: float, unit: str) -> str:

@@ -24,6 +24,7 @@ from sim.pictures.layer_view import SHADOW, LayerView, draw_layer, legend_of
 from sim.pictures.shares import bead_grids, mixed, mixed_colour
 from sim.pictures.sheet import ENTRIES, Sheet, sheet_of
 
+NAMED = 3  # heads whose shares have room in a title
 Floats = NDArray[np.float64]
 
 
@@ -173,6 +174,9 @@ def _who(after: PlanDocument) -> str:
         float((h.end_s - h.begin_s)[h.kind == ActionKind.PRINT].sum()) for h in after.plan.heads
     ]  # fmt: skip
     total = max(sum(printing), 1e-12)
+    if len(printing) > NAMED:
+        least, most = (100 * part / total for part in (min(printing), max(printing)))
+        return f"{len(printing)} heads, each {least:.0f} to {most:.0f} % of the printing"
     parts = zip(after.plan.heads, printing, strict=True)
     return ", ".join(f"{h.head} {100 * p / total:.0f} %" for h, p in parts) + " of the printing"
 

@@ -99,13 +99,20 @@ def test_steps_say_how_far_they_are_and_are_left_out_of_a_short_log(capsys):
 def test_heads_that_search_are_lines_where_nobody_watches(capsys):
     """Half a minute of silence looks like a hang."""
     with steps(time_limit_s=30.0, table=lambda _: Table()) as report:
-        for at_s, best_s in ((0.4, math.inf), (6.0, 4402.2), (7.0, 4400.0), (11.0, 4305.0)):
+        for at_s, best_s in (
+            (0.4, math.inf),
+            (6.0, 4402.2),
+            (7.0, 4400.0),
+            (11.0, 4305.0),
+            (31.0, 4305.0),
+        ):
             heads = (AgentStatus(0, "left", elapsed_s=at_s, best_makespan_s=best_s),)
             report(Heads(heads, 4100.0))
         report(Heads((), 0.0))
     assert capsys.readouterr().err.splitlines() == [
         "heads search, 6 of 30 s: print time 1:13:22, 7 % above the bound",
         "heads search, 11 of 30 s: print time 1:11:45, 5 % above the bound",
+        "heads search, 31 s: print time 1:11:45, 5 % above the bound",
     ]
 
 

@@ -148,8 +148,10 @@ def launch(
         picture_layer=picture_layer,
     )  # fmt: skip
     with interrupt_stops(), steps() as told:  # a first Ctrl-C lets everything be written
-        told(Step("putting the files of all heads in place"))
-        paths = [] if stem is None else list(result.write_gcode(stem, report=told).paths)
+        paths = list[Path]()
+        if stem is not None:
+            told(Step("putting the files of all heads in place"))
+            paths = list(result.write_gcode(stem, report=told).paths)
         paths += write_extras(result, plan_file, report, picture, picture_layer, told)
     with written():
         show_team(result, paths, as_json=as_json, verbose=verbose)
