@@ -124,6 +124,13 @@ def places_of(segments: Segments) -> NDArray[np.int64]:
     return np.unique(_keys(segments), return_inverse=True)[1].astype(np.int64)
 
 
+def alike_of(segments: Segments) -> NDArray[np.int64]:
+    """Return one number a segment, equal for those alike in place, feed and filament, (n,)."""
+    nothing = np.zeros(0, np.int64)
+    keys = _keys(segments)
+    return _alike(segments, segments.at(nothing), keys, keys[:0])[0]
+
+
 def _match_single(
     ours: Segments, source: Segments, mine: NDArray[np.uint64], theirs: NDArray[np.uint64],
     match: NDArray[np.int64],

@@ -13,6 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,9 @@ from numpy.typing import NDArray
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.command_book import commands_of
 
-_FAN = re.compile(rb"M(10[67]|12[67])(?![\d.])(.*)", re.I | re.S)
+_FAN = re.compile(rb"M(10[67]|12[67])(?![\d.]|[A-Z_]{2})(.*)", re.I | re.S)
 _SET = re.compile(
-    rb"(M(?:20[13-8]|22[01]|566|572|593|74|900)(?![\d.])"
+    rb"(M(?:20[13-8]|22[01]|566|572|593|74|900)(?![\d.]|[A-Z_]{2})"
     rb"|SET_(?:VELOCITY_LIMIT|PRESSURE_ADVANCE|RETRACTION|FAN_SPEED)\b)(.*)",
     re.I | re.S,
 )
@@ -45,7 +46,9 @@ Settings = dict[str, list[tuple[int, str]]]
 """Of each setting the lines, from 1, that set it, and to what."""
 
 
-def check_settings(text: bytes, source: bytes, line: Ints, source_line: Ints) -> list[Fault]:
+def check_settings(
+    text: bytes, source: bytes, line: Ints, source_line: Ints, alike: Ints | None = None
+) -> list[Fault]:
     """Check that each bead is laid under the settings it is laid under in the source.
 
     Where the source has not said anything yet, but for `_UNSAID`, anything may be in force.
@@ -56,22 +59,59 @@ def check_settings(text: bytes, source: bytes, line: Ints, source_line: Ints) ->
         The file and its source.
     line, source_line : (n,)
         Where each bead is laid in the file, and where in the source, from 1.
+    alike : (n,)
+        Equal for beads that are alike in place, filament and feed: each may be any of them.
+        None: no two are.
     """
     ours, theirs = settings_of(text), settings_of(source)
+    books = [_Book.of(name, ours.get(name, []), due) for name, due in theirs.items()]
+    if alike is not None:
+        source_line = _exchanged(books, line, source_line, alike)
     lines, total = list[str](), 0
-    for name, due in theirs.items():
-        unsaid = _UNSAID.get(name, "")
-        has = ours.get(name, [])
-        values = list(dict.fromkeys([unsaid, *(value for _, value in [*has, *due])]))
-        a, b = _in_force(has, values, line), _in_force(due, values, source_line)
-        wrong = np.flatnonzero((a != b) & ((b > 0) | bool(unsaid)))
+    for book in books:
+        a, b, wrong = book.differing(line, source_line)
         total += len(wrong)
         lines += [
-            f"line {line[k]} is printed with {name} {values[a[k]] or 'not set'}, in the source "
-            f"with {values[b[k]]} (line {source_line[k]} there)"
+            f"line {line[k]} is printed with {book.name} {book.values[a[k]] or 'not set'}, in the "
+            f"source with {book.values[b[k]]} (line {source_line[k]} there)"
             for k in wrong[:LIMIT].tolist()
         ]
     return listed(FaultKind.STATE, lines[:LIMIT], total=total)
+
+
+@dataclass(frozen=True, slots=True)
+class _Book:
+    """What one setting is in the file and in its source, line by line."""
+
+    name: str
+    values: list[str]  # the first is in force where nothing was said
+    has: list[tuple[int, str]]
+    due: list[tuple[int, str]]
+
+    @staticmethod
+    def of(name: str, has: list[tuple[int, str]], due: list[tuple[int, str]]) -> _Book:
+        values = [_UNSAID.get(name, ""), *(value for _, value in [*has, *due])]
+        return _Book(name, list(dict.fromkeys(values)), has, due)
+
+    def differing(self, line: Ints, source_line: Ints) -> tuple[Ints, Ints, Ints]:
+        """Return the values at lines of the file and of the source, and where they are at odds."""
+        a = _in_force(self.has, self.values, line)
+        b = _in_force(self.due, self.values, source_line)
+        return a, b, np.flatnonzero((a != b) & ((b > 0) | bool(self.values[0])))
+
+
+def _exchanged(books: list[_Book], line: Ints, source_line: Ints, alike: Ints) -> Ints:
+    """Return the source's lines with beads that are alike exchanged where their settings differ."""
+    wrong = np.zeros(len(line), np.bool_)
+    for book in books:
+        wrong[book.differing(line, source_line)[2]] = True
+    rows = np.flatnonzero(np.isin(alike, alike[wrong]))
+    kinds = [book.differing(line[rows], source_line[rows])[:2] for book in books]
+    mine = np.lexsort([*(a for a, _ in kinds), alike[rows]])
+    theirs = np.lexsort([*(b for _, b in kinds), alike[rows]])
+    exchanged = source_line.copy()
+    exchanged[rows[mine]] = source_line[rows[theirs]]
+    return exchanged
 
 
 def settings_of(text: bytes) -> Settings:

@@ -32,6 +32,7 @@ from decmcts.formats.mesh import is_mesh
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ActionKind, HeadActions
+from sim.content.inventory import alike_of
 from sim.content.seams import Moved, seams_of_file, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_book
@@ -192,7 +193,7 @@ def _check_said(written: Written, document: GcodeDocument, matched: Matched) -> 
     there = matched.source_line[known]
     return [
         *check_book(written.text, source),
-        *check_settings(written.text, source, line, there),
+        *check_settings(written.text, source, line, there, alike_of(matched.segments)[known]),
         *check_temperatures(written.text, source, line, there),
     ]
 

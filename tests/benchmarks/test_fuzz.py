@@ -36,3 +36,12 @@ def test_a_lost_command_is_seen() -> None:
     text = b"(note) M600\nG4 P9 ; x\nT1\nG1 X1\nM117 hi\n"
     assert fuzz.lost_commands(text, text) == []
     assert fuzz.lost_commands(text, text.replace(b"M600", b"")) == [b"M600"]
+    assert fuzz.lost_commands(text + b"M600\n", text) == [b"M600"]
+
+
+def test_each_kind_of_message_is_said_again_as_it_was(tmp_path: Path) -> None:
+    """Else damaged ones are no test of the reader."""
+    kind = fuzz.FORMATS[-1]
+    for number in range(len(fuzz.MESSAGES)):
+        (tmp_path / kind.name).write_bytes(fuzz.message(number))
+        assert fuzz.refused_or_read(kind, tmp_path / kind.name)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from decmcts.formats.gcode.dialects.dialect import Kind, classify
 from sim.experiments.made_settings import CASES, laid_under, made
-from sim.files.settings import check_settings
+from sim.files.settings import check_settings, settings_of
 
 TWO_WAYS = {"advance of each tool", "advance of all tools"}  # no firmware reads it in both ways
 SOURCE = b"M204 P900 T4000\nM106 S127.5\nG1 X1 E1\nM107\nM900 K.2\nG1 X2 E1\nM106 S51\nG1 X3 E1\n"
@@ -77,3 +78,22 @@ def test_a_command_that_vanished_is_found_where_a_firmware_would_differ(name: st
         assert not faults or differs or name in TWO_WAYS, (rows[k], faults)
         found += differs
     assert found > 1
+
+
+@pytest.mark.parametrize(("second", "faults"), [("S60", 0), ("S20", 1)])
+def test_beads_that_are_alike_may_be_exchanged(second: str, faults: int) -> None:
+    """One over the other, in one state each: which is which nobody can tell."""
+    source = b"M106 S20\nG1 X1 E1\nM106 S60\nG1 X1 E1\n"
+    text = f"M106 {second}\nG1 X1 E1\nM106 S20\nG1 X1 E1\n".encode()
+    at = np.array([2, 4])
+    assert len(check_settings(text, source, at, at, np.array([7, 7]))) == faults
+    assert len(check_settings(text, source, at, at, np.array([7, 8]))) == 2 - (faults == 1)
+
+
+def test_a_name_that_begins_like_a_command_is_none() -> None:
+    """`M106ON` is a macro, whatever it does; `M106S9` is a fan's speed."""
+    at = np.array([2])
+    assert not check_settings(b"M106ON\nG1 X1 E1\n", b"M106ON\nG1 X1 E1\n", at, at)
+    assert settings_of(b"M106ON\n") == {} and settings_of(b"M106S9\n") == {"fan": [(1, "9")]}
+    assert classify(b"M106ON").kind == Kind.BARRIER and classify(b"M106S9").slot == "fan"
+    assert classify(b"G28X0").text == "homing"

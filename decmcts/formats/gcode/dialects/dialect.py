@@ -89,6 +89,7 @@ _REASONS = {
 }  # fmt: skip
 UNKNOWN = frozenset({"unknown macro", "unknown command", "filament change", "pause"})
 # reasons of barriers that may move filament unseen
+_NAME = re.compile(r"[A-Za-z]\s*+\d++(\.\d++)?(?![A-Za-z_](?![-+.\d]))|[^\s]+")  # M106S9 is M106
 _EXPONENT = re.compile(r"[0-9.]e[-+]?[0-9]")  # small: E5 behind a number is a word
 _DWELL = re.compile(r"G4 P\d+ ;")
 _WORD = re.compile(r'([A-Za-z])\s*("[^"]*"|[-+]?[0-9.]*(?::[-+]?[0-9.]+)*)')
@@ -159,7 +160,7 @@ def _label(text: str, body: str) -> Event:
 
 
 def _command(code: str) -> Event:
-    head = re.match(r"[A-Za-z]\s*\d+(\.\d+)?(?![A-Za-z_])|[^\s]+", code)
+    head = _NAME.match(code)
     name = head.group(0).upper().replace(" ", "") if head else code
     name = re.sub(r"^([GMT])0+(?=\d)", r"\1", name)
     rest = code[head.end() :].strip() if head else ""
