@@ -1,7 +1,8 @@
 """How much of a plan's travel leads over outer walls, found from its contours and paths alone.
 
 Walls are lines here, one a segment, and travels lines that are met with them: a tree of boxes
-finds what meets (shapely), no grid and no rule of the planner's.
+finds what meets (shapely), no grid and no rule of the planner's. Each height has a strip of the
+plane of its own, so that a travel is met with walls of its two layers only.
 """
 
 from __future__ import annotations
@@ -35,12 +36,32 @@ def over_walls_mm(contours: Contours, actions: HeadActions) -> float:
     length = np.hypot(*(end - start).T)
     cut = (end - start) * (END_MM / np.maximum(length, LEAST_MM))[:, None]
     long = length > 2.0 * END_MM
-    lines = shapely.linestrings(np.stack([start + cut, end - cut], axis=1)[long])
-    leg, wall = shapely.STRtree(walls).query(lines, predicate="intersects")
-    leg = np.flatnonzero(long)[leg]
-    same = np.abs(height[wall] - before[leg]) <= SAME_Z_MM
-    same |= np.abs(height[wall] - behind[leg]) <= SAME_Z_MM
-    return float(length[np.unique(leg[same])].sum())
+    legs, ends = np.flatnonzero(long), shapely.get_coordinates(walls).reshape(-1, 2, 2)
+    lines = np.stack([start + cut, end - cut], axis=1)[legs]
+    every = np.concatenate([ends, lines])[:, :, 0]
+    strip = float(every.max(initial=0.0) - every.min(initial=0.0)) + 1.0
+    of_walls, last, following = _strips(height, before[legs], behind[legs])
+    tree = shapely.STRtree(_moved(ends, strip * of_walls))
+    crossed = np.zeros(len(legs), np.bool_)
+    for at in (last, following):
+        crossed[tree.query(_moved(lines, strip * at), predicate="intersects")[0]] = True
+    return float(length[legs[crossed]].sum())
+
+
+def _strips(*heights: Floats) -> list[Floats]:
+    """Return for each height the number of its strip; those that are the same share one."""
+    every = np.concatenate(heights)
+    ranked = np.argsort(every, kind="stable")
+    strip = np.empty(len(every))
+    strip[ranked] = np.cumsum(np.diff(every[ranked], prepend=every[ranked[:1]]) > SAME_Z_MM)
+    return np.split(strip, np.cumsum([len(each) for each in heights])[:-1])
+
+
+def _moved(lines: Floats, along_x: Floats) -> NDArray[np.object_]:
+    """Return lines (n, 2, 2) moved along x, (n,)."""
+    moved = lines.copy()
+    moved[:, :, 0] += along_x[:, None]
+    return np.asarray(shapely.linestrings(moved))
 
 
 def _legs(contours: Contours, actions: HeadActions) -> tuple[Floats, Floats, Floats, Floats]:

@@ -177,7 +177,7 @@ def _draw_bed(axis: Any, machine: Machine) -> None:
     axis.set_xlim(points[:, 0].min() - margin, points[:, 0].max() + margin)
     axis.set_ylim(points[:, 1].min() - margin, points[:, 1].max() + margin)
     axis.set_aspect("equal")
-    axis.set_title("bed, parks and reach from above", fontsize=10)
+    axis.set_title("bed, parks and reach (drawn a little smaller) from above", fontsize=10)
     rails = [_rail_words(rail) for rail in machine.rails]
     axis.set_xlabel("\n".join(["x, mm", *rails]), fontsize=9)
     axis.set_ylabel("y, mm")
