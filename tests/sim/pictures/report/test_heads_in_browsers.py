@@ -94,8 +94,13 @@ def test_keys_move_the_chart(page: Page, cooling: tuple[PlanDocument, Path]) -> 
     assert here["head"] == 0 and here["begin_s"] > 0.0
     page.keyboard.press("ArrowDown")
     assert page.evaluate("D.gantt.focus().head") == 1
-    page.keyboard.press("w")
-    assert "right waits" in page.inner_text("#gantt-now")
+    first, second = (w for w in waits_of(document, None) if w.cause != "end")
+    page.evaluate("D.gantt.point(0, 0)")
+    for key, wait in (("w", first), ("w", second), ("W", first)):
+        page.keyboard.press(key)
+        begin = page.evaluate("D.gantt.focus().begin_s")
+        assert begin == pytest.approx(wait.begin_s, abs=0.01)
+        assert "right waits" in page.inner_text("#gantt-now")
     page.keyboard.press("Enter")
     assert page.evaluate("D.state.get().selected.head") == 0
     page.keyboard.press("+")
