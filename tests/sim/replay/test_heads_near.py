@@ -11,6 +11,7 @@ import shapely
 from decmcts.print.machine import Body, Head, Slice
 from decmcts.print.plan import ACTION_END, ActionKind
 from sim.content.legs import legs_of
+from sim.replay import heads_near
 from sim.replay.bodies import concurrent, path_gap
 from sim.replay.heads_near import least_gap, outermost
 from sim.replay.shapes import parts_of
@@ -97,6 +98,24 @@ def test_the_least_gap_is_that_of_all_pairs(make, n_heads):
         assert found.gap_mm == pytest.approx(due, abs=1e-5), seed
         gaps.append(due)
     assert any(gap > 0.0 for gap in gaps)
+
+
+def test_what_fcl_is_not_asked_about_is_at_least_so_much(make, monkeypatch):
+    """With too many climbing pairs a bound is stated, and called one; it is never above the gap."""
+    bounds = 0
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 7])
+        heads = tuple(random_head(rng, f"h{k}", 45.0 * k) for k in range(2))
+        legs = legs_of(random_actions(make, rng, heads))
+        order = order_of(legs.all_actions)
+        exact = least_gap(heads, legs.all_actions, order)
+        with monkeypatch.context() as patched:
+            patched.setattr(heads_near, "JUDGED", 0)
+            found = least_gap(heads, legs.all_actions, order)
+        assert found.gap_mm <= exact.gap_mm + 1e-6
+        assert found.at_least or found.gap_mm == pytest.approx(exact.gap_mm)
+        bounds += found.at_least
+    assert bounds > 0
 
 
 def test_parts_within_others_are_left_out():
