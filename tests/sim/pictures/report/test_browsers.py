@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, ElementHandle, Page
 
 from decmcts import Result
 from decmcts.print.plan import JointPlan
@@ -119,3 +119,70 @@ def test_a_wait_says_for_whom(browser: Browser, two_heads: Path) -> None:
         assert "left" in text and "right" in text
         (wait,) = [w for w in page.evaluate("D.page.waits") if w["other_head"] is not None]
         assert wait["head"] == 1 and wait["other_head"] == 0
+
+
+CONTROLS = "button:visible, select:visible, input:visible, summary:visible, [tabindex='0']:visible"
+MAY_REST = ("Now: show the current time",)  # it is in sight already
+STILL = """() => {
+  const small = Object.assign(document.createElement("canvas"), {width: 200, height: 40});
+  const drawn = small.getContext("2d", {willReadFrequently: true});
+  const canvases = document.querySelectorAll("#heads canvas, #search canvas");
+  const pictures = [...canvases].map(canvas => {
+    drawn.clearRect(0, 0, 200, 40);
+    drawn.drawImage(canvas, 0, 0, 200, 40);
+    return drawn.getImageData(0, 0, 200, 40).data.join();
+  });
+  const shown = JSON.stringify([D.state.get(), scrollY, D.view.stats().frames, pictures])
+    + document.body.innerHTML;
+  let hash = 0;
+  for (let i = 0; i < shown.length; i++) hash = (31 * hash + shown.charCodeAt(i)) | 0;
+  return hash;
+}"""
+
+
+def test_every_control_does_something(browser: Browser, two_heads: Path) -> None:
+    """Each is reached by the keyboard, has a name, changes what is shown, and nothing fails."""
+    with opened(browser, two_heads) as page:
+        page.evaluate("D.view.ready")
+        for name in ("zoom in", "zoom in"):  # so that all others have something to do
+            page.get_by_role("button", name=name).click()
+        page.evaluate("D.state.set({time: 0.5 * D.page.plans[1].end_s})")
+        controls = page.locator(CONTROLS).element_handles()
+        assert len(controls) > 20
+        idle = []
+        for control in controls:
+            if not control.is_visible() or not control.is_enabled():
+                continue
+            control.scroll_into_view_if_needed()
+            control.focus()
+            assert control.evaluate("c => c === document.activeElement")
+            name = control.evaluate(
+                "c => c.ariaLabel || c.textContent || c.labels?.[0]?.textContent"
+            )
+            assert name and name.strip()
+            was = page.evaluate(STILL)
+            used(page, control)
+            page.wait_for_timeout(60)
+            if page.evaluate(STILL) == was and control.get_attribute("aria-pressed") != "true":
+                idle += [name.strip()] if name.strip() not in MAY_REST else []
+        page.evaluate("D.state.set({playing: false})")
+        assert idle == [], "; ".join(idle)
+
+
+def used(page: Page, control: ElementHandle) -> None:
+    """Use a control by keys: what it is says which."""
+    kind = control.evaluate("c => c.tagName + (c.type || '')")
+    if kind.startswith("SELECT"):
+        options = control.evaluate("c => [...c.options].map(o => o.value)")
+        chosen = control.evaluate("c => c.value")
+        control.select_option(next(o for o in options if o != chosen))
+    elif kind == "INPUTrange":
+        low = control.evaluate("c => c.value === c.min")
+        control.press("ArrowRight" if low else "ArrowLeft")
+    elif kind.startswith("INPUT"):
+        control.fill("1")
+        control.press("Enter")
+    elif kind.startswith(("BUTTON", "SUMMARY")):
+        control.press("Enter")
+    else:
+        control.press("ArrowRight")
