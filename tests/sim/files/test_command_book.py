@@ -117,3 +117,14 @@ def test_waits_of_ours_are_made_anew() -> None:
     assert not check_book(b"M300 S440\nG4 P5\n", source)
     assert check_book(b"M300 S440\n", source)
     assert check_book(f"M300 S440\nG4 P5 {WAIT_MARK}\n".encode(), source)
+
+
+def test_each_command_that_is_taken_out_is_missed() -> None:
+    """Wherever it stands, and however often the others do."""
+    rows = ["M600", "G28", "T1", "M300 S440", "(a) PAUSE", "M600", "N7 M851 Z1*3", "G29 ; x", "T1"]
+    text = "\n".join(f"G1 X{k}\n{row}" for k, row in enumerate(rows)).encode()
+    assert not check_book(text, text)
+    for row in rows:
+        for where in {text.find(row.encode()), text.rfind(row.encode())}:
+            spoilt = text[:where] + b";" + text[where:].replace(b"(a)", b"   ", 1)
+            assert len(check_book(spoilt, text)) == 1, row
