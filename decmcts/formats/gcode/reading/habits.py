@@ -34,7 +34,7 @@ _CURA_RULE = re.compile(rb"cool_min_layer_time\s*=\s*([\d.]+)")
 _CURA_BREAK = re.compile(rb"\r?\n;SETTING_3 ")
 CONFIG_BYTES = 2**20  # of a file's beginning and end: slicers write their settings there
 LONGEST_RULE_S = 600.0  # what is beyond this is no layer time
-_DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*([\d.]+)", re.I)
+_DIAMETER = re.compile(rb"filament_?\s*diameter\s*[=:,]\s*(\d*+\.?\d*+)", re.I)
 
 
 def filament_diameter(text: bytes) -> float:

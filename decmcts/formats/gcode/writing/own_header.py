@@ -19,8 +19,8 @@ _HEADER = re.compile(  # as `decmcts.planning.writing.lines` words it
     re.MULTILINE,
 )
 _BLOCK = re.compile(rb"; HEADER_BLOCK_START\r?\n(?:;[^\n]*+\n)*?; HEADER_BLOCK_END\r?\n")
-_TRAVEL_MM = re.compile(rb"^; extrusionless travel ([0-9.]+) mm ->", re.M)
-_TIME_S = re.compile(rb"^; time of the whole file ([0-9.]+) s ->", re.M)
+_TRAVEL_MM = re.compile(rb"^; extrusionless travel ([0-9]++(?:\.[0-9]*+)?) mm ->", re.M)
+_TIME_S = re.compile(rb"^; time of the whole file ([0-9]++(?:\.[0-9]*+)?) s ->", re.M)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode import read_gcode, read_motions
+from decmcts.formats.gcode.reading.habits import filament_diameter
 from decmcts.print.contours import Role
 
 SQUARE = (
@@ -210,3 +211,12 @@ def test_a_label_that_nothing_ends_is_not_gone_back_behind(read, label, end, epo
     text.insert(2, f"{label}\n")
     job, _ = read("M83\n" + "".join(text) + (f"{end}\n" if end else "") + "M84\n")
     assert job.contours.epoch.tolist() == epoch
+
+
+@pytest.mark.parametrize(
+    ("said", "mm"),
+    [("0.5.75", 1.75), ("2.85.1", 2.85), (".", 1.75), ("3", 3.0), ("1.75,1.75", 1.75)],
+)
+def test_a_filament_diameter_that_is_no_number_ends_nothing(said, mm):
+    """Two dots in it were an internal error."""
+    assert filament_diameter(f"; filament_diameter = {said}".encode()) == mm
