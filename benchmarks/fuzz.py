@@ -37,22 +37,8 @@ import numpy as np
 
 import decmcts
 from agents.launching.supervisor import AgentStatus
+from agents.messages import kinds
 from agents.messages.codec import decode, encode
-from agents.messages.kinds import (
-    Beat,
-    Commit,
-    Distribution,
-    Envelope,
-    Goodbye,
-    Hello,
-    Joint,
-    Message,
-    MessageError,
-    PlanReply,
-    PlanRequest,
-    Proposal,
-    Stage,
-)
 from decmcts.cli.commands.replay import BEGINS, read_record
 from decmcts.cli.run import run
 from decmcts.errors import InputError
@@ -294,28 +280,28 @@ def record() -> bytes:
 
 
 DIGEST = "0123456789abcdef" * 2
-_AGREED = Proposal(
+_AGREED = kinds.Proposal(
     (0, 1), {1: np.array([4, 1, 2], np.int32), 0: np.array([], np.int32)}, 12.5, DIGEST
 )
-MESSAGES: tuple[Message, ...] = (
-    Hello(DIGEST, 1, "left", True), Commit((0, 2), DIGEST, Stage.AGREED, 7, (0, 9)),
-    PlanRequest(1, (0, 1), DIGEST), Beat(150), Goodbye("", "terminated"), _AGREED,
-    Joint((0, 1), {1: np.array([4, 1, 2], np.int32), 0: np.arange(99, dtype=np.int32)}, 12.5),
-    PlanReply(1, _AGREED),
-    Distribution((np.array([3, 1, 2], np.int32), np.array([1], np.int32)), np.array([0.25, 0.75])),
+MESSAGES: tuple[kinds.Message, ...] = (
+    kinds.Hello(DIGEST, 1, "l", True), kinds.Commit((0, 2), DIGEST, kinds.Stage.AGREED, 7, (0, 9)),
+    kinds.PlanRequest(1, (0, 1), DIGEST), kinds.Beat(150), kinds.Goodbye("", "terminated"), _AGREED,
+    kinds.Joint((0, 1), {1: np.array([4, 1, 2], np.int32), 0: np.arange(99, dtype=np.int32)}, 12.5),
+    kinds.PlanReply(1, _AGREED),
+    kinds.Distribution((np.array([3, 1, 2], np.int32), np.zeros(1, np.int32)), np.full(2, 0.5)),
 )  # fmt: skip
 
 
 def message(kind: int = 0) -> bytes:
     """Return what one agent says to another, of one kind."""
-    return encode(Envelope.of(1, 5, 9, MESSAGES[kind]))
+    return encode(kinds.Envelope.of(1, 5, 9, MESSAGES[kind]))
 
 
 def _message_of(path: Path) -> object:
     """Unpack a message; what is taken must be what it is when it is said again."""
     try:
         heard = decode(path.read_bytes())
-    except MessageError as error:
+    except kinds.MessageError as error:
         raise InputError(str(error), path=path) from error
     again = encode(heard)
     if encode(decode(again)) != again:
