@@ -1,28 +1,36 @@
 "use strict";
 // One picture of the print: what is drawn, in which order, how finely.
 (() => {
-  const { SHOWN, BEAD, LINE } = D.beads;
+  const { SHOWN } = D.beads;
   const ALL = 3e38; // seconds: everything is printed
-  const FAST_MS = 45; // a moving picture may take so long
-  const LEAST = 20_000; // segments, whatever the speed
+  const FAST_MS = 60; // a moving picture may take so long
+  const LEAST = 6_000; // segments, whatever the speed
 
   class Painter {
     constructor(regl, scene) {
       const rows = isSlow(regl) ? D.beads.SPELLED_OUT : D.beads.INSTANCED;
       const most = Math.max(2000, scene.fine.n, ...scene.travels.map(({ set }) => set.n));
-      const budget = rows === D.beads.INSTANCED ? 2_000_000 : 40_000;
+      const budget = rows === D.beads.INSTANCED ? 2_000_000 : 20_000;
       Object.assign(this, { regl, rows, most, scene, frames: 0, drawn: 0, of: 0, budget });
-      this.strips = D.beads.strips(this);
-      this.faces = D.beads.faces(regl);
-      this.copies = D.beads.copies(regl);
-      this.canvas = null; // a finer picture than the screen's, made in steps
+      this.corners = D.beads.corners(this);
+      this.lists = new Map();
+      this.commands = new Map(); // each compiled when it is first used
       this.fine = D.beads.upload(this, scene.fine);
-      this.rough = D.beads.upload(this, scene.rough);
+      this.simple = D.beads.upload(this, scene.rough);
       this.travels = scene.travels.map(({ set }) => D.beads.upload(this, set));
       this.solids = this.solidsOf();
       this.extra = null;
       this.layerOf = Int32Array.from(scene.order, (c) => scene.page.contours.layer[c]);
       this.layers = layersOf(this.layerOf, scene);
+    }
+
+    command(name, make) {
+      if (!this.commands.has(name)) this.commands.set(name, make());
+      return this.commands.get(name);
+    }
+
+    strips(kind, props) {
+      this.command(kind, () => D.beads.strips(this, kind))(props);
     }
 
     /** Solids and edges of the heads of each plan, by the machine's heads of the same name. */
@@ -75,7 +83,7 @@
       const { order } = this.scene;
       const colours = new Uint32Array(order.length);
       for (let i = 0; i < order.length; i++) colours[i] = of(order[i]);
-      for (const on of [this.fine, this.rough]) {
+      for (const on of [this.fine, this.simple]) {
         const { first, tint } = on.set;
         for (let i = 0; i < order.length; i++) tint[plan].fill(colours[i], first[i], first[i + 1]);
         D.beads.recolour(this, on, plan);
@@ -106,9 +114,9 @@
         (sum, one) => sum + on.set.first[one[until]] - on.set.first[one.from], 0);
       this.of = size(this.fine, "to");
       if (!moving || this.of <= this.budget) return { on: this.fine, layers, step: 1, whole: true };
-      if (size(this.rough, "to") <= this.budget) return { on: this.rough, layers, step: 1, whole: true };
-      const step = Math.max(1, Math.ceil(size(this.rough, "walls") / this.budget));
-      return { on: this.rough, layers, step, whole: false };
+      if (size(this.simple, "to") <= this.budget) return { on: this.simple, layers, step: 1, whole: true };
+      const step = Math.max(1, Math.ceil(size(this.simple, "walls") / this.budget));
+      return { on: this.simple, layers, step, whole: false };
     }
 
     /** Runs of segments to draw of a plan: [begin, end, how many layers tall]. */
@@ -124,7 +132,10 @@
         const all = whole || shown || busy.has(one.layer);
         shown = false;
         if (!all && (layers[0].layer - one.layer) % step !== 0) continue;
-        found.push([first[one.from], first[all ? one.to : one.walls], all ? 1 : step]);
+        const [from, to, tall] = [first[one.from], first[all ? one.to : one.walls], all ? 1 : step];
+        const before = found[found.length - 1];
+        if (before && before[1] === from && before[2] === tall) before[1] = to;
+        else found.push([from, to, tall]);
       }
       return found;
     }
@@ -144,34 +155,61 @@
       const { page, top, largest } = this.scene;
       const now = state.time >= page.plans[pane.plan].end_s ? ALL : state.time;
       return {
-        ...D.beads.seenBy(view.camera, pane.box, pane.ratio, view.reach, into), ...BEAD,
-        now, plan: pane.plan, largest, top: top(state.layers[1]),
+        ...D.beads.seenBy(view.camera, pane.box, pane.ratio, view.reach, into), wide: 0, tall: 1, now, plan: pane.plan, largest, top: top(state.layers[1]),
       };
     }
 
     /** Draw pieces of beads; returns how many segments. */
     beads(seen, on, pieces) {
-      const parts = pieces.filter(([begin, end]) => end > begin).map(
-        ([begin, end, tall]) => ({ ...seen, on, begin, count: end - begin, tall }));
-      this.strips(parts);
-      return parts.reduce((sum, { count }) => sum + count, 0);
+      const kept = pieces.filter(([begin, end]) => end > begin);
+      const apart = this.rows === D.beads.SPELLED_OUT && kept.length > 3;
+      const parts = apart ? this.gathered(seen, on, kept)
+        : kept.map(([begin, end, tall]) => ({ ...seen, on, begin, count: end - begin, tall }));
+      this.strips(on === this.simple ? "ROUGH" : "BEAD", parts);
+      return kept.reduce((sum, [begin, end]) => sum + end - begin, 0);
+    }
+
+    /** Pieces of one height as one list of triangles: each call costs milliseconds on a processor. */
+    gathered(seen, on, pieces) {
+      return [...new Set(pieces.map(([, , tall]) => tall))].map((tall, k) => {
+        const runs = pieces.filter((piece) => piece[2] === tall);
+        const list = this.listOf(`${seen.plan} ${k}`, runs);
+        return { ...seen, on, begin: 0, count: list.count, elements: list.elements, tall };
+      });
+    }
+
+    /** Triangles of runs of segments, made anew when the runs are others. */
+    listOf(name, runs) {
+      const told = runs.join();
+      let list = this.lists.get(name);
+      if (list?.told === told) return list;
+      const count = runs.reduce((sum, [begin, end]) => sum + end - begin, 0);
+      const data = new Uint32Array(6 * count);
+      let to = 0;
+      for (const [begin, end] of runs) {
+        for (let k = begin; k < end; k++) to = D.beads.quad(data, to, k);
+      }
+      const given = { data, primitive: "triangles", type: "uint32", usage: "dynamic" };
+      list = { told, count, elements: list ? list.elements(given) : this.regl.elements(given) };
+      this.lists.set(name, list);
+      return list;
     }
 
     /** Draw all but the beads: bed, travels, heads, what is selected. */
     lines(view, seen, state) {
-      const line = { ...seen, ...LINE, plan: 0 };
-      this.strips({ ...line, on: view.bed, begin: 0, count: view.bed.set.n, now: ALL, wide: 1 });
+      const line = { ...seen, plan: 0 };
+      this.strips("LINE", { ...line, on: view.bed, begin: 0, count: view.bed.set.n, now: ALL, wide: 1 });
       if (state.travels || state.changed) this.drawTravels(line, seen.plan, state, seen.now);
       this.heads(view, line, seen.plan, state);
       if (this.extra) {
-        this.strips({ ...line, on: this.extra, begin: 0, count: this.extra.set.n, now: ALL, wide: 4 });
+        this.strips("LINE", { ...line, on: this.extra, begin: 0, count: this.extra.set.n, now: ALL, wide: 4 });
       }
     }
 
     drawTravels(line, plan, state, now) {
       const [begin, end] = this.travelsWithin(plan, state.layers);
       if (end === begin) return;
-      this.strips({ ...line, on: this.travels[plan], begin, count: end - begin, now,
+      this.strips("LINE", { ...line, on: this.travels[plan], begin, count: end - begin, now,
         wide: state.changed ? 1.8 : 1.2 });
     }
 
@@ -183,11 +221,11 @@
         const still = { ...line, begin: 0, now: ALL, shift: at };
         if (state.bodies && solid?.edges) {
           const { place, count, edges } = solid;
-          this.strips({ ...still, on: edges, count: edges.set.n, wide: 1.3 });
-          this.faces({ ...line, place, count, shift: at, colour: [...rgb.map((v) => v / 255), 0.09] });
+          this.strips("LINE", { ...still, on: edges, count: edges.set.n, wide: 1.3 });
+          this.command("faces", () => D.beads.faces(this.regl))({ ...line, place, count, shift: at, colour: [...rgb.map((v) => v / 255), 0.09] });
         }
         const mark = view.marks[plan][h];
-        this.strips({ ...still, on: mark, count: mark.set.n, wide: 9 });
+        this.strips("LINE", { ...still, on: mark, count: mark.set.n, wide: 9 });
       });
     }
 
@@ -195,10 +233,19 @@
       return { color: [...view.ground.map((v) => v / 255), 1], depth: 1 };
     }
 
+    /** A picture beside the canvas, of a size. */
+    beside(width, height) {
+      const { regl } = this;
+      const color = () => regl.texture({ width, height, min: "linear", mag: "linear" });
+      this.large ??= regl.framebuffer({ width, height, depth: true, color: color() });
+      if (this.large.width !== width || this.large.height !== height) this.large.resize(width, height);
+      return this.large;
+    }
+
     /** Draw a picture at once, as finely as a moving view can be. */
     quick(view, panes, state) {
       this.regl.poll();
-      this.regl.clear(this.ground(view));
+      this.regl.clear({ ...this.ground(view), framebuffer: null });
       const chosen = this.choose(state, true, panes.length);
       this.drawn = 0;
       for (const pane of panes) {
@@ -212,14 +259,13 @@
 
     /** Draw everything, finer than the screen, in steps; shown when it is done. */
     * whole(view, panes, state, width, height) {
-      this.canvas ??= this.regl.framebuffer({ width, height, depth: true, color: this.regl.texture({ width, height, min: "linear", mag: "linear" }) });
-      if (this.canvas.width !== width || this.canvas.height !== height) this.canvas.resize(width, height);
+      const into = this.beside(width, height);
       this.regl.poll();
-      this.regl.clear({ ...this.ground(view), framebuffer: this.canvas });
+      this.regl.clear({ ...this.ground(view), framebuffer: into });
       const chosen = this.choose(state, false, panes.length);
       let [drawn, since] = [0, 0];
       for (const pane of panes) {
-        const seen = this.seen(view, pane, state, this.canvas);
+        const seen = this.seen(view, pane, state, into);
         for (const [begin, end] of this.pieces(chosen, pane.plan, seen.now)) {
           for (let from = begin; from < end; from += this.budget) {
             const to = Math.min(end, from + this.budget);
@@ -232,9 +278,9 @@
         }
         this.lines(view, seen, state);
       }
-      this.copies({ picture: this.canvas });
       this.drawn = drawn;
       this.coarse = false;
+      this.command("copies", () => D.beads.copies(this.regl))({ picture: into });
       this.frames++;
     }
 

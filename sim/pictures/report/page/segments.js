@@ -9,15 +9,19 @@
 
   /** The box around all contours: low and high corner, mm. */
   function boxOf(contours) {
-    const low = [Infinity, Infinity, 0];
-    const high = [-Infinity, -Infinity, 1];
-    ["x", "y", "z"].forEach((name, k) => {
-      for (const v of contours[name]) {
-        if (v < low[k]) low[k] = v;
-        if (v > high[k]) high[k] = v;
-      }
-    });
-    return low[0] <= high[0] ? { low, high } : { low: [0, 0, 0], high: [1, 1, 1] };
+    const sides = ["x", "y", "z"].map((name) => endsOf(contours[name]));
+    if (!contours.x.length) return { low: [0, 0, 0], high: [1, 1, 1] };
+    return { low: [sides[0][0], sides[1][0], Math.min(0, sides[2][0])], high: sides.map(([, high]) => high) };
+  }
+
+  function endsOf(values) {
+    let [low, high] = [Infinity, -Infinity];
+    for (let k = 0; k < values.length; k++) {
+      const v = values[k];
+      if (v < low) low = v;
+      if (v > high) high = v;
+    }
+    return [low, high];
   }
 
   const OUTER = new Set([1, 3]); // roles: external and overhang perimeter
@@ -30,19 +34,17 @@
 
   /** Numbers of the contours, highest layer first, and outer walls first in each. */
   function topDown(layer, outer) {
-    let [least, most] = [Infinity, -Infinity];
-    for (const v of layer) {
-      least = Math.min(least, v);
-      most = Math.max(most, v);
-    }
+    const [least, most] = endsOf(layer);
     const count = layer.length ? most - least + 1 : 0;
     const first = new Uint32Array(count + 1);
-    for (const v of layer) first[most - v + 1]++;
+    for (let c = 0; c < layer.length; c++) first[most - layer[c] + 1]++;
     for (let k = 0; k < count; k++) first[k + 1] += first[k];
     const order = new Uint32Array(layer.length);
     const next = first.slice();
     for (const wanted of [1, 0]) {
-      layer.forEach((v, c) => { if (outer[c] === wanted) order[next[most - v]++] = c; });
+      for (let c = 0; c < layer.length; c++) {
+        if (outer[c] === wanted) order[next[most - layer[c]]++] = c;
+      }
     }
     return order;
   }
