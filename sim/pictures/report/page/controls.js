@@ -2,6 +2,7 @@
 // The controls around the view: what is shown, camera, layers, time, legend.
 (() => {
   const SPEEDS = [1, 10, 60, 300, 1000, 3000];
+  const DENSE = 500; // beads; of more, what changed is shown layer by layer at first
   const SHOW_S = 90; // in which a print is played at most at first
   const COLOURS = { role: "role", head: "head", tool: "tool", layer: "layer", time: "time", speed: "speed", change: "change in order" };
   const PLANS = { before: "Before", after: "After", both: "Side by side" };
@@ -17,8 +18,8 @@
   };
 
   /** A button that switches a key of the state. */
-  function toggle(key, text, title) {
-    const made = button(text, { id: `view-${key}`, title }, () => D.state.set({ [key]: !D.state.get()[key] }));
+  function toggle(key, text, title, act = () => D.state.set({ [key]: !D.state.get()[key] })) {
+    const made = button(text, { id: `view-${key}`, title }, act);
     shown.push((now) => made.setAttribute("aria-pressed", String(Boolean(now[key]))));
     return made;
   }
@@ -102,6 +103,14 @@
     const saved = Array.from(travelled[0], (mm, k) => mm - travelled[1][k]);
     const k = saved.indexOf(Math.max(...saved)) + layers[0];
     D.state.set({ layers: [k, k], changed: true, plans: "both", time: end, playing: false });
+  }
+
+  /** Light up what changed, or no more; of a dense print one layer, where all hide each other. */
+  function showChanges() {
+    const { changed, layers: [from, to] } = D.state.get();
+    const whole = from === layers[0] && to === layers[1] && from < to;
+    if (!changed && whole && page.contours.n > DENSE) mostChanged();
+    else D.state.set({ changed: !changed, ...(changed && from === to ? { layers: layers.slice() } : {}) });
   }
 
   /** Move the shown layers up or down by one. */
@@ -188,7 +197,7 @@
       (v) => D.state.set({ colour: v, changed: false }));
     shown.push((now) => { colours.value = now.colour; });
     return element("div", { class: "view-row" }, choice("plans", PLANS, "Plans shown"), pair,
-      toggle("changed", "What changed", "lights up what changed, dims the rest"),
+      toggle("changed", "What changed", "lights up what changed, dims the rest", showChanges),
       toggle("travels", "Travels", "shows travels too"),
       toggle("bodies", "Heads", "shows the heads' bodies while they move"), camera(acts));
   }
@@ -230,5 +239,5 @@
     };
   }
 
-  D.controls = { make, playOrPause, stepLayer };
+  D.controls = { make, playOrPause, showChanges, stepLayer };
 })();

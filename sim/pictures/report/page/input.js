@@ -96,7 +96,7 @@
     else if (name === "PageUp" || name === "PageDown") D.controls.stepLayer(name === "PageUp" ? 1 : -1);
     else if (name === "n" || name === ".") D.selected.step(1);
     else if (name === "p" || name === ",") D.selected.step(-1);
-    else if (name === "c") D.state.set({ changed: !state.changed });
+    else if (name === "c") D.controls.showChanges();
     else if (name === "v") D.state.set({ travels: !state.travels });
     else if (name === "b") D.state.set({ plans: { after: "both", both: "before", before: "after" }[state.plans] });
     else if (name === "Escape") D.state.set({ selected: null });

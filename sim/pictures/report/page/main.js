@@ -32,6 +32,7 @@
     const page = await D.load();
     document.getElementById("title").textContent = page.title;
     D.state.set({
+      colour: page.plans[1].heads.length > 1 ? "head" : "role",
       time: Math.max(...page.plans.map((plan) => plan.end_s)),
       layers: [0, Math.max(0, page.contours.layer.reduce((a, b) => Math.max(a, b), 0))],
     });
