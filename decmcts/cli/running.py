@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from rich.table import Table
 
 from decmcts.cli.console import err, steps
-from decmcts.cli.signals import interrupt_stops
+from decmcts.cli.signals import end_if_lost, interrupt_stops
 from decmcts.planning.events import Begun, Event, Heads, Report, Sound, Stop
 
 
@@ -33,6 +33,7 @@ def running(
     ):
 
         def report(event: Event) -> None:
+            end_if_lost()
             if isinstance(event, Begun):
                 begun.set()
             elif isinstance(event, Sound):

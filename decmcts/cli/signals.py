@@ -68,6 +68,15 @@ def is_ending() -> bool:
     return bool(_raised)
 
 
+def end_if_lost() -> None:
+    """End the program after all where a signal did, and what it raised was lost on its way.
+
+    Python drops what is raised while it frees objects or in a callback of C code.
+    """
+    if _raised and threading.current_thread() is threading.main_thread():
+        _end()
+
+
 def forget() -> None:
     """Begin anew, with no signal heard."""
     _asked.clear()

@@ -16,7 +16,9 @@ import pytest
 from decmcts.cli import signals
 from decmcts.cli.console import written
 from decmcts.cli.run import run
+from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
+from decmcts.planning.events import Step
 
 ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
@@ -161,3 +163,19 @@ def test_an_error_made_of_a_signal_is_that_signal(capsys) -> None:
         for number, handler in before.items():
             signal.signal(number, handler)
     assert "decmcts: stopped" in capsys.readouterr().err
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_signal_that_python_dropped_ends_at_the_next_step() -> None:
+    """What is raised while an object is freed is lost; a launch went on for seconds."""
+
+    class Freed:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(signals.Stopped), running(time_limit_s=1.0) as (report, _):
+        freed = Freed()
+        del freed
+        assert signals.is_ending()
+        report(Step("reading"))
+    assert signals.exit_code() == 130
