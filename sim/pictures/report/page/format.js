@@ -22,9 +22,9 @@
       if (whole >= 60) return `${Math.floor(whole / 60)} min ${two(whole % 60)} s`;
       return `${seconds < 10 ? precise.format(seconds) : grouped.format(seconds)} s`;
     },
-    /** 12345.6 -> "12.3 m"; 832 -> "832 mm". */
+    /** 123456.7 -> "123.5 m"; 8320 -> "8,320 mm". */
     mm(value) {
-      return value >= 10000 ? `${precise.format(value / 1000)} m` : `${grouped.format(value)} mm`;
+      return value >= 100000 ? `${precise.format(value / 1000)} m` : `${grouped.format(value)} mm`;
     },
     percent: (share) => `${precise.format(100 * share)} %`,
     number: (value) => (Math.abs(value) < 100 ? precise : grouped).format(value),

@@ -106,6 +106,22 @@ def test_the_theme_changes(browser: Browser, two_heads: Path) -> None:
         assert page.evaluate("document.documentElement.dataset.theme") != was
 
 
+@pytest.mark.parametrize("width", [360, 900, 1200, 1400])
+def test_nothing_sticks_out_of_its_card(
+    browser: Browser, one_head: tuple[Result, Path], width: int
+) -> None:
+    """Figures that are cut off are the ones people look for."""
+    with opened(browser, one_head[1], viewport={"width": width, "height": 800}) as page:
+        out = page.evaluate(
+            """() => [...document.querySelectorAll(".card, .panel")].flatMap(card =>
+            [...card.querySelectorAll("td, th, p, li, canvas, button, table")].filter(each =>
+              each.getClientRects().length &&
+              each.getBoundingClientRect().right > card.getBoundingClientRect().right + 1)
+            .map(each => each.outerHTML.slice(0, 80)))"""
+        )
+        assert out == []
+
+
 def test_it_fits_a_telephone(browser: Browser, two_heads: Path) -> None:
     """Nothing sticks out sideways at 360 pixels."""
     with opened(browser, two_heads, viewport={"width": 360, "height": 740}) as page:
