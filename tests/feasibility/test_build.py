@@ -30,7 +30,7 @@ def as_matrix(graph: DependencyGraph) -> NDArray[np.bool_]:
 @pytest.mark.parametrize("head", ["box", "lopsided", "hollow"])
 @pytest.mark.parametrize("keep", [True, False])
 @pytest.mark.parametrize("quality", [True, False])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_closure_equals_the_definition(
     oracle: Any, head: str, keep: bool, quality: bool, seed: int
 ) -> None:

@@ -34,7 +34,7 @@ from decmcts.planning.options import (
     ProcessOrder,
     Search,
 )
-from decmcts.planning.problem.exported import beside, exported_file
+from decmcts.planning.problem.exported import beside, exported_file, is_foreign
 from decmcts.planning.result import Written
 from decmcts.planning.writing.lines import layers_line
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_place, refuse_unwritable
@@ -106,8 +106,8 @@ def post(
         )
     refuse_unwritable([view for view in (report, picture) if view != BESIDE], path)
     exported = exported_file(path)
-    report = beside(exported, ".report.html") if report == BESIDE else report
-    picture = beside(exported, ".picture.png") if picture == BESIDE else picture
+    report = named_beside(exported, ".report.html") if report == BESIDE else report
+    picture = named_beside(exported, ".picture.png") if picture == BESIDE else picture
     refuse_other_suffixes(None, report, picture)
     refuse_place(path, advice="it is edited in place: make it and its folder writable")
     if is_mesh(path):
@@ -129,6 +129,15 @@ def post(
         views = write_extras(made.result, None, report, picture, None, told)
     with written():
         show_rewritten(made, path, views, as_json=as_json, verbose=verbose)
+
+
+def named_beside(exported: Path, ending: str) -> Path | None:
+    """Return the name of a report or picture; None where a file of somebody else has it."""
+    path = beside(exported, ending)
+    if not is_foreign(path):
+        return path
+    err.print(f"{path} is left as it is: it is not ours; name another file", soft_wrap=True)
+    return None
 
 
 def show_script_line(context: typer.Context) -> None:

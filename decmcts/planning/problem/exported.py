@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 NAME, HOST = "SLIC3R_PP_OUTPUT_NAME", "SLIC3R_PP_HOST"
+HEAD = 8192  # bytes in which a report or picture says who made it
 A_FILE = ("", "File")  # hosts that are none: the file stays on this computer
 
 
@@ -21,13 +22,29 @@ def exported_file(path: Path, environment: Mapping[str, str] = os.environ) -> Pa
     only the name is taken: the folder is that of the file that was handed over.
     """
     said = environment.get(NAME, "")
-    if not said or "\0" in said:
+    if not said or "\0" in said or said.endswith(("/", os.sep)):
         return path
     final = Path(said)
     if final.name in ("", "..", "."):
         return path
     stays = environment.get(HOST, "") in A_FILE and final.is_absolute() and final.parent.is_dir()
     return final if stays else path.with_name(final.name)
+
+
+def is_foreign(path: Path) -> bool:
+    """Tell whether a file is there that no report or picture of ours is; so are links and folders.
+
+    Ours name this program near their begin.
+    """
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        return True
+    try:
+        with path.open("rb") as file:
+            return b"decmcts" not in file.read(HEAD)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
 
 
 def beside(path: Path, ending: str) -> Path:

@@ -39,7 +39,7 @@ class Wait:
     head: int
     begin_s: float
     end_s: float
-    cause: str  # a value of `CAUSES`, "space", "cooling", "signal" or "end"
+    cause: str  # a value of `CAUSES`, "space", "cooling", "signal", "end" or "unused"
     action: int | None = None  # of this head, which begins when the wait ends
     other_head: int | None = None
     other_action: int | None = None  # what is waited for
@@ -71,7 +71,8 @@ def _of_head(document: PlanDocument, head: int, rules: DependencyGraph) -> list[
             found.append(Wait(head, end, float(actions.end_s[k]), "cooling", following))
     at = float(actions.end_s[-1]) if len(actions) else 0.0
     if end_s - at >= SHORT_S:
-        found.append(Wait(head, at, end_s, "end"))
+        prints = (actions.kind == ActionKind.PRINT).any()
+        found.append(Wait(head, at, end_s, "end" if prints else "unused"))
     return found
 
 

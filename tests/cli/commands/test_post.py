@@ -23,7 +23,7 @@ def views(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
     def write(result: Result, path: Path, **_layer: int | None) -> None:
         places.append(path)
-        path.write_text(result.source.name)
+        path.write_text(f"decmcts {result.source.name}")
 
     monkeypatch.setattr(Result, "write_report", write)
     monkeypatch.setattr(Result, "write_picture", write)
@@ -57,7 +57,7 @@ def test_views_have_the_name_that_the_file_gets(
     monkeypatch.setenv(NAME, str(final))
     assert run(["post", *QUICK, "--report", str(part)]) == 0
     assert views == [final.parent / "cup.report.html"]
-    assert views[0].read_text() == "cup.gcode"
+    assert views[0].read_text() == "decmcts cup.gcode"
     said = capsys.readouterr().out.splitlines()
     assert said[0].startswith("cup.gcode: rewritten for paper and verified")
     assert said[-1] == f"wrote {views[0]}"
@@ -114,3 +114,15 @@ def test_programs_read_where_the_views_are(part: Path, views: list[Path], capsys
     assert run(["post", *QUICK, "--report", str(part)]) == 0
     assert "so there is nothing to show" in capsys.readouterr().out
     assert len(views) == 1
+
+
+def test_what_somebody_else_wrote_beside_the_file_stays(
+    part: Path, views: list[Path], capsys
+) -> None:
+    """The name was not asked for by anybody; a report of ours is replaced."""
+    report, picture = part.with_name("part.report.html"), part.with_name("part.picture.png")
+    report.write_text("precious")
+    picture.write_bytes(b"\x89PNG Software decmcts")
+    assert run(["post", *QUICK, "--report", "--picture", str(part)]) == 0
+    assert report.read_text() == "precious" and views == [picture]
+    assert f"{report} is left as it is" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from decmcts.planning.problem.exported import HOST, NAME, beside, exported_file
+from decmcts.planning.problem.exported import HOST, NAME, beside, exported_file, is_foreign
 
 
 def test_the_final_name_is_the_slicers(tmp_path: Path) -> None:
@@ -26,6 +26,7 @@ def test_the_final_name_is_the_slicers(tmp_path: Path) -> None:
         ("part.gcode", "File", "part.gcode"),  # relative to nobody knows what
         ("..", "File", "copy.gcode"),
         ("/", "", "copy.gcode"),
+        ("/tmp/", "", "copy.gcode"),
         ("a\0b", "", "copy.gcode"),
         ("", "File", "copy.gcode"),
     ],
@@ -48,3 +49,13 @@ def test_a_place_that_is_none_costs_only_the_place(
 def test_what_stands_beside_a_file_has_its_name(name: str, stem: str) -> None:
     """Without what says that it is G-code; nothing is left without a name."""
     assert beside(Path("x") / name, ".report.html") == Path("x") / f"{stem}.report.html"
+
+
+def test_what_others_made_is_known(tmp_path: Path) -> None:
+    """A name that follows from another must not cost a file that somebody wrote."""
+    assert not is_foreign(tmp_path / "none")
+    for content, foreign in ((b"precious", True), (b'<meta content="decmcts">', False)):
+        (tmp_path / "a.report.html").write_bytes(content)
+        assert is_foreign(tmp_path / "a.report.html") is foreign
+    (tmp_path / "link").symlink_to(tmp_path / "a.report.html")
+    assert is_foreign(tmp_path / "link") and is_foreign(tmp_path)

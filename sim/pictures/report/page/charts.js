@@ -86,7 +86,7 @@
     const what = history.minimised.replace(/, (s|mm)$/, "");
     const said = [`The search brought the ${what} from ${shown(first, unit)} down to ${shown(best, unit)}; its last gain came after ${D.format.duration(from)}.`];
     const { end_s } = page.plans[1];
-    if (page.plans[1].heads.length > 1 && Math.abs(best / end_s - 1) > 0.005) {
+    if (page.plans[1].heads.length > 1 && end_s / best > 1.005) {
       said.push(`With all its stops, the finished plan takes ${D.format.duration(end_s)}.`);
     }
     if (history.cooled) said.push("After the search, beads that would be printed over too soon are moved back, so the plan may end higher than the curve.");

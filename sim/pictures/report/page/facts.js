@@ -49,16 +49,12 @@
   function nearest(gap, what) {
     if (!gap) return null;
     const more = gap.at_least ? "or more " : "";
-    const asked = gap.required_mm > 0 ? `${Number(gap.required_mm.toFixed(2))} mm is asked for` : "none is asked for";
+    const asked = gap.required_mm > 0 ? `${Number(gap.required_mm.toFixed(2))} mm is asked for` : "the beads' full width is counted, and no more is asked for";
     return e("li", {}, e("b", {}, apart(gap.mm)), ` ${more}${what}, at the nearest; ${asked}`);
   }
 
-  /** The difference of two times as they are shown: rounded to minutes where both are. */
-  function asShown(before_s, after_s) {
-    if (Math.min(before_s, after_s) < 3599.5) return D.format.duration(Math.abs(Math.round(before_s) - Math.round(after_s)));
-    const minutes = Math.abs(Math.round(before_s / 60) - Math.round(after_s / 60));
-    return minutes < 60 ? `${minutes} min` : D.format.duration(60 * minutes);
-  }
+  /** The difference of two times as they are shown, to the second. */
+  const asShown = (before_s, after_s) => D.format.duration(Math.abs(Math.round(before_s) - Math.round(after_s)));
 
   /** Before, after and what is saved. */
   function time(facts) {
@@ -68,8 +64,8 @@
     const bar = (label, seconds, kind) =>
       e("div", { class: "pair" }, e("span", { class: "name" }, label),
         e("div", { class: "track" }, e("div", { class: kind, style: `width:${(100 * seconds) / most}%` })),
-        e("b", {}, D.format.duration(seconds)));
-    const what = of === "whole file" ? "Time of the whole file" : "Time of the print, without start and end of the file";
+        e("b", { class: "number" }, D.format.clock(seconds)));
+    const what = of === "whole file" ? "Time of the whole file, start and end included" : "Time of the print, without start and end of the file";
     return e("div", { class: "card" },
       e("h2", {}, what),
       e("p", { class: "big" }, less, Math.abs(saved) < 0.5 ? "" : e("small", {}, ` ${share(Math.abs(saved), before_s)}`)),
@@ -88,8 +84,9 @@
   /** What no order can be better than, for one head. */
   function proof({ proof }) {
     if (!proof) return null;
-    const least = proof.unit === "mm" ? `less travel than ${D.format.mm(proof.bound)}` : `shorter travels than ${D.format.duration(proof.bound)}`;
-    return e("p", {}, `No order can have ${least} (proven): at most ${proof.gap_percent.toFixed(1)} % above it.`);
+    const shown = (value) => (proof.unit === "mm" ? D.format.mm(value) : D.format.duration(value));
+    return e("p", {}, `Counted straight from bead to bead, without lifts and detours, travels take ${shown(proof.value)}. ` +
+      `No order can have less than ${shown(proof.bound)} (proven): this one is at most ${proof.gap_percent.toFixed(1)} % above.`);
   }
 
   /** Travel, retractions, walls crossed: before, after, less. */
@@ -127,16 +124,16 @@
       return e("li", { style: colour }, e("b", {}, head.name), ` ${said} · ${D.format.number(head.contours)} beads`,
         e("div", { class: "track", "aria-hidden": "true" }, ...drawn));
     };
-    return e("div", { class: "card" }, e("h2", {}, "How the heads are used"), speed(facts.speed_up),
+    return e("div", { class: "card" }, e("h2", {}, "How the heads are used"), speed(facts.speed_up, page.history.cooled),
       e("ul", { class: "used" }, ...facts.heads.map(one)));
   }
 
-  function speed(up) {
+  function speed(up, cooled) {
     if (!up) return null;
     const text = [e("b", {}, `${(up.one_head_s / up.makespan_s).toFixed(2)} times as fast`), ` as one head alone, which takes ${D.format.duration(up.one_head_s)}.`];
     if (up.bound_s) {
       const above = share(up.makespan_s - up.bound_s, up.makespan_s);
-      text.push(` No plan for these heads can be shorter than ${D.format.duration(up.bound_s)} (proven), so at most ${above} is left to gain.`);
+      text.push(` No plan for these heads can be shorter than ${D.format.duration(up.bound_s)} (proven), so at most ${above} is left to gain${cooled ? ", less what plastic needs to cool" : ""}.`);
     }
     return e("p", {}, ...text);
   }
@@ -154,7 +151,7 @@
   }
 
   function settings(facts) {
-    const rows = [["planner", facts.planner], ...facts.settings].map(([k, v]) => [k, String(v)]);
+    const rows = facts.settings.map(([k, v]) => [k, String(v)]);
     return D.table("Settings", ["setting", "value"], rows);
   }
 

@@ -140,7 +140,7 @@
 
   /** The next wait after what is pointed at, on any head; after the last one comes the first. */
   function nextWait(step) {
-    const focus = D.gantt.focus(), real = D.page.waits.filter((wait) => wait.cause !== "signal" && wait.cause !== "end");
+    const focus = D.gantt.focus(), real = D.page.waits.filter((wait) => !["signal", "end", "unused"].includes(wait.cause));
     const waits = real.length ? real : D.page.waits;
     const at = focus ? focus.begin_s : D.gantt.view.from - 1;
     const after = (wait) => wait.begin_s > at + 1e-3 || (focus && wait.begin_s > at - 1e-3 && wait.head > focus.head);

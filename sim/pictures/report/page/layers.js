@@ -19,7 +19,7 @@
     const [low, high] = scene.layers;
     return scene.travels.map(({ runs }) => {
       const mm = new Float64Array(high - low + 1);
-      for (const run of runs) mm[run.layer - low] += run.mm;
+      for (const run of runs) if (!run.home) mm[run.layer - low] += run.mm;
       return mm;
     });
   }

@@ -96,8 +96,9 @@
       D.beads.recolour(this, this.travels[plan], 0);
     }
 
-    /** Lay thick lines over the picture: [{points: [[x, y, z] ...], rgb}]. */
-    overlay(lines) {
+    /** Lay thick lines over the picture of one plan, or of both: [{points: [[x, y, z] ...], rgb}]. */
+    overlay(lines, plan = null) {
+      this.extraOf = plan;
       if (this.extra) D.beads.release(this.extra);
       this.extra = linesOf(this, lines);
     }
@@ -201,7 +202,7 @@
       this.strips("LINE", { ...line, on: view.bed, begin: 0, count: view.bed.set.n, now: ALL, wide: 1 });
       if (state.travels || state.changed) this.drawTravels(line, seen.plan, state, seen.now);
       this.heads(view, line, seen.plan, state);
-      if (this.extra) {
+      if (this.extra && (this.extraOf === null || this.extraOf === seen.plan)) {
         this.strips("LINE", { ...line, on: this.extra, begin: 0, count: this.extra.set.n, now: ALL, wide: 4 });
       }
     }

@@ -25,11 +25,13 @@
     let count = 0;
     for (const [h, head] of plan.heads.entries()) {
       const layers = layersOf(head, scene.page.contours.layer);
+      const last = head.kind.lastIndexOf(0);
       for (let k = 0; k < head.n; k++) {
         if (!MOVES.has(head.kind[k])) continue;
         const path = D.path(scene.page, head, k);
-        const kind = D.changes.travelKind(p, head.flags[k]);
-        runs.push({ head: h, action: k, layer: layers[k], kind, path, mm: 0,
+        const home = k > last; // to the park: of no layer
+        const kind = home ? "same" : D.changes.travelKind(p, head.flags[k]);
+        runs.push({ head: h, action: k, layer: layers[k], kind, home, path, mm: 0,
           over: (head.flags[k] & D.changes.OVER_WALL) > 0 });
         count += Math.max(0, path.x.length - 1);
         if ((runs.length & 1023) === 0) await D.segments.breathe();

@@ -175,7 +175,8 @@
       ...near.after.slice(0, MOST).map((at) => ({ points: pointsOf(at), rgb: last })),
       { points, rgb: chosen },
     ].filter(({ points }) => points.length);
-    painter.overlay(lines);
+    const { kind } = scene.page.plans[selected.plan].heads[selected.head];
+    painter.overlay(lines, kind[selected.action] === 0 ? null : selected.plan);
   }
 
   /** What is shown at (x, y) px of the canvas: {plan, head, action} or null. */

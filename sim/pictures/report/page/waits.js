@@ -9,7 +9,7 @@
   function show(page) {
     const section = document.getElementById("heads");
     if (section.hidden) return;
-    const real = D.gantt.longest().filter((wait) => wait.cause !== "end");
+    const real = D.gantt.longest().filter((wait) => wait.cause !== "end" && wait.cause !== "unused");
     const others = real.filter((wait) => wait.cause !== "signal");
     section.append(...[
       page.critical.length ? chainText(page) : null,

@@ -8,9 +8,10 @@
     space: ["is in the way", "another head is in the way"],
     cooling: ["is still too warm to print over", "what lies below has to cool"],
     priming: ["primes the nozzle first", "the nozzle's priming comes first"],
-    tool: ["comes before a tool change or barrier", "tool change or barrier"],
+    tool: ["comes before settings change", "settings change there: first layer, fan, temperature, tool"],
     layers: ["would be left too many layers behind", "no head runs too many layers ahead"],
     signal: ["stops to be heard", "a short stop in which heads signal each other"],
+    unused: ["is not used", "a head is not used: no plan found is shorter with it"],
     end: ["nothing is left to do", "nothing is left to do"],
   };
 
@@ -73,7 +74,7 @@
   /** Three lengths of a wait's label, the longest first. */
   const labels = (wait) => {
     const time = D.format.duration(wait.end_s - wait.begin_s);
-    if (wait.cause === "end" && wait.begin_s <= 0) return [`has nothing to do: ${time}`, "nothing to do", ""];
+    if (wait.cause === "unused") return [`is not used: no plan found is shorter with it`, "not used", ""];
     if (wait.cause === "end") return [`${time}: nothing is left to do`, "done", ""];
     const other = wait.other_head === null ? "" : ` for ${headName(wait.other_head)}`;
     const what = wait.other_head === null ? null : bead(wait.other_head, wait.other_action);

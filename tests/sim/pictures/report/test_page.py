@@ -11,7 +11,9 @@ from importlib.resources import files
 import numpy as np
 import pytest
 
+from decmcts.planning.problem.exported import is_foreign
 from decmcts.print.plan import ActionKind
+from sim.pictures.drawings import draw_plan
 from sim.pictures.report import Told, write_report
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.page import LIBRARIES, PAGE, SCRIPTS, STYLES
@@ -47,6 +49,16 @@ def test_the_page_needs_no_network(make, tmp_path):
     assert not re.search(r"<(script|link|img)[^>]+src=", page)
     assert re.findall(r'<link[^>]+href="([^"]*)"', page) == ["data:,"]
     assert "<!--" not in page
+
+
+def test_reports_and_pictures_say_who_made_them(make, tmp_path):
+    """By that `post` knows what it may replace."""
+    document = make.tower_plan()
+    write_report(tmp_path / "r.html", before=document, after=document)
+    for name in ("p.png", "p.svg"):
+        draw_plan(tmp_path / name, document, document)
+    for name in ("r.html", "p.png", "p.svg"):
+        assert not is_foreign(tmp_path / name)
 
 
 def test_names_cannot_break_the_page(make, tmp_path):
