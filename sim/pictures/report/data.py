@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.machine import Head, Machine
 from decmcts.print.metrics import compared_order
@@ -22,6 +23,7 @@ from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
 from sim.pictures.report.waits import Wait, critical_path, sums_of, waits_of
 
 History = Sequence[Sequence[float]] | NDArray[np.float64]
+MOST_CLUSTERED = 50_000  # contours; of more there are no clusters in the page
 MOST_EDGES = 300_000  # of the graph; with more the page has none
 
 
@@ -48,7 +50,7 @@ def page_data(
         "made_with": f"decmcts {__version__}",
         "machine": _machine(after.machine),
         "roles": list(ROLES),
-        "contours": drawn.contours,
+        "contours": {**drawn.contours, **_clusters(told.graph, blobs)},
         "thinned": drawn.thinned,
         "plans": [
             plan_of(document, drawn, each, label, blobs)
@@ -70,6 +72,13 @@ def page_data(
         "notes": list(told.notes),
     }  # fmt: skip
     return page, blobs
+
+
+def _clusters(graph: DependencyGraph | None, blobs: Blobs) -> dict[str, Any]:
+    """Return the cluster of each contour (Alg. 1 of Yoo et al. 2020), where there is a graph."""
+    if graph is None or not 0 < graph.n <= MOST_CLUSTERED:
+        return {}
+    return {"cluster": blobs.add(cluster_contours(graph))}
 
 
 def _machine(machine: Machine) -> dict[str, Any]:

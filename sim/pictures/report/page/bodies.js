@@ -70,6 +70,20 @@
     return { at: along(path, (time - begin) / (end - begin)), action };
   }
 
+  /** The rectangle a head's slices pass over in an action, at the action's lowest height: [[x, y, z] ...]. */
+  function reservedBy(page, head, action) {
+    const path = D.path(page, head, action);
+    const shape = page.machine.heads.find(({ name }) => name === head.name) ?? { slices: [] };
+    const corners = shape.slices.flatMap(({ polygons }) => polygons.flat());
+    const range = (values) => values.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]);
+    const [x, y] = [path.x, path.y].map((along, k) => {
+      const [a, b] = range(along), [c, d] = corners.length ? range(corners.map((p) => p[k])) : [0, 0];
+      return [a + c, b + d];
+    });
+    const z = range(path.z)[0];
+    return [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z], [x[0], y[0], z]];
+  }
+
   /** The point at a share of a path's length. */
   function along({ x, y, z }, share) {
     const steps = [];
@@ -89,5 +103,5 @@
     return [x[0], y[0], z[0]];
   }
 
-  D.bodies = { solidOf, placeAt, actionAt };
+  D.bodies = { solidOf, placeAt, actionAt, reservedBy };
 })();

@@ -102,6 +102,11 @@
       const present = used(tool, 256);
       return kinds((t) => `tool ${t}`, (t) => parsed(OF_TOOLS[t % OF_TOOLS.length]), present, (c) => tool[c]);
     },
+    cluster: (scene) => {
+      const { cluster } = scene.page.contours, many = OF_TOOLS.length;
+      const present = [...new Set(cluster.map((k) => k % many))].sort((a, b) => a - b);
+      return kinds((k) => `clusters ${k + 1}, ${k + 1 + many}, …`, (k) => parsed(OF_TOOLS[k]), present, (c) => cluster[c] % many);
+    },
     layer: (scene) => {
       const [low, high] = scene.layers;
       return measure(low, high, [`layer ${low + 1}`, `layer ${high + 1}`],

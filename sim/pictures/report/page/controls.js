@@ -192,8 +192,11 @@
     "Keys in the picture: arrows turn, Shift and arrows move, + and - zoom, T F R I views, 0 fits, space plays, " +
     "Page Up and Page Down go through layers, N and P through a head's actions, Z goes near the selected one, B compares, C shows what changed, V travels, Escape selects nothing.";
 
+  /** Ways of colouring; clusters where the page has them. */
+  const coloured = () => [...Object.entries(COLOURS), ...(page.contours.cluster ? [["cluster", "cluster of the graph"]] : [])];
+
   function bar(acts) {
-    const [pair, colours] = selection("view-colour", "Colour by", Object.entries(COLOURS), "role",
+    const [pair, colours] = selection("view-colour", "Colour by", coloured(), "role",
       (v) => D.state.set({ colour: v, changed: false }));
     shown.push((now) => { colours.value = now.colour; });
     return element("div", { class: "view-row" }, choice("plans", PLANS, "Plans shown"), pair,

@@ -20,6 +20,7 @@
       this.travels = scene.travels.map(({ set }) => D.beads.upload(this, set));
       this.solids = this.solidsOf();
       this.extra = null;
+      this.spaces = new Map(); // of each head, for its action
       this.layerOf = Int32Array.from(scene.order, (c) => scene.page.contours.layer[c]);
       this.layers = layersOf(this.layerOf, scene);
     }
@@ -225,9 +226,24 @@
           this.strips("LINE", { ...still, on: edges, count: edges.set.n, wide: 1.3 });
           this.command("faces", () => D.beads.faces(this.regl))({ ...line, place, count, shift: at, colour: [...rgb.map((v) => v / 255), 0.09] });
         }
+        if (state.bodies) this.reserved(line, plan, h, view.heads[plan][h]);
         const mark = view.marks[plan][h];
         this.strips("LINE", { ...still, on: mark, count: mark.set.n, wide: 9 });
       });
+    }
+
+    /** The space a head has to itself while it does what it does: what its slices pass over. */
+    reserved(line, plan, h, { action, rgb }) {
+      if (action === null) return;
+      const told = `${action} ${rgb}`;
+      const key = `${plan} ${h}`;
+      if (this.spaces.get(key)?.told !== told) {
+        if (this.spaces.has(key)) D.beads.release(this.spaces.get(key).on);
+        const points = D.bodies.reservedBy(this.scene.page, this.scene.page.plans[plan].heads[h], action);
+        this.spaces.set(key, { told, on: linesOf(this, [{ points, rgb }], SHOWN.plain) });
+      }
+      const { on } = this.spaces.get(key);
+      this.strips("LINE", { ...line, on, begin: 0, count: on.set.n, now: ALL, wide: 2 });
     }
 
     ground(view) {

@@ -109,7 +109,9 @@ def test_what_changed_is_counted(view: Page, one_head: tuple[Result, Path]) -> N
     assert not state(view)["changed"]
 
 
-@pytest.mark.parametrize("mode", ["role", "head", "tool", "layer", "time", "speed", "change"])
+@pytest.mark.parametrize(
+    "mode", ["role", "head", "tool", "layer", "time", "speed", "change", "cluster"]
+)
 def test_every_colour_has_a_legend(view: Page, mode: str) -> None:
     """Names or a scale; an entry dims what it names."""
     view.select_option("#view-colour", mode)
@@ -163,6 +165,26 @@ def test_the_mouse_turns_and_zooms(view: Page) -> None:
     assert turned != was and state(view)["selected"] is None
     view.mouse.wheel(0, -200)
     view.wait_for_function("was => JSON.stringify(D.view.camera()) !== was", arg=turned)
+
+
+def test_heads_and_the_space_they_need_are_drawn(view: Page, one_head: tuple[Result, Path]) -> None:
+    """A frame round what the head's slices pass over in what it does."""
+    actions = one_head[0].document.plan.heads[0]
+    middle = len(actions) // 2
+    view.evaluate("t => D.state.set({time: t})", float(actions.begin_s[middle : middle + 2].mean()))
+    assert drawn(view) > 0
+    frame = np.array(
+        view.evaluate(f"D.bodies.reservedBy(D.page, D.page.plans[1].heads[0], {middle})")
+    )
+    slices = one_head[0].document.machine.heads[0].slices
+    corners = np.concatenate([np.concatenate(piece.polygons) for piece in slices])
+    path = actions.action_path(middle)
+    assert frame[:, :2].min(axis=0) == pytest.approx(
+        path.min(axis=0)[:2] + corners.min(axis=0), abs=0.05
+    )
+    assert frame[:, :2].max(axis=0) == pytest.approx(
+        path.max(axis=0)[:2] + corners.max(axis=0), abs=0.05
+    )
 
 
 def test_it_plays_to_the_end(view: Page) -> None:
