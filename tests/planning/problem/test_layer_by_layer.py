@@ -16,6 +16,7 @@ from decmcts.planning.problem.layer_by_layer import with_epochs
 from sim.experiments.made_one_by_one import BETWEEN, COOLER, one_by_one
 from sim.files.phases import in_phases
 from tests.formats.gcode.text.packed import gcode_3mf
+from tests.sim.pictures.report.unpacking import page_of
 
 SHORT = ["--planner", "greedy", "--time-limit", "0.2", "--machine", "mk4s", "--no-certificate"]
 POST = [option for option in SHORT if option != "--no-certificate"]
@@ -37,7 +38,7 @@ def test_they_are_printed_layer_by_layer(tmp_path: Path, capfd: pytest.CaptureFi
     said = json.loads(capfd.readouterr().out)
     assert said["made_safe"]
     assert said["before"]["made_safe"]
-    assert "<th>layer by layer</th>" in report.read_text()
+    assert page_of(report)["plans"][0]["label"] == "layer by layer"
     header = out.read_text().split("verified: ", 1)[0]
     assert f"; {SAFE}\n" in header
     assert "(layer by layer -> in this order)" in header
