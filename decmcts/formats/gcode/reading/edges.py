@@ -3,7 +3,7 @@
 The first layer when cooling is another after it, and the place where a command
 sets something for the first time: what held before cannot be set again. And where dots and
 vertical beads of a tool begin and end: pushed right above or below a tool change they would
-look like its purge. And behind the first bead where it is primed in place.
+look like its purge.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from decmcts.formats.gcode.controller.motion import Motion
 from decmcts.formats.gcode.controller.state import Track
 from decmcts.formats.gcode.dialects.dialect import GROWING
 from decmcts.formats.gcode.document import BEFORE_TRAVEL, DESCRIBES, SILENT, UNSET
-from decmcts.formats.gcode.reading.dots import DOT_MM, REFILLS
+from decmcts.formats.gcode.reading.dots import REFILLS
 from decmcts.formats.gcode.reading.grouping import Runs
 
 DOWN_MM = 1e-3  # heights nearer than that are one
@@ -53,21 +53,8 @@ def state_edges(
         edge |= within  # set within this contour: it ends its epoch
         edge[1:] |= within[:-1] | grows[end[:-1], begin[1:]]
     _mark_dots(edge, motion, runs, track)
-    if primed_in_place(motion, runs):  # pushed for this bead, and a dot where another is first
-        edge[1:2] = one_way[0] = True
     edge[0] = False
     return edge, one_way
-
-
-def primed_in_place(motion: Motion, runs: Runs) -> bool:
-    """Tell whether more is pushed where the first bead begins than was retracted before."""
-    first = int(runs.first[0])
-    begin = motion.points[first]
-    k = first
-    while k > 0 and (motion.points[k - 1] == begin).all():
-        k -= 1
-    owed = float(motion.extruder[max(int(motion.line[k]) - 1, 0), 1])
-    return k < first and float(motion.extrusion[k:first].sum()) > owed + DOT_MM
 
 
 def _mark_dots(edge: NDArray[np.bool_], motion: Motion, runs: Runs, track: Track) -> None:
