@@ -53,7 +53,7 @@ def tests() -> None:
     run(python, "-m", "ruff", "format", "--check", ".")
     run(python, "-m", "mypy")
     run(BIN / "lint-imports")
-    run(python, "-m", "pytest", "-m", "not slicers", "-n", "2")
+    run(python, "-m", "pytest", "-m", "not slicers and not long", "-n", "2")
 
 
 if __name__ == "__main__":

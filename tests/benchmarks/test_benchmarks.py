@@ -44,6 +44,7 @@ SMALLEST = {  # script: (options, rows, files)
 }
 
 
+LONG = ("quality", "scale", "convergence", "ablation")
 RESUMED = ("planners", "ledger")  # all go on by the same code
 
 
@@ -59,7 +60,10 @@ def run(script: str, options: list[str], results: Path, **environment: str) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("script", SMALLEST)
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(name, marks=[pytest.mark.long] if name in LONG else []) for name in SMALLEST],
+)
 def test_runs_once_and_resumes(script, tmp_path):
     """A long table is made in several sittings; what is there must not be run again."""
     options, rows, files = SMALLEST[script]
