@@ -23,7 +23,7 @@ from decmcts.cli import signals
 from decmcts.cli.terminal import SafeConsole
 from decmcts.planning.events import Event, Heads, Note, Report, Step
 from decmcts.planning.events import Progress as Searched
-from decmcts.print.metrics import clock_time
+from decmcts.print.figures import clock_time
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 err = SafeConsole(stderr=True, highlight=False, markup=False, emoji=False)  # names hold brackets

@@ -11,7 +11,8 @@ from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.result import Result
 from decmcts.planning.writing.file_times import COUNTS_SHARE, FileTimes, is_longer
-from decmcts.print.metrics import Metrics, clock_time
+from decmcts.print.figures import clock_time
+from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 from rich.table import Table
 
-from decmcts.print.metrics import Metrics, clock_time, compared_order
+from decmcts.print.figures import MAKERS, change, shown
+from decmcts.print.metrics import Metrics, compared_order
 
 KEYS = (
     "contours",
@@ -21,11 +22,6 @@ KEYS = (
     "travel_over_walls_mm",
 )  # of whole files where one was written; the last where the file names roles
 COUNTS = ("contours", "retractions")  # told as they are: 3 → 9 is no loss of 200 %
-MAKERS = {
-    "emitted_travel_mm": "travel",
-    "retractions": "retractions",
-    "travel_over_walls_mm": "travel over outer walls",
-}
 PAPERS = {
     "contours": "contours",
     "extrusionless_travel_mm": "travel between contours",  # the paper's metric
@@ -69,24 +65,16 @@ def rows_of(before: Metrics, after: Metrics, *, verbose: bool = False) -> list[R
     """
     figures = compared(before, after)
     whole = "file_time_s" in figures
-    shown = {"file_time_s" if whole else "print_time_s": "print time", **MAKERS}
+    told = {"file_time_s" if whole else "print_time_s": "print time", **MAKERS}
     if verbose:
-        shown |= PAPERS
+        told |= PAPERS
         if whole:
-            shown["print_time_s"] = "print time, first to last bead"
-    return [_row(label, key, *figures[key]) for key, label in shown.items() if key in figures]
+            told["print_time_s"] = "print time, first to last bead"
+    return [_row(label, key, *figures[key]) for key, label in told.items() if key in figures]
 
 
 def _row(label: str, key: str, was: float, now: float) -> Row:
-    share = f"{100.0 * (now - was) / was:+.1f} %" if was and key not in COUNTS else ""
-    return Row(label, _shown(key, was), _shown(key, now), share.replace("-", "−"))
-
-
-def _shown(key: str, value: float) -> str:
-    """Return a figure as it is read: times in h:min:s, lengths in mm, or a count."""
-    if key.endswith("_s"):
-        return clock_time(value)
-    return f"{value:,.0f} mm" if key.endswith("_mm") else f"{value:,.0f}"
+    return Row(label, shown(key, was), shown(key, now), "" if key in COUNTS else change(was, now))
 
 
 def gain_table(before: Metrics, after: Metrics, *, verbose: bool = False) -> Table:

@@ -73,15 +73,3 @@ class Metrics(TypedDict, total=False):
 def compared_order(before: Metrics) -> str:
     """Return the words for the order that a plan is compared with."""
     return "layer by layer" if before.get("made_safe") else "before"
-
-
-def clock_time(seconds: float) -> str:
-    """Return a time as people read it: hours, minutes and seconds.
-
-    Examples
-    --------
-    >>> clock_time(3725.4), clock_time(88.0)
-    ('1:02:05', '0:01:28')
-    """
-    minutes, left = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{left:02d}"

@@ -10,7 +10,8 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 from numpy.typing import NDArray
 
 from decmcts.formats.files.names import in_one_line
-from decmcts.print.metrics import Metrics, clock_time
+from decmcts.print.figures import change, clock_time, shown
+from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from sim.pictures.activity import activity
 from sim.pictures.canvas import head_colour
@@ -31,22 +32,21 @@ def title_lines(name: str, before: PlanDocument, after: PlanDocument) -> tuple[s
     whole = "file_time_s" in was and "file_time_s" in now and heads == 1
     figures = [
         _change("print time of the whole file" if whole else "print time",
-                was, now, "file_time_s" if whole else "makespan_s", timed=True),
-        _change("travel", was, now, "emitted_travel_mm", timed=False),
+                was, now, "file_time_s" if whole else "makespan_s"),
+        _change("travel", was, now, "emitted_travel_mm"),
     ]  # fmt: skip
     if heads > 1:
         title += f", {heads} heads"
     return title, "; ".join(part for part in figures if part) + "; lengths in mm, times in h:min:s"
 
 
-def _change(what: str, was: Metrics, now: Metrics, key: str, *, timed: bool) -> str:
+def _change(what: str, was: Metrics, now: Metrics, key: str) -> str:
     """Return one figure before and after, in words; '' where one is not known."""
     a, b = was.get(key), now.get(key)
     if not isinstance(a, int | float) or not isinstance(b, int | float):
         return ""
-    show = clock_time if timed else lambda value: f"{value:,.0f} mm"
-    less = f" ({100 * (b / a - 1):+.1f} %)".replace("-", "−") if a else ""
-    return f"{what} {show(a)} → {show(b)}{less}"
+    share = f" ({change(a, b)})" if a else ""
+    return f"{what} {shown(key, a)} → {shown(key, b)}{share}"
 
 
 def draw_layers(axis: Any, lengths: tuple[Floats, ...], row: int, first: str) -> None:

@@ -39,10 +39,27 @@ class Travels:
 
     def in_no_place_of(self, other: Travels) -> NDArray[np.bool_]:
         """Tell which have no travel between the same two places in another plan, (k,)."""
-        both = np.concatenate([self.ends, other.ends])
-        _, number = np.unique(both, axis=0, return_inverse=True)
-        number = number.reshape(-1)
-        return ~np.isin(number[: len(self.ends)], number[len(self.ends) :])
+        return in_no_place_of(self.ends, other.ends)
+
+
+def in_no_place_of(ends: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which of these ends (k, 6) are none of the others (m, 6), (k,)."""
+    _, number = np.unique(np.concatenate([ends, others]), axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    return ~np.isin(number[: len(ends)], number[len(ends) :])
+
+
+def both_ends(
+    actions: HeadActions, first: NDArray[np.int64], last: NDArray[np.int64], parts: float
+) -> NDArray[np.int64]:
+    """Return two points of a path each on a grid, the lesser first, (k, 6).
+
+    So a way is the same whichever way it is gone. The grid has `parts` in a mm.
+    """
+    ends = np.rint(actions.path[np.stack([first, last])] * parts).astype(np.int64)
+    swapped = _is_greater(ends[0], ends[1])[:, None]
+    low, high = np.where(swapped, ends[1], ends[0]), np.where(swapped, ends[0], ends[1])
+    return np.concatenate([low, high], axis=1)
 
 
 def layers_of(document: PlanDocument) -> tuple[NDArray[np.int32], Floats]:
@@ -83,14 +100,11 @@ def _of_head(
     along = np.append(0.0, np.cumsum(steps))
     layer = layer_of[actions.contour[prints]]
     before = np.append(-1, layer[:-1]) if len(prints) else layer
-    ends = np.rint(actions.path[np.stack([first, last])] * SAME_PLACE).astype(np.int64)
-    swapped = _is_greater(ends[0], ends[1])[:, None]
-    low, high = np.where(swapped, ends[1], ends[0]), np.where(swapped, ends[0], ends[1])
     made = along[last] - along[first]
     kept = made > 0.0
     columns = (
         np.full(len(prints), index), first, last, layer, layer == before, made,
-        np.concatenate([low, high], axis=1),
+        both_ends(actions, first, last, SAME_PLACE),
     )  # fmt: skip
     return tuple(column[kept] for column in columns)
 

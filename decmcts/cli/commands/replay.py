@@ -28,7 +28,7 @@ from decmcts.formats.files.bounds import LARGEST_SECONDS
 from decmcts.formats.files.fields import Fields, shown
 from decmcts.formats.files.reading import read_bytes
 from decmcts.planning.events import Heads
-from decmcts.print.metrics import clock_time
+from decmcts.print.figures import clock_time
 
 FORMAT = "decmcts-record/1"
 BEGINS = json.dumps({"format": FORMAT})[:-1]

@@ -6,15 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.geometry.walls import Walls, over_walls
-from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.print.walls import outer_walls
+from sim.pictures.layer_travels import both_ends, in_no_place_of
 
 OTHER = np.uint8(1)  # a travel between places that the other plan has no travel between
 OVER_WALL = np.uint8(2)  # a travel that crosses an outer wall
 MOVED = np.uint8(4)  # a contour printed by another head, or much earlier or later in the order
 MUCH = 0.01  # of the order, by which a contour has moved
 PLACE_MM = 0.02  # by which ends of a travel may differ and be the same
+NOWHERE = np.zeros((0, 6), np.int64)  # both ends of no travel
 
 Flags = tuple[NDArray[np.uint8], ...]
 
@@ -24,11 +25,11 @@ def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[Flags, Flags]:
     plans = [document.plan.heads for document in (before, after)]
     found = [[np.zeros(len(actions), np.uint8) for actions in plan] for plan in plans]
     walls = outer_walls(before.contours)
-    keys = [[_travels(actions) for actions in plan] for plan in plans]
+    ends = [[_travels(actions) for actions in plan] for plan in plans]
     for k in (0, 1):
-        others = np.unique(np.concatenate([key for _, key in keys[1 - k]] or [np.zeros(0, "V")]))
-        for flags, (rows, key), actions in zip(found[k], keys[k], plans[k], strict=True):
-            flags[rows[~np.isin(key, others)]] |= OTHER
+        others = np.concatenate([NOWHERE, *(there for _, there in ends[1 - k])])
+        for flags, (rows, mine), actions in zip(found[k], ends[k], plans[k], strict=True):
+            flags[rows[in_no_place_of(mine, others)]] |= OTHER
             flags[over_wall(walls, actions)] |= OVER_WALL
     moved = moved_contours(before, after)
     for plan, marks in zip(plans, found, strict=True):
@@ -38,18 +39,11 @@ def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[Flags, Flags]:
     return tuple(found[0]), tuple(found[1])
 
 
-def _travels(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.void]]:
-    """Return the actions that travel, and a key of each: its two ends, whichever is first."""
+def _travels(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the actions that travel, (k,), and where both ends of each are, (k, 6)."""
     rows = np.flatnonzero((actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK))
     first, last = actions.path_offsets[rows], actions.path_offsets[rows + 1] - 1
-    ends = np.rint(np.stack([actions.path[first], actions.path[last]], axis=1) / PLACE_MM)
-    ends = ends.astype(np.int64)
-    swap = (ends[:, 0] > ends[:, 1])[:, 0]
-    tied = (ends[:, 0] == ends[:, 1])[:, 0]
-    swap |= tied & (ends[:, 0, 1] > ends[:, 1, 1])
-    ends[swap] = ends[swap, ::-1]
-    flat = np.ascontiguousarray(ends.reshape(len(rows), 6))
-    return rows, flat.view([("", np.int64)] * 6).ravel().view(np.void(48).dtype)
+    return rows, both_ends(actions, first, last, 1.0 / PLACE_MM)
 
 
 def over_wall(walls: Walls, actions: HeadActions) -> NDArray[np.int64]:
@@ -80,29 +74,3 @@ def _places(document: PlanDocument, n: int) -> tuple[NDArray[np.int64], NDArray[
     place = np.empty(n)
     place[np.argsort(begin, kind="stable")] = np.arange(n) / max(n - 1, 1)
     return head, place
-
-
-def travel_by_layer(
-    contours: Contours, plan: tuple[HeadActions, ...], layers: int
-) -> NDArray[np.float64]:
-    """Return the travel before the contours of each layer, mm, (layers,)."""
-    found = np.zeros(layers)
-    for actions in plan:
-        mm, target = travels_to(actions)
-        known = target >= 0
-        found += np.bincount(contours.layer[target[known]], mm[known], layers)
-    return found
-
-
-def travels_to(actions: HeadActions) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the length of each travel, mm, and the contour printed next (-1: none)."""
-    rows = np.flatnonzero(actions.kind != ActionKind.PRINT)
-    steps = np.linalg.norm(np.diff(actions.path, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(steps)])
-    mm = along[actions.path_offsets[rows + 1] - 1] - along[actions.path_offsets[rows]]
-    printing = np.flatnonzero(actions.kind == ActionKind.PRINT)
-    following = np.searchsorted(printing, rows)
-    target = np.full(len(rows), -1, np.int64)
-    there = following < len(printing)
-    target[there] = actions.contour[printing[following[there]]]
-    return mm, target

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from decmcts.feasibility.clustering import cluster_contours
 from decmcts.feasibility.graph import DependencyGraph
-from decmcts.print.machine import Head, Machine
+from decmcts.formats.heads.head_dict import head_to_dict
+from decmcts.print.machine import Machine
 from decmcts.print.metrics import compared_order
 from decmcts.print.plan import PlanDocument
 from decmcts.version import __version__
@@ -86,24 +87,8 @@ def _machine(machine: Machine) -> dict[str, Any]:
         "name": machine.name,
         "bed_min": list(machine.bed_min),
         "bed_max": list(machine.bed_max),
-        "clearance_mm": machine.head_clearance_mm,
-        "heads": [_shape(head) for head in machine.heads],
+        "heads": [head_to_dict(head) for head in machine.heads],
     }
-
-
-def _shape(head: Head) -> dict[str, Any]:
-    return {
-        "name": head.name,
-        "park": list(head.park),
-        "slices": [
-            {"height": piece.height_mm, "polygons": [p.tolist() for p in piece.polygons]}
-            for piece in head.slices
-        ],
-        "bodies": [
-            {"name": body.name, "min": list(body.minimum), "max": list(body.maximum)}
-            for body in head.bodies
-        ],
-    }  # fmt: skip
 
 
 def _wait(wait: Wait) -> dict[str, Any]:

@@ -9,17 +9,13 @@ from typing import Any
 import numpy as np
 
 from decmcts.feasibility.graph import DependencyGraph
+from decmcts.print.figures import MAKERS
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.faults import Verdict
 from sim.pictures.report.waits import aside_s
 
-ROWS = (
-    ("emitted_travel_mm", "travel", "mm"),
-    ("retractions", "retractions", ""),
-    ("travel_over_walls_mm", "travel over outer walls", "mm"),
-)
 SETTINGS = (
     ("planner", "planner"),
     ("objective", "search makes shorter"),
@@ -54,13 +50,12 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
     return {
         "file": told.file,
         "machine": after.machine.name,
-        "contours": len(after.contours),
         "ok": told.verdict is None or told.verdict.ok,
         "judged": told.verdict is not None,
         "checked": list(rules),
         "near": _near(told.verdict),
         "time": _time(before, after),
-        "rows": [row for row in (_row(*r, was, now) for r in ROWS) if row is not None],
+        "rows": [row for row in (_row(*named, was, now) for named in MAKERS.items()) if row],
         "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
         "speed_up": _speed_up(after),
         "proof": _proof(now),
@@ -92,10 +87,11 @@ def _time(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _row(key: str, label: str, unit: str, was: Metrics, now: Metrics) -> dict[str, Any] | None:
+def _row(key: str, label: str, was: Metrics, now: Metrics) -> dict[str, Any] | None:
     first, then = was.get(key), now.get(key)
     if not isinstance(first, int | float) or not isinstance(then, int | float):
         return None
+    unit = "mm" if key.endswith("_mm") else ""
     return {"key": key, "label": label, "unit": unit, "before": first, "after": then}
 
 

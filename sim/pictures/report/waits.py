@@ -62,8 +62,10 @@ def waits_of(document: PlanDocument, graph: DependencyGraph | None) -> list[Wait
 def _of_head(document: PlanDocument, head: int, rules: DependencyGraph) -> list[Wait]:
     heads, end_s = document.plan.heads, document.plan.makespan_s
     actions, found = heads[head], list[Wait]()
-    for k in np.flatnonzero(_idle_before(actions) | (actions.kind == ActionKind.WAIT)).tolist():
-        begin, end = float(at_end(actions, k)), float(actions.begin_s[k])
+    free_s = free_before(actions)
+    idle = actions.begin_s - free_s >= SHORT_S
+    for k in np.flatnonzero(idle | (actions.kind == ActionKind.WAIT)).tolist():
+        begin, end = float(free_s[k]), float(actions.begin_s[k])
         if end - begin >= SHORT_S:
             found.append(_explained(heads, head, k, begin, rules))
         if actions.kind[k] == ActionKind.WAIT and actions.end_s[k] - end >= SHORT_S:
@@ -76,14 +78,9 @@ def _of_head(document: PlanDocument, head: int, rules: DependencyGraph) -> list[
     return found
 
 
-def at_end(actions: HeadActions, k: int) -> float:
-    """Return when the action before ended, s; 0 where there is none."""
-    return float(actions.end_s[k - 1]) if k else 0.0
-
-
-def _idle_before(actions: HeadActions) -> NDArray[np.bool_]:
-    behind = np.concatenate([[0.0], actions.end_s[:-1]])
-    return np.asarray(actions.begin_s - behind >= SHORT_S)
+def free_before(actions: HeadActions) -> NDArray[np.float64]:
+    """Return when the action before each one ended, (k,) s; 0 where there is none."""
+    return np.append(0.0, actions.end_s)[: len(actions)]
 
 
 def _explained(
@@ -180,9 +177,10 @@ def critical_path(document: PlanDocument) -> list[tuple[int, int]]:
         return []
     head = int(np.argmax(ends))
     k = len(heads[head]) - 1
+    free_s = [free_before(actions) for actions in heads]
     path = [(head, k)]
     while True:
-        last = last_released(heads, head, k, by_s=at_end(heads[head], k))
+        last = last_released(heads, head, k, by_s=float(free_s[head][k]))
         if last is not None and heads[last[0]].begin_s[last[1]] < heads[head].begin_s[k]:
             head, k = last[0], last[1]
         elif k == 0:

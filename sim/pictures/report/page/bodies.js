@@ -46,15 +46,7 @@
   }
 
   /** The last action of a head that has begun by a time; -1: none. */
-  function actionAt(head, time) {
-    let [low, high] = [0, head.n];
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (head.begin[middle] <= time) low = middle + 1;
-      else high = middle;
-    }
-    return low - 1;
-  }
+  const actionAt = (head, time) => D.lastUpTo(head.begin, time);
 
   /** Where a head's nozzle is at a time, and in which action (null: it stands). */
   function placeAt(page, head, time) {

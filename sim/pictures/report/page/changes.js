@@ -1,7 +1,6 @@
 "use strict";
 // What differs between the plan and the source's own order.
 (() => {
-  const MUCH = 0.01; // of the print, by which a contour has moved in the order
   const OTHER = 1; // flags of actions
   const OVER_WALL = 2;
   const MOVED = 4;
@@ -48,9 +47,9 @@
   }
 
   function contourKind(scene, c) {
-    const { shift, other } = ofContours(scene);
-    if (other[c]) return "other";
-    return Math.abs(shift[c]) > MUCH ? "order" : "same";
+    if (ofContours(scene).other[c]) return "other";
+    const { head, action } = scene.by[1];
+    return scene.page.plans[1].heads[head[c]].flags[action[c]] & MOVED ? "order" : "same";
   }
 
   /** Count and mm of every kind of change within layers, and travel per layer of both plans. */
@@ -70,5 +69,5 @@
     return found;
   }
 
-  D.changes = { KINDS, OTHER, OVER_WALL, MOVED, ofContours, travelKind, contourKind, sums };
+  D.changes = { KINDS, OTHER, OVER_WALL, ofContours, travelKind, contourKind, sums };
 })();

@@ -54,6 +54,17 @@
     head.end = end;
   }
 
+  /** Index of the last of ascending values that is <= value; -1: none. */
+  D.lastUpTo = (sorted, value) => {
+    let [low, high] = [0, sorted.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (sorted[middle] <= value) low = middle + 1;
+      else high = middle;
+    }
+    return low - 1;
+  };
+
   const AXES = ["x", "y", "z"];
   const pointOf = (c, row) => [c.x[row], c.y[row], c.z[row]];
 

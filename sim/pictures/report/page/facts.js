@@ -3,10 +3,7 @@
 (() => {
   const e = D.element;
 
-  const share = (part, whole) => {
-    const percent = whole ? (100 * part) / whole : 0;
-    return `${Math.abs(percent) < 9.95 ? percent.toFixed(1) : Math.round(percent)} %`;
-  };
+  const share = (part, whole) => D.format.percent(whole ? part / whole : 0);
 
   function show(page) {
     const { facts } = page;

@@ -26,7 +26,11 @@
     mm(value) {
       return value >= 100000 ? `${precise.format(value / 1000)} m` : `${grouped.format(value)} mm`;
     },
-    percent: (share) => `${precise.format(100 * share)} %`,
+    /** 0.0123 -> "1.2 %"; 0.5 -> "50 %". */
+    percent(share) {
+      const value = 100 * share;
+      return `${Math.abs(value) < 9.95 ? value.toFixed(1) : Math.round(value)} %`;
+    },
     number: (value) => (Math.abs(value) < 100 ? precise : grouped).format(value),
   };
 })();

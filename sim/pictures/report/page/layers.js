@@ -15,13 +15,9 @@
   }
 
   /** Travel in mm in each layer: [before, after], from the first layer on. */
-  function travelled(scene) {
-    const [low, high] = scene.layers;
-    return scene.travels.map(({ runs }) => {
-      const mm = new Float64Array(high - low + 1);
-      for (const run of runs) if (!run.home) mm[run.layer - low] += run.mm;
-      return mm;
-    });
+  function travelled({ page, layers: [low, high] }) {
+    const { before, after } = page.saving.by_layer;
+    return [before, after].map((mm) => mm.slice(low, high + 1));
   }
 
   D.layers = { tops, travelled };

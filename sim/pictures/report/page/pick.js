@@ -47,15 +47,7 @@
   }
 
   /** The contour or travel a segment belongs to, as its place in drawing order. */
-  function ownerOf(first, segment) {
-    let [low, high] = [0, first.length - 1];
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (first[middle] <= segment) low = middle;
-      else high = middle - 1;
-    }
-    return low;
-  }
+  const ownerOf = (first, segment) => D.lastUpTo(first, segment);
 
   D.pick = { nearest, ownerOf };
 })();

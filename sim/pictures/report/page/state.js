@@ -24,5 +24,4 @@
 
   /** The value of a colour of the page's style, e.g. D.colour("--head0"). */
   D.colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  D.headColour = (index, heads) => D.colour(`--head${index % 8}`);
 })();

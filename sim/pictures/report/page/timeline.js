@@ -39,16 +39,6 @@
     return total;
   }
 
-  /** Index of the last entry of a sorted array that is ≤ value; -1: none. */
-  function last(sorted, value) {
-    let low = 0, high = sorted.length;
-    while (low < high) {
-      const middle = (low + high) >> 1;
-      if (sorted[middle] <= value) low = middle + 1; else high = middle;
-    }
-    return low - 1;
-  }
-
   /** One head's row: `segment(t)`, `shares(from, to, out)` and the waits in it. */
   class Row {
     constructor(head, index, end_s, waits) {
@@ -64,12 +54,12 @@
 
     /** The segment at a time. */
     segment(seconds) {
-      return Math.max(0, last(this.begin, seconds));
+      return Math.max(0, D.lastUpTo(this.begin, seconds));
     }
 
     /** The wait at a time, or null. */
     wait(seconds) {
-      const found = last(this.waitBegin, seconds + LEAST_GAP_S / 2);
+      const found = D.lastUpTo(this.waitBegin, seconds + LEAST_GAP_S / 2);
       return found >= 0 && seconds <= this.waits[found].end_s ? this.waits[found] : null;
     }
 
@@ -106,5 +96,5 @@
     return { on: [...on], handed, waited };
   }
 
-  D.timeline = { PRINT, TRAVEL, ASIDE, WAIT, NOTHING, KINDS, VERBS, Row, last, chain };
+  D.timeline = { PRINT, TRAVEL, ASIDE, WAIT, NOTHING, KINDS, VERBS, Row, chain };
 })();

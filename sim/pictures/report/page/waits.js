@@ -43,11 +43,9 @@
         e("td", { class: "stretch", "aria-hidden": "true" }, e("div", { class: "hatched", style: `width:${(100 * seconds) / sorted[0].seconds}%` })));
     return e("div", {},
       e("h3", {}, page.plans[1].heads.length > 1 ? "Why heads stand still" : "Why the head stands still"),
-      e("p", {}, `${D.format.duration(total)} in all: ${percent(total / all)} of ${page.plans[1].heads.length > 1 ? "the heads' time" : "the time"}.`),
+      e("p", {}, `${D.format.duration(total)} in all: ${D.format.percent(total / all)} of ${page.plans[1].heads.length > 1 ? "the heads' time" : "the time"}.`),
       e("table", { class: "sums" }, e("tbody", {}, ...sorted.map(row))));
   }
-
-  const percent = (share) => (share < 0.0995 ? `${(100 * share).toFixed(1)} %` : `${Math.round(100 * share)} %`);
 
   function list(real) {
     const item = (wait) =>
@@ -61,7 +59,7 @@
   function table(real) {
     const shown = real.slice(0, LISTED).sort((a, b) => a.begin_s - b.begin_s);
     const sum = (waits) => waits.reduce((total, wait) => total + lasting(wait), 0);
-    const part = real.length > LISTED ? `The ${LISTED} longest of ${D.format.number(real.length)} waits, ${percent(sum(shown) / sum(real))} of the waiting` : "All waits";
+    const part = real.length > LISTED ? `The ${LISTED} longest of ${D.format.number(real.length)} waits, ${D.format.percent(sum(shown) / sum(real))} of the waiting` : "All waits";
     const rows = shown.map((wait) => [
       e("button", { type: "button", onclick: () => D.gantt.goto(wait, { closer: true }) }, D.format.clock(wait.begin_s)),
       D.words.headName(wait.head),

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 from decmcts import Result
 from decmcts.print.plan import PlanDocument
-from sim.pictures.report.changes import travels_to
+from sim.pictures.report.saving import travel_lengths
 from tests.sim.pictures.report.conftest import opened
 
 pytestmark = pytest.mark.slow
@@ -57,9 +57,9 @@ def test_charts_hold_the_plan_s_travel(browser: Browser, one_head: tuple[Result,
         n = int(documents[0].contours.layer.max()) + 1
         assert len(layers[0]) == n <= 120
         for which, document in enumerate(documents):
-            mm, contours = travels_to(document.plan.heads[0])
+            mm = travel_lengths(document.plan.heads[0])
             assert sum(lengths[1 + which]) == pytest.approx(mm.sum(), rel=1e-3)
-            home = mm[contours < 0].sum()
+            home = mm[-1]
             assert sum(layers[1 + which]) == pytest.approx(mm.sum() - home, rel=1e-3)
         folded = page.locator("#search figure details")
         folded.nth(1).locator("summary").click()

@@ -1,0 +1,46 @@
+"""Figures of a result in the maker's words, the same on the terminal, in pictures and reports."""
+
+from __future__ import annotations
+
+MAKERS = {
+    "emitted_travel_mm": "travel",
+    "retractions": "retractions",
+    "travel_over_walls_mm": "travel over outer walls",
+}
+"""What else than time a maker compares, by its key in `Metrics`; the last where roles are named."""
+
+
+def clock_time(seconds: float) -> str:
+    """Return a time as people read it: hours, minutes and seconds.
+
+    Examples
+    --------
+    >>> clock_time(3725.4), clock_time(88.0)
+    ('1:02:05', '0:01:28')
+    """
+    minutes, left = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{left:02d}"
+
+
+def shown(key: str, value: float) -> str:
+    """Return a figure of `Metrics` as it is read: times in h:min:s, lengths in mm, or a count.
+
+    Examples
+    --------
+    >>> shown("print_time_s", 88.0), shown("emitted_travel_mm", 1234.5), shown("retractions", 7)
+    ('0:01:28', '1,234 mm', '7')
+    """
+    if key.endswith("_s"):
+        return clock_time(value)
+    return f"{value:,.0f} mm" if key.endswith("_mm") else f"{value:,.0f}"
+
+
+def change(was: float, now: float) -> str:
+    """Return by what share a figure changed, with its sign; nothing where there was none.
+
+    Examples
+    --------
+    >>> change(200.0, 150.0), change(0.0, 1.0)
+    ('−25.0 %', '')
+    """
+    return f"{100.0 * (now - was) / was:+.1f} %".replace("-", "−") if was else ""
