@@ -10,7 +10,7 @@ from decmcts.cli.summary import summary_of
 from decmcts.planning.one_head.certificate import ROUNDING, Certificate
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.result import Result
-from decmcts.planning.writing.file_times import COUNTS_SHARE, FileTimes, is_longer
+from decmcts.planning.writing.file_times import FileTimes, is_longer
 from decmcts.print.figures import clock_time
 from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
@@ -91,27 +91,6 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
         f"above the proven bound ({clock_time(bound)})",
         f"of the print time each head prints: {', '.join(shares)}",
     ]
-
-
-def kept_line(times: FileTimes) -> str:
-    """Return why the source was kept."""
-    assert times.refused_s is not None
-    if times.over_walls_mm is not None:
-        return (
-            f"{times.over_walls_mm:.0f} mm of the new order's travels would lead over outer walls, "
-            f"of the source's {times.before['travel_over_walls_mm']:.0f} mm; "
-            "--avoid-walls never --allow-slower writes it all the same"
-        )
-    both = (
-        f"the new order would take {clock_time(times.refused_s)} and the source takes "
-        f"{clock_time(times.after_s)}"
-    )
-    if not times.gained:
-        return (
-            f"nothing to gain: {both}, and neither travel, retractions nor travel over outer walls "
-            f"fall by {100 * COUNTS_SHARE:g} % or more; --allow-slower writes it all the same"
-        )
-    return f"{both}; --allow-slower writes it all the same"
 
 
 def figures(

@@ -14,6 +14,7 @@ from decmcts.planning.problem.planned import History, Planned
 from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.file_times import FileTimes
 from decmcts.planning.writing.heads import stem_of, write_heads
+from decmcts.planning.writing.lines import source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_unwritable
 from decmcts.print.plan import PlanDocument
 from sim.faults import Verdict
@@ -175,11 +176,10 @@ class Result:
         out, planned = Path(path), self.planned
         self._refuse(out)
         refuse_other_suffixes(None, out, None)
-        job = planned.problem.job
-        barriers = [f"line {b.line} stays where it is ({b.reason}): {b.text}" for b in job.barriers]
         told = Told(
-            self.source.name, planned.verdict, planned.problem.graph, [*job.notes, *barriers]
-        )
+            self.source.name, planned.verdict, planned.problem.graph,
+            source_lines(planned.problem.job),
+        )  # fmt: skip
         write_report(
             out, before=planned.before, after=planned.after, history=planned.history, told=told
         )

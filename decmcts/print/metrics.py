@@ -44,6 +44,7 @@ class Metrics(TypedDict, total=False):
     as_sliced: bool  # order, directions and entries are the source's
     made_safe: bool  # the source's own order would hit the part; `before` is layer by layer
     kept_source: bool  # the new order would have been longer, crossed more walls or gained nothing
+    kept_because: str  # and which of these, in words
     version: str
 
     walls_priced: float  # share by which the search took travels over walls to be longer

@@ -14,7 +14,7 @@ from decmcts.errors import InputError
 from decmcts.print.contours import Contours
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 
-SAME_PLACE = 100.0  # parts of a mm: ends nearer than this are one
+SAME_PLACE_MM = 0.02  # a grid: ends of travels in one cell of it are one place
 Floats = NDArray[np.float64]
 
 
@@ -50,13 +50,13 @@ def in_no_place_of(ends: NDArray[np.int64], others: NDArray[np.int64]) -> NDArra
 
 
 def both_ends(
-    actions: HeadActions, first: NDArray[np.int64], last: NDArray[np.int64], parts: float
+    actions: HeadActions, first: NDArray[np.int64], last: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return two points of a path each on a grid, the lesser first, (k, 6).
 
-    So a way is the same whichever way it is gone. The grid has `parts` in a mm.
+    So a way is the same whichever way it is gone.
     """
-    ends = np.rint(actions.path[np.stack([first, last])] * parts).astype(np.int64)
+    ends = np.rint(actions.path[np.stack([first, last])] / SAME_PLACE_MM).astype(np.int64)
     swapped = _is_greater(ends[0], ends[1])[:, None]
     low, high = np.where(swapped, ends[1], ends[0]), np.where(swapped, ends[0], ends[1])
     return np.concatenate([low, high], axis=1)
@@ -104,7 +104,7 @@ def _of_head(
     kept = made > 0.0
     columns = (
         np.full(len(prints), index), first, last, layer, layer == before, made,
-        both_ends(actions, first, last, SAME_PLACE),
+        both_ends(actions, first, last),
     )  # fmt: skip
     return tuple(column[kept] for column in columns)
 

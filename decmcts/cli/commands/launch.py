@@ -41,7 +41,7 @@ from decmcts.planning.team.outcome import lines_of
 from decmcts.planning.team.parameters import read_parameters
 from decmcts.planning.writing.file_times import is_longer
 from decmcts.planning.writing.heads import head_files, stem_of
-from decmcts.planning.writing.lines import cooling_line
+from decmcts.planning.writing.lines import cooling_line, source_lines
 from decmcts.planning.writing.places import refuse_other_suffixes, refuse_stdout, refuse_unwritable
 from decmcts.samples import sample_path
 from decmcts.team.engine.space import eligibility
@@ -204,7 +204,7 @@ def show_team(result: Result, paths: list[Path], *, as_json: bool, verbose: bool
     if as_json:
         print_json("decmcts-result/1", figures(result, paths))
         return
-    for note in (*problem.job.notes, *lines_of(after["team"])):
+    for note in (*source_lines(problem.job), *lines_of(after["team"])):
         err.print(note, soft_wrap=True)
     out.print(titled(result), soft_wrap=True)
     out.print(gain_table(before, after, verbose=verbose))

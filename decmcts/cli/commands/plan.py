@@ -13,7 +13,7 @@ from rich.console import Console
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.lines import bound_line, figures, kept_line, searched_line, whole_file_line
+from decmcts.cli.lines import bound_line, figures, searched_line, whole_file_line
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.summary import gain_table
@@ -38,7 +38,7 @@ from decmcts.planning.plan import plan as find_order
 from decmcts.planning.problem.slicing import AUTO, PRINTED, Chosen, Slicing, choose_slicer
 from decmcts.planning.read import read
 from decmcts.planning.result import Result, Written
-from decmcts.planning.writing.lines import cooling_line, layers_line
+from decmcts.planning.writing.lines import cooling_line, layers_line, source_lines
 from decmcts.planning.writing.places import (
     STDOUT,
     name_of,
@@ -281,8 +281,8 @@ def show(
     ):
         if line:
             to.print(line, soft_wrap=True)
-    if times is not None and kept:
-        to.print(f"kept the source as it is: {kept_line(times)}", soft_wrap=True)
+    if kept:
+        to.print(f"kept the source as it is: {after['kept_because']}", soft_wrap=True)
     for path in paths:
         to.print(f"wrote {name_of(path)}", soft_wrap=True)
 
@@ -296,11 +296,5 @@ def titled(result: Result) -> str:
 
 def show_notes(result: Result) -> None:
     """Say what in the source bound the search, or was not taken as it is."""
-    job = result.planned.problem.job
-    for barrier in job.barriers:
-        err.print(
-            f"nothing moves across line {barrier.line}: {barrier.text} ({barrier.reason})",
-            soft_wrap=True,
-        )
-    for note in job.notes:
-        err.print(note, soft_wrap=True)
+    for line in source_lines(result.planned.problem.job):
+        err.print(line, soft_wrap=True)

@@ -16,7 +16,7 @@ from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.commands.plan import run_single, show_notes, write_extras
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.lines import figures, kept_line, searched_line, whole_file_line
+from decmcts.cli.lines import figures, searched_line, whole_file_line
 from decmcts.cli.optional_files import BESIDE, OptionalFiles, words_of
 from decmcts.cli.script_line import WHERE, own_program, script_line, wherever_it_runs
 from decmcts.cli.signals import interrupt_stops
@@ -185,7 +185,7 @@ def show_rewritten(
     before, after = planned.before.metrics, planned.after.metrics
     name = result.source.name
     if times is not None and kept:
-        lines: list[str | None] = [f"{name}: left as it was; {kept_line(times)}"]
+        lines: list[str | None] = [f"{name}: left as it was; {after['kept_because']}"]
     else:
         lines = [
             f"{name}: rewritten for {planned.after.machine.name} and verified",

@@ -10,10 +10,10 @@ import typer
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps
-from decmcts.cli.verdicts import checked_lines, nearest_facts
 from decmcts.planning.verify import verify as judge
 from decmcts.planning.verifying.held import Held
 from sim.faults import Verdict
+from sim.verdict_lines import checked_lines, nearest_facts
 
 Result = Annotated[
     list[Path], typer.Argument(help="PLAN.json, OUT.gcode, or the files of all heads")

@@ -33,8 +33,10 @@ from decmcts.planning.writing.file_times import (
     with_whole_files,
     worth_longer,
 )
+from decmcts.planning.writing.lines import kept_line
 from decmcts.planning.writing.one_head import draft_single
 from decmcts.planning.writing.places import STDOUT, put
+from decmcts.print.metrics import Metrics
 
 AGAIN_SHARE, AGAIN_MOST_S = 0.5, 10.0  # of the first search's time, and at most so many s
 DraftOf = Callable[[Planned, Path, Path], FileTimes]
@@ -131,15 +133,18 @@ def _kept(
     """Leave the source as it is, or copy it to `path`; returns its own order and times."""
     source = compared_with(planned.problem)
     assert source is not None and times.before_s is not None  # else all is gained
-    before, gained = planned.before, gains(planned, times)
-    after = replace(before, metrics={**before.metrics, "as_sliced": True, "kept_source": True})
+    over_mm = times.after["travel_over_walls_mm"] if more_over_walls(planned, times) else None
+    kept = FileTimes(
+        times.before_s, times.before_s, times.after_s, times.before, times.before,
+        gains(planned, times), over_mm,
+    )  # fmt: skip
+    said: Metrics = {"as_sliced": True, "kept_source": True, "kept_because": kept_line(kept)}
+    before = planned.before
+    after = replace(before, metrics={**before.metrics, **said})
     own = check(planned.problem, before, after, planned.history, planned.seconds, report)
     if not (path.exists() and path.samefile(source)):
         copy_source(source, path, planned.problem.source.plate)
-    over_mm = times.after["travel_over_walls_mm"] if more_over_walls(planned, times) else None
-    return own, FileTimes(
-        times.before_s, times.before_s, times.after_s, times.before, times.before, gained, over_mm
-    )
+    return own, kept
 
 
 def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> bytes:

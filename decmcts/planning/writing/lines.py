@@ -6,7 +6,9 @@ import numpy as np
 
 from decmcts.formats.gcode.writing.own_header import SAFE, TRAVEL, as_sliced
 from decmcts.planning.problem.planned import Planned
-from decmcts.planning.writing.file_times import compared_with
+from decmcts.planning.writing.file_times import COUNTS_SHARE, FileTimes, compared_with
+from decmcts.print.figures import clock_time
+from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.version import __version__
 
@@ -64,3 +66,30 @@ def cooling_line(document: PlanDocument) -> str | None:
     if metrics.get("as_sliced"):
         return f"the source's own order was the fastest ({due}; --min-layer-time 0 drops this rule)"
     return f"{waits if count else 'no wait for cooling'}: {due}"
+
+
+def kept_line(times: FileTimes) -> str:
+    """Return why the source was kept."""
+    assert times.refused_s is not None
+    if times.over_walls_mm is not None:
+        return (
+            f"{times.over_walls_mm:.0f} mm of the new order's travels would lead over outer walls, "
+            f"of the source's {times.before['travel_over_walls_mm']:.0f} mm; "
+            "--avoid-walls never --allow-slower writes it all the same"
+        )
+    both = (
+        f"the new order would take {clock_time(times.refused_s)} and the source takes "
+        f"{clock_time(times.after_s)}"
+    )
+    if not times.gained:
+        return (
+            f"nothing to gain: {both}, and neither travel, retractions nor travel over outer walls "
+            f"fall by {100 * COUNTS_SHARE:g} % or more; --allow-slower writes it all the same"
+        )
+    return f"{both}; --allow-slower writes it all the same"
+
+
+def source_lines(job: PrintJob) -> list[str]:
+    """Return what in the source bound the search, or was not taken as it is, a line each."""
+    held = [f"nothing moves across line {b.line}: {b.text} ({b.reason})" for b in job.barriers]
+    return [*held, *job.notes]

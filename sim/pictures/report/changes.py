@@ -14,7 +14,6 @@ OTHER = np.uint8(1)  # a travel between places that the other plan has no travel
 OVER_WALL = np.uint8(2)  # a travel that crosses an outer wall
 MOVED = np.uint8(4)  # a contour printed by another head, or much earlier or later in the order
 MUCH = 0.01  # of the order, by which a contour has moved
-PLACE_MM = 0.02  # by which ends of a travel may differ and be the same
 NOWHERE = np.zeros((0, 6), np.int64)  # both ends of no travel
 
 Flags = tuple[NDArray[np.uint8], ...]
@@ -43,7 +42,7 @@ def _travels(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]
     """Return the actions that travel, (k,), and where both ends of each are, (k, 6)."""
     rows = np.flatnonzero((actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK))
     first, last = actions.path_offsets[rows], actions.path_offsets[rows + 1] - 1
-    return rows, both_ends(actions, first, last, 1.0 / PLACE_MM)
+    return rows, both_ends(actions, first, last)
 
 
 def over_wall(walls: Walls, actions: HeadActions) -> NDArray[np.int64]:

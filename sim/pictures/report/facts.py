@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.faults import Verdict
 from sim.pictures.report.waits import aside_s
+from sim.verdict_lines import sentences
 
 SETTINGS = (
     ("planner", "planner"),
@@ -46,21 +47,20 @@ class Told:
 def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str, Any]:
     """Return the figures and words of the first screen, each once."""
     was, now = before.metrics, after.metrics
-    rules = () if told.verdict is None else told.verdict.checked
+    said = [] if told.verdict is None else sentences(told.verdict)
     return {
         "file": told.file,
         "machine": after.machine.name,
         "ok": told.verdict is None or told.verdict.ok,
         "judged": told.verdict is not None,
-        "checked": list(rules),
-        "near": _near(told.verdict),
+        "checked": [[one.about, one.text, one.where] for one in said],
         "time": _time(before, after),
         "rows": [row for row in (_row(*named, was, now) for named in MAKERS.items()) if row],
         "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
         "speed_up": _speed_up(after),
         "proof": _proof(now),
         "waits_s": float(now.get("waits_s") or 0.0),
-        "kept_source": bool(now.get("kept_source")),
+        "kept_source": now.get("kept_because"),
         "made_safe": bool(was.get("made_safe")),
         "warnings": [*told.warnings, *(() if told.verdict is None else told.verdict.warnings)],
         "settings": [
@@ -69,12 +69,6 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
             if key in now
         ],
     }
-
-
-def _near(verdict: Verdict | None) -> dict[str, Any] | None:
-    """Return how near heads came to each other and to the print; None: not measured."""
-    found = {} if verdict is None else asdict(verdict.nearest)
-    return found if any(found.values()) else None
 
 
 def _time(before: PlanDocument, after: PlanDocument) -> dict[str, Any]:

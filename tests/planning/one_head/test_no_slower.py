@@ -95,6 +95,7 @@ def test_plan_copies_the_source_and_describes_its_own_order(source, tmp_path, ca
     printed = document.plan.heads[0].contour
     assert printed[printed >= 0].tolist() == sorted(printed[printed >= 0].tolist())
     assert document.metrics["kept_source"] is True
+    assert "--allow-slower writes it all the same" in document.metrics["kept_because"]
     assert verify_plan(document).ok
 
 

@@ -81,7 +81,7 @@
       const now = D.state.get().layers;
       D.state.set({ layers: now[0] === now[1] ? layers.slice() : [now[1], now[1]] });
     });
-    const most = button("Most changed", { id: "view-most", title: "the layer in which most travel is saved" }, mostChanged);
+    const most = button("Most changed", { id: "view-most", title: "the layer in which travel changed most" }, mostChanged);
     shown.push(({ layers: [a, b] }) => {
       [from.value, to.value] = [a, b];
       text.textContent = a === b ? `layer ${a + 1} of ${high + 1}` : `layers ${a + 1} to ${b + 1} of ${high + 1}`;
@@ -99,9 +99,7 @@
   let travelled = null;
 
   function mostChanged() {
-    if (!travelled) return;
-    const saved = Array.from(travelled[0], (mm, k) => mm - travelled[1][k]);
-    const k = saved.indexOf(Math.max(...saved)) + layers[0];
+    const k = page.saving.most_changed;
     D.state.set({ layers: [k, k], changed: true, plans: "both", time: end, playing: false });
   }
 

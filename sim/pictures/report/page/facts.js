@@ -22,32 +22,34 @@
     return e("p", { class: "origin" }, parts.filter(Boolean).join(" · "));
   }
 
-  /** Whether it is safe, what was checked, and how near it came. */
+  const ABOUT = [["checked", "How much"], ["rule", "By these rules"], ["asked", "As it was asked for"]];
+
+  /** Whether it is safe, how near it came, and what was checked: in the words of `verify -v`. */
   function verdict(facts) {
     const [mark, word] = facts.judged === false ? ["?", "Not checked"] : facts.ok ? ["✓", "Proven safe"] : ["✗", "Not safe: do not print"];
-    const near = facts.near || {};
-    const least = [nearest(near.heads, "between heads"), nearest(near.beside, "from a head to the print beside it")].filter(Boolean);
-    const where = [["Heads were nearest", near.heads], ["The print was nearest", near.beside]]
-      .filter(([, gap]) => gap && gap.at.length).map(([text, gap]) => `${text} at: ${gap.at.join("; ")}`);
-    const checked = () => e("ul", { class: "checked" }, ...[...facts.checked, ...where].map((text) => e("li", {}, text)));
+    const of = (kind) => facts.checked.filter(([about]) => about === kind);
+    const near = of("nearest");
     return e("div", { class: `card ${facts.ok && facts.judged !== false ? "good" : "bad"}` },
       e("p", { class: "big" }, e("span", { class: "mark", "aria-hidden": "true" }, mark), word),
-      least.length ? e("ul", { class: "near" }, ...least) : null,
-      facts.checked.length ? D.folded(`What was checked (${facts.checked.length})`, checked) : null);
+      near.length ? e("ul", { class: "near" }, ...near.map(nearest)) : null,
+      facts.checked.length ? D.folded(`What was checked (${facts.checked.length})`, () => checked(of, near)) : null);
   }
 
-  /** Clearances: two digits below 10 mm, one above; the last one rounded down. */
-  const apart = (mm) => {
-    const unit = mm < 10 ? 100 : 10;
-    return `${(Math.floor(mm * unit + 1e-6) / unit).toFixed(mm < 10 ? 2 : 1)} mm`;
-  };
+  function checked(of, near) {
+    const item = ([, text]) => e("li", {}, text);
+    const where = near.filter(([, , at]) => at).map(([, text, at]) => e("li", {}, `${parted(text)[0]}: ${at}`));
+    const parts = ABOUT.flatMap(([kind, name]) => [[name, of(kind).map(item)], ...(kind === "checked" ? [["Where it came nearest", where]] : [])]);
+    return e("div", { class: "checked" }, ...parts.filter(([, items]) => items.length)
+      .flatMap(([name, items]) => [e("h3", {}, name), e("ul", {}, ...items)]));
+  }
 
-  /** The least distance of its kind, what the machine asks for, and where it was. */
-  function nearest(gap, what) {
-    if (!gap) return null;
-    const more = gap.at_least ? "or more " : "";
-    const asked = gap.required_mm > 0 ? `${Number(gap.required_mm.toFixed(2))} mm is asked for` : "the beads' full width is counted, and no more is asked for";
-    return e("li", {}, e("b", {}, apart(gap.mm)), ` ${more}${what}, at the nearest; ${asked}`);
+  /** "heads a and b: 5 mm (3 mm required)" in its parts: between what, how far, what is required. */
+  const parted = (text) => text.match(/^(.*): (.*?)( \(.*\))?$/).slice(1).map((part) => part || "");
+
+  /** The least distance of its kind. */
+  function nearest([about, text]) {
+    const [what, mm, required] = parted(text);
+    return e("li", {}, `${about}: ${what}: `, e("b", {}, mm), required);
   }
 
   /** The difference of two times as they are shown, to the second. */
@@ -73,7 +75,7 @@
   function remarks(facts) {
     return [
       facts.made_safe && "The source's own order would hit the part, so this is compared with printing layer by layer.",
-      facts.kept_source && "No better order was found: the file keeps its own.",
+      facts.kept_source && `The source is kept as it is: ${facts.kept_source}.`,
       facts.heads.length < 2 && facts.waits_s >= 1 && `Of that the head waits ${D.format.duration(facts.waits_s)} for plastic to cool.`,
     ].filter(Boolean);
   }

@@ -10,6 +10,7 @@ import pytest
 from decmcts.print.contours import Role
 from decmcts.print.plan import ActionKind, JointPlan
 from sim.content.over_walls import over_walls_mm
+from sim.pictures.layer_travels import by_layer, most_changed, travels_of
 from sim.pictures.report.changes import MOVED, OTHER, OVER_WALL, flags_of
 from sim.pictures.report.saving import saving_of, travel_lengths
 
@@ -87,3 +88,14 @@ def test_the_saving_adds_up_to_all_travel(make, name):
     assert sum(saving["by_length"]["after_mm"]) == pytest.approx(whole, abs=1.0)
     assert sum(saving["by_layer"]["after"]) == pytest.approx(whole - parks, abs=1.0 + rows)
     assert sum(saving["by_length"]["before"]) == sum(map(len, mm))
+
+
+def test_the_layer_that_changed_most_is_the_picture_s(make):
+    """A plan that travels more is shown by what it adds: report and picture show one layer."""
+    before, after = reordered(make, [0, 2, 4, 6, 8, 1, 3, 5, 7, 9]), reordered(make, range(10))
+    found = {}
+    for was, now in ((before, after), (after, before)):
+        lengths = [by_layer(travels_of(document), 5) for document in (was, now)]
+        found[was is before] = saving_of(was, now)["most_changed"]
+        assert found[was is before] == most_changed(*lengths)
+    assert found[True] == found[False] == int(np.argmax(lengths[0] - lengths[1]))

@@ -34,15 +34,28 @@ def test_the_parts_of_a_head_s_time_fill_it(page: Page, cooling: tuple[PlanDocum
 
 
 def test_the_verdict_says_what_was_checked_and_how_near_it_came(page: Page) -> None:
-    """Rounded down: 12.39 mm are not 12.4. What was checked is there if asked."""
+    """In the words of `verify -v`: the nearest at once, all else if asked."""
     card = page.locator("#facts .card").first
     assert card.inner_text().split("\n")[0].endswith("Proven safe")
-    assert "12.3 mm between heads, at the nearest; 5 mm is asked for" in card.inner_text()
+    assert "nearest: heads left and right: 12.39 mm (5 mm required)" in card.inner_text()
     card.locator("summary").click()
     checked = card.locator(".checked li")
     checked.first.wait_for()
-    assert checked.all_inner_texts()[0] == "a rule" and "right rests" in card.inner_text()
+    where = "heads left and right: left prints beside right rests"
+    assert checked.all_inner_texts() == [where, "a rule"]
     assert "third was lost" in page.inner_text("#facts .warned")
+
+
+def test_a_kept_source_says_why(page: Page) -> None:
+    """On the first screen, where one looks for the saving that is not there."""
+    told = page.evaluate(
+        """() => { const section = document.getElementById("facts"), was = [...section.children];
+        D.facts.show({ ...D.page, facts: { ...D.page.facts, kept_source: "nothing to gain" } });
+        const text = section.innerText;
+        section.replaceChildren(...was);
+        return text; }"""
+    )
+    assert "The source is kept as it is: nothing to gain." in told
 
 
 def test_charts_hold_the_plan_s_travel(browser: Browser, one_head: tuple[Result, Path]) -> None:

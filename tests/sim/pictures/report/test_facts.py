@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from sim.faults import Verdict
+from sim.faults import Gap, Nearest, Verdict
 from sim.pictures.report.facts import Told, facts_of
+from sim.verdict_lines import PLAN_RULES, checked_lines
 
 
 def with_metrics(document, **metrics):
@@ -73,6 +74,32 @@ def test_the_verdict_is_told_with_its_warnings(make):
     document = make.tower_plan()
     verdict = Verdict((), {}, ("order: keep",), ("line 3: the end code touches the print",))
     told = facts_of(document, document, Told("x.gcode", verdict, warnings=("slower",)))
-    assert told["ok"] and told["judged"] and told["checked"] == ["order: keep"]
+    assert told["ok"] and told["judged"] and told["checked"] == [["asked", "order: keep", ""]]
     assert told["warnings"] == ["slower", "line 3: the end code touches the print"]
     assert not facts_of(document, document, Told())["judged"]
+
+
+def test_what_was_checked_is_what_verify_prints(make):
+    """One source of the words: two would part, and one of them be false."""
+    counts = {"contours": 10, "actions": 21, "heads": 2, "moves": 90, "pairs": 4, "replays": 2}
+    nearest = Nearest(heads=Gap(6.0, 5.0, ("left", "right"), ("left prints", "right rests")))
+    verdict = Verdict((), counts, ("order: keep",), nearest=nearest)
+    document = make.tower_plan()
+    said = facts_of(document, document, Told(verdict=verdict))["checked"]
+    lines = checked_lines(verdict, verbose=True)
+    assert len(lines) == 12 and [about for about, *_ in said].count("rule") == len(PLAN_RULES)
+    assert [line for about, text, where in said for line in printed(about, text, where)] == lines
+
+
+def printed(about, text, where):
+    """A sentence as it stands on the console."""
+    said = text if about == "asked" else f"{about}: {text}"
+    return [said, f"  {where}"] if where else [said]
+
+
+def test_a_kept_source_says_why(make):
+    """Who asked for a new order and sees none wants to know the reason."""
+    document = make.tower_plan()
+    after = with_metrics(document, kept_source=True, kept_because="nothing to gain: so and so")
+    assert facts_of(document, after, Told())["kept_source"] == "nothing to gain: so and so"
+    assert facts_of(document, document, Told())["kept_source"] is None

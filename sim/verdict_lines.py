@@ -1,8 +1,12 @@
-"""What was judged, in plain lines: how much of it, by which rules, and how near it came."""
+"""What was judged, in plain sentences: how much of it, by which rules, and how near it came.
+
+One source of these words for `decmcts verify` and for the report. Nothing is judged here.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from sim.faults import Gap, Verdict
@@ -30,23 +34,47 @@ HEADS_RULES = (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class Sentence:
+    """One thing that was checked or found."""
+
+    about: str  # "checked": how much, "nearest", "rule", or "asked": what it was held to
+    text: str
+    where: str = ""  # of the nearest: what the one and the other did there
+
+    def __str__(self) -> str:
+        return self.text if self.about == "asked" else f"{self.about}: {self.text}"
+
+
+def sentences(verdict: Verdict) -> list[Sentence]:
+    """Return what was checked, how near it came, by which rules, and what was asked for."""
+    counts, found = verdict.counts, []
+    if counted := _counted(counts):
+        found.append(Sentence("checked", counted))
+    found += [Sentence("checked", line) for line in _timings(counts)]
+    found += [
+        Sentence("nearest", _gap_line(gap, words), " beside ".join(gap.at))
+        for gap, words in _gaps(verdict)
+    ]
+    found += [Sentence("rule", rule) for rule in _rules(counts)]
+    return found + [Sentence("asked", line) for line in verdict.checked]
+
+
 def checked_lines(verdict: Verdict, *, verbose: bool = False) -> list[str]:
-    """Return what was checked and how near it came, a line each; `verbose`: where, and all rules.
+    """Return these sentences, a line each; `verbose`: with all rules, and where it came nearest.
 
     Examples
     --------
     >>> checked_lines(Verdict((), {"moves": 1200, "segments": 900}))
     ['checked: 900 beads, 1,200 moves']
     """
-    counts, lines = verdict.counts, []
-    if counted := _counted(counts):
-        lines.append(f"checked: {counted}")
-    lines += _timings(counts)
-    for gap, words in _gaps(verdict):
-        lines += _gap_lines(gap, words, verbose=verbose)
-    if verbose:
-        lines += [f"rule: {rule}" for rule in _rules(counts)]
-    return [*lines, *verdict.checked]
+    lines = []
+    for sentence in sentences(verdict):
+        if verbose or sentence.about != "rule":
+            lines.append(str(sentence))
+        if verbose and sentence.where:
+            lines.append(f"  {sentence.where}")
+    return lines
 
 
 def nearest_facts(verdict: Verdict) -> dict[str, Any]:
@@ -90,7 +118,7 @@ def _timings(counts: Mapping[str, float]) -> list[str]:
     pairs = _many(counts.get("pairs", 0), "pair", "pairs")
     trials = f"{counts.get('trials', 0):,.0f} of them random"
     return [
-        f"checked: {pairs} of actions that may run at once, in any timing; "
+        f"{pairs} of actions that may run at once, in any timing; "
         f"{_many(counts.get('replays', 0), 'timing', 'timings')} replayed, {trials}"
     ]
 
@@ -109,11 +137,9 @@ def _gaps(verdict: Verdict) -> list[tuple[Gap, str]]:
     return found
 
 
-def _gap_lines(gap: Gap, words: str, *, verbose: bool) -> list[str]:
+def _gap_line(gap: Gap, words: str) -> str:
     least = "at least " if gap.at_least else ""
-    line = f"nearest: {words}: {least}{millimetres(gap.mm)} mm"
-    line += f" ({gap.required_mm:g} mm required)" if gap.required_mm else ""
-    return [line, f"  {' beside '.join(gap.at)}"] if verbose and gap.at else [line]
+    return f"{words}: {least}{millimetres(gap.mm)} mm ({gap.required_mm:g} mm required)"
 
 
 def millimetres(value: float) -> str:

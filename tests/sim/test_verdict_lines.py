@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from decmcts.cli.verdicts import GCODE_RULES, HEADS_RULES, PLAN_RULES, checked_lines, nearest_facts
 from sim.faults import Gap, Nearest, Verdict
+from sim.verdict_lines import GCODE_RULES, HEADS_RULES, PLAN_RULES, checked_lines, nearest_facts
 
 PLAN = {
     "contours": 2532, "actions": 5066, "heads": 2, "trials": 3, "moves": 103471, "pairs": 1832408,
@@ -21,7 +21,8 @@ def test_a_plan_of_two_heads():
         "checked: 1,832,408 pairs of actions that may run at once, in any timing; "
         "13 timings replayed, 3 of them random",
         "nearest: heads left and right: 10.016 mm (5 mm required)",
-        "nearest: head and print, where a bead stands higher beside it: at least 5 mm",
+        "nearest: head and print, where a bead stands higher beside it: at least 5 mm "
+        "(0 mm required)",
         "order: as asked",
     ]
     assert checked_lines(verdict) == lines
