@@ -12,7 +12,7 @@ from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.options import RULES, TEAM_SEARCH, Rules, TeamSearch
-from decmcts.planning.problem.layer_by_layer import safe_problem
+from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.source import Source
 from decmcts.planning.result import Result
 from decmcts.planning.team.pipeline import plan_team
@@ -77,7 +77,7 @@ def launch(
     with (
         compilation_told(report) as told, compiling_beside([TEAM], told), waiting as ready
     ):  # fmt: skip
-        problem = safe_problem(source, rules, told)
+        problem = team_problem(source, rules, told)
         agents = partial(launch_agents, crew=ready)
         planned = plan_team(
             problem, search, writes=writes, report=told, stop=stop, agents=agents

@@ -167,6 +167,12 @@ def known_settings(document: GcodeDocument) -> frozenset[bytes]:
     return frozenset(code for _, code in commands(rows))
 
 
+def sets_state(code: bytes) -> bool:
+    """Tell whether a command sets what holds from bead to bead, and is compared there."""
+    name = _NAME.match(code.upper())
+    return name is not None and name[0] in _SETS_STATE
+
+
 def is_move(code: bytes) -> bool:
     """Tell whether a command is a move, which may stand between contours: moves are simulated."""
     return _MOVE.match(code) is not None
@@ -179,8 +185,7 @@ def accepted(row: bytes, known: frozenset[bytes]) -> bool:
         return True
     if (dwell := _DWELL.match(code)) and row.rstrip().endswith(WAIT_MARK.encode()):
         return int(dwell[1]) <= 1000.0 * LONGEST_DWELL_S
-    name = _NAME.match(code.upper())
-    return name is not None and name[0] in _SETS_STATE and code in known
+    return sets_state(code) and code in known
 
 
 def _shown(code: bytes) -> str:

@@ -119,15 +119,21 @@ def unheated(
 
 
 def _temperatures(document: GcodeDocument) -> Iterable[tuple[int, int, Heat]]:
-    """Yield epoch, tool and command of each temperature set above and between prints."""
-    texts = [(0, 0, document.preamble)]
-    texts += [(block.epoch, block.begin.tool, block.text) for block in document.blocks]
-    for epoch, selected, text in texts:
+    """Yield epoch, tool and command of each temperature set above and between prints.
+
+    What the head of one tool alone is told behind the start code counts for that tool only.
+    """
+    texts: list[tuple[int, int, bytes, int | None]] = [(0, 0, document.preamble, None)]
+    texts += [(0, own.selected, own.text, own.tool) for own in document.own_starts]
+    texts += [(block.epoch, block.begin.tool, block.text, None) for block in document.blocks]
+    for epoch, selected, text, alone in texts:
         for code in _codes(text):
             if match := SELECTS.match(code.split()[0]):
                 selected = int(match[1])
             elif (heat := heat_of(code)) is not None:
-                yield epoch, selected if heat.tool is None else heat.tool, heat
+                tool = selected if heat.tool is None else heat.tool
+                if alone is None or tool == alone:
+                    yield epoch, tool, heat if alone is None else heat._replace(tool=tool)
 
 
 def _codes(text: bytes) -> list[bytes]:

@@ -29,6 +29,7 @@ from decmcts.formats.gcode.document import Block
 from decmcts.print.job import PrintJob
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.ledger import MORE_MM, NET_MM, TOTAL_MM, Book, lines_in_source, tools_of
+from sim.heads.changes import nets_of_tools
 from sim.heads.file import HeadFile
 
 UNSEEN = ("unknown", "filament change", "pause", "tool change")  # how reasons begin of barriers
@@ -72,6 +73,7 @@ class Dues:
     usual: dict[int, float]  # most that each tool retracts from bead to bead while it is in use
     beside: Floats  # (b,) most that is retracted above each block, or behind it
     shared: bool  # several tools print
+    starts: dict[int, float]  # as `start`, of tools whose first change is left out
 
 
 def belongs_to_bead(block: Block) -> bool:
@@ -116,7 +118,33 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
     usual = {t: float(-book.deepest[kept & (book.tool == t)].min(initial=0.0)) for t in owed}
     given = np.asarray(np.bincount(contour[laid], extrusion[laid], n), np.float64)
     shared = len(np.unique(job.contours.tool)) > 1
-    return Dues(net, given, above, left, start, document.start.tool, usual, beside, shared)
+    starts = {}
+    if document.own_starts:
+        starts = _without_changes(source, job, document, owed, net, book)
+    return Dues(net, given, above, left, start, document.start.tool, usual, beside, shared, starts)
+
+
+def _without_changes(
+    source: Motions, job: PrintJob, document: GcodeDocument, owed: dict[int, Floats], net: Floats,
+    book: Book,
+) -> dict[int, float]:  # fmt: skip
+    """Put into `net` what belongs to contours behind changes that are left out.
+
+    Returns what the source pushes behind the first change to each tool, beyond what is retracted.
+    """
+    since = nets_of_tools(source, job)
+    free = [c for k, c in enumerate(book.contour.tolist()) if book.lines[k] < 0]
+    for c in free:
+        net[c] = since.get(c, 0.0)
+    starts, line = dict[int, float](), np.asarray(source.line)
+    tools, given = tools_of(source), np.asarray(source.extrusion)
+    for own in document.own_starts:
+        at = int(np.searchsorted(line, own.line + 1))
+        first = int(np.flatnonzero(job.contours.tool == own.tool)[0])
+        bead = int(book.bead[book.contour == first][0])
+        pushed = float(given[at:bead][tools[at:bead] == own.tool].sum())
+        starts[own.tool] = pushed - float(owed[own.tool][at])
+    return starts
 
 
 def _owed_by_tool(extrusion: Floats, tools: Ints) -> dict[int, Floats]:
@@ -157,6 +185,8 @@ class _Account:
         self.retracted = float(_owed(head.file.motion.extrusion[: head.begin])[-1])
         if self._mine(dues.start_tool):
             self.retracted += dues.start
+        elif head.tool in dues.starts:
+            self.retracted += dues.starts[head.tool]
         self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
         self.at = head.begin  # the move behind the last bead, or the source's own lines
         self.over = 0.0  # mm given beyond what is due

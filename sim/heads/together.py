@@ -26,6 +26,7 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.written import moves_of, source_text
+from sim.heads.changes import check_hot_ends
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.intervals import check_intervals
@@ -133,6 +134,9 @@ def judge_together(
         faults += _check_filament(files, parts, walks, plan, job, document)
     if (source := source_text(document)) is not None:
         faults += check_heads_book([file.lines.text for file in files], source)
+        if document.own_starts and complete:
+            laid = [(each.file, each.walk.laid) for each in walked]
+            faults += check_hot_ends(laid, source, job, document)
     known = Knowledge([file.syncs for file in files])
     faults += check_words(words, release) + check_sync(files, known, release)
     apart_s = interval_s if release == "point" else 0.0
@@ -198,7 +202,9 @@ def _judge_one(
     tool = int(tools[0]) if tools else None
     words: list[str] = []
     own_of = partial(own_commands, tool=tool, all_heat=due.one_hot_end)
-    start = own_of(document.preamble, homes=True, relative_e=False, selected=_selected(job, 0))
+    more = document.own_start(tool)
+    begins_with = document.preamble + (b"" if more is None else more.text)
+    start = own_of(begins_with, homes=True, relative_e=False, selected=_selected(job, 0))
     waits = next((sync.line for sync in file.syncs), 0)
     file = replace(file, rest=file.rest[heats_early(file.rest, waits, start) :])
     low, parked = _match_start(file, document, start, park, words)

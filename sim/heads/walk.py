@@ -88,10 +88,11 @@ class Walker:
         self._apart = _apart_in_file(actions.path, actions.path_offsets)
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
-        starts = [document.start, document.end]
+        starts = [*document.starts, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
         first = int(job.contours.epoch.min(initial=0))
-        behind = [(first, document.start), *((b.epoch, b.end) for b in document.blocks)]
+        behind = [(first, cursor) for cursor in document.starts]
+        behind += [(b.epoch, b.end) for b in document.blocks]
         self._left: dict[int, float] = {}  # what stays retracted behind the source's own lines, mm
         for epoch, cursor in behind:
             left = max(0.0, cursor.pulled - cursor.owed)

@@ -69,6 +69,22 @@ class Block:
     line: int  # source line, from 1
     reason: str
     reasons: tuple[str, ...] = ()  # of all barriers in it
+    edge: bool = False  # what is in force begins an epoch here too
+    tower: bool = False  # beads of a wipe tower stand beside it
+
+
+@dataclass(frozen=True, slots=True)
+class OwnStart:
+    """What a head with one tool of several is told behind the start code.
+
+    The lines of the change with which the source takes that tool first.
+    """
+
+    tool: int
+    text: bytes
+    selected: int  # the tool in use above them
+    end: Cursor  # behind them, in the source
+    line: int  # of the source, from 1, the last of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +158,14 @@ class GcodeDocument:
     arcs: Arcs
     plate: int | None = None  # of a .gcode.3mf, as asked for
     moves: Motions | None = None  # of the whole file, for the judge
+    own_starts: tuple[OwnStart, ...] = ()  # where changes of tools are no walls, of each tool but
+    # the first
+
+    def own_start(self, tool: int | None) -> OwnStart | None:
+        """Return what the head of a tool is told behind the start code; None: no more."""
+        return next((own for own in self.own_starts if own.tool == tool), None)
+
+    @property
+    def starts(self) -> tuple[Cursor, ...]:
+        """Where the source's controller stands behind the start code of each head."""
+        return (self.start, *(own.end for own in self.own_starts))

@@ -18,6 +18,7 @@ from typing import Any
 from decmcts.formats.files.drafts import draft_folder
 from decmcts.planning.compiling.parts import PRINT, TEAM, is_compiled
 from decmcts.planning.events import Report, Step, unheard
+from decmcts.planning.problem.own_tools import for_the_judge
 from decmcts.planning.problem.planned import Planned, require_passed
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.team.beside import begun
@@ -65,7 +66,7 @@ def judged(planned: Planned, beside: Worker | None, *, writes: bool, report: Rep
         drafts = [folder / f"{actions.head}.gcode" for actions in heads]
         by_size = sorted(range(len(heads)), key=lambda h: (len(heads[h].path), -h))
         writing = drafting(planned, drafts) if writes else []
-        verifying = ("verifying", partial(_verified, after, problem.job))
+        verifying = ("verifying", partial(_verified, after, for_the_judge(problem)[0]))
         verdict, *walked = shared_out(
             [verifying, *(writing[h] for h in by_size)], beside, report
         )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.same_print import is_other_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.phases import in_phases
+from sim.heads.changes import as_planned, without_changes
 from sim.heads.file import HeadFile, header_of, read_head_file
 from sim.heads.plan import plan_of_files
 from sim.heads.together import verify_heads
@@ -56,7 +57,7 @@ def judge_heads(
     paths: Sequence[Path], source: Path, plan: PlanDocument, *, plate: int | None = None
 ) -> Verdict:
     """Verify the files of all heads against the plan and the source they were made from."""
-    job, document = read_gcode(source, plate)
+    job, document = as_planned(plan.contours.epoch, *read_gcode(source, plate))
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
     parks = {head.name: head.park for head in plan.machine.heads}
@@ -96,9 +97,19 @@ def judge_heads_alone(
         trials=trials,
     )  # fmt: skip
     found = judge(source=(job, document))
-    if not found.ok and (phases := in_phases(job, document)) is not None:
-        found = min(judge(source=phases), found, key=lambda verdict: len(verdict.faults))
+    for taken in () if found.ok else _taken_otherwise(job, document):
+        found = min(judge(source=taken), found, key=lambda verdict: len(verdict.faults))
     return replace(found, faults=(*faults, *found.faults))
+
+
+def _taken_otherwise(
+    job: PrintJob, document: GcodeDocument
+) -> Iterator[tuple[PrintJob, GcodeDocument]]:
+    """Yield other ways in which a source may have been taken."""
+    if (phases := in_phases(job, document)) is not None:
+        yield phases
+    if (free := without_changes(job, document)) is not None:
+        yield free.job, free.document
 
 
 def _judge_alone(

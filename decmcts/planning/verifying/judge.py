@@ -22,6 +22,7 @@ from decmcts.print.plan import PlanDocument
 from sim.content.same_print import is_other_print
 from sim.faults import Verdict
 from sim.files.written import check_line_numbers, verify_same, verify_written
+from sim.heads.changes import as_planned
 from sim.heads.file import header_of
 from sim.rules.cooling import check_stated
 from sim.rules.order_rules import usual_rules
@@ -113,7 +114,9 @@ def judge_plan(
     digest = digest_of(document)
     rule = held.min_layer_time_s
     rules = held.over(document.rules or usual_rules(document.machine)) if held.any_rule else None
-    job = None if source is None else read_gcode(source, plate_of(source, plate))[0]
+    job = None
+    if source is not None:
+        job, _ = as_planned(document.contours.epoch, *read_gcode(source, plate_of(source, plate)))
     verdict = verify_plan(
         replace(document, min_layer_time_s=document.min_layer_time_s if rule is None else rule),
         source=job,

@@ -14,6 +14,7 @@ from decmcts.formats.gcode import GcodeDocument, write_head_gcode
 from decmcts.formats.gcode.text.source_text import PACKED_SUFFIXES
 from decmcts.formats.gcode.writing.sync_points import SyncPoints, number_sync_points
 from decmcts.planning.events import Report, Step, unheard
+from decmcts.planning.problem.own_tools import for_the_judge
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.lines import header_lines
@@ -133,7 +134,7 @@ def drafting(
     points = number_sync_points(plan, problem.job, machine.release, apart_s)  # once for all heads
     draft = partial(
         _draft, problem.document, problem.job, plan, machine, header_lines(planned), points,
-        write=write,
+        judged=for_the_judge(problem), write=write,
     )  # fmt: skip
     return [
         (f"writing and judging {path.name}", partial(draft, head, path))
@@ -143,8 +144,8 @@ def drafting(
 
 def _draft(
     document: GcodeDocument, job: PrintJob, plan: JointPlan, machine: Machine,
-    header: Sequence[str], points: SyncPoints, head: int, path: Path, *, write: HeadWriter,
-    report: Report,
+    header: Sequence[str], points: SyncPoints, head: int, path: Path, *,
+    judged: tuple[PrintJob, GcodeDocument], write: HeadWriter, report: Report,
 ) -> Walked:  # fmt: skip
     """Write the draft of one head's file, read it back and walk it along the plan."""
     park = next(each.park for each in machine.heads if each.name == plan.heads[head].head)
@@ -160,7 +161,7 @@ def _draft(
         require_sound(unreadable(error), path)
         raise  # not reached
     report(Step(f"walking the file of head {plan.heads[head].head} along the plan"))
-    return walk_file(file, head, plan, job, document, park)
+    return walk_file(file, head, plan, *judged, park)
 
 
 def judged_texts(
@@ -176,7 +177,7 @@ def judged_texts(
     problem, machine = planned.problem, planned.problem.machine
     report(Step(ORDERED))
     verdict = judge_together(
-        walked, planned.after.plan, problem.job, problem.document, release=machine.release,
+        walked, planned.after.plan, *for_the_judge(problem), release=machine.release,
         interval_s=machine.signal_interval_s, words=machine.words,
     )  # fmt: skip
     require_sound(verdict, stem)

@@ -8,7 +8,7 @@ whole gap stays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,9 @@ def find_blocks(
         span = (int(begin[c - 1]), int(end[c - 1]))
         if not whole[c]:
             span = (int(walls[low[c - 1]]), int(walls[high[c - 1] - 1]) + 1)
-        blocks.append(_block(lines, motion, track, runs, span, int(epoch[c])))
+        block = _block(lines, motion, track, runs, span, int(epoch[c]))
+        beside = bool(towers[c] or towers[c - 1])
+        blocks.append(replace(block, edge=bool(edges[c]), tower=beside))
     tied = towers | whole
     tied[:-1] |= whole[1:]
     named = [b for b in track.barriers.items() if begin[0] <= b[0] < end[-1]] if n > 1 else []

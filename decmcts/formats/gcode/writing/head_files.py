@@ -267,8 +267,10 @@ class _HeadFile:
         self.shared = tool is not None and len(np.unique(job.contours.tool)) > 1
         self.told = told_to(document, job)
         self.left = 0.0  # filament retracted, mm, when the source left this head's tool
+        self.own_start = document.own_start(tool)  # where changes of tools are no walls
+        self.start = document.start if self.own_start is None else self.own_start.end
         changes = (b for b in document.blocks if b.begin.tool != b.end.tool == tool)
-        self.first_use = next(changes, None) if self._is_other(document.start.tool) else None
+        self.first_use = next(changes, None) if self._is_other(self.start.tool) else None
         self.kinds: list[int] = []  # of the head's actions
         self.prints: set[int] = set()  # contours
         self.due: dict[int, float] = {}  # filament, mm, to be pushed for contours behind blocks
@@ -276,15 +278,16 @@ class _HeadFile:
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
         """Set up and go to the park position, one head after the other."""
         emitter, document = self.emitter, self.document
-        preamble = self._own(document.preamble, keep_homing=True, relative_e=False)
+        text = document.preamble + (b"" if self.own_start is None else self.own_start.text)
+        preamble = self._own(text, keep_homing=True, relative_e=False)
         # moves are left out, so it is counted anew what is retracted
         emitter.owed = self._owed_after(preamble, 0.0, 0.0, relative_e=False)
         emitter.cold = self.shared and source_heats(document) and not heats(preamble)
         if self._is_other(document.start.tool):
             emitter.firmware_retracted = False
         self.left = emitter.owed
-        if not self._is_other(document.start.tool):
-            emitter.owed += document.start.owed - document.start.pulled
+        if not self._is_other(self.start.tool):
+            emitter.owed += self.start.owed - self.start.pulled
         elif self.first_use is not None:  # so it is not retracted once more until then
             emitter.owed += self.first_use.end.owed - self.first_use.end.pulled
         first, rest = _split_first(with_header(preamble, header, document.newline), header)

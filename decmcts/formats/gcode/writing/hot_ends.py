@@ -29,6 +29,7 @@ __all__ = [
     "heats",
     "hot_end_command",
     "refuse_cold",
+    "said_to_hot_ends",
     "selected_by",
     "source_heats",
     "told_to",
@@ -51,6 +52,7 @@ class HotEnd(NamedTuple):
     waits: bool  # M109: and goes on when it is reached
     heats: bool  # else it switches off
     tool: int | None  # that it names
+    degrees: float | None = None  # None: the command has no number
 
 
 class _Heated(NamedTuple):
@@ -73,8 +75,9 @@ def hot_end_command(line: bytes) -> HotEnd | None:
     if match is None:
         return None
     value, tool = _VALUE.search(match[2]), _TOOL.search(match[2])
-    hot = value is None or float(value[1]) > 0.0
-    return HotEnd(match[1] == b"9", hot, None if tool is None else int(tool[1]))
+    degrees = None if value is None else float(value[1])
+    hot = degrees is None or degrees > 0.0
+    return HotEnd(match[1] == b"9", hot, None if tool is None else int(tool[1]), degrees)
 
 
 def hears(told: Hears, command: HotEnd | None) -> bool:
@@ -111,7 +114,7 @@ def early_heat(text: bytes) -> list[str]:
 
 def source_heats(document: GcodeDocument) -> bool:
     """Say whether the source heats hot ends by commands at all."""
-    return any(command.heats for _, _, command in _commands(document))
+    return any(command.heats for _, _, command in said_to_hot_ends(document))
 
 
 def refuse_cold(document: GcodeDocument, job: PrintJob) -> None:
@@ -161,18 +164,29 @@ def _heated(document: GcodeDocument, *, waits: bool) -> list[_Heated]:
     """Return where the source heats hot ends, or with `waits` where it waits for them."""
     return [
         _Heated(epoch, selected if command.tool is None else command.tool, command.tool is not None)
-        for epoch, selected, command in _commands(document)
+        for epoch, selected, command in said_to_hot_ends(document)
         if command.heats and command.waits == waits
     ]
 
 
-def _commands(document: GcodeDocument) -> Iterator[tuple[int, int, HotEnd]]:
-    """Yield what is said to hot ends above and between prints: epoch, selected tool, command."""
-    texts = [(0, document.preamble, 0)]
-    texts += [(block.epoch, block.text, block.begin.tool) for block in document.blocks]
-    for epoch, text, selected in texts:
-        for line in text.splitlines():
-            if (tool := selected_by(line)) is not None:
-                selected = tool
-            elif command := hot_end_command(line):
-                yield epoch, selected, command
+def said_to_hot_ends(document: GcodeDocument) -> Iterator[tuple[int, int, HotEnd]]:
+    """Yield what is said to hot ends above and between prints: epoch, selected tool, command.
+
+    Of what one tool's head alone is told behind the start code, what is for that tool, by name.
+    """
+    yield from _in_text(0, document.preamble, 0)
+    for own in document.own_starts:
+        for _, selected, command in _in_text(0, own.text, own.selected):
+            if own.tool == (selected if command.tool is None else command.tool):
+                yield 0, own.tool, command._replace(tool=own.tool)
+    for block in document.blocks:
+        yield from _in_text(block.epoch, block.text, block.begin.tool)
+
+
+def _in_text(epoch: int, text: bytes, selected: int) -> Iterator[tuple[int, int, HotEnd]]:
+    """Yield the commands to hot ends of some lines, above which a tool is selected."""
+    for line in text.splitlines():
+        if (tool := selected_by(line)) is not None:
+            selected = tool
+        elif command := hot_end_command(line):
+            yield epoch, selected, command

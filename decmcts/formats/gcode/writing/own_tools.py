@@ -1,0 +1,232 @@
+"""Changes of tools that are no walls: each head has one tool, and keeps it.
+
+A source with several tools is one head's: it parks one tool, heats and takes another. Where each
+head has a tool of its own nothing of that happens, so what stands in the source for a change and
+for nothing else is left out, and contours may move across it. Such a block
+
+- commands nothing but choices of tools, temperatures of hot ends, moves and retractions;
+- has every tool that it heats or cools print as hot behind it as above it;
+- stands beside no beads of a wipe tower.
+
+What a block says where a tool is taken first is told to its head behind the start code. What is
+pushed less what is pulled with a tool between two of its contours goes with the latter of the two,
+so each tool gives what it gives in the source. A change that is not understood so stays a wall.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode.dialects.dialect import Kind, classify
+from decmcts.formats.gcode.document import Block, GcodeDocument, Motions, OwnStart
+from decmcts.formats.gcode.text.lines import command_of
+from decmcts.formats.gcode.writing.hot_ends import (
+    hot_end_command,
+    said_to_hot_ends,
+    selected_by,
+    told_to,
+)
+from decmcts.print.job import PrintJob
+
+_QUIET = re.compile(
+    rb"G0*(?:[014]|1[01](?![^;]*[PL]))(?![0-9.])|G92 *E|M400(?![0-9.])|(?:G9[01]|M8[23])(?![0-9.])",
+    re.I,
+)  # moves, dwells, and how coordinates count meanwhile
+_HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force goes with beads
+_PLACES = re.compile(r"\d+ places? nothing is moved across$")
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Freed:
+    """A print whose changes of tools are no walls, as far as they are understood."""
+
+    job: PrintJob
+    document: GcodeDocument
+    count: int  # changes that are no walls
+    walls: int  # changes that stay
+
+
+def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
+    """Return a print of several tools for heads that have one each, or why its changes stay walls.
+
+    Linear in moves and contours, but for the search of each block's contours.
+    """
+    if document.moves is None:
+        return "the moves of the source are not known"
+    changes = [block for block in document.blocks if _is_change(block)]
+    if not changes:
+        return "the source has no changes of tools that stand by themselves"
+    heat, said = _Heat.of(job, document), dict[int, str]()
+    for number, block in enumerate(document.blocks):
+        if what := _foreign(block) or heat.differs(block):
+            said[number] = what
+    left = {k for k, block in enumerate(document.blocks) if k not in said and _is_own(block)}
+    count = sum(_is_change(document.blocks[k]) for k in left)
+    stays = [said[k] for k, block in enumerate(document.blocks) if k in said and _is_change(block)]
+    if not count:
+        return stays[0]
+    freed = _without(job, document, left)
+    if what := _Heat.of(freed.job, freed.document).unlike(heat, freed.job, job):
+        return stays[0] if stays else what
+    return replace(freed, count=count, walls=len(changes) - count)
+
+
+def last_line(block: Block) -> int:
+    """Return the last line of a block in the source, from 1."""
+    return block.line + len(block.text.splitlines()) - 1
+
+
+def _is_change(block: Block) -> bool:
+    return "tool change" in block.reasons
+
+
+def _is_own(block: Block) -> bool:
+    """Tell whether a block is a change of tools, or heats or cools hot ends for one."""
+    commands = list(filter(None, map(command_of, block.text.split(b"\n"))))
+    return _is_change(block) or (bool(commands) and all(hot_end_command(code) for code in commands))
+
+
+def _foreign(block: Block) -> str:
+    """Return in words what a block has that is no change of tools; empty: nothing."""
+    if block.tower:
+        return "a wipe tower is printed at changes of tools"
+    if block.begin.relative_e != block.end.relative_e:
+        return f"how E counts is another behind line {block.line}"
+    for k, row in enumerate(block.text.split(b"\n")):
+        code = command_of(row)
+        known = selected_by(code) is not None or hot_end_command(code) or _QUIET.match(code)
+        if code and not known and classify(row).kind not in (Kind.NOTHING, *_HELD):
+            text = code[:40].decode("utf-8", "replace")
+            return f"what '{text}' (line {block.line + k}) does at a change of tools is not known"
+    return ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Heat:
+    """How hot each tool is told to be from which epoch on, and when it prints."""
+
+    told: dict[int, list[tuple[int, float | None]]]  # tool -> epoch and degrees, ascending
+    prints: dict[int, list[int]]  # tool -> epochs, ascending
+    touched: dict[int, set[int]]  # epoch -> tools that its block heats or cools
+
+    @staticmethod
+    def of(job: PrintJob, document: GcodeDocument) -> _Heat:
+        tools = np.unique(job.contours.tool).tolist()
+        every = told_to(document, job) == "all"
+        told: dict[int, list[tuple[int, float | None]]] = {tool: [] for tool in tools}
+        touched = dict[int, set[int]]()
+        for epoch, selected, command in said_to_hot_ends(document):
+            named = selected if command.tool is None else command.tool
+            for tool in tools if every and command.tool is None else [named]:
+                told.setdefault(tool, []).append((epoch, command.degrees))
+                touched.setdefault(epoch, set()).add(tool)
+        pairs = {t: np.unique(job.contours.epoch[job.contours.tool == t]).tolist() for t in tools}
+        return _Heat(told, pairs, touched)
+
+    def at(self, tool: int, epoch: int) -> float | None:
+        """Return how hot a tool is told to be where it prints; None: nothing is known."""
+        rows = self.told.get(tool, [])
+        k = bisect_left(rows, epoch + 1, key=lambda row: row[0])
+        return rows[k - 1][1] if k else None
+
+    def differs(self, block: Block) -> str:
+        """Return in words which tool prints hotter or colder behind a block; empty: none."""
+        for tool in self.touched.get(block.epoch, ()):
+            prints = self.prints.get(tool, [])
+            k = bisect_left(prints, block.epoch)
+            if 0 < k < len(prints) and (self.at(tool, prints[k - 1]) != self.at(tool, prints[k])):
+                return f"tool {tool} prints at another temperature from line {block.line} on"
+            if k == len(prints) and prints and self.at(tool, block.epoch) == 0.0:
+                return f"tool {tool} is switched off in line {block.line}"
+        return ""
+
+    def unlike(self, source: _Heat, job: PrintJob, theirs: PrintJob) -> str:
+        """Return in words which tool would print at another temperature; empty: none."""
+        pairs = np.stack([job.contours.tool, job.contours.epoch, theirs.contours.epoch], axis=1)
+        for tool, here, there in np.unique(pairs, axis=0).tolist():
+            if self.at(tool, here) != source.at(tool, there):
+                return f"how hot tool {tool} prints depends on changes of tools that are walls"
+        return ""
+
+
+def _without(job: PrintJob, document: GcodeDocument, left: set[int]) -> Freed:
+    """Return the print without some of its blocks."""
+    contours, blocks = job.contours, document.blocks
+    stays = np.ones(int(contours.epoch.max()) + 1, np.bool_)
+    stays[0] = False
+    for k in left:
+        stays[blocks[k].epoch] = blocks[k].edge
+    anew = np.cumsum(stays).astype(np.int32)
+    gone = {blocks[k].epoch for k in left}
+    refills = tuple(int(anew[e]) for e in job.refills if e not in gone)
+    behind = {int(np.searchsorted(contours.epoch, blocks[k].epoch)): k for k in sorted(left)}
+    kept = [block for k, block in enumerate(blocks) if k not in left]
+    kept = [replace(block, epoch=int(anew[block.epoch])) for block in kept]
+    own = tuple(_own_starts(job, document, behind))
+    count = sum(_is_change(blocks[k]) for k in left)
+    notes = (*_renamed(job.notes, len(kept)), f"{count} changes of tools are no walls")
+    assert document.moves is not None
+    document = replace(
+        document, blocks=tuple(kept), own_starts=own,
+        owed=_owed(job, document.owed, document.moves, behind),
+    )  # fmt: skip
+    contours = replace(contours, epoch=anew[contours.epoch])
+    return Freed(replace(job, contours=contours, refills=refills, notes=notes), document, count, 0)
+
+
+def _own_starts(
+    job: PrintJob, document: GcodeDocument, behind: dict[int, int]
+) -> Iterable[OwnStart]:
+    """Yield what each tool's head is told where the source takes the tool first.
+
+    `behind` has the blocks that are left out by the contour behind each.
+    """
+    for tool in np.unique(job.contours.tool).tolist():
+        first = int(np.argmax(job.contours.tool == tool))
+        if first not in behind:
+            continue
+        block = document.blocks[behind[first]]
+        rows = [row for row in block.text.split(b"\n") if command_of(row)]
+        rows = [row.rstrip(b"\r") for row in rows if classify(row).kind not in _HELD]
+        text = b"".join(row + document.newline for row in rows)
+        end = replace(block.end, state=document.start.state, position=document.start.position)
+        yield OwnStart(tool, text, block.begin.tool, end, last_line(block))
+
+
+def _owed(job: PrintJob, owed: Floats, moves: Motions, behind: dict[int, int]) -> Floats:
+    """Return what is left pulled where contours begin, (n,) mm, where blocks are left out.
+
+    It is what a contour's tool has pulled and not pushed since the contour it printed before.
+    """
+    of = np.asarray(moves.contour)
+    rows = np.flatnonzero(of >= 0)
+    first = np.full(len(owed), len(of), np.int64)
+    last = np.full(len(owed), -1, np.int64)
+    np.minimum.at(first, of[rows], rows)
+    np.maximum.at(last, of[rows], rows)
+    tool, due = np.asarray(moves.tool), owed.copy()
+    for t in np.unique(job.contours.tool).tolist():
+        mine = np.flatnonzero(job.contours.tool == t)
+        total = np.concatenate([[0.0], np.cumsum(np.where(tool == t, moves.extrusion, 0.0))])
+        net = total[first[mine[1:]]] - total[last[mine[:-1]] + 1]
+        for c, pushed in zip(mine[1:].tolist(), net.tolist(), strict=True):
+            if c in behind:
+                due[c] = -pushed if abs(pushed) >= 1e-9 else 0.0
+    due.setflags(write=False)
+    return due
+
+
+def _renamed(notes: tuple[str, ...], places: int) -> list[str]:
+    """Return the notes with another number of places nothing is moved across."""
+    rest = [note for note in notes if not _PLACES.match(note)]
+    said = f"{places} place{'s' * (places != 1)} nothing is moved across"
+    return [*rest, said] if places else rest

@@ -1,0 +1,244 @@
+"""Which changes of tools of a source need not happen, where each head has one tool.
+
+Found from the source's text, line by line: how hot each tool is told to be where each contour is
+printed, and what else the lines of a change command. A change may be left out where
+
+- it commands nothing but choices of tools, temperatures of hot ends, moves, retractions, how E is
+  counted meanwhile, and what holds from bead to bead, which is compared bead by bead;
+- each tool is told to be as hot at its next contour as it was at its last;
+- no bead of a wipe tower stands beside it.
+
+Lines of temperatures alone may be left out likewise. The filament of changes is the ledger's
+(`sim.heads.ledger`). How hot a head is where it prints is looked at in its file.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import Block, GcodeDocument, Motions
+from decmcts.formats.gcode.document import OwnStart
+from decmcts.print.job import PrintJob
+from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.command_book import command_in, commands_of
+from sim.files.commands import sets_state
+from sim.files.written import source_text
+from sim.heads.file import HeadFile
+from sim.heads.heat import SELECTS, heat_due
+
+_HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
+_MOVES = re.compile(
+    rb"G(?:[014]|1[01](?!.*[PL])|2[1]|9[01])(?![\d.])|G92 ?E|M(?:400|8[23])(?![\d.])", re.I
+)
+_DEGREES = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
+_NAMED = re.compile(rb"(?:(?<=\d)| )T ?(\d+)", re.I)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Unwalled:
+    """A source without the changes that need not happen."""
+
+    job: PrintJob
+    document: GcodeDocument
+
+
+@dataclass(frozen=True, slots=True)
+class _Tool:
+    """What a source tells one tool's hot end, and where it prints; by line, from 1, ascending."""
+
+    told: list[tuple[int, float]]  # line and degrees
+    prints: list[int]  # lines of its contours
+
+    def degrees(self, line: int) -> float:
+        """Return what it is told above a line; NaN: nothing."""
+        k = bisect_left(self.told, (line, -1.0))
+        return self.told[k - 1][1] if k else np.nan
+
+    def stays(self, begin: int, end: int) -> bool:
+        """Tell whether it prints as hot below these lines as above, whatever they tell it."""
+        if bisect_left(self.told, (begin, -1.0)) == bisect_left(self.told, (end + 1, -1.0)):
+            return True
+        k = bisect_left(self.prints, begin)
+        if k == len(self.prints):
+            return not k or self.degrees(end + 1) > 0.0  # one that is done is not left hot
+        return not k or self.degrees(self.prints[k - 1]) == self.degrees(self.prints[k])
+
+
+def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
+    """Return a source of several tools as heads with one tool each may print it.
+
+    None where all its changes stay. Linear in lines and moves.
+    """
+    text = source_text(document)
+    if text is None or document.moves is None:
+        return None
+    tools = _tools_of(text, job, every=heat_due(document, job).one_hot_end)
+    goes = [_may_go(block, tools) for block in document.blocks]
+    gone = [block for block, leaves in zip(document.blocks, goes, strict=True) if leaves]
+    if not any(block.begin.tool != block.end.tool for block in gone):
+        return None
+    was = job.contours.epoch
+    behind = dict(zip(np.searchsorted(was, [b.epoch for b in gone]).tolist(), gone, strict=True))
+    walls = np.diff(was, prepend=was[:1]) > 0
+    walls[[c for c, block in behind.items() if not block.edge]] = False
+    epoch = np.cumsum(walls, dtype=np.int32)
+    now = dict(zip(was.tolist(), epoch.tolist(), strict=True))
+    kept = [
+        replace(block, epoch=now[block.epoch])
+        for block, leaves in zip(document.blocks, goes, strict=True)
+        if not leaves
+    ]
+    starts = tuple(_starts(job, document, behind))
+    refills = set(job.refills) - {block.epoch for block in gone}
+    owed = _left_retracted(job, document, document.moves, behind)
+    return Unwalled(
+        replace(
+            job, contours=replace(job.contours, epoch=epoch),
+            refills=tuple(sorted(now[e] for e in refills)),
+        ),
+        replace(document, blocks=tuple(kept), own_starts=starts, owed=owed),
+    )  # fmt: skip
+
+
+def as_planned(
+    epochs: NDArray[np.int32], job: PrintJob, document: GcodeDocument
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return a source as a plan with these epochs takes it: with its changes of tools or without.
+
+    Where the plan's epochs are neither it is the source as it stands, from which they then differ.
+    """
+    if not np.array_equal(epochs, job.contours.epoch):
+        found = without_changes(job, document)
+        if found is not None and np.array_equal(epochs, found.job.contours.epoch):
+            return found.job, found.document
+    return job, document
+
+
+def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:
+    """Return what each tool is told; with `every` what names none is told to all."""
+    numbers, lines = job.contours.tool, job.contours.line
+    found = {int(t): _Tool([], lines[numbers == t].tolist()) for t in np.unique(numbers)}
+    selected = 0
+    for line, command in commands_of(text):
+        if chosen := SELECTS.match(command):
+            selected = int(chosen[1])
+        elif heat := _HEATS.match(command):
+            named = _NAMED.search(b" " + heat[1])
+            tool = int(named[1]) if named else selected
+            for each in found.values() if every and not named else [found.get(tool)]:
+                if each is not None:
+                    each.told.append((line, _degrees(heat[1])))
+    return found
+
+
+def _degrees(words: bytes) -> float:
+    """Return what a hot end is told; without a number, as in templates of hosts, that is hot."""
+    value = _DEGREES.search(words)
+    return float(value[1]) if value else np.inf
+
+
+def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
+    """Tell whether what a block commands is for a change of tools and for nothing else."""
+    codes = [code for row in block.text.split(b"\n") if (code := command_in(row))]
+    changes = any(SELECTS.match(code) for code in codes)
+    if block.tower or block.begin.relative_e != block.end.relative_e:
+        return False
+    if not changes and not (codes and all(_HEATS.match(code) for code in codes)):
+        return False
+    if not all(_sets_up(code) or sets_state(code) or code[:4] == b"M73 " for code in codes):
+        return False
+    end = block.line + len(block.text.splitlines()) - 1
+    return all(tool.stays(block.line, end) for tool in tools.values())
+
+
+def _sets_up(code: bytes) -> bool:
+    return bool(SELECTS.match(code) or _HEATS.match(code) or _MOVES.match(code))
+
+
+def _starts(
+    job: PrintJob, document: GcodeDocument, behind: Mapping[int, Block]
+) -> Iterator[OwnStart]:
+    """Yield what each head has behind the start code: the lines with which its tool is taken."""
+    for tool in np.unique(job.contours.tool).tolist():
+        block = behind.get(job.contours.tool.tolist().index(tool))
+        if block is None:
+            continue
+        rows = [row for row in block.text.splitlines() if _sets_up(command_in(row))]
+        text = b"".join(row + document.newline for row in rows)
+        end = replace(block.end, state=document.start.state, position=document.start.position)
+        last = block.line + len(block.text.splitlines()) - 1
+        yield OwnStart(tool, text, block.begin.tool, end, last)
+
+
+def _left_retracted(
+    job: PrintJob, document: GcodeDocument, moves: Motions, behind: Mapping[int, Block]
+) -> Floats:
+    """Return what is left retracted where contours begin, (n,) mm; `behind` what is left out."""
+    owed, since = document.owed.copy(), nets_of_tools(moves, job)
+    for c in behind:
+        owed[c] = -since.get(c, 0.0)
+    return owed
+
+
+def nets_of_tools(moves: Motions, job: PrintJob) -> dict[int, float]:
+    """Return what a contour's tool has pushed less what it has pulled since its last contour, mm.
+
+    Of contours that are the first of their tool nothing.
+    """
+    number, net, held = job.contours.tool.tolist(), dict[int, float](), dict[int, float]()
+    at = -1
+    for tool, contour, filament in zip(
+        np.asarray(moves.tool).tolist(), np.asarray(moves.contour).tolist(),
+        np.asarray(moves.extrusion).tolist(), strict=True,
+    ):  # fmt: skip
+        if contour < 0:
+            if filament and tool in held:
+                held[tool] += filament
+            continue
+        own = number[contour]
+        if contour != at and own in held:
+            net[contour] = held[own]
+        held[own], at = 0.0, contour
+    return net
+
+
+def check_hot_ends(
+    heads: Sequence[tuple[HeadFile, Sequence[tuple[int, int, int]]]], source: bytes, job: PrintJob,
+    document: GcodeDocument,
+) -> list[Fault]:  # fmt: skip
+    """Check that each bead of heads' files is laid with its hot end told what the source tells it.
+
+    Parameters
+    ----------
+    heads
+        Each head's file, with contour, first move and end of each bead in it.
+    source : bytes
+        The source's text.
+    """
+    tools = _tools_of(source, job, every=heat_due(document, job).one_hot_end)
+    words = list[str]()
+    for file, laid in heads:
+        told = [
+            (line, _degrees(heat[1]))
+            for line, command in commands_of(file.lines.text)
+            if (heat := _HEATS.match(command))
+        ]
+        has = _Tool(told, [])
+        for contour, begin, _ in laid:
+            line = int(file.motion.line[begin]) + 1
+            due = tools[int(job.contours.tool[contour])].degrees(int(job.contours.line[contour]))
+            here = has.degrees(line)
+            if here != due and not (np.isnan(here) and np.isnan(due)):
+                words.append(
+                    f"head {file.name}, line {line}: contour {contour} is printed with the hot end "
+                    f"told {here:g} degrees, in the source {due:g}"
+                )
+    return listed(FaultKind.STATE, words[:LIMIT], total=len(words))

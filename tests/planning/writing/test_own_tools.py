@@ -1,0 +1,168 @@
+"""Changes of tools that are no walls: each head has one tool, keeps it hot, and waits less."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from decmcts.cli.run import run
+from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode.writing.own_tools import Freed, with_own_tools
+from decmcts.formats.mesh import SliceOptions
+from decmcts.planning.options import RULES, Limits, TeamSearch
+from decmcts.planning.problem.own_tools import team_problem
+from decmcts.planning.problem.source import read_source
+from decmcts.planning.result import Result
+from decmcts.planning.team.pipeline import plan_team
+from sim.experiments.made_print import made_tools_gcode
+from sim.heads.changes import without_changes
+from tests.planning.conftest import Agents
+from tests.planning.writing.test_tools import (
+    HOT,
+    machine_file,
+    one_hot_end,
+    temperatures,
+    two_tools,
+    without_blanks,
+)
+
+
+def launched(source: str, folder: Path, agents: Agents) -> tuple[Result, list[str], list[str]]:
+    """Plan as `launch` does; return what was said, and the arguments that verify the files."""
+    said: list[str] = []
+    machine = machine_file(folder, 0, 1)
+    given = read_source(
+        Path(source), machine, limits=Limits.SOURCE, mesh=SliceOptions(),
+        report=lambda event: None,
+    )  # fmt: skip
+    problem = team_problem(given, RULES, lambda event: said.append(str(event)))
+    search = TeamSearch(0.5)
+    result = Result(plan_team(problem, search, writes=True, agents=agents), search)
+    result.write_plan(folder / "plan.json")
+    result.write_gcode(folder / "out")
+    files = [str(folder / f"out_{name}.gcode") for name in ("left", "right")]
+    return result, said, [*files, "--source", source]
+
+
+def spoilt(path: str, spoil: Callable[[list[str]], None]) -> None:
+    rows = Path(path).read_text().split("\n")
+    spoil(rows)
+    Path(path).write_text("\n".join(rows))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("blanks", [True, False])
+@pytest.mark.parametrize("relative", [True, False])
+def test_heads_keep_their_tool_hot_and_print_side_by_side(
+    agents: Agents, tmp_path: Path, relative: bool, blanks: bool
+) -> None:
+    """No standby, no waiting for heat, and nobody waits for the other's part of a layer."""
+    source = two_tools(tmp_path, relative=relative)
+    if not blanks:
+        without_blanks(source)
+    result, _, files = launched(source, tmp_path, agents)
+    assert [temperatures(Path(path)) for path in files[:2]] == [[HOT[0], 0], [HOT[1], HOT[1], 0]]
+    assert result.after.print_time_s < 0.7 * result.before.print_time_s
+    plan, machine = str(tmp_path / "plan.json"), str(tmp_path / "tools.toml")
+    assert run(["verify", *files, "--plan", plan]) == 0
+    assert run(["verify", *files, "--machine", machine]) == 0
+
+
+def last_bead(rows: list[str]) -> int:
+    return max(k for k, row in enumerate(rows) if row.startswith("G1 X") and " E0.6" in row)
+
+
+def colder(rows: list[str]) -> None:
+    """Cool the hot end before the last bead, as the source does between two uses of the tool."""
+    rows.insert(last_bead(rows), "M104 S190")
+
+
+def never_hot(rows: list[str]) -> None:
+    """Leave the tool as warm as the other has to be."""
+    rows[rows.index(f"M109 S{HOT[1]}")] = f"M109 S{HOT[0]}"
+
+
+def pulled_for_a_change(rows: list[str]) -> None:
+    """Pull the filament back as far as for a change that does not happen."""
+    k = next(k for k, row in enumerate(rows) if row.startswith("G1 E-1"))
+    rows[k] = rows[k].replace("E-1", "E-9")
+    rows[k + 1 :] = [row.replace("G1 E1.", "G1 E9.") for row in rows[k + 1 :]]
+
+
+def unprimed(rows: list[str]) -> None:
+    """Leave out the push with which the tool is first taken."""
+    rows.remove(next(row for row in rows if row.startswith("G1 E9")))
+
+
+@pytest.mark.slow
+def test_what_a_head_may_not_do_without_its_changes_is_found(
+    agents: Agents, tmp_path: Path
+) -> None:
+    """Wrong heat, filament as for changes that are left out, and a bead by the other tool."""
+    source = two_tools(tmp_path, relative=True)
+    _, _, files = launched(source, tmp_path, agents)
+    left, right = map(Path, files[:2])
+    sound = left.read_text(), right.read_text()
+    for spoil in (colder, never_hot, pulled_for_a_change, unprimed):
+        spoilt(files[1], spoil)
+        assert right.read_text() != sound[1]
+        assert run(["verify", *files, "--plan", str(tmp_path / "plan.json")]) == 1, spoil
+        right.write_text(sound[1])
+    theirs = sound[1].split("\n")
+    moved = theirs.pop(last_bead(theirs))
+    ours = sound[0].split("\n")
+    ours.insert(last_bead(ours) + 1, moved)
+    left.write_text("\n".join(ours))
+    right.write_text("\n".join(theirs))
+    assert run(["verify", *files, "--plan", str(tmp_path / "plan.json")]) == 1
+    assert run(["verify", *files, "--machine", str(tmp_path / "tools.toml")]) == 1
+
+
+@pytest.mark.slow
+def test_a_macro_at_changes_keeps_them_walls_and_that_is_said(
+    agents: Agents, tmp_path: Path
+) -> None:
+    """What it does is not known: it may move another head's filament, or need the tool parked."""
+    source = Path(two_tools(tmp_path, relative=True))
+    source.write_text(source.read_text().replace("T1\nM109", "T1\nM42 P1 S1\nM109"))
+    result, said, _ = launched(str(source), tmp_path, agents)
+    assert "M42 P1 S1" in " ".join(said) and "stay places nothing is moved across" in " ".join(said)
+    assert result.document.contours.epoch.max() > 0
+
+
+def test_another_temperature_behind_a_change_keeps_it_a_wall(tmp_path: Path) -> None:
+    """A tool printed hotter at first: which beads it is hot for is not the planner's choice."""
+    source = Path(two_tools(tmp_path, relative=True))
+    first, hot, rest = source.read_text().rpartition(f"M109 S{HOT[1]}")
+    source.write_text(f"{first}M109 S{HOT[1] - 10}{rest}")
+    freed = with_own_tools(*read_gcode(source))
+    judged = without_changes(*read_gcode(source))
+    assert hot and isinstance(freed, Freed) and judged is not None
+    assert freed.walls == 2  # where it cools down, and where it heats up to less
+    assert freed.job.contours.epoch.tolist() == judged.job.contours.epoch.tolist()
+    assert freed.job.contours.epoch.max() == 2
+
+
+@pytest.mark.parametrize("made", ["relative", "absolute", "no blanks", "one hot end", "extras"])
+def test_planner_and_judge_find_the_same(tmp_path: Path, made: str) -> None:
+    """Each by logic of its own: where contours may move, and what each head starts with."""
+    if made == "one hot end":
+        source = one_hot_end(tmp_path, first="M104 S210\nM109 S210")
+    else:
+        source = two_tools(tmp_path, relative=made != "absolute")
+    if made == "no blanks":
+        without_blanks(source)
+    if made == "extras":
+        Path(source).write_text(made_tools_gcode(macro=False))
+    job, document = read_gcode(Path(source))
+    freed, judged = with_own_tools(job, document), without_changes(job, document)
+    assert isinstance(freed, Freed) and judged is not None
+    assert freed.count > 1 and freed.walls == (made == "extras")  # which has M104 S205 beside one
+    ours, theirs = freed.job.contours, judged.job.contours
+    assert ours.epoch.tolist() == theirs.epoch.tolist()
+    assert freed.job.refills == judged.job.refills
+    assert np.abs(freed.document.owed - judged.document.owed).max() < 1e-9
+    assert freed.document.own_starts == judged.document.own_starts
