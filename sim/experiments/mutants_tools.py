@@ -88,8 +88,8 @@ def line_to_the_other(files: Files, rng: Rng) -> None:
 
 def extra_for_another_bead(lines: Lines, rng: Rng) -> None:
     """Push for one bead what is due before another."""
-    a, b = pick(rows_of(lines, r"^G1 E0\.90"), rng), pick(rows_of(lines, r"^G1 E0\.80"), rng)
-    lines[a] = lines[a].replace("E0.90", "E0.80")
+    a, b = pick(rows_of(lines, r"^G1 E0\.[19]0"), rng), pick(rows_of(lines, r"^G1 E0\.80"), rng)
+    lines[a] = lines[a].replace("E0.90", "E0.80").replace("E0.10", "E0.00")
     lines[b] = lines[b].replace("E0.80", "E0.90")
 
 
