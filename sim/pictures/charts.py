@@ -18,6 +18,7 @@ from sim.pictures.canvas import head_colour
 
 BEFORE, AFTER, MOVES = "#d62728", "#1f77b4", "#1a1a1a"
 STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 28800, 86400)
+UNITS = "; lengths in mm, times in h:min:s"
 NAME = 14  # letters of a head's name
 TICKS = 12  # of time, at the most
 Floats = NDArray[np.float64]
@@ -31,20 +32,23 @@ def title_lines(name: str, before: PlanDocument, after: PlanDocument) -> tuple[s
     title = f"{in_one_line(name)} {on}" if name else f"{len(after.contours):,} contours {on}"
     whole = "file_time_s" in was and "file_time_s" in now and heads == 1
     figures = [
+        "no better order was found, the source is kept" if now.get("kept_source") else "",
         _change("print time of the whole file" if whole else "print time",
                 was, now, "file_time_s" if whole else "makespan_s"),
         _change("travel", was, now, "emitted_travel_mm"),
     ]  # fmt: skip
     if heads > 1:
         title += f", {heads} heads"
-    return title, "; ".join(part for part in figures if part) + "; lengths in mm, times in h:min:s"
+    return title, "; ".join(part for part in figures if part) + UNITS
 
 
 def _change(what: str, was: Metrics, now: Metrics, key: str) -> str:
-    """Return one figure before and after, in words; '' where one is not known."""
+    """Return one figure before and after, in words, once if equal; '' where one is not known."""
     a, b = was.get(key), now.get(key)
     if not isinstance(a, int | float) or not isinstance(b, int | float):
         return ""
+    if a == b:
+        return f"{what} {shown(key, a)}"
     share = f" ({change(a, b)})" if a else ""
     return f"{what} {shown(key, a)} → {shown(key, b)}{share}"
 

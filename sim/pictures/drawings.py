@@ -21,7 +21,7 @@ from sim.pictures.canvas import head_colour, save, words_as_they_are
 from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
 from sim.pictures.layer_travels import by_layer, layers_of, most_changed, require_layer, travels_of
 from sim.pictures.layer_view import SHADOW, LayerView, draw_layer, legend_of
-from sim.pictures.shares import bead_grids, mixed, mixed_colour
+from sim.pictures.shares import bead_grids, striped
 from sim.pictures.sheet import ENTRIES, Sheet, sheet_of
 
 NAMED = 3  # heads whose shares have room in a title
@@ -116,7 +116,7 @@ def _view_axis(figure: Figure, sheet: Sheet, column: int) -> Any:
 
 def _draw_shadow(axis: Any, sheet: Sheet, grids: Floats) -> None:
     """Draw the whole print, hardly seen, as the ground of a layer."""
-    shadow = mixed(grids, [SHADOW] * len(grids))
+    shadow = striped(grids, [SHADOW] * len(grids))
     (x0, y0, _), (x1, y1, _) = sheet.extent.tolist()
     axis.imshow(shadow, origin="lower", extent=(x0, x1, y0, y1), aspect="auto", zorder=1,
                 interpolation="nearest")  # fmt: skip
@@ -148,18 +148,19 @@ def _draw_shares(figure: Figure, sheet: Sheet, after: PlanDocument, grids: Float
     colours = [head_colour(k, len(heads)) for k in range(len(heads))]
     axis = _view_axis(figure, sheet, 2)
     (x0, y0, z0), (x1, y1, z1) = sheet.extent.tolist()
-    axis.imshow(mixed(grids, colours), origin="lower", extent=(x0, x1, y0, y1), aspect="auto",
+    axis.imshow(striped(grids, colours), origin="lower", extent=(x0, x1, y0, y1), aspect="auto",
                 interpolation="nearest")  # fmt: skip
     axis.set_title(f"who prints what: all layers\n{_who(after)}", fontsize=9.5, loc="left")
     handles = [Patch(color=c, label=h.head) for c, h in zip(colours, heads, strict=True)]
     if ((grids > 0.0).sum(axis=0) > 1).any():
-        handles.append(Patch(color=mixed_colour(colours), label="mixed: several"))
+        stripes: Any = {"fc": colours[0], "ec": colours[1], "hatch": "////", "lw": 0}
+        handles.append(Patch(label="striped: several", **stripes))
     figure.legend(
         handles=handles, loc="upper left", ncols=4, fontsize=8, frameon=False,
         bbox_to_anchor=(sheet.views[2][0] - 0.01, sheet.legend),
     )  # fmt: skip
     side = figure.add_axes(sheet.side)
-    front = mixed(bead_grids(after, (0, 2), sheet.extent), colours)
+    front = striped(bead_grids(after, (0, 2), sheet.extent), colours)
     side.imshow(front, origin="lower", extent=(x0, x1, z0, z1), aspect="auto",
                 interpolation="nearest")  # fmt: skip
     side.set_title("the same from the front", fontsize=8.5, loc="left")

@@ -13,6 +13,7 @@ from scipy.ndimage import maximum_filter
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 
 CELLS = 700  # along the longer side
+STRIPES = 16  # cells, of all heads' stripes together
 CHUNK = 2_000_000  # samples at a time
 LEAST_MM = 1e-3  # of a segment: dots go nowhere, and are seen all the same
 Floats = NDArray[np.float64]
@@ -77,15 +78,15 @@ def _samples(
     return grid.reshape(shape[1], shape[0])
 
 
-def mixed(grids: Floats, colours: list[str]) -> Floats:
-    """Return the picture of grids: each cell has the heads' colours by their shares, RGBA."""
+def striped(grids: Floats, colours: list[str]) -> Floats:
+    """Return the picture of grids, RGBA: cells of several heads are striped by their shares.
+
+    So each colour in it is that of one head, however many heads have printed there.
+    """
     total = grids.sum(axis=0)
     share = grids / np.maximum(total, 1e-12)
-    rgb = np.einsum("hrc,hk->rck", share, np.array([to_rgb(colour) for colour in colours]))
+    rows, columns = np.indices(total.shape)
+    phase = (rows + columns) % STRIPES / STRIPES + 0.5 / STRIPES
+    head = (phase >= np.cumsum(share, axis=0)[:-1]).sum(axis=0)
+    rgb = np.array([to_rgb(colour) for colour in colours])[head]
     return np.concatenate([rgb, (total > 0.0)[..., None].astype(np.float64)], axis=2)
-
-
-def mixed_colour(colours: list[str]) -> tuple[float, float, float]:
-    """Return the colour of a cell in which each head has printed as much."""
-    r, g, b = np.mean([to_rgb(colour) for colour in colours], axis=0).tolist()
-    return r, g, b

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.walls import Walls, over_walls
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.print.walls import outer_walls
 from sim.pictures.layer_travels import both_ends, in_no_place_of
+from sim.pictures.report.crossings import crossed_walls, legs_over
 
 OTHER = np.uint8(1)  # a travel between places that the other plan has no travel between
 OVER_WALL = np.uint8(2)  # a travel that crosses an outer wall
 MOVED = np.uint8(4)  # a contour printed by another head, or much earlier or later in the order
+CROSSED = np.uint8(8)  # an outer wall that a travel of this plan crosses
 MUCH = 0.01  # of the order, by which a contour has moved
 NOWHERE = np.zeros((0, 6), np.int64)  # both ends of no travel
 
@@ -23,18 +24,18 @@ def flags_of(before: PlanDocument, after: PlanDocument) -> tuple[Flags, Flags]:
     """Return for each head of both plans the flags of its actions, (k,) each."""
     plans = [document.plan.heads for document in (before, after)]
     found = [[np.zeros(len(actions), np.uint8) for actions in plan] for plan in plans]
-    walls = outer_walls(before.contours)
+    walls, moved = outer_walls(before.contours), moved_contours(before, after)
     ends = [[_travels(actions) for actions in plan] for plan in plans]
     for k in (0, 1):
         others = np.concatenate([NOWHERE, *(there for _, there in ends[1 - k])])
-        for flags, (rows, mine), actions in zip(found[k], ends[k], plans[k], strict=True):
+        for flags, (rows, mine) in zip(found[k], ends[k], strict=True):
             flags[rows[in_no_place_of(mine, others)]] |= OTHER
-            flags[over_wall(walls, actions)] |= OVER_WALL
-    moved = moved_contours(before, after)
-    for plan, marks in zip(plans, found, strict=True):
-        for actions, flags in zip(plan, marks, strict=True):
+        over = [legs_over(walls, actions) for actions in plans[k]]
+        of_contours = crossed_walls(before.contours, over) * CROSSED + moved * MOVED
+        for flags, legs, actions in zip(found[k], over, plans[k], strict=True):
+            flags[legs.action] |= OVER_WALL
             printing = actions.kind == ActionKind.PRINT
-            flags[printing] |= np.where(moved[actions.contour[printing]], MOVED, 0).astype(np.uint8)
+            flags[printing] |= of_contours[actions.contour[printing]]
     return tuple(found[0]), tuple(found[1])
 
 
@@ -43,16 +44,6 @@ def _travels(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.int64]
     rows = np.flatnonzero((actions.kind == ActionKind.TRAVEL) | (actions.kind == ActionKind.PARK))
     first, last = actions.path_offsets[rows], actions.path_offsets[rows + 1] - 1
     return rows, both_ends(actions, first, last)
-
-
-def over_wall(walls: Walls, actions: HeadActions) -> NDArray[np.int64]:
-    """Return the actions without extrusion that cross an outer wall of the layer of either end."""
-    owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
-    legs = np.flatnonzero((owner[1:] == owner[:-1]) & (actions.kind[owner[1:]] != ActionKind.PRINT))
-    start, goal = actions.path[legs].copy(), actions.path[legs + 1].copy()
-    start[:, 2] = actions.path[actions.path_offsets[owner[legs]], 2]
-    goal[:, 2] = actions.path[actions.path_offsets[owner[legs] + 1] - 1, 2]
-    return np.unique(owner[legs[over_walls(walls, start, goal)]])
 
 
 def moved_contours(before: PlanDocument, after: PlanDocument) -> NDArray[np.bool_]:

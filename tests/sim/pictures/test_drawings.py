@@ -17,6 +17,7 @@ from decmcts.print.plan import ActionKind, JointPlan
 from sim.pictures import drawings as pictures
 from sim.pictures.activity import EXACT, activity
 from sim.pictures.canvas import TRAVEL
+from sim.pictures.charts import title_lines
 from sim.pictures.drawings import draw_gantt, draw_plan
 from sim.pictures.layer_travels import layers_of, travels_of
 from sim.pictures.layer_view import LayerView, changed_colour, draw_layer
@@ -69,6 +70,15 @@ def test_what_changed_is_lit_up_and_nothing_else(make, name):
     assert drawn(document, other, 0, gone=True)[0][TRAVEL] >= 1
     counts, _ = drawn(other, document, 0, gone=False)
     assert counts[changed] >= 1 and TRAVEL not in counts
+
+
+def test_a_kept_source_is_said_to_be_one(make):
+    """Equal figures stand once; that nothing was found is no change of 0 %."""
+    metrics = {"file_time_s": 60.0, "emitted_travel_mm": 9.0}
+    before = replace(make.tower_plan(), metrics=metrics)
+    _, under = title_lines("a", before, replace(before, metrics={**metrics, "kept_source": True}))
+    assert under.startswith("no better order was found, the source is kept; print time of the")
+    assert "→" not in under and "0:01:00; travel 9 mm" in under
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 from decmcts.print.plan import ActionKind
 from sim.pictures import shares
-from sim.pictures.shares import bead_grids, mixed
+from sim.pictures.shares import bead_grids, striped
 
 
 def box(document):
@@ -46,8 +46,15 @@ def test_a_dot_is_seen(make):
     assert (bead_grids(document, (0, 1), extent, cells=20)[0] > 0.0).any()
 
 
-def test_cells_are_coloured_by_share_and_clear_where_nothing_is():
-    """Half and half is the colour in between."""
-    grids = np.array([[[1.0, 2.0, 0.0]], [[1.0, 0.0, 0.0]]])
-    rgba = mixed(grids, ["#ff0000", "#0000ff"])
-    assert rgba[0].tolist() == [[0.5, 0.0, 0.5, 1.0], [1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0]]
+def test_cells_of_several_heads_are_striped_by_share():
+    """Each colour is that of one head, also with three: a mixture would be nobody's."""
+    colours = ["#ff0000", "#00ff00", "#0000ff"]
+    grids = np.zeros((3, 32, 32))
+    grids[:, :16] = np.array([1.0, 2.0, 1.0])[:, None, None]  # a quarter, half, a quarter
+    grids[1, 20] = 5.0
+    rgba = striped(grids, colours)
+    several, alone, nobody = rgba[:16], rgba[20], rgba[24]
+    shares = [(several == [*rgb, 1.0]).all(axis=2).mean() for rgb in np.eye(3)]
+    assert shares == [0.25, 0.5, 0.25]
+    assert (alone == [0.0, 1.0, 0.0, 1.0]).all()
+    assert (nobody[:, 3] == 0.0).all()

@@ -196,9 +196,10 @@
    * Instances are drawn one by one where the processor does the graphics, many times slower than
    * as triangles of one list; there each segment's values stand four times, once for each corner.
    * @param {object} drawing  {regl, rows, corners}
-   * @param {string} kind  BEAD, ROUGH or LINE
+   * @param {string} kind  BEAD, ROUGH, LINE, or FIRST: lines in front of all
    */
-  function strips({ regl, rows, corners }, kind) {
+  function strips({ regl, rows, corners }, named) {
+    const kind = named === "FIRST" ? "LINE" : named;
     const once = rows === INSTANCED;
     const of = (buffer, offset, size, type, normalized, stride) => (context, props) => ({
       buffer: buffer(props), offset: offset + (once ? props.begin * stride : 0), stride, size, type,
@@ -232,7 +233,7 @@
       framebuffer: regl.prop("into"),
       viewport: regl.prop("pane"),
       scissor: { enable: true, box: regl.prop("pane") },
-      depth: { enable: true, func: "lequal", mask: true },
+      depth: { enable: true, func: named === "FIRST" ? "always" : "lequal", mask: true },
       cull: { enable: false },
     });
   }

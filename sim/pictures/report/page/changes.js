@@ -4,6 +4,7 @@
   const OTHER = 1; // flags of actions
   const OVER_WALL = 2;
   const MOVED = 4;
+  const CROSSED = 8;
 
   /** Place of each contour in the order of all, 0 to 1. */
   function places(scene, p) {
@@ -35,6 +36,8 @@
     { key: "walls", name: "gone, over outer walls", plan: 0, colour: "--gone", on: true, dash: true },
     { key: "new", name: "travels new", plan: 1, colour: "--new", on: true },
     { key: "crossed", name: "new, over outer walls", plan: 1, colour: "--new", on: true, dash: true },
+    { key: "freed", name: "walls no longer crossed", colour: "--good", on: true },
+    { key: "cut", name: "walls crossed only now", colour: "--bad", on: true },
     { key: "other", name: "printed by another head", colour: "--other", on: true },
     { key: "order", name: "printed earlier or later", colour: "--accent", on: false },
   ];
@@ -46,10 +49,17 @@
     return plan === 0 ? "gone" : "new";
   }
 
-  function contourKind(scene, c) {
-    if (ofContours(scene).other[c]) return "other";
-    const { head, action } = scene.by[1];
-    return scene.page.plans[1].heads[head[c]].flags[action[c]] & MOVED ? "order" : "same";
+  /** All that changed of a contour, what tells most first. */
+  function contourKinds(scene, c) {
+    const [was, now] = [0, 1].map((p) => {
+      const { head, action } = scene.by[p];
+      return head[c] < 0 ? 0 : scene.page.plans[p].heads[head[c]].flags[action[c]];
+    });
+    const found = [];
+    if ((was ^ now) & CROSSED) found.push(was & CROSSED ? "freed" : "cut");
+    if (ofContours(scene).other[c]) found.push("other");
+    else if (now & MOVED) found.push("order");
+    return found;
   }
 
   /** Count and mm of every kind of change within layers, and travel per layer of both plans. */
@@ -63,11 +73,10 @@
     const { layer, n } = scene.page.contours;
     for (let c = 0; c < n; c++) {
       if (layer[c] < low || layer[c] > high) continue;
-      const kind = contourKind(scene, c);
-      if (kind !== "same") found[kind].count++;
+      for (const kind of contourKinds(scene, c)) found[kind].count++;
     }
     return found;
   }
 
-  D.changes = { KINDS, OTHER, OVER_WALL, ofContours, travelKind, contourKind, sums };
+  D.changes = { KINDS, OTHER, OVER_WALL, ofContours, travelKind, contourKinds, sums };
 })();

@@ -4,7 +4,7 @@
   const e = D.element;
   const HEIGHT = 260;
   const DASHES = [[], [7, 4], [2, 3], [10, 3, 2, 3]];
-  const EVEN = 0.3; // of the saving: where the best tenth of the layers has less, none stands out
+  const EVEN = 2; // times the mean: where the best layers save less than that each, none stands out
   const GROUPS = 120; // points of a chart by layer
   const FLAT = { size: 34 }; // height of the numbers along x
   const kept = []; // charts drawn anew with the theme
@@ -141,14 +141,23 @@
 
   const savedMm = ({ saving: { by_layer: { before, after } } }) => sum(before) - sum(after);
 
+  /** In which layers the saving is: the few best ones, and how much of it they have. */
+  function placed(saved, total) {
+    const { mm, parts } = bestParts(saved, Math.max(1, Math.min(10, Math.ceil(saved.length / 10))));
+    if (saved.length < 2) return "";
+    const names = parts.length === 1 ? "layer" : "layers";
+    if (mm > total) return `: ${D.format.mm(mm)} less in ${names} ${ranges(parts)}, and more in others`;
+    const even = mm / parts.length < (EVEN * total) / saved.length && saved.length > 20;
+    return even ? `, spread over all layers: the ${parts.length} that save most have ${D.format.mm(mm)} of it`
+      : `: ${D.format.mm(mm)} of it in ${names} ${ranges(parts)}`;
+  }
+
   function byLayer({ by_layer: { layer, before, after } }) {
     const saved = before.map((each, k) => each - after[k]), total = sum(saved);
-    const { mm, parts } = bestParts(saved, Math.max(1, Math.min(10, Math.ceil(layer.length / 10))));
-    const even = mm < EVEN * total && layer.length > 20;
-    const where = even ? "spread over all layers" : `${D.format.mm(mm)} of it in ${parts.length === 1 ? "layer" : "layers"} ${ranges(parts)}`;
+    const where = placed(saved, total);
     const means = grouped(layer.length, [before, after]);
     const said = Math.abs(total) < 1 ? "As much travel between beads as before." : total > 0
-      ? `${D.format.mm(total)} of travel less between beads: ${where}.`
+      ? `${D.format.mm(total)} of travel less between beads${where}.`
       : `${D.format.mm(-total)} of travel more between beads: that is no saving of travel.`;
     const label = D.page.plans[0].label;
     return figure({

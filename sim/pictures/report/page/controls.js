@@ -5,7 +5,8 @@
   const DENSE = 500; // beads; of more, what changed is shown layer by layer at first
   const SHOW_S = 90; // in which a print is played at most at first
   const COLOURS = { role: "role", head: "head", tool: "tool", layer: "layer", time: "time", speed: "speed", change: "change in order" };
-  const PLANS = { before: "Before", after: "After", both: "Side by side" };
+  /** Names of the plans: the first is the source's own order, or one made safe, layer by layer. */
+  const plansOf = ([{ label }]) => ({ before: label[0].toUpperCase() + label.slice(1), after: "After", both: "Side by side" });
 
   const { element } = { element: (...given) => D.element(...given) };
   let [page, layers, end] = [null, [0, 0], 0];
@@ -67,7 +68,15 @@
       time.setAttribute("aria-valuetext", text.textContent);
       speed.value = String(now.speed);
     });
-    return element("div", { class: "view-row view-time" }, play, time, text, pair);
+    return element("div", {}, element("div", { class: "view-row view-time" }, play, time, text, pair), clockNote());
+  }
+
+  /** Whose clock this is, where the times on the first screen are of whole files. */
+  function clockNote() {
+    if (page.facts.time.of !== "whole file") return "";
+    const ends = page.plans.map((plan) => `${D.format.clock(plan.end_s)} ${plan.label}`).join(", ");
+    return element("p", { id: "view-clock", class: "note" }, `This clock is the plan's: ${ends}, from park to park. ` +
+      "The times above are estimated from all lines of the files, start and end included, so they differ a little.");
   }
 
   /** Both ends of the layers as sliders over a strip that shows travel by layer. */
@@ -89,8 +98,8 @@
       to.setAttribute("aria-valuetext", `layer ${b + 1}`);
       single.setAttribute("aria-pressed", String(a === b));
     });
-    const strip = element("canvas", { id: "view-strip", role: "img", "aria-label": "Travel in each layer, before and after" });
-    const words = element("span", { class: "view-bars muted" }, element("i", { class: "was" }), "travel before ",
+    const strip = element("canvas", { id: "view-strip", role: "img", "aria-label": `Travel in each layer, ${page.plans[0].label} and after` });
+    const words = element("span", { class: "view-bars muted" }, element("i", { class: "was" }), `travel ${page.plans[0].label} `,
       element("i", {}), "after, layer by layer");
     return element("div", { class: "view-row view-layers" }, element("span", {}, "Layers"),
       element("div", { class: "view-range" }, strip, from, to), text, single, most, words);
@@ -138,6 +147,12 @@
         c.fillRect(x0, strip.height - h, Math.max(1, x1 - x0), h);
       }
     });
+    c.fillStyle = D.colour("--gone"); // where there is more now, before is a line in front of it
+    for (let k = 0; k < count; k++) {
+      const y = strip.height - Math.round((travelled[0][k] / most) * strip.height);
+      const [x0, x1] = [k, k + 1].map((v) => Math.round((v * strip.width) / count));
+      if (travelled[0][k] < travelled[1][k]) c.fillRect(x0, Math.min(y, strip.height - ratio), Math.max(1, x1 - x0), ratio);
+    }
   }
 
   /** Names of colours; an entry is a button that dims what it names. */
@@ -157,7 +172,13 @@
       if (legend.mode === "changed") box.replaceChildren(...changesRows(legend, row, swatch));
       else if (legend.gradient) box.replaceChildren(...rampRows(legend, row, swatch));
       else box.replaceChildren(...legend.entries.map(({ name, rgb }, k) => row(k, swatch(rgb), name, legend.off)));
-      for (const { name, rgb } of legend.travels ?? []) box.append(element("span", { class: "view-entry" }, swatch(rgb, "line"), name));
+      const told = (rgb, text, kind) => box.append(element("span", { class: "view-entry" }, swatch(rgb, kind), text));
+      for (const { name, rgb, dash } of legend.travels ?? []) told(rgb, name, dash ? "line dashed" : "line");
+      if (legend.bodies) told(D.colours.named("--head0"), "frames: bodies of the heads; on the bed, the space a head needs now", "frame");
+      for (const [name, rgb, count = 1] of legend.selected) {
+        const text = count > 1 ? `${name}: ${D.format.count(count, "bead")}${count > D.view.MOST ? `, ${D.view.MOST} drawn` : ""}` : name;
+        told(rgb, text);
+      }
       [...box.querySelectorAll("button")].find((each) => each.textContent === active)?.focus();
     };
   }
@@ -166,7 +187,7 @@
     const sums = legend.sums();
     return D.changes.KINDS.flatMap(({ key, name, colour, dash, plan }) => {
       const { count, mm } = sums[key];
-      const text = plan === undefined ? `${name}: ${D.format.number(count)} beads`
+      const text = plan === undefined ? `${name}: ${D.format.count(count, "bead")}`
         : `${name}: ${D.format.number(count)}, ${D.format.mm(mm)}`;
       return count || plan === 0 ? [row(key, swatch(D.colours.named(colour), plan === undefined ? "" : dash ? "line dashed" : "line"), text, legend.off)] : [];
     });
@@ -197,7 +218,7 @@
     const [pair, colours] = selection("view-colour", "Colour by", coloured(), "role",
       (v) => D.state.set({ colour: v, changed: false }));
     shown.push((now) => { colours.value = now.colour; });
-    return element("div", { class: "view-row" }, choice("plans", PLANS, "Plans shown"), pair,
+    return element("div", { class: "view-row" }, choice("plans", plansOf(page.plans), "Plans shown"), pair,
       toggle("changed", "What changed", "lights up what changed, dims the rest", showChanges),
       toggle("travels", "Travels", "shows travels too"),
       toggle("bodies", "Heads", "shows the heads' bodies while they move"), camera(acts));

@@ -18,7 +18,7 @@
   }
 
   function origin(facts, page) {
-    const parts = [facts.file, `machine ${facts.machine}`, `${D.format.number(page.contours.n)} beads`];
+    const parts = [facts.file === page.title ? "" : facts.file, `machine ${facts.machine}`, D.format.count(page.contours.n, "bead")];
     return e("p", { class: "origin" }, parts.filter(Boolean).join(" · "));
   }
 
@@ -84,8 +84,9 @@
   function proof({ proof }) {
     if (!proof) return null;
     const shown = (value) => (proof.unit === "mm" ? D.format.mm(value) : D.format.duration(value));
-    return e("p", {}, `Counted straight from bead to bead, without lifts and detours, travels take ${shown(proof.value)}. ` +
-      `No order can have less than ${shown(proof.bound)} (proven): this one is at most ${proof.gap_percent.toFixed(1)} % above.`);
+    const counted = `Counted straight from bead to bead, without lifts and detours, travels take ${shown(proof.value)}`;
+    if (proof.gap_percent < 0.05) return e("p", {}, `${counted}, and no order can have less (proven).`);
+    return e("p", {}, `${counted}. No order can have less than ${shown(proof.bound)} (proven): this one is at most ${proof.gap_percent.toFixed(1)} % above.`);
   }
 
   /** Travel, retractions, walls crossed: before, after, less. */
@@ -120,7 +121,7 @@
       const said = busy ? parts.map(([s, verb]) => `${verb} ${((100 * s) / whole).toFixed(1)} %`).join(", ") : "has nothing to do";
       const drawn = parts.map(([s, , name]) => e("div", { class: name, style: `width:${(100 * s) / Math.max(whole, used)}%` }));
       const colour = `--head:var(--head${page.plans[1].heads[k] ? page.plans[1].heads[k].colour % 8 : 0})`;
-      return e("li", { style: colour }, e("b", {}, head.name), ` ${said} · ${D.format.number(head.contours)} beads`,
+      return e("li", { style: colour }, e("b", {}, head.name), ` ${said} · ${D.format.count(head.contours, "bead")}`,
         e("div", { class: "track", "aria-hidden": "true" }, ...drawn));
     };
     return e("div", { class: "card" }, e("h2", {}, "How the heads are used"), speed(facts.speed_up, page.history.cooled),

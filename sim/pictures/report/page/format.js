@@ -31,6 +31,8 @@
       const value = 100 * share;
       return `${Math.abs(value) < 9.95 ? value.toFixed(1) : Math.round(value)} %`;
     },
+    /** (1, "bead") -> "1 bead"; (1200, "bead") -> "1,200 beads". */
+    count: (value, word) => `${grouped.format(value)} ${word}${value === 1 ? "" : "s"}`,
     number: (value) => (Math.abs(value) < 100 ? precise : grouped).format(value),
   };
 })();

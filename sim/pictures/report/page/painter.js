@@ -19,7 +19,7 @@
       this.simple = D.beads.upload(this, scene.rough);
       this.travels = scene.travels.map(({ set }) => D.beads.upload(this, set));
       this.solids = this.solidsOf();
-      this.extra = null;
+      this.extras = [];
       this.spaces = new Map(); // of each head, for its action
       this.layerOf = Int32Array.from(scene.order, (c) => scene.page.contours.layer[c]);
       this.layers = layersOf(this.layerOf, scene);
@@ -97,11 +97,14 @@
       D.beads.recolour(this, this.travels[plan], 0);
     }
 
-    /** Lay thick lines over the picture of one plan, or of both: [{points: [[x, y, z] ...], rgb}]. */
-    overlay(lines, plan = null) {
+    /**
+     * Lay thick lines over the picture of one plan, or of both: [{points: [[x, y, z] ...], rgb}].
+     * `first` are in front of all others.
+     */
+    overlay(lines, first, plan = null) {
       this.extraOf = plan;
-      if (this.extra) D.beads.release(this.extra);
-      this.extra = linesOf(this, lines);
+      this.extras.forEach(({ on }) => on && D.beads.release(on));
+      this.extras = [[lines, "LINE", 4], [first, "FIRST", 5]].map(([of, kind, wide]) => ({ on: linesOf(this, of), kind, wide }));
     }
 
     /**
@@ -203,8 +206,9 @@
       this.strips("LINE", { ...line, on: view.bed, begin: 0, count: view.bed.set.n, now: ALL, wide: 1 });
       if (state.travels || state.changed) this.drawTravels(line, seen.plan, state, seen.now);
       this.heads(view, line, seen.plan, state);
-      if (this.extra && (this.extraOf === null || this.extraOf === seen.plan)) {
-        this.strips("LINE", { ...line, on: this.extra, begin: 0, count: this.extra.set.n, now: ALL, wide: 4 });
+      if (this.extraOf !== null && this.extraOf !== seen.plan) return;
+      for (const { on, kind, wide } of this.extras) {
+        if (on) this.strips(kind, { ...line, on, begin: 0, count: on.set.n, now: ALL, wide });
       }
     }
 
@@ -301,11 +305,11 @@
       this.frames++;
     }
 
-    /** Draw more or less of a moving picture from now on. */
+    /** Draw more or less of a moving picture from now on: whole segments. */
     learn(ms) {
       if (!this.coarse && ms < FAST_MS) return;
       const wanted = this.budget * Math.min(1.5, Math.max(0.5, FAST_MS / ms));
-      this.budget = Math.max(LEAST, 0.6 * this.budget + 0.4 * wanted);
+      this.budget = Math.max(LEAST, Math.round(0.6 * this.budget + 0.4 * wanted));
     }
   }
 

@@ -57,6 +57,9 @@
   const headOf = ({ plan, head }) => scene.page.plans[plan].heads[head];
   const fact = (name, value) => [D.element("dt", {}, name), D.element("dd", {}, value)];
 
+  /** "head left"; the only head of a machine is often called just that. */
+  const named = ({ name }) => (/^head\b/i.test(name) ? name : `head ${name}`);
+
   const lasting = (s) => (s < 1 ? `${s.toFixed(2)} s` : D.format.duration(s));
 
   function lengthOf(at) {
@@ -82,7 +85,7 @@
     const clock = D.format.clock;
     const rows = [
       ...fact("when", `${clock(begin)} to ${clock(end)} (${lasting(end - begin)}), ${plans[at.plan].label}`),
-      ...fact("by", `head ${head.name}, its action ${at.action + 1} of ${head.n}`),
+      ...fact("by", `${named(head)}, its action ${at.action + 1} of ${head.n}`),
       ...fact("length", D.format.mm(lengthOf(at))),
     ];
     if (head.kind[at.action] === 0) {
@@ -90,7 +93,7 @@
         ...fact("line", contours.line[c] > 0 ? `${contours.line[c]} of the source` : "none"));
       rows.push(...fact("tool", `${contours.tool[c]}`));
       const other = printing(scene, 1 - at.plan, c);
-      if (other) rows.push(...fact(plans[1 - at.plan].label, goTo(other, `${clock(headOf(other).begin[other.action])}, head ${headOf(other).name}`)));
+      if (other) rows.push(...fact(plans[1 - at.plan].label, goTo(other, `${clock(headOf(other).begin[other.action])}, ${named(headOf(other))}`)));
     } else if (head.flags[at.action]) rows.push(...fact("change", changeOf(at, head.flags[at.action])));
     return D.element("dl", {}, ...rows);
   }

@@ -22,9 +22,10 @@
     ? D.colours.mixed(headRgb(scene, p, h), D.colours.named("--fg"), 0.5) : D.colours.named("--travel"));
 
   function travelNames(scene) {
-    const { heads } = scene.page.plans[1];
-    if (heads.length === 1) return [{ name: "travels", rgb: travelRgb(scene, 1, 0) }];
-    return heads.map(({ name }, h) => ({ name: `travels of ${name}`, rgb: travelRgb(scene, 1, h) }));
+    const { heads } = scene.page.plans[1], one = heads.length === 1;
+    const names = heads.map(({ name }, h) => ({ name: one ? "travels" : `travels of ${name}`, rgb: travelRgb(scene, 1, h) }));
+    const over = scene.travels.some(({ runs }) => runs.some((run) => run.over));
+    return over ? [...names, { name: "over outer walls", rgb: one ? travelRgb(scene, 1, 0) : D.colours.named("--fg"), dash: true }] : names;
   }
 
   function byKind(scene, painter, state, faint) {
@@ -46,7 +47,10 @@
     const colour = Object.fromEntries(D.changes.KINDS.map(({ key, colour: name }) => [
       key, hidden.has(key) ? null : D.colours.packed(D.colours.named(name), SHOWN.lit)]));
     scene.page.plans.forEach((_, p) => {
-      painter.tint(p, (c) => colour[D.changes.contourKind(scene, c)] ?? faint);
+      painter.tint(p, (c) => {
+        const shown = D.changes.contourKinds(scene, c).find((kind) => colour[kind] !== null);
+        return shown ? colour[shown] : faint;
+      });
       painter.tintTravels(p, ({ kind }) => colour[kind] ?? 0);
     });
     return { mode: "changed", off: hidden, sums: () => D.changes.sums(scene, D.state.get().layers) };

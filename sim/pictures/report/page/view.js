@@ -148,7 +148,6 @@
   function recolour() {
     legend = D.tints.apply(scene, painter, view);
     select();
-    parts.legend(legend);
   }
 
   // Selection ---------------------------------------------------------------------------------
@@ -163,7 +162,8 @@
     const { selected } = D.state.get();
     view.chosen = null;
     if (!selected) {
-      painter.overlay([]);
+      painter.overlay([], []);
+      tell([]);
       return;
     }
     const points = pointsOf(selected);
@@ -173,11 +173,15 @@
     const lines = [
       ...near.before.slice(0, MOST).map((at) => ({ points: pointsOf(at), rgb: first })),
       ...near.after.slice(0, MOST).map((at) => ({ points: pointsOf(at), rgb: last })),
-      { points, rgb: chosen },
     ].filter(({ points }) => points.length);
+    tell([["selected", chosen], ["had to come first", first, near.before.length],
+      ["waits for it", last, near.after.length]].filter(([, , count]) => count !== 0));
     const { kind } = scene.page.plans[selected.plan].heads[selected.head];
-    painter.overlay(lines, kind[selected.action] === 0 ? null : selected.plan);
+    painter.overlay(lines, [{ points, rgb: chosen }], kind[selected.action] === 0 ? null : selected.plan);
   }
+
+  /** Say what the colours are; `selected` are names and colours of what is drawn over the print. */
+  const tell = (selected) => parts.legend({ ...legend, selected, bodies: showsHeads(D.state.get()) });
 
   /** What is shown at (x, y) px of the canvas: {plan, head, action} or null. */
   function pick(x, y) {
@@ -215,9 +219,14 @@
 
   // Camera ------------------------------------------------------------------------------------
 
-  /** Show the whole print. */
+  /** Whether the heads' bodies are shown. */
+  const showsHeads = (state) => state.bodies && (state.playing || state.time < Math.max(...scene.page.plans.map((plan) => plan.end_s)));
+
+  /** Show the whole print; and where several heads park, while they are shown. */
   function fit() {
-    const { low, high } = scene.box;
+    const heads = scene.page.plans[1].heads.length > 1 && showsHeads(D.state.get()) ? scene.page.machine.heads : [];
+    const [low, high] = [Math.min, Math.max].map((most, end) => scene.box[["low", "high"][end]].map(
+      (v, k) => (k < 2 ? most(v, ...heads.map(({ park }) => park[k])) : v)));
     const [pane] = panes();
     D.camera.fit(view.camera, low, high, pane.width, pane.height);
     view.fitted = true; // until someone turns it
@@ -301,7 +310,9 @@
     else if (differs("selected")) select();
     if (differs("plans")) refit((now.plans === "both") - (was.plans === "both"));
     if (differs("selected") && now.selected && !picking) reveal(now.selected);
-    if (differs("layers") && now.changed) parts.legend(legend);
+    const turned = showsHeads(now) !== showsHeads(was);
+    if (turned || (differs("layers") && now.changed)) select();
+    if (turned && view.fitted) fit();
     redraw(differs("time", "layers") && !now.playing);
   }
 
@@ -314,6 +325,7 @@
   }
 
   D.view = {
+    MOST,
     show,
     redraw,
     closer,

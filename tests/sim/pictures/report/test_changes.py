@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shapely import LineString, Point, union_all
 
 from decmcts.print.contours import Role
 from decmcts.print.plan import ActionKind, JointPlan
 from sim.content.over_walls import over_walls_mm
 from sim.pictures.layer_travels import by_layer, most_changed, travels_of
-from sim.pictures.report.changes import MOVED, OTHER, OVER_WALL, flags_of
+from sim.pictures.report.changes import CROSSED, MOVED, OTHER, OVER_WALL, flags_of
 from sim.pictures.report.saving import saving_of, travel_lengths
 
 
@@ -99,3 +100,26 @@ def test_the_layer_that_changed_most_is_the_picture_s(make):
         found[was is before] = saving_of(was, now)["most_changed"]
         assert found[was is before] == most_changed(*lengths)
     assert found[True] == found[False] == int(np.argmax(lengths[0] - lengths[1]))
+
+
+@pytest.mark.parametrize("role", [Role.EXTERNAL_PERIMETER, Role.INFILL])
+def test_the_walls_that_are_crossed_are_named(make, role):
+    """Each wall met by a travel of its layer, found here by trying all pairs."""
+    document = reordered(make, [0, 3, 2, 1, 4, 6, 5, 8, 7, 9])
+    roles = np.full(len(document.contours), int(role), np.int8)
+    document = replace(document, contours=replace(document.contours, role=roles))
+    (actions,) = document.plan.heads
+    expected = set()
+    for action in np.flatnonzero(actions.kind != ActionKind.PRINT).tolist():
+        path = actions.action_path(action)
+        way = LineString(path[:, :2])
+        ends = [Point(end).buffer(0.051) for end in path[[0, -1], :2]]
+        for contour in range(len(document.contours)):
+            line = document.contours.polyline(contour)
+            level = np.abs(path[[0, -1], 2] - line[0, 2]).min() < 1e-6
+            if level and LineString(line[:, :2]).intersects(way.difference(union_all(ends))):
+                expected.add(contour)
+    flags = flags_of(document, document)[1][0]
+    found = actions.contour[flags & CROSSED > 0].tolist()
+    assert set(found) == (expected if role == Role.EXTERNAL_PERIMETER else set())
+    assert len(expected) > 3

@@ -86,6 +86,26 @@ def test_charts_hold_the_plan_s_travel(browser: Browser, one_head: tuple[Result,
         assert page.evaluate("D.charts.kept.every((each, k) => each.plot !== was[k])")
 
 
+def test_the_saving_by_layer_is_called_even_only_where_it_is(page: Page) -> None:
+    """Where a tenth of the layers saves a quarter it is theirs, not that of all."""
+    said = """(rows) => { const [was, now] = rows;
+        const show = { ...D.page, graph: null, history: { s: [] }, saving: { ...D.page.saving,
+          by_layer: { layer: was.map((_, k) => k), before: was, after: now } } };
+        const section = document.getElementById("search"), kept = [...section.children];
+        D.charts.show(show);
+        const shown = [...section.querySelectorAll(".figures")].at(-1);
+        const text = shown.querySelector("figcaption p").textContent;
+        section.replaceChildren(...kept);
+        D.charts.kept.splice(-2);
+        return text; }"""
+    even = [[100.0] * 40, [90.0] * 36 + [85.0] * 4]
+    assert "spread over all layers: the 4 that save most have 60 mm" in page.evaluate(said, even)
+    some = [[100.0] * 40, [90.0] * 36 + [70.0] * 4]
+    assert "120 mm of it in layers 37–40" in page.evaluate(said, some)
+    worse = [[100.0] * 40, [110.0] * 20 + [85.0] * 20]
+    assert "60 mm of it in layers" in page.evaluate(said, worse)
+
+
 def test_the_bound_is_drawn_below_the_search(
     page: Page, cooling: tuple[PlanDocument, Path]
 ) -> None:

@@ -125,6 +125,42 @@ def test_every_colour_has_a_legend(view: Page, mode: str) -> None:
         view.locator("#view-legend button").first.click()
 
 
+def test_what_is_selected_has_a_legend(view: Page) -> None:
+    """Colours of what had to come first, and of what waits for it; one bead is no beads."""
+    view.evaluate("D.selected.go({plan: 1, head: 0, action: D.page.plans[1].heads[0].n >> 1})")
+    if view.evaluate("D.page.plans[1].heads[0].kind[D.state.get().selected.action]") != 0:
+        view.press("#view-canvas", "n")
+    near = view.evaluate(
+        "[...document.querySelectorAll('#selected h3')].slice(1).map(each => each.innerText)"
+    )
+    legend = view.inner_text("#view-legend")
+    for heading, name in zip(near, ("had to come first", "waits for it"), strict=True):
+        count = int(heading.rsplit("(")[1].rstrip(")"))
+        assert (name in legend) == (count > 0)
+        assert count < 2 or f"{name}: {count} beads" in legend
+    assert "selected" in legend and "1 beads" not in legend
+    view.press("#view-canvas", "Escape")
+    assert "selected" not in view.inner_text("#view-legend")
+
+
+def test_a_picture_is_whole_after_it_moved(view: Page) -> None:
+    """A moving view learns how much it can draw at a time: whole lines, else all is drawn wrong."""
+    budget = view.evaluate(
+        """() => { const painter = { coarse: true, budget: 20001 };
+        for (const ms of [71.3, 40.1]) D.painter.Painter.prototype.learn.call(painter, ms);
+        return painter.budget; }"""
+    )
+    assert budget == int(budget) and budget != 20001
+
+
+def test_the_clock_says_whose_time_it_shows(view: Page, one_head: tuple[Result, Path]) -> None:
+    """The first screen has estimates of whole files; the view plays the plan."""
+    planned = one_head[0].planned
+    note = view.inner_text("#view-clock")
+    for document in (planned.before, planned.after):
+        assert view.evaluate("D.format.clock", document.plan.makespan_s) in note
+
+
 def test_keys_turn_zoom_and_step(view: Page) -> None:
     """Whoever has no mouse sees the same."""
 
