@@ -9,7 +9,9 @@ printed, and what else the lines of a change command. A change may be left out w
 - no bead of a wipe tower stands beside it.
 
 Lines of temperatures alone may be left out likewise. The filament of changes is the ledger's
-(`sim.heads.ledger`). How hot a head is where it prints is looked at in its file.
+(`sim.heads.ledger`). What the source pushes beyond what it has pulled, alike at each change to a
+tool, primes it: that is due where the tool's head has laid nothing for long (`idle_before`). How
+hot a head is where it prints is looked at in its file.
 """
 
 from __future__ import annotations
@@ -23,8 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode import Block, GcodeDocument, Motions
-from decmcts.formats.gcode.document import OwnStart
+from decmcts.formats.gcode.document import IDLE_S, OwnStart
 from decmcts.print.job import PrintJob
+from decmcts.print.plan import ActionKind, HeadActions
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.command_book import command_in, commands_of
 from sim.files.commands import sets_state
@@ -39,6 +42,8 @@ _MOVES = re.compile(
 _DEGREES = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _NAMED = re.compile(rb"(?:(?<=\d)| )T ?(\d+)", re.I)
 
+PRIMES_MM = 0.01  # of filament
+ALIKE_MM = 2e-3  # what differs less is alike: files round off
 Floats = NDArray[np.float64]
 
 
@@ -98,13 +103,22 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
     ]
     starts = tuple(_starts(job, document, behind))
     refills = set(job.refills) - {block.epoch for block in gone}
-    owed = _left_retracted(job, document, document.moves, behind)
+    taken = {c for c in behind if job.contours.tool[c] != job.contours.tool[c - 1]}
+    since = nets_of_tools(document.moves, job)
+    primes = _primes_of(job, since, taken)
+    owed = document.owed.copy()
+    for c in behind:
+        more = primes.get(int(job.contours.tool[c]), 0.0) if c in taken and c in since else 0.0
+        owed[c] = more - since.get(c, 0.0)
     return Unwalled(
         replace(
             job, contours=replace(job.contours, epoch=epoch),
             refills=tuple(sorted(now[e] for e in refills)),
         ),
-        replace(document, blocks=tuple(kept), own_starts=starts, owed=owed),
+        replace(
+            document, blocks=tuple(kept), own_starts=starts, owed=owed,
+            primes=tuple(sorted(primes.items())),
+        ),
     )  # fmt: skip
 
 
@@ -128,7 +142,7 @@ def _tools_of(text: bytes, job: PrintJob, *, every: bool) -> dict[int, _Tool]:
     found = {int(t): _Tool([], lines[numbers == t].tolist()) for t in np.unique(numbers)}
     selected = 0
     for line, command in commands_of(text):
-        if chosen := SELECTS.match(command):
+        if chosen := _selects(command):
             selected = int(chosen[1])
         elif heat := _HEATS.match(command):
             named = _NAMED.search(b" " + heat[1])
@@ -147,8 +161,7 @@ def _degrees(words: bytes) -> float:
 
 def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
     """Tell whether what a block commands is for a change of tools and for nothing else."""
-    codes = [code for row in block.text.split(b"\n") if (code := command_in(row))]
-    changes = any(SELECTS.match(code) for code in codes)
+    codes, changes = _codes(block), _changes(block)
     if block.tower or block.begin.relative_e != block.end.relative_e:
         return False
     if not changes and not (codes and all(_HEATS.match(code) for code in codes)):
@@ -159,8 +172,21 @@ def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
     return all(tool.stays(block.line, end) for tool in tools.values())
 
 
+def _codes(block: Block) -> list[bytes]:
+    return [code for row in block.text.split(b"\n") if (code := command_in(row))]
+
+
+def _changes(block: Block) -> bool:
+    return any(_selects(code) for code in _codes(block))
+
+
+def _selects(code: bytes) -> re.Match[bytes] | None:
+    """Return the match of a command that chooses a tool, with whatever words it has besides."""
+    return SELECTS.match(code.split()[0])
+
+
 def _sets_up(code: bytes) -> bool:
-    return bool(SELECTS.match(code) or _HEATS.match(code) or _MOVES.match(code))
+    return bool(code) and bool(_selects(code) or _HEATS.match(code) or _MOVES.match(code))
 
 
 def _starts(
@@ -178,14 +204,30 @@ def _starts(
         yield OwnStart(tool, text, block.begin.tool, end, last)
 
 
-def _left_retracted(
-    job: PrintJob, document: GcodeDocument, moves: Motions, behind: Mapping[int, Block]
-) -> Floats:
-    """Return what is left retracted where contours begin, (n,) mm; `behind` what is left out."""
-    owed, since = document.owed.copy(), nets_of_tools(moves, job)
-    for c in behind:
-        owed[c] = -since.get(c, 0.0)
-    return owed
+def _primes_of(job: PrintJob, since: Mapping[int, float], taken: set[int]) -> dict[int, float]:
+    """Return what is pushed beyond what was pulled at every change to a tool alike, mm.
+
+    `taken` are the contours before which tools change.
+    """
+    pushed: dict[int, list[float]] = {}
+    for c in sorted(taken & since.keys()):
+        pushed.setdefault(int(job.contours.tool[c]), []).append(since[c])
+    return {
+        tool: sorted(each)[len(each) // 2] / 2.0 + sorted(each)[(len(each) - 1) // 2] / 2.0
+        for tool, each in pushed.items()
+        if min(each) > PRIMES_MM and max(each) - min(each) <= ALIKE_MM
+    }
+
+
+def idle_before(actions: HeadActions) -> frozenset[int]:
+    """Return the contours before which a head has laid nothing for `IDLE_S`, by its plan's times.
+
+    Before its first one it has laid nothing since the heads begin.
+    """
+    rows = np.flatnonzero(actions.kind == ActionKind.PRINT)
+    ends = np.concatenate([[0.0], actions.end_s[rows[:-1]]]) if len(rows) else np.empty(0)
+    idle = np.asarray(actions.begin_s)[rows] - ends >= IDLE_S
+    return frozenset(actions.contour[rows[idle]].tolist())
 
 
 def nets_of_tools(moves: Motions, job: PrintJob) -> dict[int, float]:

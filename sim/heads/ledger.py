@@ -18,7 +18,7 @@ How much is retracted is counted here, from the moves of the files and of the so
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +58,9 @@ class Printed:
     begin: int  # its first move below the start code
     beads: Sequence[Bead]  # in its order
     blocks: Sequence[Sequence[int]]  # lines (from 1) of each block, none where it has no command
+    end: int  # its first move of the end code
+    idle: Container[int] | None = frozenset()  # contours before which it has stood idle for long;
+    # None: no plan says
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,8 +137,10 @@ def _without_changes(
     """
     since = nets_of_tools(source, job)
     free = [c for k, c in enumerate(book.contour.tolist()) if book.lines[k] < 0]
+    number = job.contours.tool
     for c in free:
-        net[c] = since.get(c, 0.0)
+        changed = c > 0 and number[c] != number[c - 1] and c in since
+        net[c] = since.get(c, 0.0) - (document.prime(int(number[c])) if changed else 0.0)
     starts, line = dict[int, float](), np.asarray(source.line)
     tools, given = tools_of(source), np.asarray(source.extrusion)
     for own in document.own_starts:
@@ -190,6 +195,7 @@ class _Account:
         self.most = max(0.0, self.retracted)  # that may be, beyond what is usual
         self.at = head.begin  # the move behind the last bead, or the source's own lines
         self.over = 0.0  # mm given beyond what is due
+        self.changed = False  # whether the source's own change of tools stands before the next bead
         self.texts: list[str] = []
 
     def run(self) -> list[str]:
@@ -198,12 +204,20 @@ class _Account:
         blocks = list(zip(self.document.blocks, self.head.blocks, strict=True))
         crossed = 0
         for bead in self.head.beads:
-            epoch = int(self.job.contours.epoch[bead.contour])
+            epoch, self.changed = int(self.job.contours.epoch[bead.contour]), False
             while crossed < len(blocks) and blocks[crossed][0].epoch <= epoch:
                 block, lines = blocks[crossed]
                 self._cross(crossed, block, lines, behind(block, self.job) in mine)
+                self.changed |= "tool change" in block.reasons
                 crossed += 1
             self._begin(bead)
+        pushed = float(self.total[max(self.head.end, self.at)] - self.total[self.at])
+        for _, lines in blocks[crossed:]:  # the source's own lines, which stand behind all beads
+            if lines:
+                first, last = (self.head.file.motion.before[k] for k in (lines[0] - 1, lines[-1]))
+                pushed -= float(self.total[last] - self.total[first])
+        if pushed > NET_MM:
+            self.texts.append(f"{pushed:.4g} mm are pushed on the spot behind the last bead")
         return self.texts[:LIMIT]
 
     def _begin(self, bead: Bead) -> None:
@@ -213,6 +227,7 @@ class _Account:
         if self.at > bead.begin:  # lines in another order, which is a fault of its own
             self.at = bead.begin
         net = self._stretch(bead.begin, f"bead of contour {bead.contour}")
+        due += self._prime(bead, net - due)
         if abs(net - due) > NET_MM:
             self.texts.append(
                 f"line {self._line(bead.begin)} begins contour {bead.contour} with "
@@ -221,6 +236,13 @@ class _Account:
         given = float(self.total[bead.end] - self.total[bead.begin])
         self.over += net - due + given - float(dues.extrusion[bead.contour])
         self.at, self.retracted, self.most = bead.end, 0.0, 0.0
+
+    def _prime(self, bead: Bead, more: float) -> float:
+        """Return what is due to prime a head that has stood idle, mm; `more` is pushed beyond."""
+        prime = 0.0 if self.changed else self.document.prime(self.head.tool)
+        if self.head.idle is None:  # files tell no times
+            return prime if abs(more - prime) <= NET_MM else 0.0
+        return prime if bead.contour in self.head.idle else 0.0
 
     def _cross(self, number: int, block: Block, lines: Sequence[int], mine: bool) -> None:
         """Check the stretch above a block's lines, and take over what they do."""

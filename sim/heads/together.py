@@ -26,7 +26,7 @@ from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.command_book import check_heads_book
 from sim.files.commands import accepted, is_move, known_settings
 from sim.files.written import moves_of, source_text
-from sim.heads.changes import check_hot_ends
+from sim.heads.changes import check_hot_ends, idle_before
 from sim.heads.file import HeadFile, begin_of_verbatim, own_commands, read_head_file
 from sim.heads.heat import Due, heat_due, heats_early, unheated
 from sim.heads.intervals import check_intervals
@@ -131,7 +131,7 @@ def judge_together(
     faults = [fault for each in walked for fault in each.faults]
     complete = all(walk.complete for walk in walks)
     if complete:
-        faults += _check_filament(files, parts, walks, plan, job, document)
+        faults += _check_filament(files, parts, walks, plan, job, document, timed=not read)
     if (source := source_text(document)) is not None:
         faults += check_heads_book([file.lines.text for file in files], source)
         if document.own_starts and complete:
@@ -149,7 +149,7 @@ def judge_together(
 
 def _check_filament(
     files: Sequence[HeadFile], parts: Sequence[Parts], walks: Sequence[Walk], plan: JointPlan,
-    job: PrintJob, document: GcodeDocument,
+    job: PrintJob, document: GcodeDocument, *, timed: bool,
 ) -> list[Fault]:  # fmt: skip
     """Check what all files give against what the source gives, by tool and between beads."""
     source = document.moves if document.moves is not None else moves_of(document)
@@ -160,7 +160,10 @@ def _check_filament(
         if walk.laid:
             tool = int(job.contours.tool[walk.laid[0][0]])
             beads = [Bead(*laid) for laid in walk.laid]
-            heads.append(Printed(actions.head, file, tool, part.begin, beads, part.blocks))
+            idle = idle_before(actions) if timed else None
+            heads.append(
+                Printed(actions.head, file, tool, part.begin, beads, part.blocks, part.end, idle)
+            )
     return check_filament(heads, dues_of(source, job, document), job, document)
 
 

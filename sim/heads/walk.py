@@ -104,6 +104,7 @@ class Walker:
         ) + max(self._left.values())
         beyond = max(c.owed - c.pulled for c in starts)
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
+        self._surplus += max((prime for _, prime in document.primes), default=0.0)
         self._feeds = (job.settings.travel_feed or 100.0, job.settings.z_feed or 0.0)
 
     def run(self) -> Walk:

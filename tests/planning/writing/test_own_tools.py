@@ -10,9 +10,10 @@ import pytest
 
 from decmcts.cli.run import run
 from decmcts.formats.gcode import read_gcode
+from decmcts.formats.gcode.document import IDLE_S
 from decmcts.formats.gcode.writing.own_tools import Freed, with_own_tools
 from decmcts.formats.mesh import SliceOptions
-from decmcts.planning.options import RULES, Limits, TeamSearch
+from decmcts.planning.options import RULES, Limits, Rules, TeamSearch
 from decmcts.planning.problem.own_tools import team_problem
 from decmcts.planning.problem.source import read_source
 from decmcts.planning.result import Result
@@ -30,7 +31,9 @@ from tests.planning.writing.test_tools import (
 )
 
 
-def launched(source: str, folder: Path, agents: Agents) -> tuple[Result, list[str], list[str]]:
+def launched(
+    source: str, folder: Path, agents: Agents, rules: Rules = RULES
+) -> tuple[Result, list[str], list[str]]:
     """Plan as `launch` does; return what was said, and the arguments that verify the files."""
     said: list[str] = []
     machine = machine_file(folder, 0, 1)
@@ -38,7 +41,7 @@ def launched(source: str, folder: Path, agents: Agents) -> tuple[Result, list[st
         Path(source), machine, limits=Limits.SOURCE, mesh=SliceOptions(),
         report=lambda event: None,
     )  # fmt: skip
-    problem = team_problem(given, RULES, lambda event: said.append(str(event)))
+    problem = team_problem(given, rules, lambda event: said.append(str(event)))
     search = TeamSearch(0.5)
     result = Result(plan_team(problem, search, writes=True, agents=agents), search)
     result.write_plan(folder / "plan.json")
@@ -119,6 +122,35 @@ def test_what_a_head_may_not_do_without_its_changes_is_found(
     right.write_text("\n".join(theirs))
     assert run(["verify", *files, "--plan", str(tmp_path / "plan.json")]) == 1
     assert run(["verify", *files, "--machine", str(tmp_path / "tools.toml")]) == 1
+
+
+@pytest.mark.slow
+def test_a_head_that_stood_idle_is_primed_as_behind_a_change(
+    agents: Agents, tmp_path: Path
+) -> None:
+    """The source pushes 0.4 mm more than it pulls at each change; heads wait for cooling here."""
+    source = Path(two_tools(tmp_path, relative=True))
+    text = source.read_text().replace("G1 E9.00000", "G1 E9.40000").replace("F1800", "F300")
+    source.write_text(text)
+    result, _, files = launched(str(source), tmp_path, agents, Rules(min_layer_time_s=60.0))
+    primed = [f"G1 E{1.4:.5f} F2400", f"G1 E{0.4:.5f} F2400"]
+    for path, actions in zip(files, result.document.plan.heads, strict=False):
+        rows = np.flatnonzero(actions.contour >= 0)
+        waited = np.diff(actions.end_s[rows], prepend=0.0) - (
+            actions.end_s[rows] - actions.begin_s[rows]
+        )
+        due = int((waited >= IDLE_S).sum())
+        assert due == 1
+        assert sum(row in primed for row in Path(path).read_text().split("\n")) == due
+    plan, machine = str(tmp_path / "plan.json"), str(tmp_path / "tools.toml")
+    assert run(["verify", *files, "--plan", plan]) == 0
+    assert run(["verify", *files, "--machine", machine]) == 0
+    sound = Path(files[1]).read_text()
+    for less in (primed[0], "G1 E1.00000 F2400"):
+        more = {primed[0]: "G1 E1.00000 F2400"}.get(less, primed[0])
+        Path(files[1]).write_text(more.join(sound.rsplit(less, 1)))
+        assert Path(files[1]).read_text() != sound
+        assert run(["verify", *files, "--plan", plan]) == 1
 
 
 @pytest.mark.slow

@@ -46,7 +46,7 @@ import numpy as np
 
 from decmcts.errors import InputError
 from decmcts.formats.gcode.dialects.dialect import UNKNOWN
-from decmcts.formats.gcode.document import Block, Cursor, GcodeDocument
+from decmcts.formats.gcode.document import IDLE_S, Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.emitter import Emitter
@@ -274,6 +274,7 @@ class _HeadFile:
         self.kinds: list[int] = []  # of the head's actions
         self.prints: set[int] = set()  # contours
         self.due: dict[int, float] = {}  # filament, mm, to be pushed for contours behind blocks
+        self.laid_s = 0.0  # when the head's last bead ends, by the plan
 
     def begin(self, header: Sequence[str], n_heads: int, park: tuple[float, float, float]) -> None:
         """Set up and go to the park position, one head after the other."""
@@ -335,7 +336,10 @@ class _HeadFile:
             emitter.travel(head.action_path(k), passed)
         elif kind == _PRINT:
             contour = int(head.contour[k])
-            self._cross(int(self.job.contours.epoch[contour]))
+            changed = self._cross(int(self.job.contours.epoch[contour]))
+            if head.begin_s[k] - self.laid_s >= IDLE_S and not changed:
+                emitter.owed += self.document.prime(self.tool)
+            self.laid_s = float(head.end_s[k])
             emitter.owed += self.due.pop(contour, 0.0)
             print_contour(
                 emitter, self.job, contour, [], is_reversed=bool(head.reversed[k]),
@@ -407,10 +411,15 @@ class _HeadFile:
         if self.index + 1 < len(points.ended):
             self._signal(points.ended[self.index])
 
-    def _cross(self, epoch: int) -> None:
-        """Write the blocks of all epochs up to `epoch`, without their moves."""
+    def _cross(self, epoch: int) -> bool:
+        """Write the blocks of all epochs up to `epoch`, without their moves.
+
+        Returns whether tools change in some of them.
+        """
+        changed = False
         while self.blocks and self.blocks[0].epoch <= epoch:
             block = self.blocks.pop(0)
+            changed |= "tool change" in block.reasons
             emitter, begin = self.emitter, block.begin
             stood, feed = emitter.at, emitter.feed
             behind = int(np.searchsorted(self.job.contours.epoch, block.epoch))
@@ -435,6 +444,7 @@ class _HeadFile:
             elif begin.relative_e:  # E stood where this head had come
                 self._count_from(block.end)
             emitter.at, emitter.feed = stood, -1.0 if block.moves else feed
+        return changed
 
     def _take(self, block: Block, text: bytes, *, spares: bool, behind: int) -> None:
         """Take over from a block; what moves left out have retracted is not this head's.

@@ -10,7 +10,9 @@ for nothing else is left out, and contours may move across it. Such a block
 
 What a block says where a tool is taken first is told to its head behind the start code. What is
 pushed less what is pulled with a tool between two of its contours goes with the latter of the two,
-so each tool gives what it gives in the source. A change that is not understood so stays a wall.
+so each tool gives what it gives in the source. But where the source pushes as much more than it has
+pulled at each change to a tool, that primes it: it is pushed where the tool's head has stood idle.
+A change that is not understood so stays a wall.
 """
 
 from __future__ import annotations
@@ -39,6 +41,8 @@ _QUIET = re.compile(
     re.I,
 )  # moves, dwells, and how coordinates count meanwhile
 _HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force goes with beads
+PRIMES_MM = 0.01  # of filament; less is rounding
+ALIKE_MM = 2e-3  # by which what primes a tool may differ: what files of three decimals round off
 _PLACES = re.compile(r"\d+ places? nothing is moved across$")
 
 Ints = NDArray[np.int64]
@@ -175,10 +179,17 @@ def _without(job: PrintJob, document: GcodeDocument, left: set[int]) -> Freed:
     count = sum(_is_change(blocks[k]) for k in left)
     notes = (*_renamed(job.notes, len(kept)), f"{count} changes of tools are no walls")
     assert document.moves is not None
+    nets = _nets(job, document.moves, behind)
+    changed = {c: net for c, net in nets.items() if contours.tool[c] != contours.tool[c - 1]}
+    primes = _primes(job, changed)
+    owed = document.owed.copy()
+    for c, pushed in nets.items():
+        extra = primes.get(int(contours.tool[c]), 0.0) if c in changed else 0.0
+        owed[c] = 0.0 if abs(pushed - extra) < 1e-9 else extra - pushed
+    owed.setflags(write=False)
     document = replace(
-        document, blocks=tuple(kept), own_starts=own,
-        owed=_owed(job, document.owed, document.moves, behind),
-    )  # fmt: skip
+        document, blocks=tuple(kept), own_starts=own, owed=owed, primes=tuple(primes.items())
+    )
     contours = replace(contours, epoch=anew[contours.epoch])
     return Freed(replace(job, contours=contours, refills=refills, notes=notes), document, count, 0)
 
@@ -202,27 +213,33 @@ def _own_starts(
         yield OwnStart(tool, text, block.begin.tool, end, last_line(block))
 
 
-def _owed(job: PrintJob, owed: Floats, moves: Motions, behind: dict[int, int]) -> Floats:
-    """Return what is left pulled where contours begin, (n,) mm, where blocks are left out.
+def _nets(job: PrintJob, moves: Motions, behind: dict[int, int]) -> dict[int, float]:
+    """Return what is pushed less what is pulled, mm, for contours with a block left out above.
 
-    It is what a contour's tool has pulled and not pushed since the contour it printed before.
+    By a contour's tool, since the contour that it printed before; nothing of its first.
     """
-    of = np.asarray(moves.contour)
+    n, of = len(job.contours), np.asarray(moves.contour)
     rows = np.flatnonzero(of >= 0)
-    first = np.full(len(owed), len(of), np.int64)
-    last = np.full(len(owed), -1, np.int64)
+    first, last = np.full(n, len(of), np.int64), np.full(n, -1, np.int64)
     np.minimum.at(first, of[rows], rows)
     np.maximum.at(last, of[rows], rows)
-    tool, due = np.asarray(moves.tool), owed.copy()
+    tool, nets = np.asarray(moves.tool), dict[int, float]()
     for t in np.unique(job.contours.tool).tolist():
         mine = np.flatnonzero(job.contours.tool == t)
         total = np.concatenate([[0.0], np.cumsum(np.where(tool == t, moves.extrusion, 0.0))])
         net = total[first[mine[1:]]] - total[last[mine[:-1]] + 1]
-        for c, pushed in zip(mine[1:].tolist(), net.tolist(), strict=True):
-            if c in behind:
-                due[c] = -pushed if abs(pushed) >= 1e-9 else 0.0
-    due.setflags(write=False)
-    return due
+        nets.update((c, x) for c, x in zip(mine[1:].tolist(), net.tolist(), strict=True))
+    return {c: nets[c] for c in behind if c in nets}
+
+
+def _primes(job: PrintJob, nets: dict[int, float]) -> dict[int, float]:
+    """Return what primes each tool, mm, by the nets behind all changes to it; else nothing."""
+    found = {}
+    for tool in {int(job.contours.tool[c]) for c in nets}:
+        mine = [net for c, net in nets.items() if job.contours.tool[c] == tool]
+        if min(mine) > PRIMES_MM and max(mine) - min(mine) <= ALIKE_MM:
+            found[tool] = float(np.median(mine))
+    return dict(sorted(found.items()))
 
 
 def _renamed(notes: tuple[str, ...], places: int) -> list[str]:
