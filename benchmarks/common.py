@@ -128,12 +128,15 @@ def own_process(
             if time.perf_counter() > deadline:
                 child.kill()
             time.sleep(0.05)
+        child.returncode = os.waitstatus_to_exitcode(status)
         wall = time.perf_counter() - started
         out.seek(0)
         err.seek(0)
-        code = os.waitstatus_to_exitcode(status)
-        row: dict[str, Any] = json.loads(out.read()) if code == 0 else {"error": last(err.read())}
-    return {**row, "exit": code, "wall_s": wall, "peak_mib": usage.ru_maxrss / 1024}
+        if child.returncode == 0:
+            row: dict[str, Any] = json.loads(out.read())
+        else:
+            row = {"error": last(err.read())}
+    return {**row, "exit": child.returncode, "wall_s": wall, "peak_mib": usage.ru_maxrss / 1024}
 
 
 def last(text: str) -> str:
