@@ -4,6 +4,8 @@
     python3 examples/run.py demo     # leaves G-code, plan and pictures in ./out
     python3 examples/run.py tests    # lint, types, import rules, tests
 
+`tests` is `checks` and then `suite`.
+
 Needs Python >= 3.11 with venv and a network for the first run; uses the standard
 library only, because nothing else is installed yet.
 """
@@ -45,19 +47,37 @@ def demo() -> None:
     run(BIN / "python", "-m", "decmcts.cli", "demo", "--out", "out")
 
 
-def tests() -> None:
-    """Run everything CI runs."""
+def checks() -> None:
+    """Install all that tests need, check what is written, and compile the kernels beside it."""
     set_up("[dev,docs]")
     python = BIN / "python"
-    run(python, "-m", "ruff", "check", ".")
-    run(python, "-m", "ruff", "format", "--check", ".")
-    run(python, "-m", "mypy")
-    run(BIN / "lint-imports")
-    run(python, "-m", "pytest", "-m", "not slicers and not long", "-n", "2")
+    with subprocess.Popen([str(python), "-m", "decmcts.cli", "warm"], cwd=ROOT) as warm:
+        try:
+            run(python, "-m", "ruff", "check", ".")
+            run(python, "-m", "ruff", "format", "--check", ".")
+            run(python, "-m", "mypy")
+            run(BIN / "lint-imports")
+        except BaseException:
+            warm.terminate()
+            raise
+    if warm.returncode:
+        sys.exit(warm.returncode)
+
+
+def suite() -> None:
+    """Run the tests, once `checks` has run; what tests of a file share is made once."""
+    run(BIN / "python", "-m", "pytest", "-m", "not slicers and not long", "-n", "2",
+        "--dist", "worksteal")  # fmt: skip
+
+
+def tests() -> None:
+    """Run everything CI runs."""
+    checks()
+    suite()
 
 
 if __name__ == "__main__":
-    commands = {"demo": demo, "tests": tests}
+    commands = {"demo": demo, "tests": tests, "checks": checks, "suite": suite}
     if len(sys.argv) != 2 or sys.argv[1] not in commands:
         sys.exit(f"usage: python3 examples/run.py {'|'.join(commands)}")
     commands[sys.argv[1]]()

@@ -33,7 +33,7 @@ def test_every_example_is_listed() -> None:
 def test_one_head(tmp_path: Path) -> None:
     """A file comes out that is as long as the source, and quicker to print."""
     nuts, out = sample_path("four_nuts.gcode.gz"), tmp_path / "better.gcode"
-    written = script(1).main(str(nuts), str(out), time_limit_s=1.0)
+    written = script(1).main(str(nuts), str(out), time_limit_s=0.3)
     assert written.paths == (out,)
     assert len(read_gcode(out)[0].contours) == len(read_gcode(nuts)[0].contours)
     assert written.times.after_s <= written.times.before_s
@@ -49,7 +49,7 @@ def test_your_own_machine() -> None:
 @pytest.mark.slow
 def test_prove_how_near(capsys: pytest.CaptureFixture[str]) -> None:
     """The bound is below the travel, the file is sound, and a spoiled one is not."""
-    proven, verdict = script(3).main(time_limit_s=2.0)
+    proven, verdict = script(3).main(time_limit_s=0.5)
     assert proven.bound is not None and proven.bound <= proven.travel
     assert verdict.ok
     assert "left out: missing contour" in capsys.readouterr().out
@@ -58,7 +58,7 @@ def test_prove_how_near(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.slow
 def test_two_heads(tmp_path: Path) -> None:
     """Both heads have a file, and together they are quicker than one."""
-    written = script(4).main(tmp_path, time_limit_s=2.0)
+    written = script(4).main(tmp_path, time_limit_s=0.5)
     assert [path.name for path in written.paths] == ["plate_left.gcode", "plate_right.gcode"]
     assert all(path.exists() for path in [*written.paths, tmp_path / "plate.png"])
     result = written.result
@@ -68,5 +68,5 @@ def test_two_heads(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_your_own_planner() -> None:
     """It finds something; what is worth more is found by ours."""
-    found = cast("dict[str, float]", script(5).main(time_limit_s=1.0))
+    found = cast("dict[str, float]", script(5).main(time_limit_s=0.5))
     assert found["hybrid"] < found["walks"] < found["as sliced"]

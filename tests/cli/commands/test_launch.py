@@ -16,7 +16,7 @@ from sim.verify import verify_plan
 @pytest.mark.slow
 def test_launch_says_that_nothing_is_written(capsys: pytest.CaptureFixture[str]) -> None:
     """Before the search and after it, as `plan` does."""
-    line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--time-limit", "0.5"]
+    line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--time-limit", "0.1"]
     assert run(line) == 0
     said = " ".join(capsys.readouterr().err.split())
     assert "nothing will be written" in said and "nothing was written; `-o STEM`" in said
@@ -30,7 +30,7 @@ def test_a_file_of_parameters_changes_what_agents_do(tmp_path: Path) -> None:
     chosen, record, plan = tmp_path / "team.toml", tmp_path / "r.jsonl", tmp_path / "plan.json"
     chosen.write_text("share = 0 # no tree\nwindows = 0\npolicies = 1\n")
     line = ["launch", str(sample_path("four_nuts.gcode.gz")), "--team", str(chosen)]
-    line += ["--time-limit", "1", "--record", str(record), "--plan", str(plan)]
+    line += ["--time-limit", "0.2", "--record", str(record), "--plan", str(plan)]
     assert run(line) == 0
     told = [agent for _, agents in read_record(record)[1] for agent in agents if agent.rounds]
     assert told and {agent.entropy for agent in told} == {0.0}
@@ -83,7 +83,7 @@ def test_the_file_of_parameters_is_not_written_over(
 def test_heads_are_as_free_as_was_asked(tmp_path: Path, freedom: str) -> None:
     """Nothing is reversed with `fixed`; with `seam` loops are entered elsewhere; all is sound."""
     plan, source = tmp_path / "plan.json", str(sample_path("plate.gcode.gz"))
-    options = ["--freedom", freedom, "--time-limit", "2", "--plan", str(plan)]
+    options = ["--freedom", freedom, "--time-limit", "0.5", "--plan", str(plan)]
     assert run(["launch", source, *options]) == 0
     document = read_plan(plan)
     assert document.metrics["planner"] == "dec-mcts"
