@@ -101,6 +101,14 @@ QualityOption = Annotated[
         show_default=False,
     ),
 ]
+TowerOption = Annotated[
+    bool,
+    typer.Option(
+        "--without-tower",
+        rich_help_panel=QUALITY,
+        help="Leave out the wipe tower, where each head has one tool",
+    ),
+]
 _DAY_S = 86400.0
 CoolingOption = Annotated[
     float | None,
@@ -335,6 +343,8 @@ def rules_of(
     min_layer_time_s: float | None,
     max_layers_ahead: int | None,
     avoid_walls: AvoidWalls = AvoidWalls.AUTO,
+    *,
+    without_tower: bool = False,
 ) -> Rules:
     """Return the rules that were asked for; InputError for a seam that would mean nothing."""
     if seam is not None and freedom != Freedom.SEAM:
@@ -350,4 +360,5 @@ def rules_of(
         freedom,
         seam or Seam.NEAREST,
         avoid_walls,
+        without_tower,
     )

@@ -101,6 +101,9 @@ class Rules:
     avoid_walls : AvoidWalls
         Whether one head's travels go round outer walls through the part. `AUTO`: as far as it
         takes to lead over them no more than the source does.
+    without_tower : bool
+        Whether heads with one tool each leave out the wipe tower, which a slicer prints for
+        changes of tools that do not happen then.
 
     Raises
     ------
@@ -126,6 +129,7 @@ class Rules:
     freedom: Freedom = Freedom.REVERSIBLE
     seam: Seam = Seam.NEAREST
     avoid_walls: AvoidWalls = AvoidWalls.AUTO
+    without_tower: bool = False
 
     def __post_init__(self) -> None:
         of_enum(self, "process_order", ProcessOrder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decmcts.errors import InputError
 from decmcts.planning.compiling.child import compilation_told, compiling_beside
 from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Stop, never, unheard
@@ -66,6 +67,11 @@ def plan(
     >>> result.verdict.ok
     True
     """
+    if rules.without_tower:
+        raise InputError(
+            "one head changes its tools, so its wipe tower stays", path=source.path,
+            advice="a tower is left out by `launch`, where each head has one tool",
+        )  # fmt: skip
     one = first_head(source, report)
     timed = search.objective == Objective.TIME
     walls = timed and pace_of(one.job, one.machine.limits).looks_at_walls

@@ -24,6 +24,7 @@ def verify(
     held: Held = AS_STATED,
     trials: int = 3,
     seed: int = 0,
+    without_tower: bool = False,
     report: Report = unheard,
 ) -> Verdict:
     """Replay a plan or finished G-code, by logic that shares nothing with the planners'.
@@ -46,6 +47,8 @@ def verify(
         Number of random timings in which a joint plan is replayed.
     seed : int
         Seed of these timings.
+    without_tower : bool
+        Whether the source's wipe tower was to be left out.
     report : Report
         Told what is done.
 
@@ -76,6 +79,7 @@ def verify(
             raise InputError("no such file", path=path)
     report(Step(f"verifying {', '.join(path.name for path in files)}"))
     options: dict[str, Any] = {"seed": seed, "trials": trials, "plate": plate}
+    options["without_tower"] = without_tower
     refuse_plate(plate, [*files, *([] if given is None else [given])])
     if len(files) > 1 or made_from is not None or is_whole_team(files[0], plate):
         return judge_several(files, given, made_from, machine, held, **options)

@@ -206,6 +206,8 @@ def source_text(document: GcodeDocument) -> bytes | None:
     InputError
         When it cannot be read once more.
     """
+    if document.text is not None:
+        return document.text
     return None if is_mesh(Path(document.path)) else load_text(document.path, document.plate)
 
 

@@ -6,7 +6,8 @@ printed, and what else the lines of a change command. A change may be left out w
 - it commands nothing but choices of tools, temperatures of hot ends, moves, retractions, how E is
   counted meanwhile, and what holds from bead to bead, which is compared bead by bead;
 - each tool is told to be as hot at its next contour as it was at its last;
-- no bead of a wipe tower stands beside it.
+- no bead of a wipe tower stands beside it;
+- the tool that comes is left with at most `MOST_MM` of filament pushed, or pulled, in all.
 
 Lines of temperatures alone may be left out likewise. The filament of changes is the ledger's
 (`sim.heads.ledger`). What the source pushes beyond what it has pulled, alike at each change to a
@@ -37,11 +38,12 @@ from sim.heads.heat import SELECTS, heat_due
 
 _HEATS = re.compile(rb"M10[49](?!\d)([^(]*)", re.I)
 _MOVES = re.compile(
-    rb"G(?:[014]|1[01](?!.*[PL])|2[1]|9[01])(?![\d.])|G92 ?E|M(?:400|8[23])(?![\d.])", re.I
+    rb"G(?:[0-4]|1[01](?!.*[PL])|21|9[01])(?![\d.])|G92 ?E|M(?:400|8[23])(?![\d.])", re.I
 )
 _DEGREES = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _NAMED = re.compile(rb"(?:(?<=\d)| )T ?(\d+)", re.I)
 
+MOST_MM = 2.0  # of filament; more is a purge, or made up for by a macro
 PRIMES_MM = 0.01  # of filament
 ALIKE_MM = 2e-3  # what differs less is alike: files round off
 Floats = NDArray[np.float64]
@@ -86,7 +88,12 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
     if text is None or document.moves is None:
         return None
     tools = _tools_of(text, job, every=heat_due(document, job).one_hot_end)
-    goes = [_may_go(block, tools) for block in document.blocks]
+    since = nets_of_tools(document.moves, job)
+    first = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
+    goes = [
+        abs(since.get(c, 0.0)) <= MOST_MM and _may_go(block, tools)
+        for c, block in zip(first.tolist(), document.blocks, strict=True)
+    ]
     gone = [block for block, leaves in zip(document.blocks, goes, strict=True) if leaves]
     if not any(block.begin.tool != block.end.tool for block in gone):
         return None
@@ -104,7 +111,6 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
     starts = tuple(_starts(job, document, behind))
     refills = set(job.refills) - {block.epoch for block in gone}
     taken = {c for c in behind if job.contours.tool[c] != job.contours.tool[c - 1]}
-    since = nets_of_tools(document.moves, job)
     primes = _primes_of(job, since, taken)
     owed = document.owed.copy()
     for c in behind:

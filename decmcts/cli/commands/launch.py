@@ -113,6 +113,7 @@ def launch(
     quality: opt.QualityOption = None,
     min_layer_time: opt.CoolingOption = None,
     max_layers_ahead: opt.LeadOption = None,
+    without_tower: opt.TowerOption = False,
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     team: TeamOption = None,
@@ -132,7 +133,8 @@ def launch(
         qcsp.launch_qcsp(source, output, time_limit_s=time_limit, seed=seed, as_json=as_json)
         return
     rules = opt.rules_of(
-        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead
+        freedom, seam, process_order, quality, min_layer_time, max_layers_ahead,
+        without_tower=without_tower,
     )  # fmt: skip
     stem = None if output is None else stem_of(output)
     heads = [] if stem is None else head_files(stem, load_machine(machine))

@@ -65,6 +65,7 @@ def verify(
     min_layer_time: opt.HeldCoolingOption = None,
     max_layers_ahead: opt.HeldLeadOption = None,
     freedom: opt.HeldFreedomOption = None,
+    without_tower: opt.TowerOption = False,
     seed: opt.SeedOption = 0,
     trials: TrialsOption = 3,
     as_json: opt.JsonOption = False,
@@ -78,7 +79,7 @@ def verify(
     with steps() as told:
         verdict = judge(
             result, source, machine, plan=plan, plate=plate, held=held, seed=seed, trials=trials,
-            report=told,
+            without_tower=without_tower, report=told,
         )  # fmt: skip
     show(verdict, ", ".join(map(str, result)), as_json=as_json, verbose=verbose)
     if verdict.faults:

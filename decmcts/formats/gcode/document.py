@@ -159,6 +159,7 @@ class GcodeDocument:
     arcs: Arcs
     plate: int | None = None  # of a .gcode.3mf, as asked for
     moves: Motions | None = None  # of the whole file, for the judge
+    text: bytes | None = None  # that was read in place of the file's own; None: none was
     own_starts: tuple[OwnStart, ...] = ()  # where changes of tools are no walls, of each tool but
     # the first
     primes: tuple[tuple[int, float], ...] = ()  # tool, and filament that the source pushes beyond

@@ -7,9 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from decmcts.errors import InputError
 from decmcts.feasibility.contacts import CollisionError
-from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode import GcodeDocument, read_gcode
+from decmcts.formats.gcode.reading.without_tower import without_tower
+from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.formats.gcode.writing.own_tools import with_own_tools
+from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Note, Report
 from decmcts.planning.options import Rules
 from decmcts.planning.problem.layer_by_layer import safe_problem
@@ -18,6 +22,7 @@ from decmcts.planning.problem.source import Source
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from sim.files.tower import read_without_tower
 from sim.heads.changes import as_planned
 
 
@@ -31,6 +36,8 @@ def team_problem(source: Source, rules: Rules, report: Report) -> PrintProblem:
     InputError
         When the machine cannot print it.
     """
+    if rules.without_tower:
+        source = towerless(source)
     free = unwalled(source, report)
     if free is not source:
         with suppress(CollisionError):
@@ -50,7 +57,35 @@ def unwalled(source: Source, report: Report) -> Source:
     if isinstance(freed, str):
         report(Note(f"changes of tools stay places nothing is moved across: {freed}"))
         return source
-    return replace(source, job=freed.job, document=freed.document, walled=source)
+    given = source.given or source
+    return replace(source, job=freed.job, document=freed.document, given=given)
+
+
+def towerless(source: Source) -> Source:
+    """Return the source without its wipe tower.
+
+    Raises
+    ------
+    InputError
+        Where some head has several tools, which the tower is for, and where it has none.
+    """
+    if not one_tool_each(source.machine, source.job.contours):
+        raise InputError(
+            "a wipe tower is left out only where a print has several tools and each head one",
+            path=source.path, advice="give each head its `tools` in the machine file",
+        )  # fmt: skip
+    text, moves = b"", 0
+    if not is_mesh(source.path):
+        text, moves = without_tower(load_text(source.path, source.plate), source.path)
+    if not moves:
+        raise InputError(
+            "the source has no wipe tower that could be left out", path=source.path,
+            advice="take --without-tower away",
+        )  # fmt: skip
+    job, document = read_gcode(source.path, source.plate, text=text)
+    note = f"the wipe tower is left out, as asked ({moves} moves)"
+    job = replace(job, notes=(*job.notes, note))
+    return replace(source, job=job, document=document, given=source, towerless=True)
 
 
 def one_tool_each(machine: Machine, contours: Contours) -> bool:
@@ -63,7 +98,10 @@ def one_tool_each(machine: Machine, contours: Contours) -> bool:
 
 def for_the_judge(problem: PrintProblem) -> tuple[PrintJob, GcodeDocument]:
     """Return the source as the judge takes it: what changes of tools are no walls it finds anew."""
-    walled = problem.source.walled
-    if walled is None:
+    given = problem.source.given
+    if given is None or problem.source.original is not None:  # a safe order has other numbers
         return problem.job, problem.document
-    return as_planned(problem.job.contours.epoch, walled.job, walled.document)
+    read = given.job, given.document
+    if problem.source.towerless:
+        read = read_without_tower(given.document, given.plate)
+    return as_planned(problem.job.contours.epoch, *read)

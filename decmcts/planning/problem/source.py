@@ -36,7 +36,8 @@ class Source:
     folder: SlicedFolder | None = None  # keeps the G-code of a mesh on disk
     plate: int | None = None  # of a .gcode.3mf; None: the only one with G-code
     original: Source | None = None  # what was given, where this is a safe order made of it
-    walled: Source | None = None  # the same with its changes of tools as walls, where they are none
+    given: Source | None = None  # as it was read, where changes of tools or a tower are left out
+    towerless: bool = False  # its wipe tower is left out
 
     @property
     def name(self) -> str:

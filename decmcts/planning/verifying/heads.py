@@ -20,6 +20,7 @@ from decmcts.print.plan import OrderRules, PlanDocument
 from sim.content.same_print import is_other_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.phases import in_phases
+from sim.files.tower import read_without_tower
 from sim.heads.changes import as_planned, without_changes
 from sim.heads.file import HeadFile, header_of, read_head_file
 from sim.heads.plan import plan_of_files
@@ -53,11 +54,22 @@ def ordered(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     return [path for _, path in headers], [head for (head, _), _ in headers]
 
 
+def read_as_asked(
+    source: Path, plate: int | None, *, without_tower: bool
+) -> tuple[PrintJob, GcodeDocument]:
+    """Read a source; without its wipe tower if that was to be left out."""
+    job, document = read_gcode(source, plate)
+    return read_without_tower(document, plate) if without_tower else (job, document)
+
+
 def judge_heads(
-    paths: Sequence[Path], source: Path, plan: PlanDocument, *, plate: int | None = None
-) -> Verdict:
+    paths: Sequence[Path], source: Path, plan: PlanDocument, *, plate: int | None = None,
+    without_tower: bool = False,
+) -> Verdict:  # fmt: skip
     """Verify the files of all heads against the plan and the source they were made from."""
-    job, document = as_planned(plan.contours.epoch, *read_gcode(source, plate))
+    job, document = as_planned(
+        plan.contours.epoch, *read_as_asked(source, plate, without_tower=without_tower)
+    )
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
     parks = {head.name: head.park for head in plan.machine.heads}
@@ -72,13 +84,13 @@ def judge_heads(
 
 def judge_heads_alone(
     paths: Sequence[Path], source: Path, machine: str | Machine | None, held: Held, *,
-    seed: int, trials: int, plate: int | None = None,
+    seed: int, trials: int, plate: int | None = None, without_tower: bool = False,
 ) -> Verdict:  # fmt: skip
     """Verify the files of all heads by what they do on the machine, without their plan.
 
     The order is held to the default rules, with those that `held` names in their place.
     """
-    job, document = read_gcode(source, plate)
+    job, document = read_as_asked(source, plate, without_tower=without_tower)
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)

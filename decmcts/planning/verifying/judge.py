@@ -15,7 +15,13 @@ from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.events import Note, Report, unheard
 from decmcts.planning.problem.source import machine_for
-from decmcts.planning.verifying.heads import judge_heads, judge_heads_alone, refuse_mesh, source_of
+from decmcts.planning.verifying.heads import (
+    judge_heads,
+    judge_heads_alone,
+    read_as_asked,
+    refuse_mesh,
+    source_of,
+)
 from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
@@ -39,6 +45,7 @@ def judge_several(
     seed: int,
     trials: int,
     plate: int | None = None,
+    without_tower: bool = False,
 ) -> Verdict:
     """Verify the files of all heads together, with the plan they were made from or without."""
     given = source_of(source)
@@ -48,12 +55,16 @@ def judge_several(
                 "min_layer_time_s cannot be checked in G-code alone", advice="add --plan plan.json"
             )
         return judge_heads_alone(
-            results, given, machine, held, seed=seed, trials=trials, plate=plate
-        )
-    verdict = judge(plan, given, machine, held, seed=seed, trials=trials, plate=plate)
+            results, given, machine, held, seed=seed, trials=trials, plate=plate,
+            without_tower=without_tower,
+        )  # fmt: skip
+    verdict = judge(
+        plan, given, machine, held, seed=seed, trials=trials, plate=plate,
+        without_tower=without_tower,
+    )  # fmt: skip
     if is_other_print(verdict.faults):
         return verdict
-    files = judge_heads(results, given, read_plan(plan), plate=plate)
+    files = judge_heads(results, given, read_plan(plan), plate=plate, without_tower=without_tower)
     every, counts = (*verdict.faults, *files.faults), {**verdict.counts, **files.counts}
     return replace(verdict, faults=every, counts=counts)
 
@@ -67,11 +78,20 @@ def judge(
     seed: int,
     trials: int,
     plate: int | None = None,
+    without_tower: bool = False,
     report: Report = unheard,
 ) -> Verdict:
     """Verify a plan file, or a G-code file against its source."""
     if _is_plan(result):
-        return judge_plan(result, source, machine, held, seed=seed, trials=trials, plate=plate)
+        return judge_plan(
+            result, source, machine, held, seed=seed, trials=trials, plate=plate,
+            without_tower=without_tower,
+        )  # fmt: skip
+    if without_tower:
+        raise InputError(
+            "the file of one head keeps its wipe tower", path=result,
+            advice="leave --without-tower out",
+        )  # fmt: skip
     if asked := held.names():
         raise InputError(
             f"{', '.join(asked)}: only the order of a plan.json is held to rules",
@@ -104,6 +124,7 @@ def judge_plan(
     seed: int,
     trials: int,
     plate: int | None = None,
+    without_tower: bool = False,
 ) -> Verdict:
     """Verify a plan file by the rules it states, or by those that `held` names.
 
@@ -116,7 +137,8 @@ def judge_plan(
     rules = held.over(document.rules or usual_rules(document.machine)) if held.any_rule else None
     job = None
     if source is not None:
-        job, _ = as_planned(document.contours.epoch, *read_gcode(source, plate_of(source, plate)))
+        read = read_as_asked(source, plate_of(source, plate), without_tower=without_tower)
+        job, _ = as_planned(document.contours.epoch, *read)
     verdict = verify_plan(
         replace(document, min_layer_time_s=document.min_layer_time_s if rule is None else rule),
         source=job,

@@ -66,8 +66,8 @@ class _Parsed:
     beads: Beads
 
 
-def _parse(path: Path | str, plate: int | None = None) -> _Parsed:
-    text = load_text(path, plate)
+def _parse(path: Path | str, plate: int | None = None, text: bytes | None = None) -> _Parsed:
+    text = load_text(path, plate) if text is None else text
     lines = split_lines(text, path)
     motion = with_dots_apart(interpret(lines))
     track = track_state(lines, motion)
@@ -77,8 +77,12 @@ def _parse(path: Path | str, plate: int | None = None) -> _Parsed:
     return _Parsed(lines, motion, track, runs, beads)
 
 
-def read_gcode(path: Path | str, plate: int | None = None) -> tuple[PrintJob, GcodeDocument]:
+def read_gcode(
+    path: Path | str, plate: int | None = None, *, text: bytes | None = None
+) -> tuple[PrintJob, GcodeDocument]:
     """Read a G-code file, plain or packed; of a .gcode.3mf the G-code of a `plate`.
+
+    Where a `text` is given it is read in place of the file's own, and kept with the document.
 
     Contours have chords at most 0.005 mm from an arc; the document keeps the arcs.
     Extrusions above the first layer marker (purge lines) belong to the preamble.
@@ -89,7 +93,8 @@ def read_gcode(path: Path | str, plate: int | None = None) -> tuple[PrintJob, Gc
         When the file is damaged, or holds something that cannot be put in
         another order safely; the message names the line.
     """
-    return _print_of(_parse(path, plate), path, plate)
+    job, document = _print_of(_parse(path, plate, text), path, plate)
+    return job, document if text is None else replace(document, text=text)
 
 
 def read_result(

@@ -37,10 +37,11 @@ from decmcts.formats.gcode.writing.hot_ends import (
 from decmcts.print.job import PrintJob
 
 _QUIET = re.compile(
-    rb"G0*(?:[014]|1[01](?![^;]*[PL]))(?![0-9.])|G92 *E|M400(?![0-9.])|(?:G9[01]|M8[23])(?![0-9.])",
-    re.I,
-)  # moves, dwells, and how coordinates count meanwhile
+    rb"(?:G0*(?:[0-4]|1[01](?![^;]*[PL])|9[01])|M(?:400|8[23]|220))(?![0-9.])|G92 *E", re.I
+)  # moves, dwells, how coordinates count and how fast moves are meanwhile
+_FACTOR = re.compile(rb"M220(?![0-9.])", re.I)  # the speed's: what is in force, goes with beads
 _HELD = (Kind.STATE, Kind.LAYER, Kind.LAYER_NOTE, Kind.LEAVE)  # what is in force goes with beads
+MOST_MM = 2.0  # of filament that a change pushes or pulls in all; more is a purge, or a macro's
 PRIMES_MM = 0.01  # of filament; less is rounding
 ALIKE_MM = 2e-3  # by which what primes a tool may differ: what files of three decimals round off
 _PLACES = re.compile(r"\d+ places? nothing is moved across$")
@@ -70,8 +71,11 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     if not changes:
         return "the source has no changes of tools that stand by themselves"
     heat, said = _Heat.of(job, document), dict[int, str]()
+    begins = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
+    nets = _nets(job, document.moves, dict.fromkeys(begins.tolist(), 0))
     for number, block in enumerate(document.blocks):
-        if what := _foreign(block) or heat.differs(block):
+        pushed = nets.get(int(np.searchsorted(job.contours.epoch, block.epoch)), 0.0)
+        if what := _foreign(block) or heat.differs(block) or _left(block, pushed):
             said[number] = what
     left = {k for k, block in enumerate(document.blocks) if k not in said and _is_own(block)}
     count = sum(_is_change(document.blocks[k]) for k in left)
@@ -102,7 +106,7 @@ def _is_own(block: Block) -> bool:
 def _foreign(block: Block) -> str:
     """Return in words what a block has that is no change of tools; empty: nothing."""
     if block.tower:
-        return "a wipe tower is printed at changes of tools"
+        return "a wipe tower is printed at changes of tools (--without-tower leaves it out)"
     if block.begin.relative_e != block.end.relative_e:
         return f"how E counts is another behind line {block.line}"
     for k, row in enumerate(block.text.split(b"\n")):
@@ -112,6 +116,14 @@ def _foreign(block: Block) -> str:
             text = code[:40].decode("utf-8", "replace")
             return f"what '{text}' (line {block.line + k}) does at a change of tools is not known"
     return ""
+
+
+def _left(block: Block, pushed: float) -> str:
+    """Return in words what a block leaves pushed or pulled with a tool; empty: about nothing."""
+    if abs(pushed) <= MOST_MM:
+        return ""
+    does = "pushes" if pushed > 0.0 else "pulls"
+    return f"the change of tools in line {block.line} {does} {abs(pushed):.1f} mm in all"
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +219,14 @@ def _own_starts(
             continue
         block = document.blocks[behind[first]]
         rows = [row for row in block.text.split(b"\n") if command_of(row)]
-        rows = [row.rstrip(b"\r") for row in rows if classify(row).kind not in _HELD]
+        rows = [row.rstrip(b"\r") for row in rows if not _goes_with_beads(row)]
         text = b"".join(row + document.newline for row in rows)
         end = replace(block.end, state=document.start.state, position=document.start.position)
         yield OwnStart(tool, text, block.begin.tool, end, last_line(block))
+
+
+def _goes_with_beads(row: bytes) -> bool:
+    return classify(row).kind in _HELD or _FACTOR.match(command_of(row)) is not None
 
 
 def _nets(job: PrintJob, moves: Motions, behind: dict[int, int]) -> dict[int, float]:
