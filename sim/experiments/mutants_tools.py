@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from sim.experiments.gcode_lines import (
+    BEAD,
     PRIME,
     Files,
     Lines,
@@ -93,6 +94,34 @@ def extra_for_another_bead(lines: Lines, rng: Rng) -> None:
     lines[b] = lines[b].replace("E0.80", "E0.90")
 
 
+def beads_by_the_other(files: Files, rng: Rng) -> None:
+    """Let the head of one tool print all beads of a contour of the other."""
+    rows = rows_of(files[0], BEAD)
+    first = pick([k for k in rows if k - 1 not in rows], rng)
+    last = first
+    while last in rows:
+        last += 1
+    files[1][(at := rows_of(files[1], BEAD)[-1] + 1) : at] = files[0][first:last]
+    del files[0][first:last]
+
+
+def colder_for_a_bead(lines: Lines, rng: Rng) -> None:
+    """Cool the hot end before a contour, as sources do while the other tool prints."""
+    lines.insert(pick(rows_of(lines, BEAD), rng), "M104 S150")
+
+
+def as_hot_as_the_other(lines: Lines, rng: Rng) -> None:
+    """Wait for another temperature at the start."""
+    k = pick(rows_of(lines, r"^M109 S"), rng)
+    lines[k] = "M109 S190"
+
+
+def idle_push(lines: Lines, rng: Rng) -> None:
+    """Push before a bead as if the head had stood idle."""
+    k = pick(rows_of(lines, r"^G1 E0\.80|^G1 E2\.03"), rng)
+    lines.insert(k + 1, "G1 E0.30000 F2100")
+
+
 HEAD_TOOL_MUTANTS: tuple[Mutant[Files], ...] = (  # of the made print with two tools, a head each
     Mutant("a push dropped in one head's file", in_one(remove(r"^G1 E2\.03"))),
     Mutant("a head's restart distance dropped", in_one(change(r"^G1 E2\.03", "E2.03", "E2.00"))),
@@ -102,4 +131,8 @@ HEAD_TOOL_MUTANTS: tuple[Mutant[Files], ...] = (  # of the made print with two t
     Mutant("a push in the other head's file", line_to_the_other),
     Mutant("filament for one bead given to another", in_one(extra_for_another_bead)),
     Mutant("a head retracts as the other", in_one(other_retraction("0.80000", "2.00000"))),
+    Mutant("a contour printed by the other tool", beads_by_the_other),
+    Mutant("a head colder for one contour", in_one(colder_for_a_bead)),
+    Mutant("a head as hot as the other tool", in_one(as_hot_as_the_other)),
+    Mutant("a push for idling where it did not idle", in_one(idle_push)),
 )

@@ -65,8 +65,9 @@ def judged(planned: Planned, beside: Worker | None, *, writes: bool, report: Rep
         heads = after.plan.heads if writes else ()
         drafts = [folder / f"{actions.head}.gcode" for actions in heads]
         by_size = sorted(range(len(heads)), key=lambda h: (len(heads[h].path), -h))
-        writing = drafting(planned, drafts) if writes else []
-        verifying = ("verifying", partial(_verified, after, for_the_judge(problem)[0]))
+        judge = for_the_judge(problem)
+        writing = drafting(planned, drafts, judged=judge) if writes else []
+        verifying = ("verifying", partial(_verified, after, judge[0]))
         verdict, *walked = shared_out(
             [verifying, *(writing[h] for h in by_size)], beside, report
         )  # fmt: skip
@@ -75,7 +76,7 @@ def judged(planned: Planned, beside: Worker | None, *, writes: bool, report: Rep
         texts: tuple[bytes, ...] = ()
         if writes:
             in_order = [walked[by_size.index(h)] for h in range(len(heads))]
-            texts = judged_texts(planned, drafts, in_order, FILES, report)
+            texts = judged_texts(planned, drafts, in_order, FILES, report, judged=judge)
     return replace(planned, verdict=verdict, seconds=took, head_files=texts)
 
 

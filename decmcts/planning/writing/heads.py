@@ -115,18 +115,21 @@ def write_heads(
     if not texts:
         with draft_folder() as folder:
             drafts = [folder / path.name for path in paths]
-            works = drafting(planned, drafts, write=write)
+            judged = for_the_judge(planned.problem)
+            works = drafting(planned, drafts, judged=judged, write=write)
             walked = [work(report=report) for _, work in works]
-            texts = judged_texts(planned, drafts, walked, stem, report)
+            texts = judged_texts(planned, drafts, walked, stem, report, judged=judged)
     write_all(list(zip(paths, texts, strict=True)))
     return paths
 
 
 def drafting(
-    planned: Planned, drafts: Sequence[Path], *, write: HeadWriter = write_head_gcode
-) -> list[tuple[str, Callable[..., Walked]]]:
+    planned: Planned, drafts: Sequence[Path], *, judged: tuple[PrintJob, GcodeDocument],
+    write: HeadWriter = write_head_gcode,
+) -> list[tuple[str, Callable[..., Walked]]]:  # fmt: skip
     """Return the work of writing each head's draft and walking it along the plan, with its name.
 
+    `judged` is the source as the judge takes it.
     It can be done in another process.
     """
     problem, plan, machine = planned.problem, planned.after.plan, planned.problem.machine
@@ -134,7 +137,7 @@ def drafting(
     points = number_sync_points(plan, problem.job, machine.release, apart_s)  # once for all heads
     draft = partial(
         _draft, problem.document, problem.job, plan, machine, header_lines(planned), points,
-        judged=for_the_judge(problem), write=write,
+        judged=judged, write=write,
     )  # fmt: skip
     return [
         (f"writing and judging {path.name}", partial(draft, head, path))
@@ -165,8 +168,9 @@ def _draft(
 
 
 def judged_texts(
-    planned: Planned, drafts: Sequence[Path], walked: Sequence[Walked], stem: Path, report: Report
-) -> tuple[bytes, ...]:
+    planned: Planned, drafts: Sequence[Path], walked: Sequence[Walked], stem: Path, report: Report,
+    *, judged: tuple[PrintJob, GcodeDocument],
+) -> tuple[bytes, ...]:  # fmt: skip
     """Return the text of drafts that do together what the plan says.
 
     Raises
@@ -177,7 +181,7 @@ def judged_texts(
     problem, machine = planned.problem, planned.problem.machine
     report(Step(ORDERED))
     verdict = judge_together(
-        walked, planned.after.plan, *for_the_judge(problem), release=machine.release,
+        walked, planned.after.plan, *judged, release=machine.release,
         interval_s=machine.signal_interval_s, words=machine.words,
     )  # fmt: skip
     require_sound(verdict, stem)

@@ -85,7 +85,10 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     freed = _without(job, document, left)
     if what := _Heat.of(freed.job, freed.document).unlike(heat, freed.job, job):
         return stays[0] if stays else what
-    return replace(freed, count=count, walls=len(changes) - count)
+    note = f"{count} change{'s' * (count != 1)} of tools are no walls"
+    note += f", {len(stays)} stay: {stays[0]}" if stays else ""
+    job = replace(freed.job, notes=(*freed.job.notes, note))
+    return replace(freed, job=job, count=count, walls=len(stays))
 
 
 def last_line(block: Block) -> int:
@@ -188,8 +191,7 @@ def _without(job: PrintJob, document: GcodeDocument, left: set[int]) -> Freed:
     kept = [block for k, block in enumerate(blocks) if k not in left]
     kept = [replace(block, epoch=int(anew[block.epoch])) for block in kept]
     own = tuple(_own_starts(job, document, behind))
-    count = sum(_is_change(blocks[k]) for k in left)
-    notes = (*_renamed(job.notes, len(kept)), f"{count} changes of tools are no walls")
+    notes = tuple(_renamed(job.notes, len(kept)))
     assert document.moves is not None
     nets = _nets(job, document.moves, behind)
     changed = {c: net for c, net in nets.items() if contours.tool[c] != contours.tool[c - 1]}
@@ -203,7 +205,7 @@ def _without(job: PrintJob, document: GcodeDocument, left: set[int]) -> Freed:
         document, blocks=tuple(kept), own_starts=own, owed=owed, primes=tuple(primes.items())
     )
     contours = replace(contours, epoch=anew[contours.epoch])
-    return Freed(replace(job, contours=contours, refills=refills, notes=notes), document, count, 0)
+    return Freed(replace(job, contours=contours, refills=refills, notes=notes), document, 0, 0)
 
 
 def _own_starts(
