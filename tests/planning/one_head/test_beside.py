@@ -202,6 +202,7 @@ def test_the_text_of_a_large_print_is_judged_while_the_search_runs(problem, monk
 
 
 @pytest.mark.slow
+@pytest.mark.long  # compiles all anew; above, the same order of steps with nothing compiled
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals there")
 def test_on_an_empty_cache_a_search_runs_before_all_is_compiled(tmp_path: Path) -> None:
     """It improves the order while the judge is compiled, and Ctrl-C keeps what it found."""
