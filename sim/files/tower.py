@@ -22,7 +22,7 @@ _MARK = re.compile(
 )
 _TOWER = re.compile(rb":[ \t]*(?:wipe tower|prime[- ]tower|prime pillar)[ \t]*\Z", re.I)
 _ACROSS = re.compile(rb"[XY] *[-+.\d]", re.I)
-_FILAMENT = re.compile(rb"[ \t]*E[ \t]*\+?[.\d][\d.]*", re.I)
+_WORD_OF_E = re.compile(rb"(?<![ \t])[ \t]*+E[ \t]*+\+?[.\d][\d.]*+", re.I)
 
 
 def read_without_tower(
@@ -42,7 +42,7 @@ def _left_out(text: bytes) -> bytes:
         elif mark["begin"] or mark["end"]:
             inside = mark["begin"] is not None
         elif (tower or inside) and _ACROSS.search(mark["move"]):
-            word = _FILAMENT.search(mark["move"])
+            word = _WORD_OF_E.search(mark["move"])
             if word is not None:
                 begin = mark.start("move")
                 kept += [text[at : begin + word.start()]]

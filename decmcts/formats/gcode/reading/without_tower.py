@@ -16,7 +16,7 @@ from decmcts.formats.gcode.text.lines import command_of
 from decmcts.print.contours import Role
 
 _LAYS = re.compile(rb"G0*[1-3](?![0-9.])(?=[^;(]*[XY])", re.I)
-_PUSHED = re.compile(rb"[ \t]*E[ \t]*\+?(?:\d+\.?\d*|\.\d+)", re.I)
+_PUSHED = re.compile(rb"(?<![ \t])[ \t]*+E[ \t]*+\+?(?:\d++\.?\d*+|\.\d++)", re.I)
 _COUNTS = re.compile(rb"M8([23])(?![0-9.])", re.I)
 
 
