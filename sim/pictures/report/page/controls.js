@@ -99,8 +99,8 @@
       single.setAttribute("aria-pressed", String(a === b));
     });
     const strip = element("canvas", { id: "view-strip", role: "img", "aria-label": `Travel in each layer, ${page.plans[0].label} and after` });
-    const words = element("span", { class: "view-bars muted" }, element("i", { class: "was" }), `travel ${page.plans[0].label} `,
-      element("i", {}), "after, layer by layer");
+    const words = element("span", { class: "view-bars muted" }, "travel in each layer:", element("i", { class: "was" }),
+      page.plans[0].label, element("i", {}), "after");
     return element("div", { class: "view-row view-layers" }, element("span", {}, "Layers"),
       element("div", { class: "view-range" }, strip, from, to), text, single, most, words);
   }

@@ -11,7 +11,7 @@
     section.append(...[
       origin(facts, page),
       e("div", { class: "cards" }, verdict(facts), time(facts), changes(facts)),
-      facts.heads.length > 1 ? heads(facts, page) : null,
+      facts.heads.length ? heads(facts, page) : null,
       warnings([...lost(page.team || {}), ...facts.warnings]),
       facts.settings.length ? D.folded("How it was planned", () => settings(facts)) : null,
     ].filter(Boolean));
@@ -52,8 +52,9 @@
     return e("li", {}, `${about}: ${what}: `, e("b", {}, mm), required);
   }
 
-  /** The difference of two times as they are shown, to the second. */
-  const asShown = (before_s, after_s) => D.format.duration(Math.abs(Math.round(before_s) - Math.round(after_s)));
+  /** The difference of two times as they are shown, to the second; to tenths where that is none. */
+  const asShown = (before_s, after_s) =>
+    D.format.duration(Math.abs(Math.round(before_s) - Math.round(after_s)) || Math.abs(before_s - after_s));
 
   /** Before, after and what is saved. */
   function time(facts) {
@@ -109,9 +110,9 @@
       e("tbody", {}, ...shown.map(line))), proof(facts));
   }
 
-  /** How each head is used, and how much faster the team is. */
+  /** How each head is used, and how much faster the team is; of one head, what its time goes to. */
   function heads(facts, page) {
-    const whole = Math.max(page.plans[1].end_s, 1e-9);
+    const whole = Math.max(page.plans[1].end_s, 1e-9), alone = facts.heads.length === 1;
     const kinds = [["printing_s", "prints", "prints"], ["travelling_s", "travels", "travels"], ["aside_s", "steps aside", "aside"], ["waiting_s", "stands still", "hatched"]];
     const one = (head, k) => {
       const parts = kinds.map(([key, verb, name]) => [head[key], verb, name]).filter(([s]) => s / whole >= 0.0005);
@@ -121,10 +122,11 @@
       const said = busy ? parts.map(([s, verb]) => `${verb} ${((100 * s) / whole).toFixed(1)} %`).join(", ") : "has nothing to do";
       const drawn = parts.map(([s, , name]) => e("div", { class: name, style: `width:${(100 * s) / Math.max(whole, used)}%` }));
       const colour = `--head:var(--head${page.plans[1].heads[k] ? page.plans[1].heads[k].colour % 8 : 0})`;
-      return e("li", { style: colour }, e("b", {}, head.name), ` ${said} · ${D.format.count(head.contours, "bead")}`,
+      const who = alone ? "The head" : head.name, what = alone ? "" : ` · ${D.format.count(head.contours, "bead")}`;
+      return e("li", { style: colour }, e("b", {}, who), ` ${said}${what}`,
         e("div", { class: "track", "aria-hidden": "true" }, ...drawn));
     };
-    return e("div", { class: "card" }, e("h2", {}, "How the heads are used"), speed(facts.speed_up, page.history.cooled),
+    return e("div", { class: "card" }, e("h2", {}, alone ? "Where the time goes, after" : "How the heads are used"), speed(facts.speed_up, page.history.cooled),
       e("ul", { class: "used" }, ...facts.heads.map(one)));
   }
 

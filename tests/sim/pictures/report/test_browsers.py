@@ -14,7 +14,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, ElementHandle, Page
 
 from decmcts import Result
-from decmcts.print.plan import JointPlan, PlanDocument
+from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from sim.pictures.report import Told, write_report
 from tests.sim.pictures.report.conftest import opened
 
@@ -58,6 +58,10 @@ def test_the_first_screen_has_the_plan_s_figures(
             travel = metrics["emitted_travel_mm"]
             forms = [page.evaluate(f"D.format.{form}", travel) for form in ("mm", "number")]
             assert any(form in text for form in forms)
+        (head,) = result.document.plan.heads
+        lasts = head.end_s - head.begin_s
+        share = float(lasts[head.kind == ActionKind.PRINT].sum() / head.end_s[-1])
+        assert f"The head prints {100 * share:.1f} %, travels" in text
         assert "four_nuts" in page.inner_text("#head")
         assert result.document.machine.name in text
 
