@@ -97,17 +97,21 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
     gone = [block for block, leaves in zip(document.blocks, goes, strict=True) if leaves]
     if not any(block.begin.tool != block.end.tool for block in gone):
         return None
+    kept = [block for block, leaves in zip(document.blocks, goes, strict=True) if not leaves]
+    return _unwalled(job, document, gone, kept, since)
+
+
+def _unwalled(
+    job: PrintJob, document: GcodeDocument, gone: list[Block], kept: list[Block],
+    since: Mapping[int, float],
+) -> Unwalled:  # fmt: skip
+    """Return a source without some blocks; `since` has the net of each contour's tool, mm."""
     was = job.contours.epoch
     behind = dict(zip(np.searchsorted(was, [b.epoch for b in gone]).tolist(), gone, strict=True))
     walls = np.diff(was, prepend=was[:1]) > 0
     walls[[c for c, block in behind.items() if not block.edge]] = False
     epoch = np.cumsum(walls, dtype=np.int32)
     now = dict(zip(was.tolist(), epoch.tolist(), strict=True))
-    kept = [
-        replace(block, epoch=now[block.epoch])
-        for block, leaves in zip(document.blocks, goes, strict=True)
-        if not leaves
-    ]
     starts = tuple(_starts(job, document, behind))
     refills = set(job.refills) - {block.epoch for block in gone}
     taken = {c for c in behind if job.contours.tool[c] != job.contours.tool[c - 1]}
@@ -122,8 +126,8 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
             refills=tuple(sorted(now[e] for e in refills)),
         ),
         replace(
-            document, blocks=tuple(kept), own_starts=starts, owed=owed,
-            primes=tuple(sorted(primes.items())),
+            document, blocks=tuple(replace(block, epoch=now[block.epoch]) for block in kept),
+            own_starts=starts, owed=owed, primes=tuple(sorted(primes.items())),
         ),
     )  # fmt: skip
 
