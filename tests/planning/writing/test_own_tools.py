@@ -61,8 +61,7 @@ def spoilt(path: str, spoil: Callable[[list[str]], None]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("blanks", [True, False])
-@pytest.mark.parametrize("relative", [True, False])
+@pytest.mark.parametrize(("relative", "blanks"), [(True, True), (False, False)])
 def test_heads_keep_their_tool_hot_and_print_side_by_side(
     agents: Agents, tmp_path: Path, relative: bool, blanks: bool
 ) -> None:
