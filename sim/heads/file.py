@@ -97,12 +97,12 @@ def _parted(lines: Lines, reader: Reader) -> tuple[
     """
     syncs, rest, loose, still = list[Sync](), list[tuple[int, bytes]](), list[int](), list[int]()
     amiss: list[tuple[int, str]] = []
-    above = b""
+    above, text, begins = b"", lines.text, reader.begins
     for k, (start, end) in enumerate(zip(lines.starts.tolist(), lines.ends.tolist(), strict=True)):
-        code = command_of(lines.text[start:end])
+        code = command_of(text[start:end])
         if not code:
             continue
-        found = reader.read(code, stands=above == b"M400")
+        found = reader.read(code, stands=above == b"M400") if code.startswith(begins) else None
         if found is None:
             rest.append((k + 1, code))
         else:

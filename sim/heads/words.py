@@ -35,7 +35,9 @@ class Reader:
         self._signal, self._passed, self._wait = (
             _pattern(line) for line in (words.signal, words.passed, words.wait)
         )
-        self._begins = tuple(_begin(line) for line in (words.signal, words.passed, words.wait))
+        self.begins = tuple(  # of what may be a sync point; few lines of a file begin so
+            _begin(line) for line in (words.signal, words.passed, words.wait)
+        )
         self._counts = "{number}" not in words.wait
         self._place, self._given = place, 0
 
@@ -45,7 +47,7 @@ class Reader:
         `stands` tells whether an M400 is right above it: where a signal is the same line in motion
         and at rest, that makes the difference.
         """
-        if not code.startswith(self._begins):
+        if not code.startswith(self.begins):
             return None
         if match := self._wait.fullmatch(code):
             said = _values(match)
