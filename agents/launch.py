@@ -27,6 +27,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters, changed
+from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 
@@ -47,6 +48,7 @@ def launch(
     stopping: Stopping,
     seed: int,
     lags: Lags | None = None,
+    start: StatedOrder | None = None,
     parameters: Mapping[str, float | str] | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
@@ -56,8 +58,8 @@ def launch(
 
     The print goes to the agents in a temporary folder; callbacks, what ends planning and
     the `crew` are those of `run_agents`. A crew of another number of heads is not used.
-    `lags` say how long what is printed over must cool, `parameters` set some of
-    `decmcts.team.dec_mcts.parameters`.
+    `lags` say how long what is printed over must cool, `start` is an order to begin with,
+    `parameters` set some of `decmcts.team.dec_mcts.parameters`.
 
     Raises
     ------
@@ -72,8 +74,11 @@ def launch(
     problem = build_team_problem(job, machine, graph, lags)
     options = {} if parameters is None else {TEAM: dict(parameters)}
     expected = team_digest(problem.digest, job, code=code_digest())
+    begin = None
+    if start is not None:
+        begin = encode_stated(start, len(machine.heads), problem.n_macros)
     with draft_folder() as folder:
-        write_pack(Pack(job, machine, graph, options, lags), folder)
+        write_pack(Pack(job, machine, graph, options, lags, begin), folder)
         agreement = run_agents(
             problem.head_names,
             ["--pack", str(folder), "--expect", expected],

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from decmcts.planning.launch import launch
     from decmcts.planning.one_head.certificate import Certificate
     from decmcts.planning.options import (
+        Cut,
         Freedom,
         Limits,
         Objective,
@@ -63,7 +64,7 @@ _ROOMS = {
     "decmcts.planning.launch": ("launch",),
     "decmcts.planning.one_head.certificate": ("Certificate",),
     "decmcts.planning.options": (
-        "Freedom", "Limits", "Objective", "PlannerName", "ProcessOrder", "Rules", "Seam",
+        "Cut", "Freedom", "Limits", "Objective", "PlannerName", "ProcessOrder", "Rules", "Seam",
         "Search", "TeamSearch",
     ),
     "decmcts.planning.plan": ("plan",),
@@ -84,8 +85,8 @@ _ROOMS = {
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
-    "Begun", "Certificate", "Event", "Fault", "FaultKind", "Figures", "Freedom", "Heads", "Held",
-    "Incumbent", "InputError", "Limits", "Machine", "Note", "Objective", "Planner",
+    "Begun", "Certificate", "Cut", "Event", "Fault", "FaultKind", "Figures", "Freedom", "Heads",
+    "Held", "Incumbent", "InputError", "Limits", "Machine", "Note", "Objective", "Planner",
     "PlannerName", "ProcessOrder", "Progress", "QcspResult", "Report", "Result", "Rules", "Seam",
     "Search", "SliceOptions", "Slicing", "SopResult", "Sound", "Source", "Step", "TeamSearch",
     "Verdict", "VerificationError", "Written", "__version__", "bound", "choose_slicer", "launch",

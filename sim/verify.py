@@ -19,6 +19,7 @@ from decmcts.print.plan import HeadActions, OrderRules, PlanDocument, end_edges
 from sim.content.inventory import compare, contour_segments, match_segments
 from sim.content.legs import Legs, legs_of
 from sim.content.paths import check_head, check_once, check_release, check_structure
+from sim.content.pieces import parted_source
 from sim.content.same_print import (
     check_accelerations,
     check_contours,
@@ -100,6 +101,12 @@ def verify_plan(
     faults = check_structure(document)
     if faults:
         return Verdict(tuple(faults))
+    held = rules or document.rules or usual_rules(document.machine)
+    if source is not None:
+        parted = parted_source(document.contours, source, held.cut)
+        if parted.faults:
+            return Verdict(parted.faults)
+        source = parted.job
     if digest is not None and digest != document.problem:
         text = f"the plan is for problem {document.problem!r}, expected {digest!r}"
         faults.append(Fault(FaultKind.DIGEST, text))
@@ -108,7 +115,6 @@ def verify_plan(
     faults += unsure + _check_content(document, all_actions, source, machine)
     if is_other_print(faults):
         return Verdict(tuple(faults))
-    held = rules or document.rules or usual_rules(document.machine)
     legs = legs_of(all_actions)
     order = order_of(legs.all_actions)
     counts: dict[str, float] = {

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
@@ -26,6 +27,7 @@ from decmcts.print.machine import Machine
 _ARRAYS = "problem.npz"
 _REST = "problem.json"
 _ACCELERATION = "acceleration"
+_START = "start"
 TEAM = "team"  # option: parameters of the team's search that were set
 
 
@@ -38,6 +40,7 @@ class Pack:
     graph: DependencyGraph
     options: Mapping[str, Any] = field(default_factory=dict)  # JSON values for the planner
     lags: Lags | None = None  # how long what is printed over must cool
+    start: NDArray[np.int32] | None = None  # a stated order to begin with, as a plan
 
 
 def write_pack(pack: Pack, folder: Path) -> None:
@@ -46,7 +49,10 @@ def write_pack(pack: Pack, folder: Path) -> None:
         f"{room}.{f.name}": getattr(owner, f.name)
         for room, owner in (("contours", pack.job.contours), ("graph", pack.graph))
         for f in fields(owner)
+        if getattr(owner, f.name) is not None
     }
+    if pack.start is not None:
+        arrays[_START] = pack.start
     if pack.lags is not None:
         arrays |= {f"lags.{name}": array for name, array in pack.lags._asdict().items()}
     if pack.job.acceleration is not None:
@@ -89,7 +95,8 @@ def read_pack(folder: Path) -> Pack:
         )
         graph = DependencyGraph(**_room(arrays, "graph"))
         lags = Lags(**_room(arrays, "lags")) if "lags.below" in arrays else None
-        return Pack(job, machine_from_dict(rest["machine"]), graph, rest["options"], lags)
+        machine, start = machine_from_dict(rest["machine"]), arrays.get(_START)
+        return Pack(job, machine, graph, rest["options"], lags, start)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"no problem pack: {error}", path=folder) from error
 

@@ -21,14 +21,18 @@ class TeamPlanner:
     """One head's Dec-MCTS search and the shared `resolve`."""
 
     def __init__(
-        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None
-    ) -> None:
+        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None,
+        start: Sequence32 | None = None,
+    ) -> None:  # fmt: skip
         self.problem = team_digest(problem.digest, problem.job, code=code_digest())
         self.names = problem.head_names
         self._team = problem
         stated = len(problem.head_names) * (len(problem.job.contours) + 2)
         self.most_symbols = stated + int(RANGES["plans"][1]) * (problem.n_macros + 1)
-        self._search = DecMcts(problem, head, seed=seed, parameters=parameters)
+        begin = None
+        if start is not None:
+            begin = decode(start, problem.n_macros, len(problem.macro)).stated
+        self._search = DecMcts(problem, head, seed=seed, parameters=parameters, start=begin)
 
     @staticmethod
     def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:
@@ -36,7 +40,7 @@ class TeamPlanner:
         problem = build_team_problem(pack.job, pack.machine, pack.graph, pack.lags)
         usual = Parameters.for_contours(len(problem.macro))
         parameters = changed(usual, pack.options.get(TEAM, {}))
-        planner = TeamPlanner(problem, head, seed=seed, parameters=parameters)
+        planner = TeamPlanner(problem, head, seed=seed, parameters=parameters, start=pack.start)
         compile_rounds()  # before the clock runs
         planner.best(range(len(planner.names)))
         return planner

@@ -90,7 +90,16 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
         f"({clock_time(after['one_head_s'])}), and {100.0 * (makespan / bound - 1.0):.0f} % "
         f"above the proven bound ({clock_time(bound)})",
         f"of the print time each head prints: {', '.join(shares)}",
+        *_cut_line(after),
     ]
+
+
+def _cut_line(after: Metrics) -> list[str]:
+    """Return what was cut so that heads share it, if anything was."""
+    if (cut := after.get("cut")) is None:
+        return []
+    shows = f"{cut['outside']:,} of them outside" if cut["outside"] else "none of them outside"
+    return [f"{cut['contours']:,} contours are cut at {cut['cuts']:,} places, {shows}"]
 
 
 def figures(

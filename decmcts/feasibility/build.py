@@ -117,6 +117,7 @@ def _build(
         contours.role,
         contours.epoch,
         contours.width,
+        contours.sources,
         touching,
         bool(touching.any()),
     )

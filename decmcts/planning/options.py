@@ -71,6 +71,14 @@ class AvoidWalls(StrEnum):
     NEVER = "never"
 
 
+class Cut(StrEnum):
+    """Which contours may be cut so that several heads share them."""
+
+    NONE = "none"
+    INSIDE = "inside"
+    ALL = "all"
+
+
 class ProcessOrder(StrEnum):
     """Whether touching contours of different roles keep the slicer's order."""
 
@@ -231,6 +239,9 @@ class TeamSearch:
         The heads' search itself minimises the makespan.
     parameters : Mapping[str, float | str]
         Parameters of the heads' search to change, by name (docs/team.md).
+    cut : Cut
+        Which contours may be cut so that heads share them: none, those inside (infill and inner
+        walls), or all. They are cut only where that ends the print sooner.
 
     Raises
     ------
@@ -248,9 +259,11 @@ class TeamSearch:
     seed: int = 0
     objective: Objective = Objective.TRAVEL
     parameters: Mapping[str, float | str] = field(default_factory=dict)
+    cut: Cut = Cut.INSIDE
 
     def __post_init__(self) -> None:
         of_enum(self, "objective", Objective)
+        of_enum(self, "cut", Cut)
         at_least_zero("time_limit_s", self.time_limit_s)
         at_least_zero("seed", self.seed)
         if self.parameters:

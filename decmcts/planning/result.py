@@ -10,7 +10,7 @@ from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.certificate import Certificate
 from decmcts.planning.one_head.no_slower import write_no_slower
 from decmcts.planning.options import Search, TeamSearch
-from decmcts.planning.problem.planned import History, Planned
+from decmcts.planning.problem.planned import History, Planned, before_by_pieces
 from decmcts.planning.problem.source import Source
 from decmcts.planning.writing.file_times import FileTimes
 from decmcts.planning.writing.heads import stem_of, write_heads
@@ -181,7 +181,11 @@ class Result:
             source_lines(planned.problem.job),
         )  # fmt: skip
         write_report(
-            out, before=planned.before, after=planned.after, history=planned.history, told=told
+            out,
+            before=before_by_pieces(planned.before, planned.after),
+            after=planned.after,
+            history=planned.history,
+            told=told,
         )
 
     def write_picture(self, path: str | Path, *, layer: int | None = None) -> None:
@@ -205,7 +209,8 @@ class Result:
         self._refuse(out)
         refuse_other_suffixes(None, None, out)
         name, planned = self.source.name, self.planned
-        draw_plan(out, planned.before, planned.after, name=name, layer=layer)
+        before = before_by_pieces(planned.before, planned.after)
+        draw_plan(out, before, planned.after, name=name, layer=layer)
 
     def _refuse(self, path: Path) -> None:
         refuse_unwritable([path], self.source.path)

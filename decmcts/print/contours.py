@@ -56,6 +56,10 @@ class Contours:
     reversible: NDArray[np.bool_]  # (n,) may be reversed
     epoch: NDArray[np.int32]  # (n,) non-decreasing; all of epoch k before any of epoch k + 1
     line: NDArray[np.int32]  # (n,) source line of the first extruding move, from 1 (0: none)
+    of: NDArray[np.int32] | None = None  # (n,) of a cut print (`decmcts.print.cut`): the source's
+    # contour that each is a piece of; None: nothing is cut
+    along: NDArray[np.float64] | None = None  # (n_points,) place of each point on that contour:
+    # k + f lies on the segment from its vertex k to k + 1, at the share f
 
     def __post_init__(self) -> None:
         n = len(self.offsets) - 1
@@ -79,10 +83,16 @@ class Contours:
         if n and int(np.diff(self.offsets).min()) < 2:
             raise ValueError("a contour needs at least two points")
         for name in self.__slots__:
-            getattr(self, name).setflags(write=False)
+            if getattr(self, name) is not None:
+                getattr(self, name).setflags(write=False)
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
+
+    @property
+    def sources(self) -> NDArray[np.int32]:
+        """Number of the source's contour that each is or is a piece of, (n,)."""
+        return np.arange(len(self), dtype=np.int32) if self.of is None else self.of
 
     @property
     def start(self) -> NDArray[np.float64]:

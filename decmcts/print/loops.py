@@ -70,8 +70,9 @@ def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
         return contours
     out, offsets = rotated(contours, entry)
     return replace(
-        contours, points=out.points, extrusion=out.extrusion, feed=out.feed, offsets=offsets
-    )
+        contours, points=out.points, extrusion=out.extrusion, feed=out.feed, offsets=offsets,
+        along=None,
+    )  # fmt: skip
 
 
 def rotated(contours: Contours, entry: NDArray[np.int32]) -> tuple[Rotated, NDArray[np.int64]]:
@@ -131,6 +132,7 @@ def close_gaps(contours: Contours) -> Contours:
         extrusion=np.insert(contours.extrusion, behind, 0.0),
         feed=np.insert(contours.feed, behind, contours.feed[behind - 1]),
         offsets=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+        along=None,
     )
 
 

@@ -15,6 +15,14 @@ class TeamMetrics(TypedDict):
     disturbed: Mapping[str, int]  # messages dropped that no agent says, by reason
 
 
+class CutMetrics(TypedDict):
+    """How contours were cut so that heads share them."""
+
+    contours: int  # that were cut
+    cuts: int
+    outside: int  # cuts in what shows: outer walls and top surfaces
+
+
 class Metrics(TypedDict, total=False):
     """Figures for people, keyed as in plan.json (docs/plan-format.md); none is relied on.
 
@@ -69,6 +77,7 @@ class Metrics(TypedDict, total=False):
     decided: Sequence[Sequence[float]]  # rows of seconds and each head's entropy over its plans
     found_by: str | None  # the head that first knew the best joint plan
     team: TeamMetrics
+    cut: CutMetrics  # of a cut print
 
 
 def compared_order(before: Metrics) -> str:

@@ -109,6 +109,7 @@ class OrderRules:
     quality: bool = True  # shells and what is anchored in them stay as sliced
     max_layers_ahead: int | None = None  # None: no limit
     freedom: str = "seam"  # "fixed", "reversible" or "seam"
+    cut: str = "none"  # what may be cut: "none", "inside" or "all"
 
 
 @dataclass(frozen=True, slots=True)

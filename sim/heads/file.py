@@ -19,6 +19,7 @@ from sim.heads.heat import SELECTS, heat_of
 from sim.heads.words import Reader
 
 HEADER_LINES = 60  # the header of a file, whatever its slicer writes above it
+_CUT = re.compile(rb"^; \d+ contours are cut at \d+ places", re.M)
 _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[ \t]*\r?$", re.M)
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
@@ -84,6 +85,11 @@ def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
     if match is None:
         return "", (0, 0)
     return match[1].decode("utf-8", "replace"), (int(match[2]), int(match[3]))
+
+
+def is_cut(text: bytes) -> bool:
+    """Tell whether a file says that contours of its source are cut."""
+    return _CUT.search(b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])) is not None
 
 
 def _parted(lines: Lines, reader: Reader) -> tuple[

@@ -130,6 +130,7 @@ def _near(
                 a, b = np.minimum(one, two), np.maximum(one, two)
                 forth = contours.role[a] == r
                 fits = np.where(forth, must_stay(r, s, rules), must_stay(s, r, rules)) & (a < b)
+                fits &= contours.sources[a] != contours.sources[b]  # pieces of one contour are free
                 yield a[fits], b[fits]
 
 

@@ -24,12 +24,19 @@ class Agents:
         self.given: list[tuple[PrintJob, Machine]] = []
 
     def __call__(
-        self, job: PrintJob, machine: Machine, graph: DependencyGraph, *, lags: Any, **_: Any
+        self,
+        job: PrintJob,
+        machine: Machine,
+        graph: DependencyGraph,
+        *,
+        lags: Any,
+        start: Any = None,
+        **_: Any,
     ) -> LaunchResult:
         self.given.append((job, machine))
         problem = build_team_problem(job, machine, graph, lags)
         live = tuple(range(len(machine.heads)))
-        best = plan_in_turn(problem, stopping=Stopping(iterations=1), seed=0)
+        best = plan_in_turn(problem, stopping=Stopping(iterations=1), seed=0, start=start)
         found = resolve(problem, best.plans, live)
         agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
         return LaunchResult(agreement, found.toolpaths, problem.digest)

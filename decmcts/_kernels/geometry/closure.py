@@ -41,6 +41,7 @@ class ClosureRules(NamedTuple):
     role: NDArray[np.int8]  # (n,)
     epoch: NDArray[np.int32]  # (n,) non-decreasing
     width: NDArray[np.float64]  # (n,) mm
+    of: NDArray[np.int32]  # (n,) pieces of one contour keep no order because they touch
     touching: NDArray[np.uint8]  # (roles, roles) kind of edge between touching contours, 0: none
     keep: bool  # whether any entry of `touching` is not 0
 
@@ -157,7 +158,7 @@ def required(
     if blocking_polygon(beads, b, a, head, quad) >= 0:
         return GEOMETRY
     kind = rules.touching[rules.role[a], rules.role[b]]
-    if kind and rules.layer[a] == rules.layer[b]:
+    if kind and rules.layer[a] == rules.layer[b] and rules.of[a] != rules.of[b]:
         gap = (rules.width[a] + rules.width[b]) / 2 + TOUCH_MM
         if touches(beads, a, b, gap):
             return int(kind)
@@ -222,6 +223,7 @@ def mark_contours(
 ) -> None:
     """Write into `may` which contours of run w may have to precede b."""
     first, epoch, layer, role = w * WORD, rules.epoch[b], rules.layer[b], rules.role[b]
+    of = rules.of[b]
     may[:] = 0
     if rules.epoch[first] < epoch:
         for i in range(len(may)):
@@ -229,7 +231,11 @@ def mark_contours(
     if rules.keep and words.layers[w, 0] <= layer <= words.layers[w, 1]:
         for i in range(len(may)):
             a = first + i
-            if rules.layer[a] == layer and rules.touching[rules.role[a], role] != 0:
+            if (
+                rules.layer[a] == layer
+                and rules.of[a] != of
+                and rules.touching[rules.role[a], role] != 0
+            ):
                 may[i] = 1
     for k in range(len(scratch.reach)):
         if row_reaches(words.boxes, w, scratch.reach, k):

@@ -27,6 +27,7 @@ from decmcts.planning.events import Event, Heads, Step
 from decmcts.planning.launch import crew_started
 from decmcts.planning.launch import launch as launch_heads
 from decmcts.planning.options import (
+    Cut,
     Freedom,
     Limits,
     Objective,
@@ -87,6 +88,15 @@ TeamOption = Annotated[
 ]
 
 
+CutOption = Annotated[
+    Cut,
+    typer.Option(
+        "--cut",
+        rich_help_panel=opt.SEARCH,
+        help="What may be cut so that heads share it, where the print ends sooner so: nothing, "
+        "infill and inner walls, or outer walls too",
+    ),
+]
 TeamObjectiveOption = Annotated[
     Objective,
     typer.Option(
@@ -117,6 +127,7 @@ def launch(
     time_limit: opt.TimeOption = 30.0,
     seed: opt.SeedOption = 0,
     team: TeamOption = None,
+    cut: CutOption = Cut.INSIDE,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
@@ -143,7 +154,8 @@ def launch(
     refuse_other_suffixes(plan_file, report, picture)
     refuse_stdout(record, "--record")
     only_shown = not (as_json or stem or plan_file or report or picture or record)
-    search = TeamSearch(time_limit, seed, objective, {} if team is None else read_parameters(team))
+    parameters = {} if team is None else read_parameters(team)
+    search = TeamSearch(time_limit, seed, objective, parameters, cut)
     result = run_team(
         source, machine, search, rules, limits=limits, plate=plate, record=record,
         writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",

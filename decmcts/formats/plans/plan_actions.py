@@ -145,7 +145,7 @@ def _after(
 ) -> list[After]:
     found = []
     for number, given in enumerate(row.items("after")):
-        key, form = f"after[{number}]", _FORMS[version]
+        key, form = f"after[{number}]", _FORMS[min(version, 2)]
         if type(given) is not list or len(given) != form.count(",") + 1:
             row.fail(key, f"expected {form}, found {shown(given)}")
         name, action, point, lag = given if version > 1 else (*given, None, 0.0)

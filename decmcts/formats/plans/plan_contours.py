@@ -41,8 +41,10 @@ _KEYS = (
     "extrusion",
     "feed",
 )
+_PIECE = ("of", "along")  # of pieces of a cut print alone
 _ACCELERATION = "acceleration"  # may be left out, of all contours alike
 _INT32_END = 2**31
+LARGEST_PLACE = 2.0**31  # vertices of one contour
 _INT16_END = 2**15
 _ROLES = {role.name.lower(): role for role in Role}
 
@@ -72,8 +74,16 @@ def contours_to_dicts(
             "points": (polyline[:, :2] if planar else polyline).tolist(),
             "extrusion": contours.extrusion[rows][1:].tolist(),
             "feed": _alike(contours.feed[rows][1:]),
+            **_piece(contours, i, rows),
             **({} if acceleration is None else {_ACCELERATION: _alike(acceleration[rows][1:])}),
         }
+
+
+def _piece(contours: Contours, i: int, rows: slice) -> dict[str, Any]:
+    """Return what a row says of a piece; nothing of a print that is not cut."""
+    if contours.of is None or contours.along is None:
+        return {}
+    return {"of": int(contours.of[i]), "along": contours.along[rows].tolist()}
 
 
 def only_head(machine: Machine, tool: int) -> str | None:
@@ -93,6 +103,7 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
     """Return the contours of the rows; raises InputError naming the first wrong one."""
     polylines = [_polyline(table, i) for i, table in enumerate(tables)]
     sizes = [len(p) for p in polylines]
+    cut = any(key in table.values for table in tables for key in _PIECE)
     tools = _integers(tables, "tool", _INT16_END).astype(np.int16)
     _check_heads(tables, tools, machine)
     return Contours(
@@ -109,7 +120,20 @@ def contours_from_dicts(tables: list[Fields], machine: Machine) -> Contours:
         reversible=np.array([t.flag("reversible") for t in tables], np.bool_),
         epoch=_integers(tables, "epoch", _INT32_END),
         line=_integers(tables, "line", _INT32_END),
+        of=_integers(tables, "of", _INT32_END) if cut else None,
+        along=_along(tables, sizes) if cut else None,
     )
+
+
+def _along(tables: list[Fields], sizes: list[int]) -> NDArray[np.float64]:
+    """Return the place of each point on the source's contour, (n_points,)."""
+    values: list[float] = []
+    for table, size in zip(tables, sizes, strict=True):
+        given = table.need("along")
+        if not isinstance(given, list) or len(given) != size:
+            table.fail("along", f"expected {size} places, one a point")
+        values.extend(numbers(given, table.at("along"), table.path, least=0.0, most=LARGEST_PLACE))
+    return np.array(values, np.float64)
 
 
 def acceleration_from_dicts(tables: list[Fields], contours: Contours) -> NDArray[np.float64] | None:
@@ -139,7 +163,7 @@ def _integers(tables: list[Fields], key: str, end: int) -> NDArray[np.int32]:
 
 def _polyline(table: Fields, number: int) -> NDArray[np.float64]:
     """Return (k, 3) points of one row."""
-    table.only(*_KEYS, _ACCELERATION)
+    table.only(*_KEYS, *_PIECE, _ACCELERATION)
     if table.integer("id", least=0, below=_INT32_END) != number:
         table.fail("id", f"{table.need('id')} stands at place {number}", "number from 0 in order")
     planar = table.need("z") is not None

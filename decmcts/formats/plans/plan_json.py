@@ -1,6 +1,7 @@
 """plan.json: a joint plan with all that is needed to check or draw it.
 
-The schema is docs/plan-format.md; version 2 is written, version 1 is read too.
+The schema is docs/plan-format.md; version 2 is written, of cut prints version 3;
+version 1 is read too.
 Numbers are written so that reading them back gives the same bits. Reading is
 strict: whatever is malformed is refused with its place in the file. Whether a
 plan is *safe* is judged in `sim`.
@@ -36,11 +37,12 @@ from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, OrderRules, PlanDocument
 
 FORMAT = "decmcts-plan"
-VERSION = 2
-_READ = (1, 2)
+VERSION, CUT_VERSION = 2, 3
+_READ = (1, 2, 3)
 _KEYS = ("format", "version", "problem", "machine", "contours", "precedence", "heads", "metrics")
 _COOLING = "min_layer_time_s"  # may be left out
 _RULES = "rules"  # likewise
+_CUTS = ("none", "inside", "all")
 _CHOICES = {"process_order": ("keep", "free"), "freedom": ("fixed", "reversible", "seam")}
 _MOST_LAYERS = 2**31
 
@@ -65,14 +67,17 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
     """Write one contour and one action a line: easy to search, and no copy as objects."""
     head = {
         "format": FORMAT,
-        "version": VERSION,
+        "version": VERSION if document.contours.of is None else CUT_VERSION,
         "problem": document.problem,
         "machine": machine_to_dict(document.machine),
     }
     if document.min_layer_time_s:
         head[_COOLING] = document.min_layer_time_s
     if document.rules is not None:
-        head[_RULES] = asdict(document.rules)
+        rules = asdict(document.rules)
+        if document.contours.of is None:
+            del rules["cut"]  # versions without it are read without it
+        head[_RULES] = rules
     file.write(_dump(head)[:-1] + b',\n"contours":[')
     rows = contours_to_dicts(document.contours, document.machine, document.acceleration)
     _write_lines(file, rows)
@@ -147,8 +152,11 @@ def _rules(table: Fields) -> OrderRules:
     ahead = table.need("max_layers_ahead")
     if ahead is not None:
         ahead = table.integer("max_layers_ahead", least=0, below=_MOST_LAYERS)
+    cut = table.text("cut") if "cut" in table.values else "none"
+    if cut not in _CUTS:
+        table.fail("cut", f"{shown(cut)} is none of {', '.join(_CUTS)}")
     return OrderRules(
-        table.text("process_order"), table.flag("quality"), ahead, table.text("freedom")
+        table.text("process_order"), table.flag("quality"), ahead, table.text("freedom"), cut
     )
 
 

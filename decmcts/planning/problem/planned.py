@@ -13,6 +13,7 @@ from decmcts.errors import VerificationError
 from decmcts.formats.gcode.controller.duration import FileTime
 from decmcts.planning.events import Report, Step
 from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.cut import cut_metrics
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
@@ -42,14 +43,33 @@ class Planned:
     head_files: tuple[bytes, ...] = ()  # text of the heads' files, judged; none: not written yet
 
 
+def before_by_pieces(before: PlanDocument, after: PlanDocument) -> PlanDocument:
+    """Return the source's own order in the numbers of a cut print, to be drawn beside it.
+
+    Each contour is printed whole, under the number of its first piece.
+    """
+    if after.contours.of is None or before.contours.of is not None:
+        return before
+    first = np.searchsorted(after.contours.of, np.arange(len(before.contours))).astype(np.int32)
+    heads = tuple(
+        replace(head, contour=np.where(head.contour < 0, head.contour, first[head.contour]))
+        for head in before.plan.heads
+    )
+    return replace(before, contours=after.contours, plan=JointPlan(heads), acceleration=None)
+
+
 def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:
     """Wrap a plan with all that is needed to check and draw it."""
     metrics: Metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}
+    if problem.whole is not None:
+        metrics["cut"] = cut_metrics(problem.job.contours)
     if problem.source.original is not None:
         metrics["made_safe"] = True  # so no figure of it is compared with the source's own order
     return PlanDocument(
         problem.digest, problem.machine, problem.job.contours, problem.graph.pairs(), plan, metrics,
-        problem.min_layer_time_s, problem.rules.on(problem.machine), problem.job.accelerations,
+        problem.min_layer_time_s,
+        replace(problem.rules.on(problem.machine), cut=problem.cut.value),
+        problem.job.accelerations,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from decmcts.feasibility.rules import contacts_between, order_rules, with_contac
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Report, Step, unheard
-from decmcts.planning.options import RULES, Freedom, Limits, Objective, Rules
+from decmcts.planning.options import RULES, Cut, Freedom, Limits, Objective, Rules
 from decmcts.planning.problem.source import Source, read_source
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
@@ -40,6 +40,8 @@ class PrintProblem:
     graph: DependencyGraph
     rules: Rules
     seconds: dict[str, float]  # time of each step
+    cut: Cut = Cut.NONE  # what was cut of it
+    whole: PrintProblem | None = None  # the problem before contours were cut; None: none is
 
     @property
     def path(self) -> Path:

@@ -29,6 +29,7 @@ from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
+from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.schedule.entries import OrderChoices, best_entries, differ, with_entries
 from decmcts.team.schedule.joint_plan import schedule
 
@@ -46,6 +47,8 @@ class Prepared:
     lone_order: Toolpath  # the best order found for one head alone
     entry: NDArray[np.int32]  # (n,) where loops are entered while heads plan
     bound: Future[Bound]  # on the makespan, found beside all else
+    start: StatedOrder | None = None  # a joint order to begin with
+    whole: Prepared | None = None  # the same of the print before it was cut; None: nothing is cut
 
     @property
     def bound_s(self) -> float:
@@ -70,12 +73,18 @@ def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
     return document_of(problem, plan, {"planner": f"local, {shared}"})
 
 
-def best_of(ready: Prepared, outcome: Outcome, search: TeamSearch, report: Report) -> PlanDocument:
-    """Return the exact plan of what was agreed, or of one head alone where that is faster."""
+def best_of(
+    ready: Prepared, outcome: Outcome, search: TeamSearch, report: Report
+) -> tuple[Prepared, PlanDocument]:
+    """Return the exact plan of what was agreed, or of one head alone where that is faster.
+
+    Also which print it is of: one head alone prints its contours whole.
+    """
     problem, result = ready.problem, outcome.result
     agreement = None if result is None else result.agreement
     heads = range(len(problem.machine.heads)) if agreement is None else agreement.live
-    yardsticks = begun(partial(_one_head, ready, heads))
+    whole = ready.whole or ready
+    yardsticks = begun(partial(_one_head, whole, heads))
     joint = None if result is None else _joint(ready, result, report)
     if not yardsticks.done():
         report(Step("safe travels and times of one head alone"))
@@ -92,8 +101,8 @@ def best_of(ready: Prepared, outcome: Outcome, search: TeamSearch, report: Repor
         **outcome.metrics(),
     }
     if joint is not None and joint.makespan_s <= alone.metrics["makespan_s"]:
-        return document_of(problem, joint, extra)
-    return dataclasses.replace(alone, metrics={**extra, **alone.metrics})
+        return ready, document_of(problem, joint, extra)
+    return whole, dataclasses.replace(alone, metrics={**extra, **alone.metrics})
 
 
 def with_bound(

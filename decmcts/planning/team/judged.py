@@ -23,7 +23,7 @@ from decmcts.planning.problem.planned import Planned, require_passed
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.planning.team.beside import begun
 from decmcts.planning.worker import Worker, worker
-from decmcts.planning.writing.heads import drafting, judged_texts
+from decmcts.planning.writing.heads import drafting, judged_by, judged_texts
 from decmcts.print.job import PrintJob
 from decmcts.print.plan import PlanDocument
 from sim.faults import Verdict
@@ -65,9 +65,10 @@ def judged(planned: Planned, beside: Worker | None, *, writes: bool, report: Rep
         heads = after.plan.heads if writes else ()
         drafts = [folder / f"{actions.head}.gcode" for actions in heads]
         by_size = sorted(range(len(heads)), key=lambda h: (len(heads[h].path), -h))
-        judge = for_the_judge(problem)
+        given = for_the_judge(problem.whole or problem)
+        judge = judged_by(planned, given) if writes else given
         writing = drafting(planned, drafts, judged=judge) if writes else []
-        verifying = ("verifying", partial(_verified, after, judge[0]))
+        verifying = ("verifying", partial(_verified, after, given[0]))
         verdict, *walked = shared_out(
             [verifying, *(writing[h] for h in by_size)], beside, report
         )  # fmt: skip

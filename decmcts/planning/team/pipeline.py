@@ -16,7 +16,7 @@ import numpy as np
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.launching.supervisor import AgentStatus, LaunchError, OnProgress
-from decmcts._kernels.engine.lags import Lags
+from decmcts._kernels.engine.lags import Lags, no_lags
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.planning.compiling.child import finish_beside
@@ -28,6 +28,7 @@ from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
+from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.joint import Prepared, best_of, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
@@ -37,6 +38,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
@@ -58,6 +60,7 @@ class Launch(Protocol):
         stopping: Stopping,
         seed: int,
         lags: Lags | None,
+        start: StatedOrder | None,
         parameters: Mapping[str, float | str] | None,
         on_progress: OnProgress | None,
     ) -> LaunchResult:
@@ -86,18 +89,19 @@ def plan_team(
     VerificationError
         When the judge refuses the plan.
     """
-    ready = prepared(problem, search, writes=writes, report=report, stop=stop)
+    whole = prepared(problem, search, writes=writes, report=report, stop=stop)
+    ready = swept(whole, search, report)
     finish_beside(TEAM, report)  # so that agents load compiled kernels from the start
     started = time.perf_counter()
     report(Begun())
     outcome = _agreed(ready, search, report, stop, agents)
     seconds = {**problem.seconds, "plan": time.perf_counter() - started}
     with judge_beside(ready.problem, writes=writes) as beside:  # it loads while the plan is made
-        after = best_of(ready, outcome, search, report)
+        chosen, after = best_of(ready, outcome, search, report)
         history = _history(outcome)
-        planned = Planned(ready.problem, ready.before, after, Verdict(()), history, seconds)
+        planned = Planned(chosen.problem, whole.before, after, Verdict(()), history, seconds)
         planned = judged(planned, beside, writes=writes, report=report)
-    return with_bound(planned, ready.bound, report)
+    return with_bound(planned, chosen.bound, report)
 
 
 def prepared(
@@ -133,6 +137,26 @@ def prepared(
         report(Step("where loops begin"))
     entry = lean(job, machine, graph, orders, entry, entries, lags)
     return Prepared(problem, before, lags, orders, lone, entry, bound)
+
+
+def swept(ready: Prepared, search: TeamSearch, report: Report) -> Prepared:
+    """Return what agents plan: with a sweep to begin with, of contours that may be cut for it."""
+    found = best_sweep(ready.problem, search.cut, report)
+    if found is None:
+        return ready
+    problem = found.problem
+    if problem.whole is None:
+        return replace(ready, start=found.order)
+    lags, entry = ready.lags, ready.entry[problem.job.contours.sources]
+    if len(lags.below):
+        lags = lags_of(problem, source_plan(problem))
+    else:
+        lags = no_lags(len(problem.job.contours))
+    bounded = partial(makespan_bound, problem.job, problem.machine, problem.graph, entries=None)
+    return replace(
+        ready, problem=problem, lags=lags, entry=np.where(problem.job.contours.closed, entry, 0),
+        bound=begun(bounded, yielding=True), start=found.order, whole=ready,
+    )  # fmt: skip
 
 
 def _lone_order(
@@ -178,6 +202,7 @@ def _agreed(
             stopping=Stopping(search.time_limit_s, asked=stop),
             seed=search.seed,
             lags=ready.lags,
+            start=ready.start,
             parameters=search.parameters,
             on_progress=passed_on,
         )

@@ -17,12 +17,13 @@ from decmcts.planning.verifying.held import Held
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import OrderRules, PlanDocument
+from sim.content.pieces import epochs_of_source, parted_source
 from sim.content.same_print import is_other_print
 from sim.faults import Fault, FaultKind, Verdict, listed
 from sim.files.phases import in_phases
 from sim.files.tower import read_without_tower
 from sim.heads.changes import as_planned, without_changes
-from sim.heads.file import HeadFile, header_of, read_head_file
+from sim.heads.file import HeadFile, header_of, is_cut, read_head_file
 from sim.heads.plan import plan_of_files
 from sim.heads.together import verify_heads
 from sim.rules.order_rules import usual_rules
@@ -67,9 +68,14 @@ def judge_heads(
     without_tower: bool = False,
 ) -> Verdict:  # fmt: skip
     """Verify the files of all heads against the plan and the source they were made from."""
+    cut = "none" if plan.rules is None else plan.rules.cut
     job, document = as_planned(
-        plan.contours.epoch, *read_as_asked(source, plate, without_tower=without_tower)
+        epochs_of_source(plan.contours), *read_as_asked(source, plate, without_tower=without_tower)
     )
+    parted = parted_source(plan.contours, job, cut)
+    if parted.faults:
+        return Verdict(parted.faults)
+    job, document = parted.job, parted.text(document)
     files, named = ordered(paths)
     faults = misnamed(files, named, plan.machine)
     parks = {head.name: head.park for head in plan.machine.heads}
@@ -94,6 +100,7 @@ def judge_heads_alone(
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
+    refuse_cut(paths)
     files = [read_head_file(path, chosen.words) for path in paths]
     names = {head.name: k for k, head in enumerate(chosen.heads)}
     faults = misnamed(paths, named, chosen)
@@ -143,6 +150,17 @@ def _judge_alone(
     checked = (*verdict.checked[:1], WITHOUT_PLAN)
     counts = {**verdict.counts, **more.counts}
     return replace(verdict, faults=every, counts=counts, checked=checked)
+
+
+def refuse_cut(paths: Sequence[Path]) -> None:
+    """Raise InputError for files of a cut print: which pieces they print only a plan says."""
+    for path in paths:
+        if is_cut(load_text(path)):
+            raise InputError(
+                "contours are cut in it, and which are pieces of what only the plan says",
+                path=path,
+                advice="add --plan plan.json, as `launch --plan` writes it",
+            )
 
 
 def misnamed(paths: Sequence[Path], named: Sequence[str], machine: Machine) -> list[Fault]:

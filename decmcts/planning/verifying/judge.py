@@ -25,6 +25,7 @@ from decmcts.planning.verifying.heads import (
 from decmcts.planning.verifying.held import AS_STATED, Held
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
+from sim.content.pieces import epochs_of_source
 from sim.content.same_print import is_other_print
 from sim.faults import Verdict
 from sim.files.written import check_line_numbers, verify_same, verify_written
@@ -138,7 +139,7 @@ def judge_plan(
     job = None
     if source is not None:
         read = read_as_asked(source, plate_of(source, plate), without_tower=without_tower)
-        job, _ = as_planned(document.contours.epoch, *read)
+        job, _ = as_planned(epochs_of_source(document.contours), *read)
     verdict = verify_plan(
         replace(document, min_layer_time_s=document.min_layer_time_s if rule is None else rule),
         source=job,

@@ -23,6 +23,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine, Release
 from decmcts.print.plan import JointPlan
 from decmcts.print.sync_words import SyncWords
+from sim.content.pieces import parted_source
 from sim.content.same_print import is_other_print
 from sim.faults import Verdict
 from sim.heads.file import read_head_file
@@ -115,7 +116,7 @@ def write_heads(
     if not texts:
         with draft_folder() as folder:
             drafts = [folder / path.name for path in paths]
-            judged = for_the_judge(planned.problem)
+            judged = judged_by(planned, for_the_judge(planned.problem.whole or planned.problem))
             works = drafting(planned, drafts, judged=judged, write=write)
             walked = [work(report=report) for _, work in works]
             texts = judged_texts(planned, drafts, walked, stem, report, judged=judged)
@@ -143,6 +144,16 @@ def drafting(
         (f"writing and judging {path.name}", partial(draft, head, path))
         for head, path in enumerate(drafts)
     ]
+
+
+def judged_by(
+    planned: Planned, given: tuple[PrintJob, GcodeDocument]
+) -> tuple[PrintJob, GcodeDocument]:
+    """Return what files are judged by, from the source: of a cut print the judge's own pieces."""
+    job, document = given
+    parted = parted_source(planned.after.contours, job, planned.problem.cut.value)
+    require_sound(Verdict(parted.faults), planned.problem.path)
+    return parted.job, parted.text(document)
 
 
 def _draft(

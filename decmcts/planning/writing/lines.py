@@ -12,6 +12,7 @@ from decmcts.print.job import PrintJob
 from decmcts.print.plan import ActionKind, PlanDocument
 from decmcts.version import __version__
 
+CUT = "{contours} contours are cut at {cuts} places, {outside} of them outside"
 PRINT_TIME = "estimated print time {was:.0f} s -> {now:.0f} s"
 
 
@@ -33,6 +34,7 @@ def header_lines(planned: Planned) -> list[str]:
         f"reordered by decmcts {__version__} for machine {machine.name}",
         f"planner {now['planner']} for {aim}, freedom {now['freedom']}{seam}, seed {now['seed']}",
         *([SAFE] if made_safe else []),
+        *([CUT.format(**now["cut"])] if "cut" in now else []),
         TRAVEL.format(was=travel_mm, now=now["extrusionless_travel_mm"]),
         *([] if whole else [PRINT_TIME.format(was=was["print_time_s"], now=now["print_time_s"])]),
         *(line for line in (cooling_line(planned.after), layers_line(planned)) if line),

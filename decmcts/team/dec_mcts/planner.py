@@ -22,6 +22,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.print.machine_fit import require_printable
@@ -73,13 +74,14 @@ class DecMcts:
     """The planner of head `head`; equal seeds and equal calls give equal plans."""
 
     def __init__(
-        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None
-    ) -> None:
+        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None,
+        start: StatedOrder | None = None,
+    ) -> None:  # fmt: skip
         if not 0 <= head < len(problem.machine.heads):
             raise InputError(f"head {head}, the machine has {len(problem.machine.heads)}")
         self.problem, self.head = problem, head
         self.parameters = parameters or Parameters.for_contours(len(problem.macro))
-        self._seed = seed
+        self._seed, self._start = seed, start  # a joint order to begin with
         self._rng = np.random.default_rng([seed, head])
         self._others: dict[int, PlanDistribution] = {}
         self._values = JointValues(problem)
@@ -183,6 +185,7 @@ class DecMcts:
             p = self.parameters
             turn = team.index(self.head)
             self._trials[team] = PolicyTrials(turn, len(team), policies=p.policies, tries=p.tries)
+            self._try_start(team, eligible)
         trials = self._trials[team]
         if trials.next() is None:
             return False
@@ -198,6 +201,13 @@ class DecMcts:
             best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
             self._own.renew(self._with_start(best, team))
         return True
+
+    def _try_start(self, team: Team, eligible: NDArray[np.bool_]) -> None:
+        """Judge the joint order to begin with, if these heads can carry it out."""
+        start = self._start
+        if start is not None and is_allowed(self.problem, start, eligible):
+            plan = encode_stated(start, len(self.problem.machine.heads), self.problem.n_macros)
+            self._values.makespan({r: plan if r == self.head else NOTHING for r in team}, team)
 
     def _search(self, team: Team, work: int) -> None:
         """Grow the tree and move q by steps that put so many contours; what is left is kept."""
@@ -322,7 +332,14 @@ class DecMcts:
         self._keep_polished(polishing)
 
     def _begun_anew(self, team: Team) -> _Polishing:
-        """Return the best plans of macro-actions as a joint order to polish."""
+        """Return the best plans of macro-actions as a joint order to polish.
+
+        If an order to begin with was given and the best known is ahead of those, that one.
+        """
+        best, known = self.best(team), self._values.starts[team]
+        stated = None if self._start is None else self._values.stated(best.plans)
+        if stated is not None and best.makespan_s < known.makespan_s:
+            return self._new_polishing(stated, team, known.makespan_s - best.makespan_s)
         return self._new_polishing(StatedOrder.of(self._values.start_paths[team]), team)
 
     def _new_polishing(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Polishing:

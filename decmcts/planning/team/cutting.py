@@ -1,0 +1,136 @@
+"""Cutting a print so that several heads can share its contours, where that ends it sooner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.feasibility.graph import EdgeKind
+from decmcts.feasibility.rules import contacts_between, order_rules
+from decmcts.formats.gcode.cut_document import cut_document, in_one_arc, uncut_segments
+from decmcts.planning.events import Report, Step
+from decmcts.planning.options import Cut, Freedom
+from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.print.cut import Grid, Lines, cut_job
+from decmcts.print.machine import Machine
+from decmcts.print.motion import segment_times, travel_feed
+from decmcts.team.cutting.layout import (
+    cuttable,
+    layout_of,
+    lines_of,
+    may_be_cut,
+    places_of,
+)
+from decmcts.team.cutting.sweep import sweep_order
+from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode_stated
+from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
+from decmcts.team.engine.resolve import is_allowed, resolve
+from decmcts.team.engine.space import relation_of, travel_row
+
+HOP_MM = 3.0  # a typical travel from piece to piece, to price a cut by
+
+
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """A print, cut or not, with an order in which its heads sweep it."""
+
+    problem: PrintProblem
+    order: StatedOrder
+    makespan_s: float  # estimate
+
+
+def best_sweep(problem: PrintProblem, cut: Cut, report: Report) -> Swept | None:
+    """Return the sweep that ends first, with contours cut as far as `cut` allows, or whole.
+
+    None where heads cannot sweep: there is one head, or some contour no sweep can hold.
+    """
+    if len(problem.machine.heads) < 2 or not len(problem.job.contours):
+        return None
+    whole = _swept(problem, Cut.NONE)
+    if cut == Cut.NONE:
+        return whole
+    report(Step("where contours may be cut, and a sweep of the pieces"))
+    pieces = _swept(problem, cut)
+    found = [each for each in (whole, pieces) if each is not None]
+    return min(found, key=lambda each: each.makespan_s, default=None)
+
+
+def _swept(problem: PrintProblem, cut: Cut) -> Swept | None:
+    contours, machine = problem.job.contours, problem.machine
+    may = may_be_cut(contours, cut.value) & ~_kept_whole(problem)
+    axis = axis_of(machine)[0]
+    seconds = segment_times(contours, machine.limits, problem.job.acceleration)
+    every = np.ones(len(contours), np.bool_) if cut == Cut.NONE else may
+    spread = cuttable(contours, seconds, problem.graph.pairs(), every, axis)
+    spread = replace(spread, may=may)
+    layout = layout_of(
+        spread, axis=axis, heads=len(machine.heads), apart_mm=_apart_mm(machine, axis),
+        cut_s=_cut_s(problem),
+    )  # fmt: skip
+    places = places_of(contours, layout, spread)
+    lines = lines_of(contours, layout, spread, places)
+    parted = _cut(problem, lines, cut) if len(lines.at) else problem
+    if len(parted.job.contours) > MOST_STATED:
+        return None
+    team = build_team_problem(parted.job, machine, parted.graph)
+    order = sweep_order(team, layout, places, spread.depth)
+    return _judged(parted, team, order)
+
+
+def _judged(problem: PrintProblem, team: TeamProblem, order: StatedOrder) -> Swept | None:
+    """Return the sweep with its makespan; None if the heads cannot carry it out."""
+    if not is_allowed(team, order, team.space.eligible):
+        return None
+    heads = range(len(problem.machine.heads))
+    plan = encode_stated(order, len(heads), team.n_macros)
+    return Swept(problem, order, resolve(team, {0: plan}, heads).makespan_s)
+
+
+def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
+    """Tell which contours are never cut, (n,).
+
+    What primes, what touches the head, what begins with filament of its own, and what has arcs
+    that are no arcs once cut.
+    """
+    graph, document = problem.graph, problem.document
+    kept = in_one_arc(document, problem.job.contours) | (document.owed != 0.0)
+    pairs, kinds = graph.pairs(), graph.kinds
+    kept[pairs[kinds == EdgeKind.PRIMING, 0]] = True
+    kept[pairs[kinds == EdgeKind.CONTACT].reshape(-1)] = True
+    return np.asarray(kept)
+
+
+def _apart_mm(machine: Machine, axis: int) -> float:
+    """Return how far two neighbouring heads must be apart along the axis to be clear."""
+    heads = range(len(machine.heads) - 1)
+    return max(float(relation_of(machine, r, r + 1)[:, 2 * axis + 1].max()) for r in heads)
+
+
+def _cut_s(problem: PrintProblem) -> float:
+    """Return the seconds of a travel between two pieces."""
+    feed, rate, _, _, retraction, _ = travel_row(problem.job.settings, problem.machine.limits)
+    del feed
+    return float(2.0 * np.sqrt(HOP_MM / rate) + retraction)
+
+
+def _cut(problem: PrintProblem, lines: Lines, cut: Cut) -> PrintProblem:
+    """Return the problem with its contours cut."""
+    job, document, machine, rules = problem.job, problem.document, problem.machine, problem.rules
+    longest = min(each.retract_min_travel_mm for each in job.settings.each())
+    digits_xy, digits_e, _ = document.decimals
+    pieces, row = cut_job(
+        job, lines, hop_mm=0.999 * longest, hop_feed=travel_feed(job.settings, machine.limits),
+        whole=uncut_segments(document),
+        grid=Grid(10.0**digits_xy, 10.0**digits_e * (document.e_area or 1.0)),
+    )  # fmt: skip
+    text = cut_document(document, pieces.contours, row)
+    free_seams = rules.freedom == Freedom.SEAM
+    contacts = contacts_between(pieces, machine, free_seams=free_seams)
+    graph = order_rules(
+        pieces, machine, process_order=rules.process_order.value, quality=rules.holds(machine),
+        free_seams=free_seams, max_layers_ahead=rules.max_layers_ahead, contacts=contacts,
+    )  # fmt: skip
+    source = replace(problem.source, job=pieces, document=text)
+    return replace(problem, source=source, job=pieces, graph=graph, cut=cut, whole=problem)

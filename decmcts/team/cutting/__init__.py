@@ -1,0 +1,1 @@
+"""Contours cut so that several heads can share one part, and the sweep that prints them."""

@@ -1,0 +1,238 @@
+"""Whether the pieces of a cut print part each contour of the source exactly.
+
+A plan says of every point of a piece where on which contour of the source it lies. Nothing of
+that is believed: places, filament and feeds are found anew from the source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.formats.gcode import GcodeDocument
+from decmcts.formats.gcode.document import NO_ARC
+from decmcts.print.contours import Contours, Role
+from decmcts.print.job import PrintJob
+from sim.faults import LIMIT, Fault, FaultKind, listed
+
+EXACT = 1e-9  # of places along a contour, of mm and of mm of filament
+ROUNDED_MM = 0.5e-3 + 1e-6  # a cut lies on the grid of a file of three decimals
+ROUNDED_E_MM = 1.0e-5 + 1e-9  # filament is rounded at both ends of a part of a segment
+LEVEL_MM = 1e-6
+# What a cut may part. Outside shows; the rest of the roles are never cut.
+INSIDE = (
+    Role.PERIMETER, Role.INFILL, Role.SOLID_INFILL, Role.GAP_FILL, Role.SUPPORT,
+    Role.SUPPORT_INTERFACE,
+)  # fmt: skip
+OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)
+ALIKE = ("width", "height", "role", "layer", "tool", "epoch", "line")
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class _Steps:
+    """The segments of all pieces: each is a part of a segment of the source, or a hop."""
+
+    point: Ints  # (k,) at its end
+    piece: Ints  # (k,)
+    of: Ints  # (k,) contour of the source
+    begin: Floats  # (k,) place on it
+    end: Floats  # (k,)
+    row: Ints  # (k,) the source's point at the end of the segment it is a part of
+    hop: Flags  # (k,) nothing is printed
+
+
+def epochs_of_source(pieces: Contours) -> NDArray[np.int32]:
+    """Return the epoch of each contour of the source, as its pieces have it."""
+    if pieces.of is None:
+        return pieces.epoch
+    return pieces.epoch[np.unique(pieces.of, return_index=True)[1]]
+
+
+@dataclass(frozen=True, slots=True)
+class Parted:
+    """A source as pieces, made of its own values, or what is wrong with the pieces."""
+
+    job: PrintJob
+    faults: tuple[Fault, ...] = ()
+    row: Ints | None = None  # (n_points,) the source's point each is of; None: nothing is cut
+
+    def text(self, document: GcodeDocument) -> GcodeDocument:
+        """Return the source's text as pieces have it."""
+        pieces = self.job.contours
+        if self.row is None or pieces.of is None or pieces.along is None:
+            return document
+        begins, first = pieces.offsets[:-1], np.zeros(len(pieces.points), np.bool_)
+        first[begins] = True
+        arc, owed = document.point_arc[self.row], document.owed[pieces.of]
+        arc[first | (pieces.extrusion == 0.0)] = NO_ARC  # no chord ends there
+        owed[pieces.along[begins] > 0.0] = 0.0
+        state = document.point_state[self.row]
+        return replace(document, point_state=state, point_arc=arc, owed=owed)
+
+
+def parted_source(pieces: Contours, source: PrintJob, cut: str) -> Parted:
+    """Return the source as pieces.
+
+    Parameters
+    ----------
+    pieces : Contours
+        As a plan has them; without `of` the source stays as it is.
+    cut : {"none", "inside", "all"}
+        What may be cut.
+    """
+    if pieces.of is None or pieces.along is None:
+        return Parted(source)
+    contours = source.contours
+    if faults := _named(pieces, contours):
+        return Parted(source, tuple(faults))
+    steps = _steps(pieces, contours)
+    faults = [
+        *_places(pieces, contours),
+        *_amounts(pieces, contours, steps),
+        *_hops(pieces, source, steps),
+        *_coverage(contours, steps),
+        *_allowed(pieces, contours, steps, cut),
+    ]
+    if faults:
+        return Parted(source, tuple(faults))
+    row = np.zeros(len(pieces.points), np.int64)
+    row[steps.point] = steps.row
+    ahead = np.concatenate([pieces.offsets[:-1], steps.point[steps.hop]])
+    for point in np.sort(ahead)[::-1].tolist():  # a hop leads to what is printed behind it
+        row[point] = row[point + 1]
+    rates = None if source.acceleration is None else source.acceleration[row]
+    return Parted(replace(source, contours=pieces, acceleration=rates), (), row)
+
+
+def _named(pieces: Contours, contours: Contours) -> list[Fault]:
+    """Check that all pieces name contours and places of the source, in its order."""
+    assert pieces.of is not None and pieces.along is not None
+    of, n = pieces.of.astype(np.int64), len(contours)
+    if (of < 0).any() or (of >= n).any():
+        return [Fault(FaultKind.CONTOUR, f"a piece is of none of the source's {n} contours")]
+    wrong = np.flatnonzero(np.diff(of) < 0)
+    lines = [f"piece {k + 1} of contour {of[k + 1]} stands behind one of {of[k]}" for k in wrong]
+    most = (np.diff(contours.offsets)[of] - 1).repeat(np.diff(pieces.offsets))
+    off = np.flatnonzero(~((pieces.along >= 0.0) & (pieces.along <= most)))
+    owner = np.searchsorted(pieces.offsets, off, side="right") - 1
+    lines += [f"piece {p} has a point off contour {of[p]}" for p in np.unique(owner).tolist()]
+    return _listed(lines)
+
+
+def _steps(pieces: Contours, contours: Contours) -> _Steps:
+    assert pieces.of is not None and pieces.along is not None
+    owner = np.repeat(np.arange(len(pieces)), np.diff(pieces.offsets))
+    point = np.flatnonzero(owner[1:] == owner[:-1]) + 1
+    piece, of = owner[point], pieces.of[owner[point]].astype(np.int64)
+    begin, end = pieces.along[point - 1], pieces.along[point]
+    size = np.diff(contours.offsets)[of]
+    segment = np.clip(np.floor(begin).astype(np.int64), 0, size - 2)
+    row = contours.offsets[of] + segment + 1
+    within = (end > begin) & (end <= segment + 1.0)
+    hop = ~within | ((pieces.extrusion[point] == 0.0) & (contours.extrusion[row] > 0.0))
+    return _Steps(point, piece, of, begin, end, row, hop)
+
+
+def _places(pieces: Contours, contours: Contours) -> list[Fault]:
+    """Check where the points of pieces lie."""
+    assert pieces.of is not None and pieces.along is not None
+    of = pieces.of.astype(np.int64).repeat(np.diff(pieces.offsets))
+    first, last = contours.offsets[of], contours.offsets[of + 1] - 1
+    vertex = np.minimum(first + np.floor(pieces.along).astype(np.int64), last - 1)
+    share = (pieces.along - (vertex - first))[:, None]
+    due = contours.points[vertex] + share * (contours.points[vertex + 1] - contours.points[vertex])
+    whole = (share[:, 0] == 0.0) | (share[:, 0] == 1.0)
+    off = np.abs(pieces.points - due).max(axis=1)
+    bad = np.flatnonzero(off > np.where(whole, EXACT, ROUNDED_MM))
+    owner = np.searchsorted(pieces.offsets, bad, side="right") - 1
+    rows = np.unique(owner, return_index=True)[1]
+    return _listed([
+        f"piece {owner[k]} leaves contour {of[bad[k]]} by {off[bad[k]]:.4f} mm" for k in rows
+    ])  # fmt: skip
+
+
+def _amounts(pieces: Contours, contours: Contours, steps: _Steps) -> list[Fault]:
+    """Check filament and feed of what is printed, part by part and segment by segment."""
+    laid = np.flatnonzero(~steps.hop)
+    row, point = steps.row[laid], steps.point[laid]
+    share = steps.end[laid] - steps.begin[laid]
+    given, due = pieces.extrusion[point], share * contours.extrusion[row]
+    # what is whole has nothing to be rounded
+    wrong = np.abs(given - due) > np.where(share == 1.0, EXACT, ROUNDED_E_MM)
+    wrong |= np.abs(pieces.feed[point] - contours.feed[row]) > EXACT
+    lines = [
+        f"piece {steps.piece[k]} has {pieces.extrusion[steps.point[k]]:.5f} mm of filament at "
+        f"{pieces.feed[steps.point[k]]:.3f} mm/s in a part of contour {steps.of[k]}"
+        for k in laid[wrong][:LIMIT].tolist()
+    ]
+    total = np.bincount(row, weights=given, minlength=len(contours.points))
+    begins = np.zeros(len(contours.points), np.bool_)
+    begins[contours.offsets[:-1]] = True
+    off = np.flatnonzero((np.abs(total - contours.extrusion) > EXACT) & ~begins)
+    owner = np.unique(np.searchsorted(contours.offsets, off, side="right") - 1)
+    lines += [f"the pieces of contour {c} have other filament than it" for c in owner.tolist()]
+    return listed(FaultKind.EXTRUSION, lines[:LIMIT], total=int(wrong.sum()) + len(owner))
+
+
+def _hops(pieces: Contours, source: PrintJob, steps: _Steps) -> list[Fault]:
+    """Check that nothing is pushed in a hop, and that the slicer would not retract for it."""
+    hops = np.flatnonzero(steps.hop)
+    a, b = pieces.points[steps.point[hops] - 1], pieces.points[steps.point[hops]]
+    length = np.linalg.norm(b - a, axis=1)
+    longest = min(each.retract_min_travel_mm for each in source.settings.each())
+    wrong = (length >= longest) | (pieces.extrusion[steps.point[hops]] != 0.0)
+    wrong |= steps.end[hops] <= steps.begin[hops]
+    return _listed([
+        f"piece {steps.piece[k]} hops {d:.3f} mm from {steps.begin[k]:.3f} to {steps.end[k]:.3f} "
+        f"along contour {steps.of[k]}"
+        for k, d in zip(hops[wrong].tolist(), length[wrong].tolist(), strict=True)
+    ])  # fmt: skip
+
+
+def _coverage(contours: Contours, steps: _Steps) -> list[Fault]:
+    """Check that what is printed of each contour is all of it, once."""
+    laid = np.flatnonzero(~steps.hop)
+    laid = laid[np.lexsort((steps.begin[laid], steps.of[laid]))]
+    of, begin, end = steps.of[laid], steps.begin[laid], steps.end[laid]
+    first = np.diff(of, prepend=-1) != 0
+    due = np.where(first, 0.0, np.concatenate([[0.0], end[:-1]]))
+    wrong = set(of[begin != due].tolist())
+    last = np.append(first[1:], True) if len(first) else first
+    wrong |= set(of[last & (end != np.diff(contours.offsets)[of] - 1)].tolist())
+    gone = np.setdiff1d(np.arange(len(contours)), of)
+    lines = [f"the pieces of contour {c} are not all of it, once" for c in sorted(wrong)]
+    lines += [f"contour {c} has no piece" for c in gone.tolist()]
+    return listed(FaultKind.MISSING, lines[:LIMIT], total=len(lines))
+
+
+def _allowed(pieces: Contours, contours: Contours, steps: _Steps, cut: str) -> list[Fault]:
+    """Check that only what may be cut is, and that pieces are else as their contours are."""
+    assert pieces.of is not None
+    of = pieces.of.astype(np.int64)
+    parted = np.bincount(of, minlength=len(contours)) > 1
+    parted[steps.of[steps.hop]] = True
+    roles = {"inside": INSIDE, "all": INSIDE + OUTSIDE}.get(cut, ())
+    able = np.isin(contours.role, roles) & (contours.top - contours.bottom <= LEVEL_MM)
+    lines = [
+        f"contour {c} ({Role(int(contours.role[c])).name.lower()}) is cut against cut {cut}"
+        for c in np.flatnonzero(parted & ~able).tolist()
+    ]
+    for name in ALIKE:
+        off = np.flatnonzero(getattr(pieces, name) != getattr(contours, name)[of])
+        lines += [f"piece {k}: {name} is not that of contour {of[k]}" for k in off[:LIMIT].tolist()]
+    turned = np.flatnonzero(pieces.reversible & ~contours.reversible[of])
+    lines += [f"piece {k} may be reversed, contour {of[k]} may not" for k in turned.tolist()]
+    loops = np.flatnonzero(pieces.closed & (~contours.closed[of] | parted[of]))
+    lines += [f"piece {k} is no loop" for k in loops.tolist()]
+    return _listed(lines)
+
+
+def _listed(lines: Sequence[str]) -> list[Fault]:
+    return listed(FaultKind.CONTOUR, list(lines[:LIMIT]), total=len(lines))
