@@ -99,6 +99,9 @@ def assert_same(a: PlanDocument, b: PlanDocument) -> None:
     assert machine_to_dict(a.machine) == machine_to_dict(b.machine)
     for name in Contours.__slots__:
         left, right = getattr(a.contours, name), getattr(b.contours, name)
+        if left is None or right is None:
+            assert left is right, name  # nothing is cut
+            continue
         assert left.dtype == right.dtype, name
         np.testing.assert_array_equal(left, right, err_msg=name)
     np.testing.assert_array_equal(a.precedence, b.precedence)
@@ -116,6 +119,30 @@ def test_round_trip_is_exact_to_the_bit(tmp_path, name):
     before = document()
     write_plan(before, tmp_path / name)
     assert_same(before, read_plan(tmp_path / name))
+
+
+def test_pieces_are_kept(tmp_path):
+    """Of a cut print, version 3; what is cut stands among the rules."""
+    whole = document()
+    n = len(whole.contours)
+    sizes = np.diff(whole.contours.offsets)
+    along = np.concatenate([np.arange(size) + 0.25 for size in sizes])
+    pieces = replace(whole.contours, of=np.zeros(n, np.int32), along=along)
+    cut = replace(whole, contours=pieces, rules=OrderRules(cut="inside"))
+    write_plan(cut, tmp_path / "plan.json")
+    assert json.loads((tmp_path / "plan.json").read_text())["version"] == 3
+    read = read_plan(tmp_path / "plan.json")
+    assert_same(cut, read)
+    assert read.rules == cut.rules
+    text = (tmp_path / "plan.json").read_text()
+    for right, wrong, message in (
+        ('"cut":"inside"', '"cut":"half"', "'half' is none of none, inside, all"),
+        ('"of":0', '"of":-1', "of"),
+        ('"along":[0.25,', '"along":[', "places, one a point"),
+    ):
+        (tmp_path / "plan.json").write_text(text.replace(right, wrong, 1))
+        with pytest.raises(InputError, match=message):
+            read_plan(tmp_path / "plan.json")
 
 
 def test_version_1_is_still_read(written):
@@ -248,9 +275,9 @@ CONTOUR = ("contours", 1)
     ("where", "value", "message"),
     [
         (("format",), "other", "format: is no 'decmcts-plan'"),
-        (("version",), 3, "version: 3 is not 1 or 2"),
-        (("version",), True, "version: True is not 1 or 2"),
-        (("version",), None, "version: None is not 1 or 2"),
+        (("version",), 4, "version: 4 is not 1 or 2 or 3"),
+        (("version",), True, "version: True is not 1 or 2 or 3"),
+        (("version",), None, "version: None is not 1 or 2 or 3"),
         (("version",), 1, "heads[0].actions[0].after[0]: expected [head, action], found"),
         (("surprise",), 1, "surprise: unknown key"),
         (("machine", "heads"), [], "machine.heads: no head"),
