@@ -21,7 +21,7 @@ def launched(source: Path, machine: str, *plate: str) -> list[str]:
     """Plan a source for two heads; return the texts of their files, judged in every way."""
     stem, plan = source.parent / "out", source.parent / "plan.json"
     given = ["--machine", machine, *plate]
-    options = ["--time-limit", "0.3", "--plan", str(plan), "-o", str(stem)]
+    options = ["--cut", "none", "--time-limit", "0.3", "--plan", str(plan), "-o", str(stem)]
     assert run(["launch", str(source), *given, *options]) == 0
     names = sorted(str(path) for path in source.parent.glob("out_*.gcode"))
     assert len(names) == 2

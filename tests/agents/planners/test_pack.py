@@ -48,6 +48,9 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
     back = read_pack(tmp_path)
     for f in fields(Contours):
         ours, read = getattr(job.contours, f.name), getattr(back.job.contours, f.name)
+        if ours is None:
+            assert read is None, f.name  # nothing is cut
+            continue
         assert ours.dtype == read.dtype and ours.tobytes() == read.tobytes(), f.name
     assert back.job.settings == settings
     assert back.job.barriers == barriers
