@@ -19,7 +19,7 @@ from decmcts.print.metrics import CutMetrics
 
 __all__ = ["LEAST_MM", "OUTSIDE", "SNAP_MM", "Grid", "Lines", "cut_job", "cut_metrics"]
 
-LEAST_MM = 0.8  # no stretch is shorter
+LEAST_MM = 0.4  # no stretch is shorter
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)  # what shows
 
 

@@ -65,6 +65,8 @@ def hole_in_two(whole: Contours) -> Contours:
     values = {}
     for field in fields(Contours):
         given = getattr(whole, field.name)
+        if given is None:
+            continue  # no piece of a cut print
         at = cut if len(given) == len(whole.points) else 1
         values[field.name] = np.insert(given, at + 1, given[at], axis=0)
     values["points"][cut + 1, 1] += 0.05

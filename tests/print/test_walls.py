@@ -50,6 +50,7 @@ def concatenated(first: Contours, second: Contours) -> Contours:
     values = {
         field.name: np.concatenate([getattr(first, field.name), getattr(second, field.name)])
         for field in fields(Contours)
+        if getattr(first, field.name) is not None
     }
     return Contours(**{**values, "offsets": offsets})
 

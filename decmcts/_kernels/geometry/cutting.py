@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from decmcts._kernels.jit import inlined, kernel
 
-SNAP_MM = 0.3  # a cut as near to a vertex goes to the vertex
+SNAP_MM = 0.2  # a cut as near to a vertex goes to the vertex
 
 
 class Stretches(NamedTuple):

@@ -24,7 +24,7 @@ Flags = NDArray[np.bool_]
 
 STEPS = (1, 2, 3, 4, 5, 6)  # strips of a territory that are tried on each layer
 DEPTHS = 3  # of contours that touch one another on a layer; deeper ones count as that deep
-DEPTH_MM = 0.8  # between the places where contours of neighbouring depths are cut
+DEPTH_MM = 0.6  # between the places where contours of neighbouring depths are cut
 LOOSE_MM = 2.0 * (LEAST_MM + SNAP_MM)  # by which cuts of both heads may miss their lines
 OVER_MM = 6.0  # a contour that reaches no farther beyond its strip stays whole
 STAGGER_MM = 1.2  # by which cuts move from layer to layer, in turn one way, not, the other way
