@@ -29,6 +29,7 @@ from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
 from decmcts.team.engine.resolve import is_allowed, resolve
 from decmcts.team.engine.space import relation_of, travel_row
 
+MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
 HOP_MM = 3.0  # a typical travel from piece to piece, to price a cut by
 
 
@@ -44,9 +45,10 @@ class Swept:
 def best_sweep(problem: PrintProblem, cut: Cut, report: Report) -> Swept | None:
     """Return the sweep that ends first, with contours cut as far as `cut` allows, or whole.
 
-    None where heads cannot sweep: there is one head, or some contour no sweep can hold.
+    None where heads cannot sweep: there is one head, or some contour no sweep can hold. Nor are
+    prints of more than `MOST_SWEPT` contours swept.
     """
-    if len(problem.machine.heads) < 2 or not len(problem.job.contours):
+    if len(problem.machine.heads) < 2 or not 0 < len(problem.job.contours) <= MOST_SWEPT:
         return None
     whole = _swept(problem, Cut.NONE)
     if cut == Cut.NONE:
