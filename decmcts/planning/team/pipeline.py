@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
 from typing import Protocol
@@ -35,9 +36,10 @@ from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
+from decmcts.print.seam import SeamEntries
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
-from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import refuse_shut_in
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
@@ -116,8 +118,7 @@ def prepared(
     rules, objective = problem.rules, search.objective
     orders = OrderChoices(rules.freedom.value, rules.seam.value, objective.value)
     entries = entries_of(problem.job, orders)
-    bounded = partial(makespan_bound, problem.job, problem.machine, problem.graph, entries=entries)
-    bound = begun(bounded, yielding=True)  # agents may have to share the processor with it
+    bound = _bound(problem, entries)
     report(Step("the source's own order, one head"))
     before = source_plan(problem)
     alone = begun(partial(_lone_order, problem, search, before, stop))  # beside the judge
@@ -147,16 +148,24 @@ def swept(ready: Prepared, search: TeamSearch, report: Report) -> Prepared:
     problem = found.problem
     if problem.whole is None:
         return replace(ready, start=found.order)
-    lags, entry = ready.lags, ready.entry[problem.job.contours.sources]
-    if len(lags.below):
+    contours, lags = problem.job.contours, no_lags(len(problem.job.contours))
+    if len(ready.lags.below):
         lags = lags_of(problem, source_plan(problem))
-    else:
-        lags = no_lags(len(problem.job.contours))
-    bounded = partial(makespan_bound, problem.job, problem.machine, problem.graph, entries=None)
     return replace(
-        ready, problem=problem, lags=lags, entry=np.where(problem.job.contours.closed, entry, 0),
-        bound=begun(bounded, yielding=True), start=found.order, whole=ready,
-    )  # fmt: skip
+        ready,
+        problem=problem,
+        lags=lags,
+        entry=np.where(contours.closed, ready.entry[contours.sources], 0),
+        bound=_bound(problem, entries_of(problem.job, ready.orders)),
+        start=found.order,
+        whole=ready,
+    )
+
+
+def _bound(problem: PrintProblem, entries: SeamEntries | None) -> Future[Bound]:
+    """Begin to find a bound; agents may have to share the processor with it."""
+    bounded = partial(makespan_bound, problem.job, problem.machine, problem.graph, entries=entries)
+    return begun(bounded, yielding=True)
 
 
 def _lone_order(

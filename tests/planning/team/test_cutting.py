@@ -10,13 +10,15 @@ import pytest
 
 from decmcts.errors import InputError
 from decmcts.planning.events import unheard
-from decmcts.planning.options import Cut, Rules, TeamSearch
+from decmcts.planning.options import Cut, Freedom, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.cutting import best_sweep
-from decmcts.planning.team.pipeline import plan_team
+from decmcts.planning.team.pipeline import plan_team, prepared, swept
 from decmcts.planning.verify import verify
+from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.schedule.entries import entries_of
 from sim.content.inventory import move_segments
 from sim.heads.file import read_head_file
 from tests.planning.conftest import Agents
@@ -48,6 +50,19 @@ def test_the_more_is_cut_the_sooner_a_sweep_ends(source: Path) -> None:
     assert ends[Cut.INSIDE] > 1.05 * ends[Cut.ALL]
 
 
+def test_the_bound_of_pieces_holds_wherever_loops_are_entered(source: Path) -> None:
+    """Loops that stay whole may be entered elsewhere yet, so a bound as sliced proves nothing."""
+    seams = Rules(freedom=Freedom.SEAM)
+    problem = problem_of(read(source, "dual-gantry"), seams, unheard)
+    search = TeamSearch(0.5, cut=Cut.INSIDE)
+    ready = swept(prepared(problem, search, writes=False), search, unheard)
+    assert ready.whole is not None
+    pieces, entries = ready.problem, entries_of(ready.problem.job, ready.orders)
+    assert entries is not None
+    due = makespan_bound(pieces.job, pieces.machine, pieces.graph, entries=entries)
+    assert ready.bound.result() == due
+
+
 def test_heads_share_one_part(result: Result) -> None:
     """They print side by side, and the plan says what was cut."""
     after = result.planned.after
@@ -66,7 +81,7 @@ def test_files_of_a_cut_print_hold_the_source_s_path(
     assert verify(tmp_path / "plan.json", source).ok
     with pytest.raises(InputError, match="add --plan"):
         verify(files, source, machine="dual-gantry")
-    laid: dict[tuple[float, ...], float] = defaultdict(float)
+    laid: dict[float, float] = defaultdict(float)
     words = result.planned.problem.machine.words
     length = 0.0
     for path in files:
@@ -78,11 +93,11 @@ def test_files_of_a_cut_print_hold_the_source_s_path(
         step = segments.ends[:, 3:] - segments.ends[:, :3]
         length += float(np.linalg.norm(step, axis=1).sum())
         for z, e in zip(segments.ends[:, 2], segments.extrusion, strict=True):
-            laid[(round(float(z), 3),)] += float(e)
+            laid[round(float(z), 3)] += float(e)
     contours = load(source, "dual-gantry").job.contours
-    due: dict[tuple[float, ...], float] = defaultdict(float)
+    due: dict[float, float] = defaultdict(float)
     for z, e in zip(contours.points[:, 2], contours.extrusion, strict=True):
-        due[(round(float(z), 3),)] += float(e)
+        due[round(float(z), 3)] += float(e)
     assert laid == pytest.approx(due, abs=1e-9)
     step = np.diff(contours.points, axis=0)
     inside = np.ones(len(step), np.bool_)
