@@ -27,7 +27,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.parameters import Parameters, changed
-from decmcts.team.engine.plans import StatedOrder, encode_stated
+from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 
@@ -74,11 +74,8 @@ def launch(
     problem = build_team_problem(job, machine, graph, lags)
     options = {} if parameters is None else {TEAM: dict(parameters)}
     expected = team_digest(problem.digest, job, code=code_digest())
-    begin = None
-    if start is not None:
-        begin = encode_stated(start, len(machine.heads), problem.n_macros)
     with draft_folder() as folder:
-        write_pack(Pack(job, machine, graph, options, lags, begin), folder)
+        write_pack(Pack(job, machine, graph, options, lags, start), folder)
         agreement = run_agents(
             problem.head_names,
             ["--pack", str(folder), "--expect", expected],

@@ -19,7 +19,7 @@ from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.rail_family import rail_machine
 from decmcts.planning.problem.print_problem import parked_above
-from decmcts.print.contours import Contours
+from decmcts.print.contours import PER_CONTOUR, Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.engine.alone import lone_machine
@@ -28,7 +28,6 @@ from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 PLATES = ("mix_1", "mix_2", "mix_3", "mix_4", "mix_5", "mix_6", "same_4_far", "same_9")
 WIDE_MM, SHARE_MM, MARGIN_MM = 1200.0, 150.0, 2.5
-PER_CONTOUR = ("width", "height", "role", "closed", "layer", "tool", "reversible", "epoch", "line")
 
 
 def plate_path(name: str) -> Path:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts._kernels.engine.lags import Lags
 from decmcts.errors import InputError
@@ -23,6 +22,7 @@ from decmcts.formats.machines.machine_dict import machine_from_dict, machine_to_
 from decmcts.print.contours import Contours
 from decmcts.print.job import Barrier, PrintJob, ProcessSettings, Retraction
 from decmcts.print.machine import Machine
+from decmcts.team.engine.plans import StatedOrder
 
 _ARRAYS = "problem.npz"
 _REST = "problem.json"
@@ -40,19 +40,20 @@ class Pack:
     graph: DependencyGraph
     options: Mapping[str, Any] = field(default_factory=dict)  # JSON values for the planner
     lags: Lags | None = None  # how long what is printed over must cool
-    start: NDArray[np.int32] | None = None  # a stated order to begin with, as a plan
+    start: StatedOrder | None = None  # a joint order to begin with
 
 
 def write_pack(pack: Pack, folder: Path) -> None:
     """Write a pack into an existing folder."""
     arrays = {
         f"{room}.{f.name}": getattr(owner, f.name)
-        for room, owner in (("contours", pack.job.contours), ("graph", pack.graph))
+        for room, owner in (
+            ("contours", pack.job.contours), ("graph", pack.graph), (_START, pack.start),
+        )
+        if owner is not None
         for f in fields(owner)
         if getattr(owner, f.name) is not None
-    }
-    if pack.start is not None:
-        arrays[_START] = pack.start
+    }  # fmt: skip
     if pack.lags is not None:
         arrays |= {f"lags.{name}": array for name, array in pack.lags._asdict().items()}
     if pack.job.acceleration is not None:
@@ -95,7 +96,9 @@ def read_pack(folder: Path) -> Pack:
         )
         graph = DependencyGraph(**_room(arrays, "graph"))
         lags = Lags(**_room(arrays, "lags")) if "lags.below" in arrays else None
-        machine, start = machine_from_dict(rest["machine"]), arrays.get(_START)
+        order = _room(arrays, _START)
+        start = StatedOrder(**order) if order else None
+        machine = machine_from_dict(rest["machine"])
         return Pack(job, machine, graph, rest["options"], lags, start)
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f"no problem pack: {error}", path=folder) from error

@@ -12,7 +12,7 @@ from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts.parameters import RANGES, Parameters, changed
 from decmcts.team.dec_mcts.planner import DecMcts, PlanDistribution
 from decmcts.team.dec_mcts.warm_up import compile_rounds
-from decmcts.team.engine.plans import decode, means_something
+from decmcts.team.engine.plans import StatedOrder, decode, means_something
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import as_allowed
 
@@ -22,17 +22,14 @@ class TeamPlanner:
 
     def __init__(
         self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None,
-        start: Sequence32 | None = None,
+        start: StatedOrder | None = None,
     ) -> None:  # fmt: skip
         self.problem = team_digest(problem.digest, problem.job, code=code_digest())
         self.names = problem.head_names
         self._team = problem
         stated = len(problem.head_names) * (len(problem.job.contours) + 2)
         self.most_symbols = stated + int(RANGES["plans"][1]) * (problem.n_macros + 1)
-        begin = None
-        if start is not None:
-            begin = decode(start, problem.n_macros, len(problem.macro)).stated
-        self._search = DecMcts(problem, head, seed=seed, parameters=parameters, start=begin)
+        self._search = DecMcts(problem, head, seed=seed, parameters=parameters, start=start)
 
     @staticmethod
     def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:

@@ -34,6 +34,10 @@ class Role(IntEnum):
     CUSTOM = 14
 
 
+PER_CONTOUR = ("width", "height", "role", "closed", "layer", "tool", "reversible", "epoch", "line")
+"""Fields of `Contours` with one value for each."""
+
+
 @dataclass(frozen=True, slots=True)
 class Contours:
     """All contours of one print, in source order.
@@ -63,17 +67,7 @@ class Contours:
 
     def __post_init__(self) -> None:
         n = len(self.offsets) - 1
-        for name in (
-            "width",
-            "height",
-            "role",
-            "closed",
-            "layer",
-            "tool",
-            "reversible",
-            "epoch",
-            "line",
-        ):
+        for name in PER_CONTOUR:
             if getattr(self, name).shape != (n,):
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}, expected ({n},)")
         if self.points.shape != (int(self.offsets[-1]), 3):

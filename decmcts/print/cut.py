@@ -12,12 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.geometry.cutting import SNAP_MM, Stretches, cut_at_lines, points_of
-from decmcts.print.contours import Contours, Role
+from decmcts._kernels.geometry.cutting import Stretches, cut_at_lines, points_of
+from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
 from decmcts.print.metrics import CutMetrics
-
-__all__ = ["LEAST_MM", "OUTSIDE", "SNAP_MM", "Grid", "Lines", "cut_job", "cut_metrics"]
 
 LEAST_MM = 0.4  # no stretch is shorter
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)  # what shows
@@ -87,14 +85,11 @@ def cut_job(
     offsets = np.concatenate([[0], np.cumsum(np.add.reduceat(sizes, begins))]).astype(np.int64)
     of = parts.contour[begins]
     count = np.bincount(of, minlength=len(c))
+    uncut = (count[of] == 1) & (np.diff(offsets) == np.diff(c.offsets)[of])
+    values = {name: getattr(c, name)[of] for name in PER_CONTOUR}
     contours = Contours(
         points=made.points, offsets=offsets, extrusion=made.extrusion, feed=made.feed,
-        closed=c.closed[of] & (count[of] == 1) & (np.diff(offsets) == np.diff(c.offsets)[of]),
-        of=of, along=made.along,
-        **{
-            name: getattr(c, name)[of]
-            for name in ("width", "height", "role", "layer", "tool", "reversible", "epoch", "line")
-        },
+        of=of, along=made.along, **{**values, "closed": c.closed[of] & uncut},
     )  # fmt: skip
     rate = None if job.acceleration is None else job.acceleration[made.row]
     return replace(job, contours=contours, acceleration=rate), made.row
@@ -105,7 +100,7 @@ def _grouped(
 ) -> tuple[Stretches, NDArray[np.bool_]]:
     """Return the stretches in the order of pieces, and which of them begin one."""
     middle = _place(c, parts.contour, (parts.begin + parts.end) / 2.0)[:, lines.axis]
-    strip = strips_of(lines, parts.contour, middle)
+    strip = _strips_of(lines, parts.contour, middle)
     apart = np.ones(len(strip), np.bool_)  # a cut within a strip, beside its line, is none
     apart[1:] = (parts.contour[1:] != parts.contour[:-1]) | (strip[1:] != strip[:-1])
     first = np.flatnonzero(apart)
@@ -127,7 +122,7 @@ def _grouped(
     return Stretches(contour[order], begin[order], end[order]), new[order]
 
 
-def strips_of(
+def _strips_of(
     lines: Lines, contour: NDArray[np.int32], at: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     """Return between which lines of its contour each place along the axis lies, (k,)."""

@@ -68,9 +68,13 @@ def enter_at(contours: Contours, entry: NDArray[np.int32]) -> Contours:
     """
     if not entry.any():
         return contours
-    out, offsets = rotated(contours, entry)
+    return as_run(contours, *rotated(contours, entry))
+
+
+def as_run(contours: Contours, run: Rotated, offsets: NDArray[np.int64]) -> Contours:
+    """Return the contours with other points and segments, which lie nowhere along pieces."""
     return replace(
-        contours, points=out.points, extrusion=out.extrusion, feed=out.feed, offsets=offsets,
+        contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets,
         along=None,
     )  # fmt: skip
 

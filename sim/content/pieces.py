@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument
 from decmcts.formats.gcode.document import NO_ARC
-from decmcts.print.contours import Contours, Role
+from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.job import PrintJob
 from sim.faults import LIMIT, Fault, FaultKind, listed
 
@@ -28,7 +28,7 @@ INSIDE = (
     Role.SUPPORT_INTERFACE,
 )  # fmt: skip
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)
-ALIKE = ("width", "height", "role", "layer", "tool", "epoch", "line")
+ALIKE = tuple(name for name in PER_CONTOUR if name not in ("closed", "reversible"))
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -89,16 +89,16 @@ def parted_source(pieces: Contours, source: PrintJob, cut: str) -> Parted:
     """
     if pieces.of is None or pieces.along is None:
         return Parted(source)
-    contours = source.contours
-    if faults := _named(pieces, contours):
+    contours, of, along = source.contours, pieces.of.astype(np.int64), pieces.along
+    if faults := _named(pieces, of, along, contours):
         return Parted(source, tuple(faults))
-    steps = _steps(pieces, contours)
+    steps = _steps(pieces, of, along, contours)
     faults = [
-        *_places(pieces, contours),
+        *_places(pieces, of, along, contours),
         *_amounts(pieces, contours, steps),
         *_hops(pieces, source, steps),
         *_coverage(contours, steps),
-        *_allowed(pieces, contours, steps, cut),
+        *_allowed(pieces, of, contours, steps, cut),
     ]
     if faults:
         return Parted(source, tuple(faults))
@@ -111,27 +111,25 @@ def parted_source(pieces: Contours, source: PrintJob, cut: str) -> Parted:
     return Parted(replace(source, contours=pieces, acceleration=rates), (), row)
 
 
-def _named(pieces: Contours, contours: Contours) -> list[Fault]:
+def _named(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> list[Fault]:
     """Check that all pieces name contours and places of the source, in its order."""
-    assert pieces.of is not None and pieces.along is not None
-    of, n = pieces.of.astype(np.int64), len(contours)
+    n = len(contours)
     if (of < 0).any() or (of >= n).any():
         return [Fault(FaultKind.CONTOUR, f"a piece is of none of the source's {n} contours")]
     wrong = np.flatnonzero(np.diff(of) < 0)
     lines = [f"piece {k + 1} of contour {of[k + 1]} stands behind one of {of[k]}" for k in wrong]
     most = (np.diff(contours.offsets)[of] - 1).repeat(np.diff(pieces.offsets))
-    off = np.flatnonzero(~((pieces.along >= 0.0) & (pieces.along <= most)))
+    off = np.flatnonzero(~((along >= 0.0) & (along <= most)))
     owner = np.searchsorted(pieces.offsets, off, side="right") - 1
     lines += [f"piece {p} has a point off contour {of[p]}" for p in np.unique(owner).tolist()]
     return _listed(lines)
 
 
-def _steps(pieces: Contours, contours: Contours) -> _Steps:
-    assert pieces.of is not None and pieces.along is not None
+def _steps(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> _Steps:
     owner = np.repeat(np.arange(len(pieces)), np.diff(pieces.offsets))
     point = np.flatnonzero(owner[1:] == owner[:-1]) + 1
-    piece, of = owner[point], pieces.of[owner[point]].astype(np.int64)
-    begin, end = pieces.along[point - 1], pieces.along[point]
+    piece, of = owner[point], of[owner[point]]
+    begin, end = along[point - 1], along[point]
     size = np.diff(contours.offsets)[of]
     segment = np.clip(np.floor(begin).astype(np.int64), 0, size - 2)
     row = contours.offsets[of] + segment + 1
@@ -140,13 +138,12 @@ def _steps(pieces: Contours, contours: Contours) -> _Steps:
     return _Steps(point, piece, of, begin, end, row, hop)
 
 
-def _places(pieces: Contours, contours: Contours) -> list[Fault]:
+def _places(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> list[Fault]:
     """Check where the points of pieces lie."""
-    assert pieces.of is not None and pieces.along is not None
-    of = pieces.of.astype(np.int64).repeat(np.diff(pieces.offsets))
+    of = of.repeat(np.diff(pieces.offsets))
     first, last = contours.offsets[of], contours.offsets[of + 1] - 1
-    vertex = np.minimum(first + np.floor(pieces.along).astype(np.int64), last - 1)
-    share = (pieces.along - (vertex - first))[:, None]
+    vertex = np.minimum(first + np.floor(along).astype(np.int64), last - 1)
+    share = (along - (vertex - first))[:, None]
     due = contours.points[vertex] + share * (contours.points[vertex + 1] - contours.points[vertex])
     whole = (share[:, 0] == 0.0) | (share[:, 0] == 1.0)
     off = np.abs(pieces.points - due).max(axis=1)
@@ -212,10 +209,10 @@ def _coverage(contours: Contours, steps: _Steps) -> list[Fault]:
     return listed(FaultKind.MISSING, lines[:LIMIT], total=len(lines))
 
 
-def _allowed(pieces: Contours, contours: Contours, steps: _Steps, cut: str) -> list[Fault]:
+def _allowed(
+    pieces: Contours, of: Ints, contours: Contours, steps: _Steps, cut: str
+) -> list[Fault]:
     """Check that only what may be cut is, and that pieces are else as their contours are."""
-    assert pieces.of is not None
-    of = pieces.of.astype(np.int64)
     parted = np.bincount(of, minlength=len(contours)) > 1
     parted[steps.of[steps.hop]] = True
     roles = {"inside": INSIDE, "all": INSIDE + OUTSIDE}.get(cut, ())

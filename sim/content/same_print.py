@@ -12,7 +12,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts.print.contours import Contours
+from decmcts.print.contours import PER_CONTOUR, Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Head, Machine, MotionLimits
 from sim.content.inventory import NO_MATCH, Segments
@@ -24,9 +24,6 @@ LITTLE = 0.1  # share of the smaller print's segments; with fewer in common they
 FEW = 20  # segments; a smaller print has so few faults that all can be listed
 
 PER_POINT = ("points", "extrusion", "feed")
-PER_CONTOUR = (
-    "width", "height", "role", "closed", "layer", "tool", "reversible", "epoch", "line",
-)  # fmt: skip
 
 
 def check_print(

@@ -138,7 +138,7 @@ def tools_of(motions: Motions) -> Ints:
 def lines_in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
     """Return the lines of start code and blocks in the source, first and last, from 1."""
     above = document.preamble.count(b"\n")
-    spans = [(b.line, b.line + len(b.text.splitlines()) - 1) for b in document.blocks]
+    spans = [(b.line, b.last_line) for b in document.blocks]
     return [(1, above), *spans]
 
 

@@ -178,8 +178,7 @@ def _may_go(block: Block, tools: Mapping[int, _Tool]) -> bool:
         return False
     if not all(_sets_up(code) or sets_state(code) or code[:4] == b"M73 " for code in codes):
         return False
-    end = block.line + len(block.text.splitlines()) - 1
-    return all(tool.stays(block.line, end) for tool in tools.values())
+    return all(tool.stays(block.line, block.last_line) for tool in tools.values())
 
 
 def _codes(block: Block) -> list[bytes]:
@@ -210,8 +209,7 @@ def _starts(
         rows = [row for row in block.text.splitlines() if _sets_up(command_in(row))]
         text = b"".join(row + document.newline for row in rows)
         end = replace(block.end, state=document.start.state, position=document.start.position)
-        last = block.line + len(block.text.splitlines()) - 1
-        yield OwnStart(tool, text, block.begin.tool, end, last)
+        yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
 
 def _primes_of(job: PrintJob, since: Mapping[int, float], taken: set[int]) -> dict[int, float]:

@@ -80,8 +80,7 @@ def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile
 
 def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
     """Return the head a file says it is for and its place among the files; '' for none."""
-    top = b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])
-    match = _HEADER.search(top)
+    match = _HEADER.search(_top(text))
     if match is None:
         return "", (0, 0)
     return match[1].decode("utf-8", "replace"), (int(match[2]), int(match[3]))
@@ -89,7 +88,11 @@ def header_of(text: bytes) -> tuple[str, tuple[int, int]]:
 
 def is_cut(text: bytes) -> bool:
     """Tell whether a file says that contours of its source are cut."""
-    return _CUT.search(b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])) is not None
+    return _CUT.search(_top(text)) is not None
+
+
+def _top(text: bytes) -> bytes:
+    return b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])
 
 
 def _parted(lines: Lines, reader: Reader) -> tuple[

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.geometry.loops import distance_of
 from decmcts._kernels.jit import inlined, kernel
 
 SNAP_MM = 0.2  # a cut as near to a vertex goes to the vertex
@@ -70,10 +71,10 @@ def cut_at_lines(
         first, last = offsets[c], offsets[c + 1] - 1
         total = 0.0
         for p in range(first, last):
-            total += _length(points, p)
+            total += distance_of(points, p, p + 1)
         done, at, begun = 0.0, 0.0, 0.0
         for p in range(first, last):
-            step = _length(points, p)
+            step = distance_of(points, p, p + 1)
             a, b = points[p, axis], points[p + 1, axis]
             i, j = _crossed(points, p, axis, lines, line_offsets[c], line_offsets[c + 1])
             for k in range(i, j):
@@ -104,15 +105,6 @@ def _crossed(
     while i < j and lines[j - 1] >= high:
         j -= 1
     return i, j
-
-
-@inlined
-def _length(points: NDArray[np.float64], p: int) -> float:
-    """Length of the segment that begins at point p, mm."""
-    x, y = points[p + 1, 0] - points[p, 0], points[p + 1, 1] - points[p, 1]
-    z = points[p + 1, 2] - points[p, 2]
-    length: float = np.sqrt(x * x + y * y + z * z)
-    return length
 
 
 @kernel

@@ -38,7 +38,7 @@ def uncut_segments(document: GcodeDocument) -> NDArray[np.bool_]:
     return np.asarray(document.point_arc != NO_ARC)
 
 
-def in_one_arc(document: GcodeDocument, contours: Contours) -> NDArray[np.bool_]:
+def has_stiff_arc(document: GcodeDocument, contours: Contours) -> NDArray[np.bool_]:
     """Tell which contours have an arc that does not read back as the same chords once cut, (n,)."""
     arcs = document.point_arc
     stiff = arcs != NO_ARC

@@ -73,6 +73,11 @@ class Block:
     edge: bool = False  # what is in force begins an epoch here too
     tower: bool = False  # beads of a wipe tower stand beside it
 
+    @property
+    def last_line(self) -> int:
+        """Its last line in the source, from 1."""
+        return self.line + len(self.text.splitlines()) - 1
+
 
 @dataclass(frozen=True, slots=True)
 class OwnStart:

@@ -97,7 +97,11 @@ def one_tool_each(machine: Machine, contours: Contours) -> bool:
 
 
 def for_the_judge(problem: PrintProblem) -> tuple[PrintJob, GcodeDocument]:
-    """Return the source as the judge takes it: what changes of tools are no walls it finds anew."""
+    """Return the source as the judge takes it: what changes of tools are no walls it finds anew.
+
+    Its contours are whole.
+    """
+    problem = problem.whole or problem
     given = problem.source.given
     if given is None or problem.source.original is not None:  # a safe order has other numbers
         return problem.job, problem.document

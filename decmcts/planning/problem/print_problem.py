@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from decmcts.errors import InputError
-from decmcts.feasibility.contacts import CollisionError
+from decmcts.feasibility.contacts import CollisionError, Contacts
 from decmcts.feasibility.digest import problem_digest
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.feasibility.rules import contacts_between, order_rules, with_contacts
@@ -102,17 +102,24 @@ def problem_of(source: Source, rules: Rules, report: Report) -> PrintProblem:
         free_seams = rules.freedom == Freedom.SEAM
         contacts = contacts_between(job, machine, free_seams=free_seams)
         job = with_contacts(job, contacts)
-        graph = order_rules(
-            job,
-            machine,
-            process_order=rules.process_order.value,
-            quality=rules.holds(machine),
-            free_seams=free_seams,
-            max_layers_ahead=rules.max_layers_ahead,
-            contacts=contacts,
-        )
+        graph = order_graph(job, machine, rules, contacts)
     seconds = {**dict(source.seconds), "graph": time.perf_counter() - started}
     return PrintProblem(source, job, machine, graph, rules, seconds)
+
+
+def order_graph(
+    job: PrintJob, machine: Machine, rules: Rules, contacts: Contacts
+) -> DependencyGraph:
+    """Return what must come before what by these rules; `contacts` are the job's."""
+    return order_rules(
+        job,
+        machine,
+        process_order=rules.process_order.value,
+        quality=rules.holds(machine),
+        free_seams=rules.freedom == Freedom.SEAM,
+        max_layers_ahead=rules.max_layers_ahead,
+        contacts=contacts,
+    )
 
 
 @contextmanager

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.feasibility.graph import EdgeKind
-from decmcts.feasibility.rules import contacts_between, order_rules
-from decmcts.formats.gcode.cut_document import cut_document, in_one_arc, uncut_segments
+from decmcts.feasibility.rules import contacts_between
+from decmcts.formats.gcode.cut_document import cut_document, has_stiff_arc, uncut_segments
 from decmcts.planning.events import Report, Step
 from decmcts.planning.options import Cut, Freedom
-from decmcts.planning.problem.print_problem import PrintProblem
+from decmcts.planning.problem.print_problem import PrintProblem, order_graph
 from decmcts.print.cut import Grid, Lines, cut_job
 from decmcts.print.machine import Machine
-from decmcts.print.motion import segment_times, travel_feed
+from decmcts.print.motion import level_travel, retraction_time, segment_times, travel_feed
 from decmcts.team.cutting.layout import (
     cuttable,
     layout_of,
@@ -27,7 +28,7 @@ from decmcts.team.cutting.sweep import sweep_order
 from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem, axis_of, build_team_problem
 from decmcts.team.engine.resolve import is_allowed, resolve
-from decmcts.team.engine.space import relation_of, travel_row
+from decmcts.team.engine.space import relation_of
 
 MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
 HOP_MM = 3.0  # a typical travel from piece to piece, to price a cut by
@@ -50,23 +51,27 @@ def best_sweep(problem: PrintProblem, cut: Cut, report: Report) -> Swept | None:
     """
     if len(problem.machine.heads) < 2 or not 0 < len(problem.job.contours) <= MOST_SWEPT:
         return None
-    whole = _swept(problem, Cut.NONE)
-    if cut == Cut.NONE:
+    report(Step("sweeps in which heads share parts"))
+    job, contours = problem.job, problem.job.contours
+    seconds = segment_times(contours, problem.machine.limits, job.acceleration)
+    whole = _swept(problem, seconds, np.zeros(len(contours), np.bool_), Cut.NONE)
+    may = may_be_cut(contours, cut.value)
+    if may.any():
+        may &= ~_kept_whole(problem)
+    if not may.any():
         return whole
-    report(Step("where contours may be cut, and a sweep of the pieces"))
-    pieces = _swept(problem, cut)
+    pieces = _swept(problem, seconds, may, cut)
     found = [each for each in (whole, pieces) if each is not None]
     return min(found, key=lambda each: each.makespan_s, default=None)
 
 
-def _swept(problem: PrintProblem, cut: Cut) -> Swept | None:
+def _swept(
+    problem: PrintProblem, seconds: NDArray[np.float64], may: NDArray[np.bool_], cut: Cut
+) -> Swept | None:
+    """Return a sweep with those contours cut that `may` be; `seconds` are those of segments."""
     contours, machine = problem.job.contours, problem.machine
-    may = may_be_cut(contours, cut.value) & ~_kept_whole(problem)
     axis = axis_of(machine)[0]
-    seconds = segment_times(contours, machine.limits, problem.job.acceleration)
-    every = np.ones(len(contours), np.bool_) if cut == Cut.NONE else may
-    spread = cuttable(contours, seconds, problem.graph.pairs(), every, axis)
-    spread = replace(spread, may=may)
+    spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis)
     layout = layout_of(
         spread, axis=axis, heads=len(machine.heads), apart_mm=_apart_mm(machine, axis),
         cut_s=_cut_s(problem),
@@ -97,7 +102,7 @@ def _kept_whole(problem: PrintProblem) -> NDArray[np.bool_]:
     that are no arcs once cut.
     """
     graph, document = problem.graph, problem.document
-    kept = in_one_arc(document, problem.job.contours) | (document.owed != 0.0)
+    kept = has_stiff_arc(document, problem.job.contours) | (document.owed != 0.0)
     pairs, kinds = graph.pairs(), graph.kinds
     kept[pairs[kinds == EdgeKind.PRIMING, 0]] = True
     kept[pairs[kinds == EdgeKind.CONTACT].reshape(-1)] = True
@@ -112,9 +117,9 @@ def _apart_mm(machine: Machine, axis: int) -> float:
 
 def _cut_s(problem: PrintProblem) -> float:
     """Return the seconds of a travel between two pieces."""
-    feed, rate, _, _, retraction, _ = travel_row(problem.job.settings, problem.machine.limits)
-    del feed
-    return float(2.0 * np.sqrt(HOP_MM / rate) + retraction)
+    settings, limits = problem.job.settings, problem.machine.limits
+    _, rate = level_travel(settings, limits)
+    return 2.0 * math.sqrt(HOP_MM / rate) + retraction_time(settings, limits)
 
 
 def _cut(problem: PrintProblem, lines: Lines, cut: Cut) -> PrintProblem:
@@ -128,11 +133,7 @@ def _cut(problem: PrintProblem, lines: Lines, cut: Cut) -> PrintProblem:
         grid=Grid(10.0**digits_xy, 10.0**digits_e * (document.e_area or 1.0)),
     )  # fmt: skip
     text = cut_document(document, pieces.contours, row)
-    free_seams = rules.freedom == Freedom.SEAM
-    contacts = contacts_between(pieces, machine, free_seams=free_seams)
-    graph = order_rules(
-        pieces, machine, process_order=rules.process_order.value, quality=rules.holds(machine),
-        free_seams=free_seams, max_layers_ahead=rules.max_layers_ahead, contacts=contacts,
-    )  # fmt: skip
+    contacts = contacts_between(pieces, machine, free_seams=rules.freedom == Freedom.SEAM)
+    graph = order_graph(pieces, machine, rules, contacts)
     source = replace(problem.source, job=pieces, document=text)
     return replace(problem, source=source, job=pieces, graph=graph, cut=cut, whole=problem)

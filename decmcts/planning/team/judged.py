@@ -65,7 +65,7 @@ def judged(planned: Planned, beside: Worker | None, *, writes: bool, report: Rep
         heads = after.plan.heads if writes else ()
         drafts = [folder / f"{actions.head}.gcode" for actions in heads]
         by_size = sorted(range(len(heads)), key=lambda h: (len(heads[h].path), -h))
-        given = for_the_judge(problem.whole or problem)
+        given = for_the_judge(problem)
         judge = judged_by(planned, given) if writes else given
         writing = drafting(planned, drafts, judged=judge) if writes else []
         verifying = ("verifying", partial(_verified, after, given[0]))

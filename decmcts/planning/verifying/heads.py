@@ -100,8 +100,8 @@ def judge_heads_alone(
     chosen = machine if isinstance(machine, Machine) else load_machine(machine or "dual-gantry")
     chosen = parked_above(replace(chosen, limits=chosen.limits.under(job.limits)), job.contours)
     paths, named = ordered(paths)
-    refuse_cut(paths)
     files = [read_head_file(path, chosen.words) for path in paths]
+    refuse_cut(files)
     names = {head.name: k for k, head in enumerate(chosen.heads)}
     faults = misnamed(paths, named, chosen)
     if sorted(file.name for file in files) != sorted(names):
@@ -152,13 +152,13 @@ def _judge_alone(
     return replace(verdict, faults=every, counts=counts, checked=checked)
 
 
-def refuse_cut(paths: Sequence[Path]) -> None:
+def refuse_cut(files: Sequence[HeadFile]) -> None:
     """Raise InputError for files of a cut print: which pieces they print only a plan says."""
-    for path in paths:
-        if is_cut(load_text(path)):
+    for file in files:
+        if is_cut(file.lines.text):
             raise InputError(
                 "contours are cut in it, and which are pieces of what only the plan says",
-                path=path,
+                path=file.path,
                 advice="add --plan plan.json, as `launch --plan` writes it",
             )
 

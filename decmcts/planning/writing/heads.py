@@ -116,7 +116,7 @@ def write_heads(
     if not texts:
         with draft_folder() as folder:
             drafts = [folder / path.name for path in paths]
-            judged = judged_by(planned, for_the_judge(planned.problem.whole or planned.problem))
+            judged = judged_by(planned, for_the_judge(planned.problem))
             works = drafting(planned, drafts, judged=judged, write=write)
             walked = [work(report=report) for _, work in works]
             texts = judged_texts(planned, drafts, walked, stem, report, judged=judged)

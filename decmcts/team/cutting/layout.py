@@ -14,9 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.geometry.cutting import SNAP_MM
+from decmcts.feasibility.touching import SHELLS
 from decmcts.print.contours import Contours, Role
-from decmcts.print.cut import LEAST_MM, OUTSIDE, SNAP_MM, Lines
+from decmcts.print.cut import LEAST_MM, OUTSIDE, Lines
+from decmcts.print.loops import FLAT_MM
 from decmcts.team.cutting.strips import BIN_MM, Strips, strips_of_layer
+from decmcts.team.engine.space import contour_boxes
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,9 +51,7 @@ class Layout:
     heads: int
     steps: Ints  # (layers,) strips of each territory
     forward: Flags  # (layers,) swept towards higher places
-    lines: (
-        Floats  # (layers, depths, most lines) mm, where contours of each depth are cut; inf: none
-    )
+    lines: Floats  # (layers, depths, most lines) mm, where each depth is cut; inf: no line
     low: Floats  # (layers, most regions) mm, what is printed with a region may begin here
     high: Floats  # (layers, most regions) mm, and end here
 
@@ -85,15 +87,14 @@ class Cuttable:
 def may_be_cut(contours: Contours, cut: str) -> Flags:
     """Tell which contours may be cut by `cut`, which is "none", "inside" or "all", (n,)."""
     never = NEVER if cut == "all" else NEVER + OUTSIDE
-    level = contours.top - contours.bottom < 1e-6 if len(contours) else np.zeros(0, np.bool_)
-    several = np.diff(contours.offsets) > 1
-    return np.asarray((cut != "none") & level & several & ~np.isin(contours.role, never))
+    level = contours.top - contours.bottom <= FLAT_MM
+    return np.asarray((cut != "none") & level & ~np.isin(contours.role, never))
 
 
 def cuttable(
     contours: Contours, seconds: Floats, pairs: NDArray[np.int32], may: Flags, axis: int
 ) -> Cuttable:
-    """Return how what may be cut is spread.
+    """Return how what may be cut is spread; where nothing may be, how all is.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ def cuttable(
     owner = np.repeat(np.arange(len(contours)), sizes)
     ends = contours.points[:, axis]
     begins = np.roll(ends, 1)
-    used = may[owner]
+    used = may[owner] if may.any() else np.ones(len(owner), np.bool_)
     used[contours.offsets[:-1]] = False
     rows = np.flatnonzero(used)
     a, b, layer = begins[rows], ends[rows], contours.layer[owner[rows]]
@@ -135,8 +136,7 @@ def _depths(contours: Contours, pairs: NDArray[np.int32]) -> Ints:
     same = contours.layer[pairs[:, 0]] == contours.layer[pairs[:, 1]]
     for a, b in pairs[same].tolist():  # ascending: b is final before it is an a
         depth[b] = max(depth[b], depth[a] + 1)
-    walls = (Role.PERIMETER, Role.EXTERNAL_PERIMETER, Role.OVERHANG_PERIMETER)
-    inside = ~np.isin(contours.role, walls)
+    inside = ~np.isin(contours.role, SHELLS)
     return np.where(inside, DEPTHS, np.minimum(np.array(depth, np.int64), DEPTHS))
 
 
@@ -222,9 +222,7 @@ def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
 
     So nothing that touches a wall is printed before it. What is filled in goes with the last.
     """
-    at = contours.points[:, layout.axis]
-    low = np.minimum.reduceat(at, contours.offsets[:-1])
-    high = np.maximum.reduceat(at, contours.offsets[:-1])
+    low, high = contour_boxes(contours)[:, 2 * layout.axis : 2 * layout.axis + 2].T
     layer, depth = contours.layer.astype(np.int64), spread.depth
     first = layout.region(layer, depth, low + 1e-6)
     last = np.maximum(first, layout.region(layer, depth, high - 1e-6))

@@ -22,7 +22,7 @@ from decmcts._kernels.sequence.entries import choose_visits
 from decmcts._kernels.sequence.metric import with_points
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.job import PrintJob
-from decmcts.print.loops import enter_at, rotated
+from decmcts.print.loops import as_run, enter_at, rotated
 from decmcts.print.machine import Machine
 from decmcts.print.seam import SeamEntries, seam_entries
 from decmcts.print.toolpath import Toolpath, entries_by_contour
@@ -76,11 +76,8 @@ def agreed_job(job: PrintJob, orders: OrderChoices, entry: NDArray[np.int32]) ->
     if not entry.any():
         return job
     run, offsets = rotated(contours, entry)
-    entered = replace(
-        contours, points=run.points, extrusion=run.extrusion, feed=run.feed, offsets=offsets
-    )
     accelerations = None if job.acceleration is None else job.acceleration[run.rows]
-    return replace(job, contours=entered, acceleration=accelerations)
+    return replace(job, contours=as_run(contours, run, offsets), acceleration=accelerations)
 
 
 def with_entries(toolpaths: Sequence[Toolpath], entry: NDArray[np.int32]) -> list[Toolpath]:

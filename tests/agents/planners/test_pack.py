@@ -14,6 +14,7 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.print.contours import Contours
 from decmcts.print.job import Barrier, PrintJob, ProcessSettings
+from decmcts.team.engine.plans import StatedOrder
 
 
 def contours() -> Contours:
@@ -44,7 +45,8 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
     )
     graph = DependencyGraph.from_pairs(2, np.array([[0, 1]], np.int32))
     machine = load_machine("dual-gantry")
-    write_pack(Pack(job, machine, graph, {"seed": 3}), tmp_path)
+    start = StatedOrder(np.array([1, 0], np.int32), np.array([True, False]), np.array([0, 1]))
+    write_pack(Pack(job, machine, graph, {"seed": 3}, start=start), tmp_path)
     back = read_pack(tmp_path)
     for f in fields(Contours):
         ours, read = getattr(job.contours, f.name), getattr(back.job.contours, f.name)
@@ -60,6 +62,9 @@ def test_a_pack_comes_back_equal(tmp_path: Path) -> None:
     assert [h.name for h in back.machine.heads] == [h.name for h in machine.heads]
     assert back.machine.rails == machine.rails
     assert back.options == {"seed": 3}
+    assert back.start is not None
+    for f in fields(StatedOrder):
+        assert getattr(back.start, f.name).tolist() == getattr(start, f.name).tolist()
 
 
 @pytest.mark.parametrize("spoil", ["", "problem.npz", "problem.json"])

@@ -71,29 +71,24 @@ def with_own_tools(job: PrintJob, document: GcodeDocument) -> Freed | str:
     if not changes:
         return "the source has no changes of tools that stand by themselves"
     heat, said = _Heat.of(job, document), dict[int, str]()
-    begins = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
-    nets = _nets(job, document.moves, dict.fromkeys(begins.tolist(), 0))
-    for number, block in enumerate(document.blocks):
-        pushed = nets.get(int(np.searchsorted(job.contours.epoch, block.epoch)), 0.0)
-        if what := _foreign(block) or heat.differs(block) or _left(block, pushed):
+    epochs = [block.epoch for block in document.blocks]
+    begins = np.searchsorted(job.contours.epoch, epochs).tolist()
+    nets = _nets(job, document.moves, begins)
+    for number, (block, begin) in enumerate(zip(document.blocks, begins, strict=True)):
+        if what := _foreign(block) or heat.differs(block) or _left(block, nets.get(begin, 0.0)):
             said[number] = what
     left = {k for k, block in enumerate(document.blocks) if k not in said and _is_own(block)}
     count = sum(_is_change(document.blocks[k]) for k in left)
     stays = [said[k] for k, block in enumerate(document.blocks) if k in said and _is_change(block)]
     if not count:
         return stays[0]
-    freed = _without(job, document, left)
+    freed = _without(job, document, left, {begins[k]: k for k in sorted(left)}, nets)
     if what := _Heat.of(freed.job, freed.document).unlike(heat, freed.job, job):
         return stays[0] if stays else what
     note = f"{count} change{'s' * (count != 1)} of tools are no walls"
     note += f", {len(stays)} stay: {stays[0]}" if stays else ""
     job = replace(freed.job, notes=(*freed.job.notes, note))
     return replace(freed, job=job, count=count, walls=len(stays))
-
-
-def last_line(block: Block) -> int:
-    """Return the last line of a block in the source, from 1."""
-    return block.line + len(block.text.splitlines()) - 1
 
 
 def _is_change(block: Block) -> bool:
@@ -177,8 +172,14 @@ class _Heat:
         return ""
 
 
-def _without(job: PrintJob, document: GcodeDocument, left: set[int]) -> Freed:
-    """Return the print without some of its blocks."""
+def _without(
+    job: PrintJob, document: GcodeDocument, left: set[int], behind: dict[int, int],
+    nets: dict[int, float],
+) -> Freed:  # fmt: skip
+    """Return the print without some of its blocks.
+
+    `behind` has these by the contour behind each, `nets` what `_nets` has for contours behind any.
+    """
     contours, blocks = job.contours, document.blocks
     stays = np.ones(int(contours.epoch.max()) + 1, np.bool_)
     stays[0] = False
@@ -187,13 +188,11 @@ def _without(job: PrintJob, document: GcodeDocument, left: set[int]) -> Freed:
     anew = np.cumsum(stays).astype(np.int32)
     gone = {blocks[k].epoch for k in left}
     refills = tuple(int(anew[e]) for e in job.refills if e not in gone)
-    behind = {int(np.searchsorted(contours.epoch, blocks[k].epoch)): k for k in sorted(left)}
     kept = [block for k, block in enumerate(blocks) if k not in left]
     kept = [replace(block, epoch=int(anew[block.epoch])) for block in kept]
     own = tuple(_own_starts(job, document, behind))
     notes = tuple(_renamed(job.notes, len(kept)))
-    assert document.moves is not None
-    nets = _nets(job, document.moves, behind)
+    nets = {c: nets[c] for c in behind if c in nets}
     changed = {c: net for c, net in nets.items() if contours.tool[c] != contours.tool[c - 1]}
     primes = _primes(job, changed)
     owed = document.owed.copy()
@@ -224,15 +223,15 @@ def _own_starts(
         rows = [row.rstrip(b"\r") for row in rows if not _goes_with_beads(row)]
         text = b"".join(row + document.newline for row in rows)
         end = replace(block.end, state=document.start.state, position=document.start.position)
-        yield OwnStart(tool, text, block.begin.tool, end, last_line(block))
+        yield OwnStart(tool, text, block.begin.tool, end, block.last_line)
 
 
 def _goes_with_beads(row: bytes) -> bool:
     return classify(row).kind in _HELD or _FACTOR.match(command_of(row)) is not None
 
 
-def _nets(job: PrintJob, moves: Motions, behind: dict[int, int]) -> dict[int, float]:
-    """Return what is pushed less what is pulled, mm, for contours with a block left out above.
+def _nets(job: PrintJob, moves: Motions, behind: Iterable[int]) -> dict[int, float]:
+    """Return what is pushed less what is pulled, mm, before these contours.
 
     By a contour's tool, since the contour that it printed before; nothing of its first.
     """
