@@ -49,7 +49,7 @@ def launch(
     seed: int,
     lags: Lags | None = None,
     start: StatedOrder | None = None,
-    parameters: Mapping[str, float | str] | None = None,
+    parameters: Mapping[str, float] | None = None,
     on_progress: OnProgress | None = None,
     on_start: OnStart | None = None,
     crew: Crew | None = None,

@@ -8,11 +8,8 @@ All heads plan in turn in one process, so that every variant gets the same proce
 search*: joint orders are neither recreated nor polished. *no recreation*: they are polished
 alone. *no piecewise release*: a head holds the room of a
 contour to its end. *q frozen*: the distributions over plans stay uniform. *no search*:
-neither tree nor distributions nor joint plans, policies and windows alone. Three do a part
-otherwise, after other papers (`docs/team.md`): *boltzmann* goes down the tree by a Boltzmann
-policy, *regret matching* moves q by regrets, *max-plus* chooses which plans are tried
-together by the values of neighbouring heads' pairs. Of the corpus' eight plates
-(`dual-gantry`) the odd ones were tuned on.
+neither tree nor distributions nor joint plans, policies and windows alone. Of the corpus'
+eight plates (`dual-gantry`) the odd ones were tuned on.
 """
 
 from __future__ import annotations

@@ -2,15 +2,19 @@
 
 `wide` is made by code: of each of the corpus' eight plates the 150 mm that hold most work,
 whole parts only, side by side on a bed of 1200 mm. `wide:5000` is its first 5000 contours.
+`NAME@all` is a print whose contours are cut for a sweep of two heads, as `launch --cut all` does;
+`slab` is made by code too.
 """
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from common import corpus, print_path
 from numpy.typing import NDArray
 
@@ -18,16 +22,22 @@ from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.machines.rail_family import rail_machine
-from decmcts.planning.problem.print_problem import parked_above
+from decmcts.planning.events import unheard
+from decmcts.planning.options import Cut, Rules
+from decmcts.planning.problem.print_problem import PrintProblem, load, parked_above
+from decmcts.planning.team.cutting import best_sweep
 from decmcts.print.contours import PER_CONTOUR, Contours
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.macros import part_of
+from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 PLATES = ("mix_1", "mix_2", "mix_3", "mix_4", "mix_5", "mix_6", "same_4_far", "same_9")
 WIDE_MM, SHARE_MM, MARGIN_MM = 1200.0, 150.0, 2.5
+SLAB_MM = (220.0, 110.0, 6.0)
+NO_QUALITY = Rules(quality=False)
 
 
 def plate_path(name: str) -> Path:
@@ -64,6 +74,26 @@ def team_problem(name: str, heads: int, *, whole: bool = False) -> TeamProblem:
     machine = replace(machine, limits=machine.limits.under(job.limits))
     machine = parked_above(machine, job.contours)
     return build_team_problem(job, machine, order_rules(job, machine))
+
+
+def swept_problem(name: str) -> tuple[TeamProblem, StatedOrder | None]:
+    """Return a print for two heads and the order they begin with, as `launch` makes both.
+
+    NAME@CUT is cut; without @CUT nothing is. Quality rules are left out.
+    """
+    word, _, cut = name.partition("@")
+    problem = slab() if word == "slab" else load(plate_path(word), "dual-gantry", NO_QUALITY)
+    found = best_sweep(problem, Cut(cut or "none"), unheard)
+    given, start = (problem, None) if found is None else (found.problem, found.order)
+    return build_team_problem(given.job, given.machine, given.graph), start
+
+
+def slab() -> PrintProblem:
+    """Return one solid block across the bed, sliced by the built-in slicer."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "slab.stl"
+        trimesh.creation.box(SLAB_MM).export(path)
+        return load(path, "dual-gantry", NO_QUALITY)
 
 
 @lru_cache(maxsize=1)

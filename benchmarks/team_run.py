@@ -64,9 +64,6 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "no piecewise release": {},
     "q frozen": {"alpha": 0.0},
     "no search": {"share": 0.0},
-    "boltzmann": {"policy": "boltzmann"},
-    "regret matching": {"distribution": "regret-matching"},
-    "max-plus": {"combination": "max-plus"},
 }
 VARIANTS = tuple(SETTINGS)
 

@@ -237,7 +237,7 @@ class TeamSearch:
     objective : Objective
         What the order for one head alone minimises, and the choice of where loops are entered.
         The heads' search itself minimises the makespan.
-    parameters : Mapping[str, float | str]
+    parameters : Mapping[str, float]
         Parameters of the heads' search to change, by name (docs/team.md).
     cut : Cut
         Which contours may be cut so that heads share them: none, those inside (infill and inner
@@ -258,7 +258,7 @@ class TeamSearch:
     time_limit_s: float = 30.0
     seed: int = 0
     objective: Objective = Objective.TRAVEL
-    parameters: Mapping[str, float | str] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
     cut: Cut = Cut.INSIDE
 
     def __post_init__(self) -> None:

@@ -63,7 +63,7 @@ class Launch(Protocol):
         seed: int,
         lags: Lags | None,
         start: StatedOrder | None,
-        parameters: Mapping[str, float | str] | None,
+        parameters: Mapping[str, float] | None,
         on_progress: OnProgress | None,
     ) -> LaunchResult:
         """Return what they agreed on; raises LaunchError if that is nothing."""

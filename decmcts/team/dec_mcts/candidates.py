@@ -6,9 +6,7 @@ temperature means the same on every print.
 
 References
 ----------
-Best et al. 2019, Alg. 3 (gradient); Nguyen et al. 2024, "United We Stand: Decentralized
-Multi-Agent Planning With Attrition" (A-MCTS), arXiv 2407.08254, and Hart & Mas-Colell 2000,
-Econometrica 68(5) (regret matching).
+Best et al. 2019, Alg. 3.
 """
 
 from __future__ import annotations
@@ -22,7 +20,6 @@ from decmcts.team.dec_mcts.distribution import PlanDistribution
 from decmcts.team.dec_mcts.parameters import Parameters
 
 RECENT = 10.0  # samples over which a mean is taken: the others change
-REGRET = "regret-matching"
 
 Plan = NDArray[np.int32]
 
@@ -35,7 +32,6 @@ class Candidates:
         self._beta = parameters.beta
         self.distribution = PlanDistribution.uniform(tuple(plans))
         self._mean = np.zeros(len(plans))
-        self._regret = np.zeros(len(plans))
         self.sampled = np.zeros(len(plans), np.int64)
 
     def renew(self, plans: Sequence[Plan]) -> None:
@@ -49,38 +45,18 @@ class Candidates:
         q = np.where(stays, self.distribution.probabilities[row], 1.0 / len(before))
         self.distribution = PlanDistribution(tuple(plans), q / q.sum())
         self._mean = np.where(stays, self._mean[row], 0.0)
-        self._regret = np.where(stays, self._regret[row], 0.0)
         self.sampled = np.where(stays, self.sampled[row], 0)
 
     def update(self, utilities: NDArray[np.float64]) -> None:
         """Note what each of X̂ gained beside the same other plans, and move q."""
         self.sampled += 1
         self._mean += (utilities - self._mean) / np.minimum(self.sampled, RECENT)
-        if self._parameters.distribution == REGRET:
-            self._match_regret(utilities)
-        else:
-            self._descend()
-        self._beta = max(self._beta * self._parameters.cooling, self._parameters.coldest)
-
-    def _descend(self) -> None:
-        """Do one step of the gradient for each plan that was valued."""
         expected = _scaled(self._mean)
-        for _ in range(len(expected)):
+        for _ in range(len(expected)):  # a step for each plan that was valued
             self.distribution = self.distribution.updated(
                 expected, beta=self._beta, alpha=self._parameters.alpha
             )
-
-    def _match_regret(self, utilities: NDArray[np.float64]) -> None:
-        """Make q proportional to how much each plan is regretted not to have been followed.
-
-        Old regrets fade as old rewards do in the tree, since the others change.
-        """
-        gained = _scaled(utilities)
-        self._regret *= self._parameters.gamma
-        self._regret += gained - float(self.distribution.probabilities @ gained)
-        hope = np.maximum(self._regret, 0.0)
-        if hope.sum() > 0.0:
-            self.distribution = PlanDistribution(self.distribution.sequences, hope / hope.sum())
+        self._beta = max(self._beta * self._parameters.cooling, self._parameters.coldest)
 
 
 def _scaled(utilities: NDArray[np.float64]) -> NDArray[np.float64]:

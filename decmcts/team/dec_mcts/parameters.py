@@ -31,10 +31,6 @@ class Parameters:
 
     gamma: float = 0.9  # discount of old rewards
     exploration: float = 0.7071067811865476  # C_p
-    policy: str = "d-uct"  # by which the tree is descended
-    temperature: float = 0.3  # of the Boltzmann policy at first, in rewards
-    decay: float = 0.5  # of that temperature, by visits
-    distribution: str = "gradient"  # how q moves
     alpha: float = 0.2  # step of the distribution
     beta: float = 0.5  # temperature of the distribution at first, in the range of X̂
     cooling: float = 0.7  # of beta, each update
@@ -42,7 +38,6 @@ class Parameters:
     plans: int = 10  # |X̂|
     samples: int = 10  # tree samples of an update
     renew: int = 3  # samples of each plan of X̂ before another X̂ is chosen
-    combination: str = "sampled"  # which plans of X̂ are tried together
     first: float = 0.4  # of the time, for tree and distribution before windows are improved
     recreate: float = 0.7  # of the time, till when windows are ruined and recreated
     share: float = 0.3  # of a round's work, for tree and distribution from then on
@@ -74,8 +69,6 @@ class Parameters:
 RANGES: Mapping[str, tuple[float, float] | tuple[int, int]] = {
     "gamma": (0.5, 1.0),
     "exploration": (0.0, 10.0),
-    "temperature": (0.001, 100.0),
-    "decay": (0.0, 2.0),
     "alpha": (0.0, 1.0),
     "beta": (0.001, 100.0),
     "cooling": (0.1, 1.0),
@@ -90,11 +83,13 @@ RANGES: Mapping[str, tuple[float, float] | tuple[int, int]] = {
     "policies": (1, len(POLICIES)),
     "tries": (1, len(POLICIES)),
 }
-# Words a parameter may be; the first is the default.
-WORDS: Mapping[str, tuple[str, ...]] = {
-    "policy": ("d-uct", "boltzmann"),
-    "distribution": ("gradient", "regret-matching"),
-    "combination": ("sampled", "max-plus"),
+# Parameters there were, and what is always done instead.
+GONE: Mapping[str, str] = {
+    "policy": "the tree is always descended by D-UCT",
+    "temperature": "the tree is always descended by D-UCT",
+    "decay": "the tree is always descended by D-UCT",
+    "distribution": "q always moves by the gradient",
+    "combination": "joint plans are always drawn from each head's q",
 }
 
 
@@ -113,10 +108,12 @@ def changed(
     Raises
     ------
     InputError
-        For an unknown name, and for what is no number within `RANGES` or none of `WORDS`.
+        For an unknown name, one that is gone, and for what is no number within `RANGES`.
     """
     fields = Fields.of(values, "", path)
-    fields.only(*RANGES, *WORDS)
+    for key in GONE.keys() & values.keys():
+        fields.fail(key, "is no parameter any more", f"leave it out: {GONE[key]}")
+    fields.only(*RANGES)
     chosen: dict[str, Any] = {key: _allowed(fields, key) for key in values}
     made = replace(parameters, **chosen)
     if made.coldest > made.beta:
@@ -125,10 +122,8 @@ def changed(
     return made
 
 
-def _allowed(fields: Fields, key: str) -> float | str:
+def _allowed(fields: Fields, key: str) -> float:
     """Return one value, or raise InputError with its limits."""
-    if key in WORDS:
-        return _word(fields, key)
     value, (least, most) = fields.values[key], RANGES[key]
     kinds, word = (
         ((int,), "a whole number") if isinstance(most, int) else ((int, float), "a number")
@@ -136,11 +131,3 @@ def _allowed(fields: Fields, key: str) -> float | str:
     if type(value) not in kinds or not least <= value <= most:
         fields.fail(key, f"expected {word} in {least:g}..{most:g}, found {shown(value)}")
     return value if isinstance(most, int) else float(value)
-
-
-def _word(fields: Fields, key: str) -> str:
-    value = fields.values[key]
-    if type(value) is not str or value not in WORDS[key]:
-        said = " or ".join(f'"{word}"' for word in WORDS[key])
-        fields.fail(key, f"expected {said}, found {shown(value)}")
-    return str(value)

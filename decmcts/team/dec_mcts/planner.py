@@ -32,11 +32,10 @@ from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.candidates import Candidates
 from decmcts.team.dec_mcts.distribution import PlanDistribution
 from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
-from decmcts.team.dec_mcts.max_plus import PairValues
 from decmcts.team.dec_mcts.parameters import Parameters
 from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.dec_mcts.polish import FEW, Polish
-from decmcts.team.dec_mcts.tree import ROOT, Boltzmann, Tree
+from decmcts.team.dec_mcts.tree import ROOT, Tree
 from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import fleet_for, is_allowed, resolve
@@ -86,7 +85,6 @@ class DecMcts:
         self._others: dict[int, PlanDistribution] = {}
         self._values = JointValues(problem)
         self._trials: dict[Team, PolicyTrials] = {}
-        self._pairs: dict[Team, PairValues] = {}
         self._polishing: _Polishing | None = None
         self._polishings = self._alone = 0  # joint orders polished, rounds without another head
         self._steps = self._tried = 0  # of tree and distribution; joint plans tried
@@ -98,10 +96,7 @@ class DecMcts:
 
     def _new_tree(self, root: Plan) -> Tree:
         p = self.parameters
-        boltzmann = None
-        if p.policy == "boltzmann":
-            boltzmann = Boltzmann(p.temperature, p.decay, self._rng)
-        return Tree(root, gamma=p.gamma, exploration=p.exploration, boltzmann=boltzmann)
+        return Tree(root, gamma=p.gamma, exploration=p.exploration)
 
     @property
     def distribution(self) -> PlanDistribution:
@@ -247,34 +242,17 @@ class DecMcts:
         """
         best = self._values.starts[team]
         self._tried += 1
-        plans = self._combination(team) if self._tried % 2 else None
+        plans = None
+        if self._tried % 2:
+            plans = self._draw(team)
+            plans[self.head] = self._own.distribution.sample(self._rng)
         if plans is None or self._values.knows(plans, team):
             policies = self.parameters.policies
             plans = exchange_jointly(self.problem, best.plans, self._rng, policies=policies)
-        self._note(plans, team)
+        self._values.makespan(plans, team)
         if self._values.starts[team].makespan_s < best.makespan_s:
             child = self._tree.expand(ROOT, plans[self.head])
             self._tree.backup(child, self._reward(plans, team))
-
-    def _combination(self, team: Team) -> dict[int, Plan]:
-        """Return one plan of each head's X̂: drawn from q, or as max-plus would have it."""
-        if self.parameters.combination == "max-plus":
-            theirs = {r: self._others[r].sequences for r in team if r in self._others}
-            default = {r: (self._likeliest(r),) for r in team}
-            own = {self.head: self._own.distribution.sequences}
-            return self._pairs_of(team).choose({**default, **theirs, **own})
-        return {**self._draw(team), self.head: self._own.distribution.sample(self._rng)}
-
-    def _pairs_of(self, team: Team) -> PairValues:
-        if team not in self._pairs:
-            self._pairs[team] = PairValues(_chain(self.problem, team))
-        return self._pairs[team]
-
-    def _note(self, plans: Mapping[int, Plan], team: Team) -> None:
-        """Judge a joint plan; max-plus learns from it."""
-        value = self._values.value(plans, team)
-        if self.parameters.combination == "max-plus":
-            self._pairs_of(team).note(plans, value)
 
     def _child_plan(self, node: int, team: Team) -> Plan:
         """Return the plan of the next child: the best policies at the root, then exchanges."""
@@ -289,7 +267,6 @@ class DecMcts:
 
     def _reward(self, plans: Mapping[int, Plan], team: Team) -> float:
         """Return the utility from 0, the median of all seen or worse, to 1, the best."""
-        self._note(plans, team)
         utility = self._values.utility(self.head, plans, team)
         self._utilities.append(utility)
         low, high = float(np.median(self._utilities)), max(self._utilities)
@@ -305,8 +282,6 @@ class DecMcts:
             self._own.renew(self._with_start(chosen, team))
         others = self._draw(team)
         joint = [{**others, self.head: plan} for plan in self._own.distribution.sequences]
-        for plans in joint:
-            self._note(plans, team)
         utilities = [self._values.utility(self.head, plans, team) for plans in joint]
         self._own.update(np.array(utilities))
 
@@ -393,10 +368,3 @@ class DecMcts:
 
 def _team(live: Sequence[int]) -> Team:
     return tuple(sorted({int(r) for r in live}))
-
-
-def _chain(problem: TeamProblem, team: Team) -> Team:
-    """Return the heads as they stand in a row, by where they park."""
-    parks = [problem.machine.heads[r].park for r in team]
-    axis = int(np.ptp(np.array(parks)[:, :2], axis=0).argmax())
-    return tuple(sorted(team, key=lambda r: (problem.machine.heads[r].park[axis], r)))

@@ -9,19 +9,12 @@ tours the same way). A node that has been seen often gets more children
 (progressive widening). Only the arithmetic of selection is
 compiled (`decmcts._kernels.trees.dmcts`): one sample costs a whole rollout.
 
-With `boltzmann` children are drawn by a Boltzmann policy instead. The policy
-that makes Σ π·F + τ·H(π) largest is π ∝ exp(F / τ), so τ is the weight of an entropy bonus;
-it falls with the visits N as (1 + N)^-decay.
-
 References
 ----------
-Best et al. 2019, Sec. 4.3 (D-UCT); Nguyen et al. 2026, "Boltzmann-based Exploration for
-Robust Decentralized Multi-Agent Planning" (CB-MCTS), arXiv 2603.02154.
+Best et al. 2019, Sec. 4.3 (D-UCT).
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,34 +25,11 @@ ROOT = 0
 NONE = -1
 
 
-@dataclass(frozen=True, slots=True)
-class Boltzmann:
-    """Draws children by exp(F / τ), τ = temperature·(1 + N)^-decay."""
-
-    temperature: float
-    decay: float
-    rng: np.random.Generator
-
-    def draw(self, values: NDArray[np.float64], visits: int) -> int:
-        """Return a row of `values`, of a node seen so often."""
-        tau = self.temperature * (1.0 + visits) ** -self.decay
-        weights = np.exp((values - values.max()) / max(tau, 1e-9))
-        return int(self.rng.choice(len(weights), p=weights / weights.sum()))
-
-
 class Tree:
     """The tree; grows in place."""
 
-    def __init__(
-        self,
-        root: NDArray[np.int32],
-        *,
-        gamma: float,
-        exploration: float,
-        boltzmann: Boltzmann | None = None,
-    ) -> None:
+    def __init__(self, root: NDArray[np.int32], *, gamma: float, exploration: float) -> None:
         self.gamma, self.exploration = gamma, exploration
-        self._boltzmann = boltzmann
         self.plans: list[NDArray[np.int32]] = [root]
         self._parent = np.full(1, NONE, np.int32)  # (room,)
         self._first_child = np.full(1, NONE, np.int32)
@@ -78,17 +48,13 @@ class Tree:
         return int(self._children[node])
 
     def descend(self) -> int:
-        """Return the node to expand: follow the policy while nodes have children enough."""
+        """Return the node to expand: follow D-UCT while nodes have children enough."""
         node = ROOT
         while self._children[node] > 0 and self._children[node] ** 2 > self._clock[node]:
             node = self._select(node)
         return node
 
     def _select(self, node: int) -> int:
-        if self._boltzmann is not None:
-            children = self._children_of(node)
-            values = self._total[children] / np.maximum(self._weight[children], 1e-12)
-            return children[self._boltzmann.draw(values, int(self._clock[node]))]
         return int(
             select_child(
                 node,
@@ -102,13 +68,6 @@ class Tree:
                 self.exploration,
             )
         )
-
-    def _children_of(self, node: int) -> list[int]:
-        found, child = [], int(self._first_child[node])
-        while child != NONE:
-            found.append(child)
-            child = int(self._sibling[child])
-        return found
 
     def expand(self, parent: int, plan: NDArray[np.int32]) -> int:
         """Add a child with this plan; returns the node."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from decmcts.team.dec_mcts.tree import ROOT, Boltzmann, Tree
+from decmcts.team.dec_mcts.tree import ROOT, Tree
 
 
 def _plan(k: int) -> np.ndarray:
@@ -77,27 +77,3 @@ def test_best_plans_are_different() -> None:
 def test_a_new_tree_offers_its_root() -> None:
     """Before the first sample the default is the plan."""
     assert Tree(_plan(3), gamma=0.9, exploration=0.7).best_plans(10)[0][0] == 3
-
-
-def test_boltzmann_draws_by_the_values() -> None:
-    """π ∝ exp(F / τ); the temperature falls with the visits until the best is always drawn."""
-    rule = Boltzmann(0.5, 0.5, np.random.default_rng(0))
-    values = np.array([0.2, 0.6, 1.0])
-    for visits in (0, 8):
-        tau = 0.5 / math.sqrt(1 + visits)
-        wanted = np.exp(values / tau) / np.exp(values / tau).sum()
-        drawn = np.bincount([rule.draw(values, visits) for _ in range(4000)], minlength=3)
-        assert drawn / 4000 == pytest.approx(wanted, abs=0.03)
-    assert {rule.draw(values, 10**6) for _ in range(100)} == {2}
-
-
-def test_a_boltzmann_tree_goes_down_by_it() -> None:
-    """A child with a better mean is seen more often, the others now and then."""
-    rule = Boltzmann(0.3, 0.0, np.random.default_rng(1))
-    tree = Tree(_plan(0), gamma=1.0, exploration=0.7, boltzmann=rule)
-    nodes = [tree.expand(ROOT, _plan(k + 1)) for k in range(3)]
-    for node, reward in zip(nodes, (0.1, 0.5, 0.9), strict=True):
-        tree.backup(node, reward)
-    seen = [tree._select(ROOT) for _ in range(600)]
-    count = [seen.count(node) for node in nodes]
-    assert 0 < count[0] < count[1] < count[2]
