@@ -242,10 +242,7 @@ class DecMcts:
         """
         best = self._values.starts[team]
         self._tried += 1
-        plans = None
-        if self._tried % 2:
-            plans = self._draw(team)
-            plans[self.head] = self._own.distribution.sample(self._rng)
+        plans = self._combination(team) if self._tried % 2 else None
         if plans is None or self._values.knows(plans, team):
             policies = self.parameters.policies
             plans = exchange_jointly(self.problem, best.plans, self._rng, policies=policies)
@@ -253,6 +250,10 @@ class DecMcts:
         if self._values.starts[team].makespan_s < best.makespan_s:
             child = self._tree.expand(ROOT, plans[self.head])
             self._tree.backup(child, self._reward(plans, team))
+
+    def _combination(self, team: Team) -> dict[int, Plan]:
+        """Draw one plan of each head's X̂."""
+        return {**self._draw(team), self.head: self._own.distribution.sample(self._rng)}
 
     def _child_plan(self, node: int, team: Team) -> Plan:
         """Return the plan of the next child: the best policies at the root, then exchanges."""
