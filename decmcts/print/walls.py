@@ -168,11 +168,11 @@ def retracts(
     walls: Walls, settings: ProcessSettings, way: Sequence[tuple[float, float, float]]
 ) -> bool:
     """Tell whether the one travel along `way` is retracted, as `retracted_paths` does."""
-    corners = [p for k, p in enumerate(way) if k == 0 or p != way[k - 1]]
-    length = sum(map(math.dist, corners, corners[1:]))
+    length = sum(map(math.dist, way, way[1:]))
     if length <= 0.0 or length < settings.retract_min_travel_mm:
         return False
     if settings.bare_inside_mm <= 0.0:
         return True
+    corners = [p for k, p in enumerate(way) if k == 0 or p != way[k - 1]]
     path, offsets = np.array(corners, np.float64), np.array([0, len(corners)])
     return bool(retracted_paths(walls, settings, path, offsets)[0])

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import reduce
+from itertools import accumulate
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,7 @@ from decmcts._kernels.geometry.walls import Walls
 from decmcts.formats.gcode.dialects.dialect import WAIT_MARK
 from decmcts.formats.gcode.dialects.layers import LayerWords, layer_words
 from decmcts.formats.gcode.document import BEAD, BEFORE_TRAVEL, SILENT, UNSET, Cursor, GcodeDocument
+from decmcts.formats.gcode.writing.wipes import first_part, level_part
 from decmcts.print.job import DEFAULT_TRAVEL, ProcessSettings
 from decmcts.print.walls import no_walls, retracts
 
@@ -23,6 +27,8 @@ NEAR_MM = 1e-3  # two positions this near are one
 ROUNDING_MM = 1e-3  # of filament; less is not worth a line
 APPROACH_MM = 5.0  # above the first bead, over purge lines and clips
 BRIDGE_LIFT_MM = 0.4  # above everything printed, where no plan says how to travel
+
+Point = tuple[float, float, float]
 
 
 class Emitter:
@@ -45,6 +51,12 @@ class Emitter:
         self._ij = f".{max(xy, document.arcs.decimals)}f"
         self._bead_line = f"G1 X%.{xy}f Y%.{xy}f E%.{e}f".encode() + document.newline
         self._scale = document.e_area or 1.0
+        self._feed_words: dict[float, str] = {}
+        slots = document.states.slots
+        self._heard = [k for k, slot in enumerate(slots) if not slot.startswith(SILENT)]
+        self._ahead = [k for k in self._heard if slots[k] in BEFORE_TRAVEL]
+        self._ranks = [_rank(slot) for slot in slots]
+        self._rows: dict[int, list[int]] = {}  # of states
         self.travel_feed = settings.travel_feed or DEFAULT_TRAVEL
         self.spare = 0.0  # of E as the file counts it: what words have rounded off, if relative
         self.e = 0.0
@@ -109,10 +121,14 @@ class Emitter:
         return self.e - float(format(self.e, self._e))
 
     def _feed_word(self, feed: float) -> str:
+        if (known := self._feed_words.get(feed)) is not None:
+            return known
         text = f"{feed * 60.0:.{max(3, self.document.decimals[2])}f}"
-        return text.rstrip("0").rstrip(".") if "." in text else text
+        word = text.rstrip("0").rstrip(".") if "." in text else text
+        self._feed_words[feed] = word
+        return word
 
-    def move(self, to: tuple[float, float, float], feed: float, filament: float = 0.0) -> None:
+    def move(self, to: Point, feed: float, filament: float = 0.0) -> None:
         """Move in a straight line, with or without filament."""
         if filament and feed == self.feed and self.beads((self.at, to), (filament,), 0, 1):
             return
@@ -159,12 +175,31 @@ class Emitter:
             self.at, self.e, self.spare = (x, y, z), e, spare
         return k
 
+    def plain(self, ends: NDArray[np.float64], rounded_off: list[float], feed: float) -> None:
+        """Print straight and level from where the head stands, all segments at one feed.
+
+        `ends` are the rows of `Beads.ends`; none is empty or without filament.
+        """
+        words = ends.ravel().tolist()
+        if self.relative_e:
+            self.spare = reduce(add, rounded_off, self.spare)
+            self.e = reduce(add, words[2::3], self.e)
+        else:
+            words[2::3] = list(accumulate(words[2::3], initial=self.e))[1:]
+            self.e = words[-1]
+        lines = self._bead_line * len(ends) % tuple(words)
+        if abs(feed - self.feed) > 1e-9:
+            first, newline, rest = lines.partition(self.document.newline)
+            lines = b"%b F%b%b%b" % (first, self._feed_word(feed).encode(), newline, rest)
+        self.lines.append(lines)
+        self.at, self.feed = (words[-3], words[-2], self.at[2]), feed
+
     def leave(self) -> None:
         """Forget the bead just printed: the head has gone elsewhere, and others may be there."""
         self.tail = None
 
     def arc(
-        self, to: tuple[float, float, float], centre: tuple[float, float], clockwise: bool,
+        self, to: Point, centre: tuple[float, float], clockwise: bool,
         feed: float, filament: float,
     ) -> None:  # fmt: skip
         """Move along an arc around a centre; equal ends are a full circle."""
@@ -232,7 +267,7 @@ class Emitter:
             return
         self._pulled = True
         wiped = min(settings.wipe_filament_mm, settings.retract_mm - self.owed)
-        tail = _level(self.tail) if settings.wipe_mm > 0.0 and self.tail is not None else None
+        tail = level_part(self.tail) if settings.wipe_mm > 0.0 and self.tail is not None else None
         if tail is not None and len(tail) > 1 and wiped > 0.0:
             self.owe(settings.retract_mm - wiped)
             self._wipe(tail, wiped)
@@ -240,7 +275,7 @@ class Emitter:
         if habits.resets_e:
             self.set_e(0.0)
 
-    def retract_for(self, way: Sequence[tuple[float, float, float]]) -> None:
+    def retract_for(self, way: Sequence[Point]) -> None:
         """Retract if the travel along `way` is one that is retracted."""
         if not self._withdrawn() and retracts(self.walls, self.settings, way):
             self.retract()
@@ -257,7 +292,7 @@ class Emitter:
         The head ends where the bead ends, so the planned travel starts there.
         """
         half = self.settings.wipe_mm / 2.0
-        way = _cut(tail, half)
+        way = first_part(tail, half)
         length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
         if length < NEAR_MM:
             return
@@ -269,12 +304,11 @@ class Emitter:
 
     # -- travel -----------------------------------------------------------------
 
-    def travel(self, path: NDArray[np.float64], passed: Mapping[int, str] | None = None) -> None:
-        """Follow a planned path from where the head stands.
+    def travel(self, points: Sequence[Point], passed: Mapping[int, str] | None = None) -> None:
+        """Follow the points of a planned path from where the head stands.
 
         `passed` has what is to be said where the head has come to points of the path.
         """
-        points = [tuple(p) for p in path.tolist()]
         length = math.dist(self.at, points[0]) + sum(map(math.dist, points, points[1:]))
         if length < 1e-9:
             for text in (passed or {}).values():
@@ -291,11 +325,11 @@ class Emitter:
         """Stand still."""
         self.say(f"G4 P{math.ceil(1000.0 * seconds - 1e-6)} {WAIT_MARK}")
 
-    def _travel_feed(self, to: tuple[float, float, float]) -> float:
+    def _travel_feed(self, to: Point) -> float:
         upright = to[0] == self.at[0] and to[1] == self.at[1]
         return (self.settings.z_feed or self.travel_feed) if upright else self.travel_feed
 
-    def approach(self, to: tuple[float, float, float]) -> None:
+    def approach(self, to: Point) -> None:
         """Go to the first bead: up, across, down.
 
         Every axis is named, for where homing or a macro left the head is not known. That
@@ -313,23 +347,23 @@ class Emitter:
         self.at, self.feed = (to[0], to[1], over), self.travel_feed
         self.move(to, feed)
 
-    def hover(self, to: tuple[float, float, float]) -> None:
+    def hover(self, to: Point) -> None:
         """Go above a place, over everything printed, and do not come down on it."""
         if math.dist(self.at, to) < NEAR_MM:
             return
         over = max(self.top, to[2]) + BRIDGE_LIFT_MM
         x, y, z = self.at
         highest = max(over, z)
-        self.travel(np.array([(x, y, highest), (to[0], to[1], highest), (to[0], to[1], over)]))
+        self.travel([(x, y, highest), (to[0], to[1], highest), (to[0], to[1], over)])
 
-    def bridge(self, to: tuple[float, float, float]) -> None:
+    def bridge(self, to: Point) -> None:
         """Go over everything printed so far: up, across, down."""
         if math.dist(self.at, to) < NEAR_MM:
             return
         lift = max(BRIDGE_LIFT_MM, self.settings.hop_mm)
         over = max(self.top, self.at[2], to[2]) + lift
         x, y, _ = self.at
-        self.travel(np.array([(x, y, over), (to[0], to[1], over), to]))
+        self.travel([(x, y, over), (to[0], to[1], over), to])
 
     # -- state ------------------------------------------------------------------
 
@@ -339,20 +373,19 @@ class Emitter:
         With `before_travel` only the labels a travel belongs to.
         """
         table = self.document.states
-        target = table.rows[state].tolist()
+        target = self._rows.get(state)
+        if target is None:
+            target = self._rows[state] = table.rows[state].tolist()
         if not before_travel:
             self._arrive()
         if target == self.row:
             return
-        changed = [
-            k for k, slot in enumerate(table.slots)
-            if self.row[k] != target[k] and not slot.startswith(SILENT)
-            and (slot in BEFORE_TRAVEL or not before_travel)
-        ]  # fmt: skip
+        due = self._ahead if before_travel else self._heard
+        changed = [k for k in due if self.row[k] != target[k]]
         for k in changed:
             if text := table.leave[self.row[k]]:
                 self._block_of(text)
-        changed.sort(key=lambda k: _rank(table.slots[k]))
+        changed.sort(key=self._ranks.__getitem__)
         for k in changed:
             if table.slots[k] == "layer":
                 self._enter(table.values[self.row[k]], table.values[target[k]])
@@ -379,8 +412,9 @@ class Emitter:
 
     def _arrive(self) -> None:
         """Write what follows the first move of a layer."""
-        self._block_of("\n".join(self._arrival))
-        self._arrival = ()
+        if self._arrival:
+            self._block_of("\n".join(self._arrival))
+            self._arrival = ()
 
     def _block_of(self, text: str) -> None:
         for line in text.split("\n") if text else []:
@@ -396,26 +430,3 @@ def _rank(slot: str) -> int:
         if slot in group:
             return 10 * rank + group.index(slot)
     return 100
-
-
-def _level(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the first points of a way up to where it goes straight up or down.
-
-    A wipe does not go back into a vertical bead.
-    """
-    step = np.diff(way, axis=0)
-    upright = np.flatnonzero((step[:, 2] != 0.0) & (step[:, :2] == 0.0).all(axis=1))
-    return way[: upright[0] + 1] if len(upright) else way
-
-
-def _cut(way: NDArray[np.float64], length: float) -> NDArray[np.float64]:
-    """Return the first `length` mm of a polyline."""
-    step = np.linalg.norm(np.diff(way, axis=0), axis=1)
-    reach = np.cumsum(step)
-    k = int(np.searchsorted(reach, length))
-    if k >= len(step):
-        return way
-    before = reach[k - 1] if k else 0.0
-    t = (length - before) / step[k] if step[k] > 0 else 0.0
-    last = way[k] + t * (way[k + 1] - way[k])
-    return np.concatenate([way[: k + 1], np.round(last, 3)[None]])

@@ -38,7 +38,7 @@ The commands are macros the machine's host provides; a machine may have other wo
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
@@ -49,6 +49,7 @@ from decmcts.formats.gcode.dialects.dialect import UNKNOWN
 from decmcts.formats.gcode.document import IDLE_S, Block, Cursor, GcodeDocument
 from decmcts.formats.gcode.text.lines import command_of
 from decmcts.formats.gcode.text.source_text import save_text
+from decmcts.formats.gcode.writing.beads import Beads, Point
 from decmcts.formats.gcode.writing.emitter import Emitter
 from decmcts.formats.gcode.writing.hot_ends import (
     Hears,
@@ -145,8 +146,7 @@ def head_gcode_bytes(
         points = number_sync_points(plan, job, release, apart_s)
     if release == "action":
         _refuse_points(points, plan)
-    file = _HeadFile(document, job, head_index, tool, points, words, apart_s)
-    file.kinds = head.kind.tolist()
+    file = _HeadFile(document, job, head_index, head, tool, points, words, apart_s)
     file.prints.update(head.contour[head.kind == ActionKind.PRINT].tolist())
     header = [
         *header_lines,
@@ -154,7 +154,7 @@ def head_gcode_bytes(
     ]
     file.begin(header, len(plan.heads), home)
     for k in range(len(head)):
-        file.act(head, k)
+        file.act(k)
     file.end(len(head))
     return file.emitter.text()
 
@@ -253,6 +253,7 @@ class _HeadFile:
         document: GcodeDocument,
         job: PrintJob,
         index: int,
+        head: HeadActions,
         tool: int | None,
         points: SyncPoints,
         words: SyncWords,
@@ -271,7 +272,15 @@ class _HeadFile:
         self.start = document.start if self.own_start is None else self.own_start.end
         changes = (b for b in document.blocks if b.begin.tool != b.end.tool == tool)
         self.first_use = next(changes, None) if self._is_other(self.start.tool) else None
-        self.kinds: list[int] = []  # of the head's actions
+        self.beads = Beads.of(document, job)
+        self.head = head
+        self.kinds: list[int] = head.kind.tolist()  # of the head's actions
+        self.contours, self.epochs = head.contour.tolist(), job.contours.epoch.tolist()
+        self.reversed, self.entries = head.reversed.tolist(), head.entry.tolist()
+        self.begins_s, self.ends_s = head.begin_s.tolist(), head.end_s.tolist()
+        sizes, laid = np.diff(head.path_offsets), head.kind == ActionKind.PRINT
+        self.bounds = np.concatenate([[0], np.cumsum(np.where(laid, 0, sizes))]).tolist()
+        self.path: list[Point] = list(map(tuple, head.path[~np.repeat(laid, sizes)].tolist()))
         self.prints: set[int] = set()  # contours
         self.due: dict[int, float] = {}  # filament, mm, to be pushed for contours behind blocks
         self.laid_s = 0.0  # when the head's last bead ends, by the plan
@@ -321,35 +330,42 @@ class _HeadFile:
             self.emitter.e = np.inf
             self.emitter.set_e(cursor.e)
 
-    def act(self, head: HeadActions, k: int) -> None:
-        """Write one action with what it waits for and what it signals."""
-        emitter = self.emitter
-        for number in self.points.waits.get((self.index, k), ()):
+    def act(self, k: int) -> None:
+        """Write action k with what it waits for and what it signals."""
+        place = self.index, k
+        for number in self.points.waits.get(place, ()):
             self._wait(number)
-        self._dwell(self.points.lags.get((self.index, k), 0.0))
-        passed = {
-            point: self._said(self.words.passed, number)
-            for point, number in self.points.passed.get((self.index, k), {}).items()
-        }
+        self._dwell(self.points.lags.get(place, 0.0))
+        passed: dict[int, str] | None = None
+        if (given := self.points.passed.get(place)) is not None:
+            passed = {p: self._said(self.words.passed, number) for p, number in given.items()}
         kind = self.kinds[k]
-        if kind in (_TRAVEL, _PARK):
-            emitter.travel(head.action_path(k), passed)
-        elif kind == _PRINT:
-            contour = int(head.contour[k])
-            changed = self._cross(int(self.job.contours.epoch[contour]))
-            if head.begin_s[k] - self.laid_s >= IDLE_S and not changed:
-                emitter.owed += self.document.prime(self.tool)
-            self.laid_s = float(head.end_s[k])
-            emitter.owed += self.due.pop(contour, 0.0)
-            print_contour(
-                emitter, self.job, contour, [], is_reversed=bool(head.reversed[k]),
-                entry=int(head.entry[k]), passed=passed,
-            )  # fmt: skip
-            self._retract_for(head, k + 1)
+        if kind == _PRINT:
+            self._print(k, passed)
         elif kind == _WAIT:
-            self._dwell(float(head.end_s[k] - head.begin_s[k]))
-        if (number := self.points.signals.get((self.index, k), 0)) > 0:
+            self._dwell(self.ends_s[k] - self.begins_s[k])
+        else:
+            self.emitter.travel(self._path(k), passed)
+        if (number := self.points.signals.get(place, 0)) > 0:
             self._end_of(k, number)
+
+    def _print(self, k: int, passed: Mapping[int, str] | None) -> None:
+        """Write what stands before a contour in the source's own lines, and the contour."""
+        emitter, contour = self.emitter, self.contours[k]
+        changed = self._cross(self.epochs[contour])
+        if self.begins_s[k] - self.laid_s >= IDLE_S and not changed:
+            emitter.owed += self.document.prime(self.tool)
+        self.laid_s = self.ends_s[k]
+        emitter.owed += self.due.pop(contour, 0.0)
+        print_contour(
+            emitter, self.beads, contour, [], is_reversed=self.reversed[k], entry=self.entries[k],
+            passed=passed,
+        )  # fmt: skip
+        self._retract_for(k + 1)
+
+    def _path(self, k: int) -> list[Point]:
+        """Return the path of an action that prints nothing."""
+        return self.path[self.bounds[k] : self.bounds[k + 1]]
 
     def _end_of(self, k: int, number: int) -> None:
         """Signal that an action has ended, without a stop where the controllers can."""
@@ -371,7 +387,7 @@ class _HeadFile:
             self.emitter.dwell(part)
             seconds -= part
 
-    def _retract_for(self, head: HeadActions, k: int) -> None:
+    def _retract_for(self, k: int) -> None:
         """Retract for action k before others may count on this head's way being clear.
 
         One that is going to rest retracts here too, for it must not wipe back later.
@@ -380,7 +396,7 @@ class _HeadFile:
         if ahead[:1] == [_WAIT] or ahead == [_TRAVEL, _WAIT]:
             self.emitter.retract()
         if ahead[:1] in ([_TRAVEL], [_PARK]):
-            self.emitter.retract_for(list(map(tuple, head.action_path(k).tolist())))
+            self.emitter.retract_for(self._path(k))
 
     def end(self, count: int) -> None:
         """Write what the source does at its end, without its moves, when all heads are done.

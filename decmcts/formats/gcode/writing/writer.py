@@ -21,7 +21,8 @@ from decmcts.formats.gcode.dialects.stated_times import without_progress
 from decmcts.formats.gcode.document import Block, GcodeDocument
 from decmcts.formats.gcode.text.source_text import save_text
 from decmcts.formats.gcode.writing.arcs import arc_runs
-from decmcts.formats.gcode.writing.emitter import NEAR_MM, Emitter
+from decmcts.formats.gcode.writing.beads import Beads
+from decmcts.formats.gcode.writing.emitter import NEAR_MM, Emitter, Point
 from decmcts.formats.gcode.writing.own_header import with_header
 from decmcts.formats.gcode.writing.progress import Progress
 from decmcts.print.job import PrintJob
@@ -70,6 +71,7 @@ def gcode_bytes(
 ) -> bytes:
     """Return what `write_gcode` writes."""
     emitter = Emitter(document, job.settings, walls_for(job))
+    beads = Beads.of(document, job)
     progress = Progress(document, actions)
     preamble = progress.above(document.preamble)
     emitter.verbatim(with_header(preamble, header_lines, document.newline))
@@ -92,7 +94,7 @@ def gcode_bytes(
             block = next(blocks, None)
         progress.tell(emitter, k)
         print_contour(
-            emitter, job, contour, path, is_reversed=bool(actions.reversed[k]),
+            emitter, beads, contour, path, is_reversed=bool(actions.reversed[k]),
             entry=int(actions.entry[k]),
         )  # fmt: skip
         path = []
@@ -119,7 +121,7 @@ def emit_block(emitter: Emitter, block: Block) -> None:
         emitter.bridge(begin.position)
     elif begin.position[2] > emitter.at[2] + NEAR_MM:
         x, y, _ = emitter.at
-        emitter.travel(np.array([(x, y, begin.position[2])]))
+        emitter.travel([(x, y, begin.position[2])])
     emitter.owe(begin.owed, firmware=begin.firmware_retracted)
     left = emitter.owed - begin.owed
     emitter.set_state(begin.state)
@@ -139,16 +141,13 @@ def emit_block(emitter: Emitter, block: Block) -> None:
 def pause(emitter: Emitter, path: list[NDArray[np.float64]], seconds: float) -> None:
     """Retract, go where the plan waits and stand still there."""
     emitter.retract()
-    if path:
-        way = np.concatenate(path)
-        if math.dist(way[0].tolist(), emitter.at) < NEAR_MM:
-            emitter.travel(way[1:])
+    _follow(emitter, path)
     emitter.dwell(seconds)
 
 
 def print_contour(
     emitter: Emitter,
-    job: PrintJob,
+    beads: Beads,
     contour: int,
     path: list[NDArray[np.float64]],
     *,
@@ -164,12 +163,16 @@ def print_contour(
     back over the last of them, for other heads may be there by then.
     """
     said = passed or {}
-    way = traversal(job.contours, contour, entry)
-    step = -1 if is_reversed else 1
-    points = way.points[::step]
-    begin: tuple[float, float, float] = tuple(points[0].tolist())
-    state = emitter.document.point_state[way.rows[1:]][::step][0]
-    emitter.set_state(int(state), before_travel=True)
+    plain = beads.plain[contour] and not entry and not said
+    way = None if plain else traversal(beads.job.contours, contour, entry)
+    if way is None:
+        points, state = beads.points(contour, is_reversed=is_reversed), beads.state[contour]
+    else:
+        step = -1 if is_reversed else 1
+        points = way.points[::step]
+        state = int(emitter.document.point_state[way.rows[1:]][::step][0])
+    begin: Point = tuple(points[0].tolist())
+    emitter.set_state(state, before_travel=True)
     written = len(emitter.lines)
     _go(emitter, path, begin)
     first = emitter.top == -math.inf  # what the start code pushes belongs to the first bead
@@ -177,9 +180,15 @@ def print_contour(
         emitter.say(SPLIT_MARK)  # above what is pushed on the spot, or that were the last bead's
     emitter.restart(float(emitter.document.owed[contour]))
     emitter.parted = False
-    _lay(emitter, job, way, said, is_reversed=is_reversed)
+    if way is None:
+        emitter.set_state(state)
+        ends = beads.ends(contour, is_reversed=is_reversed)
+        left = beads.left(contour, is_reversed=is_reversed) if emitter.relative_e else []
+        emitter.plain(ends, left, beads.feed[contour])
+    else:
+        _lay(emitter, beads.job, way, said, is_reversed=is_reversed)
     emitter.tail = points[max(said, default=0) :][::-1]
-    emitter.top = max(emitter.top, *points[:, 2].tolist())
+    emitter.top = max(emitter.top, beads.top[contour])
 
 
 def _lay(
@@ -222,9 +231,7 @@ def _alike(feed: list[float], state: list[int]) -> list[int]:
     return until
 
 
-def _go(
-    emitter: Emitter, path: list[NDArray[np.float64]], begin: tuple[float, float, float]
-) -> None:
+def _go(emitter: Emitter, path: list[NDArray[np.float64]], begin: Point) -> None:
     """Follow the planned path if it starts here, else go over the print.
 
     The first path starts at the park position, where the start G-code does not
@@ -232,14 +239,19 @@ def _go(
     """
     if emitter.top == -math.inf and math.dist(begin, emitter.at) >= NEAR_MM:
         emitter.approach(begin)
-    elif path:
-        way = np.concatenate(path)
-        if math.dist(way[0].tolist(), emitter.at) < NEAR_MM:
-            emitter.travel(way[1:])
+    else:
+        _follow(emitter, path)
     if math.dist(begin, emitter.at) >= NEAR_MM:
         emitter.bridge(begin)
     if begin != emitter.at:
         emitter.move(begin, emitter.travel_feed)
+
+
+def _follow(emitter: Emitter, path: list[NDArray[np.float64]]) -> None:
+    """Follow the planned path if it starts here."""
+    way = [tuple(p) for part in path for p in part.tolist()]
+    if way and math.dist(way[0], emitter.at) < NEAR_MM:
+        emitter.travel(way[1:])
 
 
 def _finish(emitter: Emitter) -> None:
