@@ -103,7 +103,8 @@ def verify_plan(
         return Verdict(tuple(faults))
     held = rules or document.rules or usual_rules(document.machine)
     if source is not None:
-        parted = parted_source(document.contours, source, held.cut)
+        feed = document.machine.limits.travel_feed
+        parted = parted_source(document.contours, source, held.cut, travel_feed=feed)
         if parted.faults:
             return Verdict(parted.faults)
         source = parted.job
@@ -161,6 +162,7 @@ def _check_content(
             return other
         faults += compare(ours, theirs, match)
         faults += check_contours(document.contours, source.contours)
+    if source is not None:
         faults += check_accelerations(document.acceleration, source)
     if machine is not None:
         faults += check_machine(document.machine, machine, source)

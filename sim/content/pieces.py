@@ -77,7 +77,9 @@ class Parted:
         return replace(document, point_state=state, point_arc=arc, owed=owed)
 
 
-def parted_source(pieces: Contours, source: PrintJob, cut: str) -> Parted:
+def parted_source(
+    pieces: Contours, source: PrintJob, cut: str, *, travel_feed: float | None = None
+) -> Parted:
     """Return the source as pieces.
 
     Parameters
@@ -86,6 +88,8 @@ def parted_source(pieces: Contours, source: PrintJob, cut: str) -> Parted:
         As a plan has them; without `of` the source stays as it is.
     cut : {"none", "inside", "all"}
         What may be cut.
+    travel_feed : float | None
+        Of travels, mm/s, where the source states none; None: not known.
     """
     if pieces.of is None or pieces.along is None:
         return Parted(source)
@@ -96,7 +100,7 @@ def parted_source(pieces: Contours, source: PrintJob, cut: str) -> Parted:
     faults = [
         *_places(pieces, of, along, contours),
         *_amounts(pieces, contours, steps),
-        *_hops(pieces, source, steps),
+        *_hops(pieces, source, steps, source.settings.travel_feed or travel_feed),
         *_coverage(contours, steps),
         *_allowed(pieces, of, contours, steps, cut),
     ]
@@ -118,6 +122,9 @@ def _named(pieces: Contours, of: Ints, along: Floats, contours: Contours) -> lis
         return [Fault(FaultKind.CONTOUR, f"a piece is of none of the source's {n} contours")]
     wrong = np.flatnonzero(np.diff(of) < 0)
     lines = [f"piece {k + 1} of contour {of[k + 1]} stands behind one of {of[k]}" for k in wrong]
+    begin = along[pieces.offsets[:-1]]
+    late = np.flatnonzero((np.diff(of) == 0) & (np.diff(begin) <= 0.0)).tolist()
+    lines += [f"piece {k + 1} begins before piece {k} on contour {of[k]}" for k in late]
     most = (np.diff(contours.offsets)[of] - 1).repeat(np.diff(pieces.offsets))
     off = np.flatnonzero(~((along >= 0.0) & (along <= most)))
     owner = np.searchsorted(pieces.offsets, off, side="right") - 1
@@ -178,18 +185,27 @@ def _amounts(pieces: Contours, contours: Contours, steps: _Steps) -> list[Fault]
     return listed(FaultKind.EXTRUSION, lines[:LIMIT], total=int(wrong.sum()) + len(owner))
 
 
-def _hops(pieces: Contours, source: PrintJob, steps: _Steps) -> list[Fault]:
-    """Check that nothing is pushed in a hop, and that the slicer would not retract for it."""
+def _hops(
+    pieces: Contours, source: PrintJob, steps: _Steps, travel_feed: float | None
+) -> list[Fault]:
+    """Check that nothing is pushed in a hop, and that the slicer would not retract for it.
+
+    A hop is as fast as a travel, where that is known.
+    """
     hops = np.flatnonzero(steps.hop)
     a, b = pieces.points[steps.point[hops] - 1], pieces.points[steps.point[hops]]
     length = np.linalg.norm(b - a, axis=1)
     longest = min(each.retract_min_travel_mm for each in source.settings.each())
     wrong = (length >= longest) | (pieces.extrusion[steps.point[hops]] != 0.0)
     wrong |= steps.end[hops] <= steps.begin[hops]
+    feed = pieces.feed[steps.point[hops]]
+    wrong |= False if travel_feed is None else np.abs(feed - travel_feed) > EXACT
     return _listed([
-        f"piece {steps.piece[k]} hops {d:.3f} mm from {steps.begin[k]:.3f} to {steps.end[k]:.3f} "
-        f"along contour {steps.of[k]}"
-        for k, d in zip(hops[wrong].tolist(), length[wrong].tolist(), strict=True)
+        f"piece {steps.piece[k]} hops {d:.3f} mm at {v:.3f} mm/s from {steps.begin[k]:.3f} to "
+        f"{steps.end[k]:.3f} along contour {steps.of[k]}"
+        for k, d, v in zip(
+            hops[wrong].tolist(), length[wrong].tolist(), feed[wrong].tolist(), strict=True
+        )
     ])  # fmt: skip
 
 

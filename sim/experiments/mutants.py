@@ -4,7 +4,8 @@ A mutant changes a result in place. The result is then wrong, unless the mutant 
 change is harmless. Changes of plans are in `mutants_plan` (with `mutants_actions` and
 `mutants_waits`). Those of files are made of `gcode_lines`: `mutants_gcode`, `mutants_contacts`,
 `mutants_dots`, `mutants_tools`, and `mutants_heads` for several heads. `benchmarks/mutations.py`
-tries them all.
+tries them all. Those of cut prints are `mutants_cuts`, `mutants_pieces` (made of `cut_rows`) and
+`mutants_piece_lines`; `benchmarks/cut_plans.py` makes thousands of them.
 
 References
 ----------

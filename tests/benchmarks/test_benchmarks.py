@@ -113,6 +113,16 @@ def test_a_report_is_measured_in_a_browser(run, tmp_path):
     assert "four_nuts" in (tmp_path / "report.md").read_text()
 
 
+@pytest.mark.long
+def test_faulty_cut_plans_are_refused(run, tmp_path):
+    """Of each family some kinds, on the smallest slab; the long run has thousands."""
+    kinds = "a piece twice,a cut in skirt,at a corner,lines of a piece dropped,a piece of no"
+    options = ["--slabs", "1", "--count", "5", "--mutants", kinds, "--time-limit", "0.1"]
+    run("cut_plans", options, tmp_path)
+    assert "5 kinds, 5 mutants" in (page := (tmp_path / "cut_plans.md").read_text())
+    assert "4 refused, 1 valid" in page
+
+
 @pytest.mark.slow
 def test_parts_of_the_search_for_bare_sequences_are_left_out(run, tmp_path):
     """A twin tells the noise; done once, not run again."""

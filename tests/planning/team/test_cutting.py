@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,12 @@ from decmcts.planning.result import Result
 from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.pipeline import plan_team, prepared, swept
 from decmcts.planning.verify import verify
+from decmcts.print.job import PrintJob
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.schedule.entries import entries_of
 from sim.content.inventory import move_segments
 from sim.heads.file import read_head_file
+from sim.verify import verify_plan
 from tests.planning.conftest import Agents
 from tests.prints import slab
 
@@ -69,6 +72,24 @@ def test_heads_share_one_part(result: Result) -> None:
     assert after.metrics["one_head_s"] / after.metrics["makespan_s"] > 1.3
     assert after.contours.of is not None and after.rules is not None
     assert after.rules.cut == "all" and after.metrics["cut"]["cuts"] > 20
+
+
+def test_accelerations_of_pieces_are_the_source_s(result: Result) -> None:
+    """A plan that states others is refused, as it is of whole contours."""
+    after, job = result.planned.after, result.planned.problem.job
+    due = job.accelerations
+    assert verify_plan(replace(after, acceleration=due), source=whole_job(result), trials=0).ok
+    spoilt = verify_plan(
+        replace(after, acceleration=due + 500.0), source=whole_job(result), trials=0
+    )
+    assert any("acceleration" in fault.text for fault in spoilt.faults)
+
+
+def whole_job(result: Result) -> PrintJob:
+    """Return the print as it was before it was cut."""
+    whole = result.planned.problem.whole
+    assert whole is not None
+    return whole.job
 
 
 def test_files_of_a_cut_print_hold_the_source_s_path(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from decmcts.formats.gcode import read_gcode
-from decmcts.print.contours import Contours, Role
+from decmcts.print.contours import PER_CONTOUR, Contours, Role
 from decmcts.print.cut import Grid, Lines, cut_job
 from decmcts.print.job import PrintJob
 from sim.content.pieces import parted_source
@@ -62,6 +62,42 @@ def test_strips_are_what_lies_between_lines(pieces: Contours) -> None:
     edges = np.array([0.0, 90.0, 130.0, 171.3, 300.0])
     strip = np.searchsorted(edges, (low + high) / 2) - 1
     assert (low >= edges[strip] - 1.1).all() and (high <= edges[strip + 1] + 1.1).all()
+
+
+def test_pieces_are_listed_by_where_they_begin(job: PrintJob, pieces: Contours) -> None:
+    """As the format has it; what comes first in the source has the smaller number."""
+    begin = pieces.along[pieces.offsets[:-1]]  # type: ignore[index]  # the pieces are cut
+    pair = int(np.flatnonzero(np.diff(pieces.sources) == 0)[0])
+    assert begin[pair] < begin[pair + 1]
+    faults = parted_source(exchanged(pieces, pair), job, "all").faults
+    assert [f.text for f in faults] == [f"piece {pair + 1} begins before piece {pair} on contour 0"]
+
+
+def exchanged(pieces: Contours, first: int) -> Contours:
+    """Exchange two pieces that stand one behind the other in the list."""
+    order = np.arange(len(pieces))
+    order[[first, first + 1]] = [first + 1, first]
+    sizes = np.diff(pieces.offsets)[order]
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    rows = np.concatenate([np.arange(pieces.offsets[k], pieces.offsets[k + 1]) for k in order])
+    each = {name: getattr(pieces, name)[order] for name in (*PER_CONTOUR, "of")}
+    names = ("points", "extrusion", "feed", "along")
+    points = {name: getattr(pieces, name)[rows] for name in names}
+    return replace(pieces, offsets=offsets, **each, **points)
+
+
+def test_a_hop_is_as_fast_as_a_travel(job: PrintJob) -> None:
+    """By the source, or where it states nothing by the machine."""
+    cut = cut_at(job, [90.0, 130.0, 171.3], hop_mm=30.0).contours
+    far = replace(job, settings=replace(job.settings, retract_min_travel_mm=40.0))
+    silent = replace(far, settings=replace(far.settings, travel_feed=0.0))
+    assert parted_source(cut, far, "all").faults == ()
+    assert parted_source(cut, silent, "all").faults == ()
+    assert parted_source(cut, silent, "all", travel_feed=150.0).faults == ()
+    for source, feed in ((far, None), (silent, 100.0)):
+        spoilt = cut if feed else replace(cut, feed=np.where(cut.extrusion > 0, cut.feed, 200.0))
+        faults = parted_source(spoilt, source, "all", travel_feed=feed).faults
+        assert faults and "hops" in faults[0].text
 
 
 def _owner(contours: Contours) -> np.ndarray:
