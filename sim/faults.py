@@ -28,6 +28,7 @@ class FaultKind(Enum):
     DEADLOCK = "deadlock"
     TIMES = "nominal times"
     COOLING = "printed over too soon"
+    WELD = "weld"
     CONTOUR = "contour"
     EXTRUSION = "extrusion"
     ARC = "arc"

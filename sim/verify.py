@@ -28,6 +28,7 @@ from sim.content.same_print import (
     is_other_print,
 )
 from sim.content.seams import Moved
+from sim.content.welds import check_welds
 from sim.faults import LIMIT, Fault, FaultKind, Gap, Nearest, Verdict, listed
 from sim.files.extent import check_extent
 from sim.files.moves import check_moves
@@ -131,6 +132,7 @@ def verify_plan(
     else:
         faults += check_order(document, source, legs, order, held)
         faults += check_least(document, legs.whole, source) + check_metrics(document, legs.whole)
+        faults += check_welds(document, legs.whole, held.weld_limit_s)
         prints = prints_of(len(document.contours), legs.all_actions, order)
         faults += check_meetings(meetings, legs.all_actions, prints)
         more, nearest = _check_execution(document, legs, order, meetings, counts, trials, seed)

@@ -99,7 +99,17 @@ def _cut_line(after: Metrics) -> list[str]:
     if (cut := after.get("cut")) is None:
         return []
     shows = f"{cut['outside']:,} of them outside" if cut["outside"] else "none of them outside"
-    return [f"{cut['contours']:,} contours are cut at {cut['cuts']:,} places, {shows}"]
+    cuts = f"{cut['contours']:,} contours are cut at {cut['cuts']:,} places, {shows}"
+    welds = (
+        f"{cut['welds']:,} welds, the rest in one go: {weld_time(cut['weld_median_s'])} old in the "
+        f"median, {weld_time(cut['weld_most_s'])} at most"
+    )
+    return [cuts, *([welds] if cut["welds"] else [])]
+
+
+def weld_time(seconds: float) -> str:
+    """Return the age of a weld in words."""
+    return f"{seconds:.1f} s" if seconds < 60.0 else clock_time(seconds)
 
 
 def figures(

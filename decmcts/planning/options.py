@@ -242,6 +242,10 @@ class TeamSearch:
     cut : Cut
         Which contours may be cut so that heads share them: none, those inside (infill and inner
         walls), or all. They are cut only where that ends the print sooner.
+    weld_limit_s : float | None
+        The most seconds between the printing of a cut's two ends; None: no limit. Contours that
+        the sweep welds later stay whole, and where the heads' search ends later welds the sweep
+        is printed.
 
     Raises
     ------
@@ -260,10 +264,12 @@ class TeamSearch:
     objective: Objective = Objective.TRAVEL
     parameters: Mapping[str, float] = field(default_factory=dict)
     cut: Cut = Cut.INSIDE
+    weld_limit_s: float | None = None
 
     def __post_init__(self) -> None:
         of_enum(self, "objective", Objective)
         of_enum(self, "cut", Cut)
+        at_least_zero("weld_limit_s", self.weld_limit_s)
         at_least_zero("time_limit_s", self.time_limit_s)
         at_least_zero("seed", self.seed)
         if self.parameters:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 
 class TeamMetrics(TypedDict):
@@ -21,6 +21,9 @@ class CutMetrics(TypedDict):
     contours: int  # that were cut
     cuts: int
     outside: int  # cuts in what shows: outer walls and top surfaces
+    welds: NotRequired[int]  # cuts whose two ends are not printed in one go
+    weld_median_s: NotRequired[float]  # time between the two ends of a weld
+    weld_most_s: NotRequired[float]
 
 
 class Metrics(TypedDict, total=False):

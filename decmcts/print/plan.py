@@ -110,6 +110,7 @@ class OrderRules:
     max_layers_ahead: int | None = None  # None: no limit
     freedom: str = "seam"  # "fixed", "reversible" or "seam"
     cut: str = "none"  # what may be cut: "none", "inside" or "all"
+    weld_limit_s: float | None = None  # no weld of a cut is older; None: no limit
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from sim.experiments.cut_rows import (
     brothers,
     drop_row,
     follow,
+    later,
     lifted,
     place_of,
     segments,
@@ -221,6 +222,27 @@ def to_a_head_that_cannot(plan: Plan, rng: Rng) -> None:
     )  # fmt: skip
 
 
+def weld_too_late(plan: Plan, rng: Rng) -> None:
+    """Let hours pass between two pieces that touch, longer than the plan's rules allow."""
+    rows = plan["contours"]
+    pairs = [
+        (a, b) for ps in brothers(plan).values() for a in ps for b in ps
+        if rows[a]["along"][-1] == rows[b]["along"][0]
+    ]  # fmt: skip
+    times = []
+    for pair in pairs:
+        first, second = sorted(
+            actions[k]["begin_s"] for actions, k in (place_of(plan, piece) for piece in pair)
+        )
+        times += [second] if second > first else []
+    at_s = times[pick(list(range(len(times))), rng)]
+    later(plan, at_s + 1e-9, 2e4)
+    for head in plan["heads"]:
+        for action in head["actions"]:
+            if action["begin_s"] == at_s:
+                action["begin_s"] += 2e4
+
+
 CUT_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("a piece twice", twice),
     Mutant("a segment of a piece twice", stretch_twice),
@@ -237,6 +259,7 @@ CUT_MUTANTS: tuple[Mutant[Plan], ...] = (
     Mutant("a cut outside where only inside may be cut", outside_though_inside),
     Mutant("two pieces as one with a long hop", long_hop),
     Mutant("a piece for a head that does not reach it", to_a_head_that_cannot),
+    Mutant("a weld too late", weld_too_late),
     Mutant("a piece of infill before its wall", process_order_swapped),
     Mutant("a piece before the one under it", upper_layer_first),
     Mutant("a piece across a change of temperature", across_a_barrier),

@@ -97,6 +97,15 @@ CutOption = Annotated[
         "infill and inner walls, or outer walls too",
     ),
 ]
+WeldOption = Annotated[
+    float | None,
+    typer.Option(
+        "--weld-limit-s",
+        rich_help_panel=opt.SEARCH,
+        metavar="S",
+        help="The most seconds between the printing of a cut's two ends (default: no limit)",
+    ),
+]
 TeamObjectiveOption = Annotated[
     Objective,
     typer.Option(
@@ -128,6 +137,7 @@ def launch(
     seed: opt.SeedOption = 0,
     team: TeamOption = None,
     cut: CutOption = Cut.INSIDE,
+    weld_limit_s: WeldOption = None,
     plan_file: opt.PlanOption = None,
     report: opt.ReportOption = None,
     picture: opt.PictureOption = None,
@@ -155,7 +165,7 @@ def launch(
     refuse_stdout(record, "--record")
     only_shown = not (as_json or stem or plan_file or report or picture or record)
     parameters = {} if team is None else read_parameters(team)
-    search = TeamSearch(time_limit, seed, objective, parameters, cut)
+    search = TeamSearch(time_limit, seed, objective, parameters, cut, weld_limit_s)
     result = run_team(
         source, machine, search, rules, limits=limits, plate=plate, record=record,
         writes=stem is not None, remark=ONLY_SHOWN if only_shown else "",

@@ -77,6 +77,8 @@ def _write(document: PlanDocument, file: BinaryIO) -> None:
         rules = asdict(document.rules)
         if document.contours.of is None:
             del rules["cut"]  # versions without it are read without it
+        if document.rules.weld_limit_s is None:
+            del rules["weld_limit_s"]  # likewise
         head[_RULES] = rules
     file.write(_dump(head)[:-1] + b',\n"contours":[')
     rows = contours_to_dicts(document.contours, document.machine, document.acceleration)
@@ -155,8 +157,11 @@ def _rules(table: Fields) -> OrderRules:
     cut = table.text("cut") if "cut" in table.values else "none"
     if cut not in _CUTS:
         table.fail("cut", f"{shown(cut)} is none of {', '.join(_CUTS)}")
+    limit = None
+    if "weld_limit_s" in table.values:
+        limit = table.number("weld_limit_s", least=0.0, most=LARGEST_SECONDS)
     return OrderRules(
-        table.text("process_order"), table.flag("quality"), ahead, table.text("freedom"), cut
+        table.text("process_order"), table.flag("quality"), ahead, table.text("freedom"), cut, limit
     )
 
 

@@ -17,6 +17,7 @@ from decmcts.print.cut import cut_metrics
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
+from decmcts.print.welds import with_welds
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.schedule.joint_plan import schedule
 from decmcts.team.schedule.metrics import plan_metrics
@@ -62,13 +63,18 @@ def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanD
     """Wrap a plan with all that is needed to check and draw it."""
     metrics: Metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}
     if problem.whole is not None:
-        metrics["cut"] = cut_metrics(problem.job.contours)
+        pieces = problem.job.contours
+        metrics["cut"] = with_welds(cut_metrics(pieces), pieces, plan)
     if problem.source.original is not None:
         metrics["made_safe"] = True  # so no figure of it is compared with the source's own order
     return PlanDocument(
         problem.digest, problem.machine, problem.job.contours, problem.graph.pairs(), plan, metrics,
         problem.min_layer_time_s,
-        replace(problem.rules.on(problem.machine), cut=problem.cut.value),
+        replace(
+            problem.rules.on(problem.machine),
+            cut=problem.cut.value,
+            weld_limit_s=problem.weld_limit_s,
+        ),
         problem.job.accelerations,
     )  # fmt: skip
 

@@ -42,6 +42,7 @@ class PrintProblem:
     seconds: dict[str, float]  # time of each step
     cut: Cut = Cut.NONE  # what was cut of it
     whole: PrintProblem | None = None  # the problem before contours were cut; None: none is
+    weld_limit_s: float | None = None  # no weld of a cut may be older; None: any age will do
 
     @property
     def path(self) -> Path:

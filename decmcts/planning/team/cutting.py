@@ -43,9 +43,12 @@ class Swept:
     makespan_s: float  # estimate
 
 
-def best_sweep(problem: PrintProblem, cut: Cut, report: Report) -> Swept | None:
+def best_sweep(
+    problem: PrintProblem, cut: Cut, report: Report, *, kept: NDArray[np.bool_] | None = None
+) -> Swept | None:
     """Return the sweep that ends first, with contours cut as far as `cut` allows, or whole.
 
+    Those that are `kept`, (n,), stay whole.
     None where heads cannot sweep: there is one head, or some contour no sweep can hold. Nor are
     prints of more than `MOST_SWEPT` contours swept.
     """
@@ -56,6 +59,8 @@ def best_sweep(problem: PrintProblem, cut: Cut, report: Report) -> Swept | None:
     seconds = segment_times(contours, problem.machine.limits, job.acceleration)
     whole = _swept(problem, seconds, np.zeros(len(contours), np.bool_), Cut.NONE)
     may = may_be_cut(contours, cut.value)
+    if kept is not None:
+        may &= ~kept
     if may.any():
         may &= ~_kept_whole(problem)
     if not may.any():

@@ -27,6 +27,7 @@ from decmcts.planning.team.outcome import Outcome
 from decmcts.print.metrics import Metrics
 from decmcts.print.plan import JointPlan, PlanDocument
 from decmcts.print.toolpath import Toolpath
+from decmcts.print.welds import late_contours
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.alone import lone_machine, one_head_toolpaths
 from decmcts.team.engine.plans import StatedOrder
@@ -73,6 +74,30 @@ def plan_alone(ready: Prepared, live: Sequence[int]) -> PlanDocument:
     return document_of(problem, plan, {"planner": f"local, {shared}"})
 
 
+def sweep_plan(ready: Prepared) -> JointPlan | None:
+    """Return the exact plan of the sweep that agents begin with; None: it cannot be printed."""
+    if ready.start is None:
+        return None
+    heads = len(ready.problem.machine.heads)
+    try:
+        return ready.schedule(with_entries(ready.start.toolpaths(heads), ready.entry))
+    except InputError:
+        return None
+
+
+def _in_time(
+    ready: Prepared, joint: JointPlan | None, live: int, report: Report
+) -> JointPlan | None:
+    """Return a plan whose welds keep their limit: the one agreed on, else the sweep's, if any."""
+    limit_s, contours = ready.problem.weld_limit_s, ready.problem.job.contours
+    if limit_s is None or joint is None or not late_contours(contours, joint, limit_s).any():
+        return joint
+    if live < len(ready.problem.machine.heads):
+        return None
+    report(Note(f"what was agreed has welds older than {limit_s:g} s: the sweep is printed"))
+    return sweep_plan(ready)
+
+
 def best_of(
     ready: Prepared, outcome: Outcome, search: TeamSearch, report: Report
 ) -> tuple[Prepared, PlanDocument]:
@@ -86,6 +111,7 @@ def best_of(
     whole = ready.whole or ready
     yardsticks = begun(partial(_one_head, whole, heads))
     joint = None if result is None else _joint(ready, result, report)
+    joint = _in_time(ready, joint, len(heads), report)
     if not yardsticks.done():
         report(Step("safe travels and times of one head alone"))
     alone, lone = yardsticks.result()

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
@@ -24,13 +25,13 @@ from decmcts.planning.compiling.child import finish_beside
 from decmcts.planning.compiling.parts import TEAM
 from decmcts.planning.events import Begun, Heads, Note, Report, Sound, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import search_order
-from decmcts.planning.options import PlannerName, Search, TeamSearch
+from decmcts.planning.options import Cut, PlannerName, Search, TeamSearch
 from decmcts.planning.problem.first_check import refuse_unsound
 from decmcts.planning.problem.planned import History, Planned, source_plan
 from decmcts.planning.problem.print_problem import PrintProblem, named
 from decmcts.planning.team.beside import begun
-from decmcts.planning.team.cutting import best_sweep
-from decmcts.planning.team.joint import Prepared, best_of, with_bound
+from decmcts.planning.team.cutting import Swept, best_sweep
+from decmcts.planning.team.joint import Prepared, best_of, sweep_plan, with_bound
 from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 from decmcts.print.job import PrintJob
@@ -38,6 +39,7 @@ from decmcts.print.machine import Machine
 from decmcts.print.plan import PlanDocument
 from decmcts.print.seam import SeamEntries
 from decmcts.print.toolpath import Toolpath
+from decmcts.print.welds import late_contours
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
 from decmcts.team.engine.plans import StatedOrder
@@ -47,6 +49,7 @@ from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, 
 from decmcts.team.schedule.leaning import lean
 from sim.faults import Verdict
 
+WELD_ROUNDS = 4  # of sweeps in which contours stay whole whose welds would be too old
 ALONE_MOST_S = 10.0  # for the order of one head alone, and at most a third of the search time
 
 
@@ -141,8 +144,49 @@ def prepared(
 
 
 def swept(ready: Prepared, search: TeamSearch, report: Report) -> Prepared:
-    """Return what agents plan: with a sweep to begin with, of contours that may be cut for it."""
-    found = best_sweep(ready.problem, search.cut, report)
+    """Return what agents plan: with a sweep to begin with, of contours that may be cut for it.
+
+    Where the age of welds is limited, only contours are cut whose welds the sweep prints in time.
+    """
+    if search.weld_limit_s is not None:
+        return within_limit(ready, search, search.weld_limit_s, report)
+    return cut_for(ready, best_sweep(ready.problem, search.cut, report))
+
+
+def within_limit(ready: Prepared, search: TeamSearch, limit_s: float, report: Report) -> Prepared:
+    """Return what agents plan, with no contour cut whose weld the sweep would print too late."""
+    problem, kept = ready.problem, np.zeros(len(ready.problem.job.contours), np.bool_)
+    for _ in range(WELD_ROUNDS):
+        cut = cut_for(ready, best_sweep(problem, search.cut, report, kept=kept))
+        if (late := _late_in(cut, limit_s)) is None:
+            break
+        if not late.any():
+            cut = replace(cut, problem=replace(cut.problem, weld_limit_s=limit_s))
+            break
+        kept |= late
+    else:
+        cut, kept[:] = cut_for(ready, best_sweep(problem, Cut.NONE, report)), True
+    if kept.any():
+        stays = len(kept) if cut.whole is None else int(kept.sum())
+        report(Note(f"{stays} contours stay whole: their welds would be older than {limit_s:g} s"))
+    return cut
+
+
+def _late_in(cut: Prepared, limit_s: float) -> NDArray[np.bool_] | None:
+    """Tell which contours the sweep welds too late, (contours of the source,); None: none is cut.
+
+    All that are cut, where it cannot be printed.
+    """
+    pieces = cut.problem.job.contours
+    if cut.whole is None:
+        return None
+    if (plan := sweep_plan(cut)) is None:
+        return np.bincount(pieces.sources) > 1
+    return late_contours(pieces, plan, limit_s)
+
+
+def cut_for(ready: Prepared, found: Swept | None) -> Prepared:
+    """Return what agents plan with a sweep to begin with."""
     if found is None:
         return ready
     problem = found.problem

@@ -5,23 +5,29 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from agents.launch import LaunchResult
 from decmcts.errors import InputError
-from decmcts.planning.events import unheard
+from decmcts.planning.events import Note, unheard
 from decmcts.planning.options import Cut, Freedom, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import load, problem_of
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
 from decmcts.planning.team.cutting import best_sweep
+from decmcts.planning.team.joint import sweep_plan
 from decmcts.planning.team.pipeline import plan_team, prepared, swept
 from decmcts.planning.verify import verify
 from decmcts.print.job import PrintJob
+from decmcts.print.welds import weld_ages
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.schedule.entries import entries_of
 from sim.content.inventory import move_segments
+from sim.content.welds import welds_of
+from sim.faults import FaultKind
 from sim.heads.file import read_head_file
 from sim.verify import verify_plan
 from tests.planning.conftest import Agents
@@ -90,6 +96,57 @@ def whole_job(result: Result) -> PrintJob:
     whole = result.planned.problem.whole
     assert whole is not None
     return whole.job
+
+
+def test_planner_and_judge_measure_the_same_welds(result: Result) -> None:
+    """Each by code of its own, at each cut."""
+    after = result.planned.after
+    ages, cuts = weld_ages(after.contours, after.plan)
+    found = welds_of(after, after.plan.heads)
+    assert sum(map(len, found.values())) == len(ages) == after.metrics["cut"]["cuts"]
+    for contour, judged in found.items():
+        assert judged == pytest.approx(ages[cuts.contour == contour].tolist(), abs=1e-6)
+    assert 0 < after.metrics["cut"]["weld_median_s"] < after.metrics["cut"]["weld_most_s"]
+
+
+def test_a_plan_keeps_the_limit_that_it_states(result: Result) -> None:
+    """Old welds are a fault there, and so is a figure that its actions do not have."""
+    after, source = result.planned.after, whole_job(result)
+    cut, rules = after.metrics["cut"], after.rules
+    assert rules is not None
+    for limit_s in (cut["weld_most_s"] + 0.01, cut["weld_most_s"] - 0.01):
+        stated = replace(after, rules=replace(rules, weld_limit_s=limit_s))
+        found = verify_plan(stated, source=source, trials=0).kinds()
+        assert found == (set() if limit_s > cut["weld_most_s"] else {FaultKind.WELD})
+    for name, value in cut.items():
+        lie: Any = {**cut, name: value + 1}  # type: ignore[operator]  # all are numbers
+        lie = replace(after, metrics={**after.metrics, "cut": lie})
+        assert verify_plan(lie, source=source, trials=0).kinds() == {FaultKind.WELD}
+
+
+class Careless(Agents):
+    """Agents that do not begin with the sweep."""
+
+    def __call__(self, *given: Any, **options: Any) -> LaunchResult:
+        return super().__call__(*given, **{**options, "start": None})
+
+
+def test_welds_are_no_older_than_asked(tmp_path: Path) -> None:
+    """Where what is agreed welds later the sweep is printed, and cut is what that has in time."""
+    source = read(slab(tmp_path / "slab.gcode", layers=2), "dual-gantry")
+    problem, free = problem_of(source, Rules(), unheard), TeamSearch(0.5, cut=Cut.ALL)
+    said: list[object] = []
+    ready = prepared(problem, free, writes=False)
+    plan = sweep_plan(cut := swept(ready, free, unheard))
+    assert plan is not None
+    latest = float(weld_ages(cut.problem.job.contours, plan)[0].max())
+    limited = replace(free, weld_limit_s=latest + 0.01)
+    after = plan_team(problem, limited, writes=False, agents=Careless(), report=said.append).after
+    assert after.rules is not None and after.rules.weld_limit_s == latest + 0.01
+    assert after.metrics["cut"]["weld_most_s"] == pytest.approx(latest)
+    assert any("the sweep is printed" in note.text for note in said if isinstance(note, Note))
+    assert swept(ready, replace(free, weld_limit_s=1.0), said.append).whole is None
+    assert "6 contours stay whole" in [n.text for n in said if isinstance(n, Note)][-1]
 
 
 def test_files_of_a_cut_print_hold_the_source_s_path(
