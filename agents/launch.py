@@ -71,7 +71,7 @@ def launch(
         If there is no limit of seconds, or one of iterations.
     """
     changed(Parameters(), parameters or {})
-    problem = build_team_problem(job, machine, graph, lags)
+    problem = build_team_problem(job, machine, graph, lags, start)
     options = {} if parameters is None else {TEAM: dict(parameters)}
     expected = team_digest(problem.digest, job, code=code_digest())
     with draft_folder() as folder:

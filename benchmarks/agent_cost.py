@@ -142,7 +142,7 @@ def run(asked: Figures) -> Figures:
     pack = read_pack(Path(asked["folder"]))
 
     def build() -> TeamProblem:
-        return build_team_problem(pack.job, pack.machine, pack.graph, pack.lags)
+        return build_team_problem(pack.job, pack.machine, pack.graph, pack.lags, pack.start)
 
     build()
     problem, build_s = timed(build)

@@ -70,7 +70,7 @@ def problem_of(seed: int) -> TeamProblem:
         path = Path(folder, "towers.gcode")
         path.write_text(made_gcode([(float(at), 100.0) for at in x]))
         pack = load_source(path, "dual-gantry", "keep")
-    return build_team_problem(pack.job, pack.machine, pack.graph)
+    return build_team_problem(pack.job, pack.machine, pack.graph, start=pack.start)
 
 
 def team_of(planner: str, loss: str, seed: int) -> Team:

@@ -1,15 +1,17 @@
 """What each part of the search for several heads brings: one left out or changed at a time.
 
-    python benchmarks/team_ablation.py [--time-limit 30] [--seeds 0,1,2] [--models mix_1,…]
+    python benchmarks/team_ablation.py [--time-limit 20] [--seeds 0,1,2] [--models mix_2,…]
 
 All heads plan in turn in one process, so that every variant gets the same processor time
-(`--time-limit`). *no tree*: plans come from policies and exchanges on the best joint plan.
-*no messages*: no head learns what another plans; the best of theirs counts. *no local
-search*: joint orders are neither recreated nor polished. *no recreation*: they are polished
-alone. *no piecewise release*: a head holds the room of a
-contour to its end. *q frozen*: the distributions over plans stay uniform. *no search*:
-neither tree nor distributions nor joint plans, policies and windows alone. Of the corpus'
-eight plates (`dual-gantry`) the odd ones were tuned on.
+(`--time-limit`). All begin with the order that `launch` begins with, a sweep; NAME@CUT has its
+contours cut for it (`team_prints.py`). *no tree*: plans come from policies and exchanges on the
+best joint plan. *no messages*: no head learns what another plans; the best of theirs counts.
+*q frozen*: the distributions over plans stay uniform. *windows alone*: neither tree nor
+distributions nor joint plans. *one tree*: one central Monte Carlo tree over joint plans, of the
+same moves, in place of a tree and a distribution a head, and the same windows. *no windows*:
+joint orders are neither recreated nor polished; *one tree alone*: nor with one tree.
+*annealing*: of one joint order, `decmcts.team.baselines.annealing`. *no recreation*: orders are
+polished alone. *no piecewise release*: a head holds the room of a contour to its end.
 """
 
 from __future__ import annotations
@@ -31,13 +33,12 @@ from common import (
     setting,
     spread,
 )
-from team_prints import PLATES
 from team_run import VARIANTS, in_own_process
 
 KEY = ("plate", "heads", "method", "seed", "cpu_s")
 HEADS = 2
 ALL = VARIANTS[0]
-TUNED = PLATES[::2]
+PRINTS = "gf_baseplate@all,openbot_top_A@inside,slab@all,mix_2,mix_6"
 STEPS = 8  # of the time, for which the entropy is told
 Rounds = list[tuple[float, float]]
 
@@ -52,7 +53,8 @@ def keys_of(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
 
 def run(key: dict[str, Any]) -> dict[str, Any]:
     """Make one run; of how it went the entropy at some times is kept."""
-    row = in_own_process(key)
+    row = in_own_process({**key, "swept": ":" not in key["plate"]})
+    del row["swept"]
     row.pop("history", None)
     row["entropy"] = json.dumps(sampled(row.get("entropy") or [], key["cpu_s"]))
     return row
@@ -82,24 +84,24 @@ def against_all(rows: list[dict[str, str]]) -> dict[str, list[float]]:
 
 def of_variants(rows: list[dict[str, str]]) -> str:
     """Return a line for each variant: against the bound and against the whole search."""
-    tuned = against_all([r for r in rows if r["plate"] in TUNED])
-    fresh = against_all([r for r in rows if r["plate"] not in TUNED])
+    cut = against_all([r for r in rows if "@" in r["plate"]])
+    uncut = against_all([r for r in rows if "@" not in r["plate"]])
     lines = []
     for (method,), mine in grouped(rows, "method").items():
-        both = tuned.get(method, []) + fresh.get(method, [])
+        both = cut.get(method, []) + uncut.get(method, [])
         lines.append(
             [
                 method,
                 str(len(mine)),
                 spread([float(r["over_bound"]) for r in mine], 3),
-                spread(tuned.get(method, []), 3),
-                spread(fresh.get(method, []), 3),
+                spread(cut.get(method, []), 3),
+                spread(uncut.get(method, []), 3),
                 f"{min(both):.3f} to {max(both):.3f}" if both else "",
-                f"{statistics.median(int(r['rounds']) for r in mine):.0f}",
+                f"{statistics.median(int(r['rounds'] or r['orders']) for r in mine):.0f}",
                 str(sum(int(r["faults"]) for r in mine)),
             ]
         )
-    head = ["variant", "runs", "makespan ÷ bound", "÷ all, tuned on", "÷ all, not tuned on",
+    head = ["variant", "runs", "makespan ÷ bound", "÷ all, cut", "÷ all, whole",
             "least and most", "rounds", "faults"]  # fmt: skip
     return markdown(lines, head)
 
@@ -142,7 +144,7 @@ def report(rows: Rows, options: argparse.Namespace) -> str:
 
 
 def main() -> None:
-    parser = arguments(__doc__, time_limit=30.0, models=" ".join(PLATES).replace(" ", ","))
+    parser = arguments(__doc__, time_limit=20.0, models=PRINTS)
     parser.add_argument("--methods", type=names, default=[v.replace(" ", "_") for v in VARIANTS],
                         help="NAME,NAME,… with _ for blanks")  # fmt: skip
     options = parser.parse_args()

@@ -31,7 +31,6 @@ from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.engine.alone import lone_machine
 from decmcts.team.engine.macros import part_of
-from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 
 PLATES = ("mix_1", "mix_2", "mix_3", "mix_4", "mix_5", "mix_6", "same_4_far", "same_9")
@@ -76,16 +75,19 @@ def team_problem(name: str, heads: int, *, whole: bool = False) -> TeamProblem:
     return build_team_problem(job, machine, order_rules(job, machine))
 
 
-def swept_problem(name: str) -> tuple[TeamProblem, StatedOrder | None]:
+def swept_problem(name: str, *, whole: bool = False) -> tuple[PrintProblem, TeamProblem]:
     """Return a print for two heads and the order they begin with, as `launch` makes both.
 
-    NAME@CUT is cut; without @CUT nothing is. Quality rules are left out.
+    NAME@CUT is cut; without @CUT nothing is. Quality rules are left out. With `whole` a head
+    holds a contour's room to its end.
     """
     word, _, cut = name.partition("@")
     problem = slab() if word == "slab" else load(plate_path(word), "dual-gantry", NO_QUALITY)
     found = best_sweep(problem, Cut(cut or "none"), unheard)
     given, start = (problem, None) if found is None else (found.problem, found.order)
-    return build_team_problem(given.job, given.machine, given.graph), start
+    if whole:
+        given = replace(given, machine=replace(given.machine, release="action"))
+    return given, build_team_problem(given.job, given.machine, given.graph, start=start)
 
 
 def slab() -> PrintProblem:

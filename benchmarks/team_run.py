@@ -22,16 +22,20 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import numpy as np
 from common import own_process
-from team_prints import team_problem
+from team_prints import swept_problem, team_problem
 
 from agents.launch import launch
+from decmcts.planning.problem.planned import document_of
+from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.plan import JointPlan
 from decmcts.print.toolpath import Toolpath
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.baselines.incumbent import Budget
 from decmcts.team.baselines.planners import BASELINES, in_one_process
 from decmcts.team.bounds.makespan import makespan_bound
+from decmcts.team.dec_mcts.exchange import exchange_jointly
 from decmcts.team.dec_mcts.parameters import changed
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
 from decmcts.team.dec_mcts.rounds import plan_once
@@ -40,11 +44,41 @@ from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
 from sim.experiments.random_teams import judged
+from sim.verify import verify_plan
 
 PROCESSES, TOGETHER = "processes", "one-process"
 METHODS = (PROCESSES, TOGETHER, *BASELINES)
 Paths = tuple[Toolpath, ...]
 Figures = dict[str, Any]
+
+
+class OneTree(DecMcts):
+    """One Monte Carlo tree over joint plans in place of a tree and a distribution a head."""
+
+    def _sample(self, team: tuple[int, ...]) -> None:
+        """Grow the tree by one joint plan."""
+        if self._joint is None:
+            self._joint = [self._values.starts[team].plans]
+            self._tree = self._new_tree(np.zeros(1, np.int32))
+        node = self._tree.descend()
+        plans = exchange_jointly(self.problem, self._joint[node], self._rng)
+        while self._rng.random() < 0.3:
+            plans = exchange_jointly(self.problem, plans, self._rng)
+        self._joint.append(plans)
+        child = self._tree.expand(node, np.array([len(self._joint)], np.int32))
+        makespan = self._values.makespan(plans, team)
+        self._utilities.append(-makespan)
+        low, high = float(np.median(self._utilities)), max(self._utilities)
+        reward = max(0.0, -makespan - low) / (high - low) if high > low else 0.5
+        self._tree.backup(child, reward)
+
+    _joint: list[Any] | None = None
+
+    def _combine(self, team: tuple[int, ...]) -> None:
+        """Leave all to the tree."""
+
+    def _update(self, team: tuple[int, ...]) -> None:
+        """Have no distribution."""
 
 
 class NoTree(DecMcts):
@@ -59,28 +93,40 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "all": {},
     "no tree": {},
     "no messages": {},
-    "no local search": {"windows": 0},
+    "q frozen": {"alpha": 0.0},
+    "windows alone": {"share": 0.0},
+    "one tree": {},
+    "no windows": {"windows": 0},
+    "one tree alone": {"windows": 0},
+    "annealing": {},
     "no recreation": {"recreate": 0.0},
     "no piecewise release": {},
-    "q frozen": {"alpha": 0.0},
-    "no search": {"share": 0.0},
 }
 VARIANTS = tuple(SETTINGS)
+ONE_TREE = ("one tree", "one tree alone")
+ALONE = ("no messages", *ONE_TREE)
 
 
 def run(key: dict[str, Any]) -> Figures:
     """Plan, schedule and judge; `key` has plate, heads, method, seed and cpu_s."""
     whole = key["method"] == "no piecewise release"
-    problem = team_problem(key["plate"], key["heads"], whole=whole)
+    if key.get("swept"):
+        given, problem = swept_problem(key["plate"], whole=whole)
+    else:
+        given, problem = None, team_problem(key["plate"], key["heads"], whole=whole)
     paths, figures = planner_of(key["method"])(problem, key["cpu_s"], key["seed"])
     plan = schedule(problem.job, problem.machine, problem.graph, paths)
-    return {"contours": len(problem.macro), **figures, **judgement(problem, plan)}
+    return {"contours": len(problem.macro), **figures, **judgement(problem, plan, given)}
 
 
-def judgement(problem: TeamProblem, plan: JointPlan) -> Figures:
-    """Return makespan, bound and what the judge finds."""
+def judgement(problem: TeamProblem, plan: JointPlan, given: PrintProblem | None = None) -> Figures:
+    """Return makespan, bound and what the judge finds; `given` may be cut."""
     bound = makespan_bound(problem.job, problem.machine, problem.graph).bound_s
-    verdict = judged(problem, plan)
+    if given is None:
+        verdict = judged(problem, plan)
+    else:
+        source = (given.whole or given).job
+        verdict = verify_plan(document_of(given, plan, {}), source=source, trials=1)
     return {
         "makespan_s": round(plan.makespan_s, 2),
         "bound_s": round(bound, 2),
@@ -93,7 +139,7 @@ def planner_of(method: str) -> Callable[[TeamProblem, float, int], tuple[Paths, 
     """Return what plans by this method, in so many seconds of processor time."""
     if method == PROCESSES:
         return by_processes
-    if method in VARIANTS:
+    if method in VARIANTS and method not in BASELINES:
         return lambda problem, cpu_s, seed: by_variant(problem, cpu_s, seed, method)
     planner = in_one_process if method == TOGETHER else BASELINES[method]
 
@@ -147,8 +193,9 @@ def by_variant(
     """Plan by all heads in turn in this process, with a part left out or done otherwise."""
     heads = list(range(len(problem.machine.heads)))
     parameters = changed(Parameters.for_contours(len(problem.macro)), SETTINGS[variant])
-    made = NoTree if variant == "no tree" else DecMcts
-    team = [made(problem, r, seed=seed, parameters=parameters) for r in heads]
+    made = NoTree if variant == "no tree" else OneTree if variant in ONE_TREE else DecMcts
+    searching = heads[:1] if variant in ONE_TREE else heads
+    team = [made(problem, r, seed=seed, parameters=parameters) for r in searching]
     compile_rounds()
     for agent in team:
         agent.best(heads)
@@ -158,7 +205,7 @@ def by_variant(
     entropy: list[tuple[float, float]] = []
     while time.process_time() - began < cpu_s or not rounds:
         spent = (time.process_time() - began) / cpu_s if cpu_s > 0.0 else 1.0
-        best = one_round(team, spent, best, messages=variant != "no messages")
+        best = one_round(team, heads, spent, best, messages=variant not in ALONE)
         rounds += 1
         at = round(time.process_time() - began, 2)
         if not history or best.makespan_s < history[-1][1]:
@@ -176,10 +223,14 @@ def by_variant(
 
 
 def one_round(
-    team: list[DecMcts], spent: float, best: Proposal | None, *, messages: bool
+    team: list[DecMcts],
+    live: list[int],
+    spent: float,
+    best: Proposal | None,
+    *,
+    messages: bool,
 ) -> Proposal:
     """Let every head take a turn, as in `plan_in_turn`; return the best joint plan so far."""
-    live = range(len(team))
     if not messages:
         for agent in team:
             agent.iterate(live, spent)

@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-VERSION = 3
+VERSION = 4
 """Of the messages and their meaning; another version is refused by name."""
 
 SILENCE_TICKS = 150

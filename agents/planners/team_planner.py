@@ -12,32 +12,37 @@ from decmcts.feasibility.digest import code_digest, team_digest
 from decmcts.team.dec_mcts.parameters import RANGES, Parameters, changed
 from decmcts.team.dec_mcts.planner import DecMcts, PlanDistribution
 from decmcts.team.dec_mcts.warm_up import compile_rounds
-from decmcts.team.engine.plans import StatedOrder, decode, means_something
+from decmcts.team.engine.plans import decode, means_something
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import as_allowed
+
+
+def _most_of_a_plan(problem: TeamProblem) -> int:
+    """Return how many numbers stand behind the first of a plan of macro-actions, at most."""
+    start = problem.start
+    return max(problem.n_macros, 0 if start is None else 3 * start.n_macros)
 
 
 class TeamPlanner:
     """One head's Dec-MCTS search and the shared `resolve`."""
 
     def __init__(
-        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None,
-        start: StatedOrder | None = None,
-    ) -> None:  # fmt: skip
+        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None
+    ) -> None:
         self.problem = team_digest(problem.digest, problem.job, code=code_digest())
         self.names = problem.head_names
         self._team = problem
         stated = len(problem.head_names) * (len(problem.job.contours) + 2)
-        self.most_symbols = stated + int(RANGES["plans"][1]) * (problem.n_macros + 1)
-        self._search = DecMcts(problem, head, seed=seed, parameters=parameters, start=start)
+        self.most_symbols = stated + int(RANGES["plans"][1]) * (1 + _most_of_a_plan(problem))
+        self._search = DecMcts(problem, head, seed=seed, parameters=parameters)
 
     @staticmethod
     def of_pack(pack: Pack, head: int, *, seed: int) -> TeamPlanner:
         """Build the problem of a pack and a planner for one head of it."""
-        problem = build_team_problem(pack.job, pack.machine, pack.graph, pack.lags)
+        problem = build_team_problem(pack.job, pack.machine, pack.graph, pack.lags, pack.start)
         usual = Parameters.for_contours(len(problem.macro))
         parameters = changed(usual, pack.options.get(TEAM, {}))
-        planner = TeamPlanner(problem, head, seed=seed, parameters=parameters, start=pack.start)
+        planner = TeamPlanner(problem, head, seed=seed, parameters=parameters)
         compile_rounds()  # before the clock runs
         planner.best(range(len(planner.names)))
         return planner

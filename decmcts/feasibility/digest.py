@@ -8,10 +8,12 @@ same plans resolve to depends on, the source's process and the planner's own cod
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from functools import cache
 from hashlib import blake2b
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -69,12 +71,20 @@ def code_digest() -> str:
     """Return the digest of the source code that resolves plans: another version differs."""
     state = blake2b(digest_size=DIGEST_BYTES, person=b"decmcts-code-1")
     for room in ROOMS_OF_A_PLAN:
-        folder = files("decmcts").joinpath(room)
-        for file in sorted(folder.iterdir(), key=lambda each: each.name):
-            if file.name.endswith(".py"):
-                state.update(_text(f"{room}/{file.name}"))
-                state.update(_text(file.read_text("utf-8")))
+        for name, text in _sources(files("decmcts").joinpath(room), room):
+            state.update(_text(name))
+            state.update(_text(text))
     return state.hexdigest()
+
+
+def _sources(folder: Traversable, name: str) -> Iterator[tuple[str, str]]:
+    """Yield name and text of each source file of a folder, and of the folders in it."""
+    for each in sorted(folder.iterdir(), key=lambda item: item.name):
+        inner = f"{name}/{each.name}"
+        if each.is_dir():
+            yield from _sources(each, inner)
+        elif each.name.endswith(".py"):
+            yield inner, each.read_text("utf-8")
 
 
 def _absorb(state: blake2b, value: Any) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 import pytest
 
+from decmcts.feasibility import digest
 from decmcts.feasibility.build import build_graph
 from decmcts.feasibility.digest import code_digest, problem_digest, team_digest
 from decmcts.feasibility.graph import DependencyGraph
@@ -92,3 +94,20 @@ def test_the_code_of_the_planner_has_a_digest_of_its_own() -> None:
     """Another version resolves plans in another way; nobody has to count versions by hand."""
     assert len(code_digest()) == 64
     assert code_digest() == code_digest.__wrapped__()
+
+
+def test_the_code_in_all_folders_of_the_planner_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plans are resolved in folders within folders."""
+    names = [name for name, _ in digest._sources(files("decmcts").joinpath("team"), "team")]
+    assert {"team/__init__.py", "team/engine/resolve.py", "team/engine/plans.py"} <= set(names)
+    before = code_digest.__wrapped__()
+    usual = digest._sources
+    monkeypatch.setattr(
+        digest,
+        "_sources",
+        lambda folder, name: (
+            (inner, text + ("#" if inner == "team/engine/plans.py" else ""))
+            for inner, text in usual(folder, name)
+        ),
+    )
+    assert code_digest.__wrapped__() != before

@@ -34,9 +34,9 @@ class Agents:
         **_: Any,
     ) -> LaunchResult:
         self.given.append((job, machine))
-        problem = build_team_problem(job, machine, graph, lags)
+        problem = build_team_problem(job, machine, graph, lags, start)
         live = tuple(range(len(machine.heads)))
-        best = plan_in_turn(problem, stopping=Stopping(iterations=1), seed=0, start=start)
+        best = plan_in_turn(problem, stopping=Stopping(iterations=1), seed=0)
         found = resolve(problem, best.plans, live)
         agreement = Agreement(best.plans, found.makespan_s, found.digest, live, ())
         return LaunchResult(agreement, found.toolpaths, problem.digest)

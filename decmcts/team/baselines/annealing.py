@@ -30,6 +30,7 @@ from decmcts.team.engine.problem import TeamProblem
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
 FIRST = 128  # policies tried at first
+FEW = 4  # where there is an order to begin with
 LONGEST = 0.1  # run of contours, share of a head's
 
 Ids = NDArray[np.int64]
@@ -159,7 +160,13 @@ def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
 def _first(problem: TeamProblem, best: Incumbent, rng: np.random.Generator) -> tuple[Order, float]:
     """Return the best order of the first policies and its makespan."""
     order, value = None, np.inf
-    for k in range(FIRST):
+    if problem.start is not None:
+        units = units_of(
+            problem.visits, problem.fleet, problem.machine,
+            problem.start.stated.toolpaths(len(problem.machine.heads)),
+        )  # fmt: skip
+        order, value = order_of(units), best.offer(units)
+    for k in range(FIRST if problem.start is None else FEW):
         units = dispatched(problem, nth_weights(k, len(problem.machine.heads), rng))
         if order is None or units.end[: int(units.used[0])].max() < value:
             order = order_of(units)

@@ -34,7 +34,7 @@ class Chooser:
     """One head's candidates and how much it regrets not having taken each."""
 
     def __init__(self, problem: TeamProblem, head: int, rng: np.random.Generator) -> None:
-        self._problem, self._rng = problem, rng
+        self._problem, self._head, self._rng = problem, head, rng
         rows = rng.permutation(len(POLICIES))[:CANDIDATES]
         self.plans = [encode(int(k), problem.n_macros) for k in rows]
         self.regret = np.zeros(len(self.plans))
@@ -55,7 +55,7 @@ class Chooser:
     def renew(self, best: Plan) -> None:
         """Put an exchange of `best` in the place of the candidate regretted least."""
         worst = int(np.argmin(self.regret))
-        self.plans[worst] = exchange(self._problem, best, self._rng)
+        self.plans[worst] = exchange(self._problem, self._head, best, self._rng)
         self.regret[worst] = max(0.0, float(self.regret.mean()))
 
 

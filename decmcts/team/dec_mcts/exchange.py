@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts.team.dec_mcts.rearrange import rearranged, rearranges
 from decmcts.team.engine.plans import HUNDREDTHS, POLICIES, decode, encode
 from decmcts.team.engine.policy_space import beside
 from decmcts.team.engine.problem import TeamProblem
@@ -19,13 +20,18 @@ Ints = NDArray[np.int64]
 
 
 def exchange(
-    problem: TeamProblem, plan: Plan, rng: np.random.Generator, *, policies: int = len(POLICIES)
+    problem: TeamProblem,
+    head: int,
+    plan: Plan,
+    rng: np.random.Generator,
+    *,
+    policies: int = len(POLICIES),
 ) -> Plan:
-    """Return a plan that differs by one random move; a serial plan becomes an ordinary one.
+    """Return a plan of a head after one random move; a serial plan becomes an ordinary one.
 
     A new policy is one of the first `policies`.
     """
-    return _moved(problem, {0: plan}, rng, policies)[0]
+    return _moved(problem, {head: plan}, rng, policies)[head]
 
 
 def exchange_jointly(
@@ -46,6 +52,8 @@ def _moved(
     problem: TeamProblem, plans: Mapping[int, Plan], rng: np.random.Generator, policies: int
 ) -> dict[int, Plan]:
     """Return these plans after the same random move in each."""
+    if any(rearranges(problem, plan) for plan in plans.values()):
+        return rearranged(problem, plans, rng)
     intents = {r: decode(p, problem.n_macros, len(problem.macro)) for r, p in plans.items()}
     row = {r: intent.policy for r, intent in intents.items()}
     later = np.zeros(problem.n_macros, np.int32)

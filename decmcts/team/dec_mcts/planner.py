@@ -22,7 +22,6 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from decmcts.errors import InputError
 from decmcts.print.machine_fit import require_printable
@@ -35,8 +34,17 @@ from decmcts.team.dec_mcts.exchange import exchange, exchange_jointly
 from decmcts.team.dec_mcts.parameters import Parameters
 from decmcts.team.dec_mcts.policy_trials import PolicyTrials
 from decmcts.team.dec_mcts.polish import FEW, Polish
+from decmcts.team.dec_mcts.rearrange import rearranges
 from decmcts.team.dec_mcts.tree import ROOT, Tree
-from decmcts.team.engine.plans import MOST_STATED, StatedOrder, encode, encode_serial, encode_stated
+from decmcts.team.engine.plans import (
+    MOST_STATED,
+    Changes,
+    StatedOrder,
+    encode,
+    encode_changes,
+    encode_serial,
+    encode_stated,
+)
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.resolve import fleet_for, is_allowed, resolve
 from decmcts.team.engine.values import EACH, JointValues, Plan, Proposal, Team
@@ -44,6 +52,8 @@ from decmcts.team.engine.values import EACH, JointValues, Plan, Proposal, Team
 __all__ = ["DecMcts", "Parameters", "PlanDistribution", "Proposal"]
 
 AT_ONCE = 200_000  # contours put when policies are tried, about a second's work
+# Where so many policies all end this much later than the order to begin with no more are tried.
+ENOUGH, FAR = 4, 1.05
 UNPOLISHED = 100_000  # contours put in a round without polishing
 WINDOW = 3_000  # contours put that a window of polishing counts for
 ROOT_POLICIES = 8  # with which the tree begins
@@ -73,14 +83,13 @@ class DecMcts:
     """The planner of head `head`; equal seeds and equal calls give equal plans."""
 
     def __init__(
-        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None,
-        start: StatedOrder | None = None,
-    ) -> None:  # fmt: skip
+        self, problem: TeamProblem, head: int, *, seed: int, parameters: Parameters | None = None
+    ) -> None:
         if not 0 <= head < len(problem.machine.heads):
             raise InputError(f"head {head}, the machine has {len(problem.machine.heads)}")
         self.problem, self.head = problem, head
         self.parameters = parameters or Parameters.for_contours(len(problem.macro))
-        self._seed, self._start = seed, start  # a joint order to begin with
+        self._seed = seed
         self._rng = np.random.default_rng([seed, head])
         self._others: dict[int, PlanDistribution] = {}
         self._values = JointValues(problem)
@@ -180,7 +189,7 @@ class DecMcts:
             p = self.parameters
             turn = team.index(self.head)
             self._trials[team] = PolicyTrials(turn, len(team), policies=p.policies, tries=p.tries)
-            self._try_start(team, eligible)
+            self._start_s(team)  # the first that is tried
         trials = self._trials[team]
         if trials.next() is None:
             return False
@@ -192,17 +201,37 @@ class DecMcts:
                 break
             plans = {r: self._by_policy(r, policy) for r in team}
             trials.note(policy, self._values.makespan(plans, team))
+        if len(trials.makespans) >= ENOUGH and self._start_s(team) * FAR < self._policies_s(team):
+            trials.stop()
         if trials.next() is None and self.parameters.share:
-            best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
-            self._own.renew(self._with_start(best, team))
+            self._begin_tree(team)
         return True
 
-    def _try_start(self, team: Team, eligible: NDArray[np.bool_]) -> None:
-        """Judge the joint order to begin with, if these heads can carry it out."""
-        start = self._start
-        if start is not None and is_allowed(self.problem, start, eligible):
-            plan = encode_stated(start, len(self.problem.machine.heads), self.problem.n_macros)
-            self._values.makespan({r: plan if r == self.head else NOTHING for r in team}, team)
+    def _begin_tree(self, team: Team) -> None:
+        """Have a tree and X̂ of the best that was tried: an order to begin with, or policies."""
+        trials = self._trials[team]
+        best = [self._by_policy(self.head, k) for k in trials.best(self.parameters.plans)]
+        if self._start_s(team) <= self._policies_s(team):
+            best = [self._as_begun()]
+        if rearranges(self.problem, best[0]) != rearranges(self.problem, self._tree.plans[ROOT]):
+            self._tree = self._new_tree(best[0])
+        self._own.renew(self._with_start(best, team))
+
+    def _policies_s(self, team: Team) -> float:
+        """Return the makespan of the best policy tried."""
+        return min(self._trials[team].makespans.values())
+
+    def _as_begun(self) -> Plan:
+        """Return the plan to do as in the order that heads begin with."""
+        return encode_changes(Changes(*np.zeros((3, 0), np.int64)), self.problem.n_macros)
+
+    def _start_s(self, team: Team) -> float:
+        """Return the makespan of the order to begin with; infinite if these heads have none."""
+        eligible = fleet_for(self.problem, team)[1]
+        start = self.problem.start
+        if start is None or not is_allowed(self.problem, start.stated, eligible):
+            return np.inf
+        return self._values.makespan(dict.fromkeys(team, self._as_begun()), team)
 
     def _search(self, team: Team, work: int) -> None:
         """Grow the tree and move q by steps that put so many contours; what is left is kept."""
@@ -259,12 +288,14 @@ class DecMcts:
         """Return the plan of the next child: the best policies at the root, then exchanges."""
         children = self._tree.children(node)
         best = self._trials[team].best(ROOT_POLICIES)
-        if node == ROOT and children < len(best):
+        begun = rearranges(self.problem, self._tree.plans[node])
+        if node == ROOT and children < len(best) and not begun:
             return self._by_policy(self.head, best[children])
         return self._exchange(self._tree.plans[node])
 
     def _exchange(self, plan: Plan) -> Plan:
-        return exchange(self.problem, plan, self._rng, policies=self.parameters.policies)
+        policies = self.parameters.policies
+        return exchange(self.problem, self.head, plan, self._rng, policies=policies)
 
     def _reward(self, plans: Mapping[int, Plan], team: Team) -> float:
         """Return the utility from 0, the median of all seen or worse, to 1, the best."""
@@ -308,14 +339,7 @@ class DecMcts:
         self._keep_polished(polishing)
 
     def _begun_anew(self, team: Team) -> _Polishing:
-        """Return the best plans of macro-actions as a joint order to polish.
-
-        If an order to begin with was given and the best known is ahead of those, that one.
-        """
-        best, known = self.best(team), self._values.starts[team]
-        stated = None if self._start is None else self._values.stated(best.plans)
-        if stated is not None and best.makespan_s < known.makespan_s:
-            return self._new_polishing(stated, team, known.makespan_s - best.makespan_s)
+        """Return the best plans of macro-actions as a joint order to polish."""
         return self._new_polishing(StatedOrder.of(self._values.start_paths[team]), team)
 
     def _new_polishing(self, stated: StatedOrder, team: Team, gained_s: float = 0.0) -> _Polishing:

@@ -45,6 +45,10 @@ class PolicyTrials:
                 return int(row)
         return self._nearest()
 
+    def stop(self) -> None:
+        """Try no more."""
+        self._left = len(self.makespans)
+
     def note(self, row: int, makespan_s: float) -> None:
         """Keep what a policy reached."""
         self.makespans[row] = makespan_s

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.dec_mcts.planner import DecMcts, Parameters, Proposal
-from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 
 
@@ -20,7 +19,6 @@ def plan_in_turn(
     stopping: Stopping,
     seed: int,
     parameters: Parameters | None = None,
-    start: StatedOrder | None = None,
     clock: Callable[[], float] = time.monotonic,
     progress: Callable[[int, float], None] | None = None,
 ) -> Proposal:
@@ -31,13 +29,11 @@ def plan_in_turn(
     stopping : Stopping
         What ends planning; at least one round is always done. Iterations are rounds: where
         these are limited, equal seeds give equal plans.
-    start : StatedOrder | None
-        A joint order to begin with.
     progress : Callable[[int, float], None] | None
         Called after each round with its number and the best makespan.
     """
     live = range(len(problem.machine.heads))
-    team = [DecMcts(problem, r, seed=seed, parameters=parameters, start=start) for r in live]
+    team = [DecMcts(problem, r, seed=seed, parameters=parameters) for r in live]
     started, rounds = clock(), 0
     best: Proposal | None = None
 

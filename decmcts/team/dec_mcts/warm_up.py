@@ -19,6 +19,7 @@ from decmcts.team.dec_mcts.polish import Polish
 from decmcts.team.engine.plans import StatedOrder, encode_stated
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
 from decmcts.team.engine.resolve import resolve
+from decmcts.team.engine.start import changed_order, start_of
 
 HEADS = (0, 1)
 ROUNDS = 4  # policies first, then tree, distribution and windows
@@ -69,4 +70,7 @@ def compile_rounds(problem: TeamProblem | None = None) -> list[DecMcts]:
     larger.recreate(1)  # as orders of more contours are
     larger.take(stated)
     resolve(made, {0: encode_stated(stated, len(HEADS), made.n_macros)}, HEADS)
+    n = len(made.macro)
+    begun = start_of(stated, np.zeros(n, np.int64), np.zeros(n), np.ones(n))
+    changed_order(begun, {}, made.space.eligible, made.graph)
     return team

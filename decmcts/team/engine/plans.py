@@ -10,7 +10,10 @@ A plan is a flat int32 sequence, so that it travels in a message as it is:
 - or a serial plan: the symbol `n_macros + len(POLICIES)`, then 2·contour +
   reversed for every contour: everything in this order, one head at a time;
 - or a stated order: the symbol `n_macros + len(POLICIES) + 1`, the number of heads, then
-  (2·contour + reversed)·heads + head for every contour: all heads do exactly this.
+  (2·contour + reversed)·heads + head for every contour: all heads do exactly this;
+- or changes of the order that heads begin with (`decmcts.team.engine.start`): the symbol
+  `n_macros + len(POLICIES) + 2`, then for each of this head's macro-actions of that order which
+  it changes: its number, how many half turns later it comes, and who prints it.
 
 A sequence that means nothing counts as policy 0 without shifts, since a plan may come
 from a peer.
@@ -58,6 +61,7 @@ MOST_STATED = 70_000  # contours; an order of more, by 64 heads, might not fit i
 TUNED = len(_TUNED)  # policies that come first
 HUNDREDTHS = 100.0  # of a part's progress, in which shifts are stated
 MOST_SHIFT = 400  # either way
+MOST_LATER = 1000  # half turns, either way
 _SPREAD = 498  # policies spread evenly over all that make sense
 
 
@@ -107,6 +111,15 @@ class StatedOrder:
         return made
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Changes:
+    """What a head changes of its own macro-actions of the order that heads begin with."""
+
+    macro: NDArray[np.int64]  # (k,) rising
+    later: NDArray[np.int64]  # (k,) half turns; below 0: sooner
+    head: NDArray[np.int64]  # (k,) who prints it
+
+
 @dataclass(frozen=True, slots=True)
 class Intent:
     """A decoded plan."""
@@ -115,6 +128,7 @@ class Intent:
     policy: int  # row of POLICIES
     serial: Toolpath | None = None  # everything in this order instead
     stated: StatedOrder | None = None  # who prints what in which order instead
+    changes: Changes | None = None  # of the order that heads begin with, instead
 
 
 def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
@@ -127,6 +141,8 @@ def decode(plan: NDArray[np.int32], n_macros: int, n_contours: int) -> Intent:
     stated = _decode_stated(plan, serial + 1, n_contours)
     if stated is not None:
         return Intent(unshifted, 0, None, stated)
+    if len(plan) % 3 == 1 and plan[0] == serial + 2:
+        return Intent(unshifted, 0, changes=_decode_changes(plan))
     if not len(plan) or not n_macros <= plan[0] < serial:
         return Intent(unshifted, 0)
     shift = plan[1:] if len(plan) == n_macros + 1 else unshifted
@@ -144,6 +160,9 @@ def means_something(plan: NDArray[np.int32], n_macros: int, n_contours: int, hea
     intent = decode(plan, n_macros, n_contours)
     if intent.stated is not None:
         return int(plan[1]) <= heads
+    if intent.changes is not None:
+        known = intent.changes.macro < n_contours
+        return 3 * int((known & (intent.changes.head < heads)).sum()) == len(rest)
     return intent.serial is not None
 
 
@@ -155,6 +174,19 @@ def _decode_stated(plan: NDArray[np.int32], mark: int, n: int) -> StatedOrder | 
     if not np.array_equal(np.sort(visit // 2), np.arange(n)):
         return None
     return StatedOrder((visit // 2).astype(np.int32), visit % 2 == 1, head.astype(np.int64))
+
+
+def _decode_changes(plan: NDArray[np.int32]) -> Changes:
+    """Return the changes a plan makes; those that mean nothing are skipped."""
+    rows = plan[1:].reshape(-1, 3).astype(np.int64)
+    rows = rows[(rows[:, 0] >= 0) & (np.abs(rows[:, 1]) <= MOST_LATER) & (rows[:, 2] >= 0)]
+    return Changes(*rows[np.unique(rows[:, 0], return_index=True)[1]].T)
+
+
+def encode_changes(changes: Changes, n_macros: int) -> NDArray[np.int32]:
+    """Return the plan that makes these changes; none: the order heads begin with."""
+    rows = np.stack([changes.macro, changes.later, changes.head], axis=1)
+    return np.concatenate([[n_macros + len(POLICIES) + 2], rows.reshape(-1)]).astype(np.int32)
 
 
 def encode(policy: int, n_macros: int, shift: NDArray[np.int32] | None = None) -> NDArray[np.int32]:

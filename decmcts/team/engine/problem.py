@@ -26,12 +26,14 @@ from decmcts.print.machine_fit import require_printable
 from decmcts.team.engine.bottleneck import bottleneck
 from decmcts.team.engine.macros import columns_of, cut_macros, part_of, part_progress
 from decmcts.team.engine.order import visits_of
+from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.space import (
     Space,
     build_space,
     fleet_of,
     printing_times,
 )
+from decmcts.team.engine.start import Start, start_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,7 @@ class TeamProblem:
     macro_part: NDArray[np.int64]  # (n_macros,)
     n_macros: int
     digest: str
+    start: Start | None = None  # an order that heads begin with
     # of teams of some heads only, as `decmcts.team.engine.resolve.fleet_for` finds them
     fleets: dict[tuple[int, ...], tuple[Fleet, NDArray[np.bool_]]] = field(
         default_factory=dict, init=False, compare=False, repr=False
@@ -85,11 +88,16 @@ class TeamProblem:
 
 
 def build_team_problem(
-    job: PrintJob, machine: Machine, graph: DependencyGraph, lags: Lags | None = None
+    job: PrintJob,
+    machine: Machine,
+    graph: DependencyGraph,
+    lags: Lags | None = None,
+    start: StatedOrder | None = None,
 ) -> TeamProblem:
     """Return the problem of printing `job` with all heads of `machine`.
 
-    `lags` say how long what is printed over must cool; None: nothing has to.
+    `lags` say how long what is printed over must cool; None: nothing has to. `start` is a joint
+    order to begin with.
 
     Raises
     ------
@@ -112,7 +120,12 @@ def build_team_problem(
     progress = part_progress(seconds, part)
     side = np.minimum((quantile * len(machine.heads)).astype(np.int64), len(machine.heads) - 1)
     macro = cut_macros(seconds, part, progress, side)
-    column_offsets, column = columns_of(space.boxes, part, axis_of(machine)[0])
+    axis = axis_of(machine)[0]
+    column_offsets, column = columns_of(space.boxes, part, axis)
+    begun = None
+    if start is not None:
+        middle = space.boxes[:, 2 * axis : 2 * axis + 2].mean(axis=1)
+        begun = start_of(start, contours.layer.astype(np.int64), middle, seconds)
     return TeamProblem(
         job=job,
         machine=machine,
@@ -130,7 +143,8 @@ def build_team_problem(
         macro=macro,
         macro_part=_first_of(macro, part),
         n_macros=int(macro.max(initial=-1)) + 1,
-        digest=_with_lags(problem_digest(contours, graph, machine), lags),
+        digest=_with_start(_with_lags(problem_digest(contours, graph, machine), lags), start),
+        start=begun,
     )
 
 
@@ -142,6 +156,16 @@ def _with_lags(digest: str, lags: Lags | None) -> str:
     state.update(lags.offsets.astype("<i8").tobytes())
     state.update(lags.below.astype("<i8").tobytes())
     state.update(np.round(lags.seconds / ROUND_TO).astype("<i8").tobytes())
+    return state.hexdigest()
+
+
+def _with_start(digest: str, start: StatedOrder | None) -> str:
+    """Return a problem's digest with the order heads begin with in it."""
+    if start is None:
+        return digest
+    state = blake2b(bytes.fromhex(digest), digest_size=DIGEST_BYTES, person=b"decmcts-start-1")
+    for row in (start.order, start.reversed, start.head):
+        state.update(row.astype("<i8").tobytes())
     return state.hexdigest()
 
 

@@ -2,7 +2,8 @@
 
 Deterministic: the same problem, plans and live heads give the same joint order
 bit for bit, and agents compare its digest. A plan that orders all contours, serial or
-stated, holds for all heads, if these can carry it out. Else the heads dispatch: each
+stated, holds for all heads, if these can carry it out. Where a plan changes the order heads
+begin with, all changes of all heads together make one. Else the heads dispatch: each
 takes contours by its own plan's policy and shifts. Conflicts between heads are ordered,
 and heads in the way step aside (`decmcts._kernels.engine.dispatch`, `.aside`).
 """
@@ -35,6 +36,7 @@ from decmcts.team.engine.plans import (
 from decmcts.team.engine.policy import keys_of, policy_of
 from decmcts.team.engine.problem import TeamProblem
 from decmcts.team.engine.space import build_space, fleet_of
+from decmcts.team.engine.start import changed_order
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,11 @@ def resolve(
     stated = next((i.stated for i in intents.values() if i.stated is not None), None)
     if stated is not None and (found := _as_stated(problem, stated, fleet, eligible)):
         return found
+    changes = {r: i.changes for r, i in intents.items() if i.changes is not None}
+    if problem.start is not None and changes:
+        rearranged = changed_order(problem.start, changes, problem.space.eligible, problem.graph)
+        if found := _as_stated(problem, rearranged, fleet, eligible):
+            return found
     return _dispatched(problem, intents, fleet, eligible)
 
 

@@ -75,8 +75,13 @@ class JointValues:
 
     def utility(self, head: int, plans: Mapping[int, Plan], team: Team) -> float:
         """Return the local utility of a head's plan, fʳ = g(xʳ, x⁻ʳ) - g(∅ʳ, x⁻ʳ)."""
-        rest = tuple(r for r in team if r != head)
-        return self.value(plans, team) - self.value({r: plans[r] for r in rest}, rest)
+        rest = {r: self._without_start(plans[r]) for r in team if r != head}
+        return self.value(plans, team) - self.value(rest, tuple(rest))
+
+    def _without_start(self, plan: Plan) -> Plan:
+        """Return what a plan means for fewer heads: their order to begin with is that of all."""
+        changes = decode(plan, self._problem.n_macros, len(self._problem.macro)).changes
+        return plan if changes is None else plan[:0]
 
     def stated(self, plans: Mapping[int, Plan]) -> StatedOrder | None:
         """Return the order that some plan states."""

@@ -175,7 +175,7 @@ def test_exchanges_name_only_the_policies_there_are(problem: TeamProblem) -> Non
     plans = {r: encode(0, problem.n_macros) for r in range(2)}
     found = set()
     for _ in range(300):
-        made = [exchange(problem, plans[0], rng, policies=2)]
+        made = [exchange(problem, 0, plans[0], rng, policies=2)]
         made += exchange_jointly(problem, plans, rng, policies=2).values()
         found |= {decode(plan, problem.n_macros, len(problem.macro)).policy for plan in made}
     assert found == {0, 1}

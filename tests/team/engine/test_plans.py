@@ -101,7 +101,7 @@ def test_moves_keep_plans_sound(case: Callable[..., Any], seed: int) -> None:
     plans = {r: encode(0, problem.n_macros) for r in range(2)}
     for _ in range(10):
         plans = exchange_jointly(problem, plans, rng)
-        plans[0] = exchange(problem, plans[0], rng)
+        plans[0] = exchange(problem, 0, plans[0], rng)
         for plan in plans.values():
             intent = decode(plan, problem.n_macros, len(problem.macro))
             assert plan.dtype == np.int32
