@@ -149,7 +149,7 @@ def test_a_hello_before_its_token_is_asked_for_again(protocol: Protocol) -> None
             Hello(OTHER, VERSION, "right", True),
             "right holds problem cdcdcdcdcdcd, we hold abababababab",
         ),
-        (Hello(PROBLEM, 1, "right", True), "right speaks version 1 of the protocol, we 3"),
+        (Hello(PROBLEM, 1, "right", True), "right speaks version 1 of the protocol, we 4"),
     ],
 )
 def test_a_stranger_is_refused_by_name_once_and_not_heard(
