@@ -194,7 +194,8 @@ def _along(contours: Contours, actions: HeadActions, prints: NDArray[np.int64]) 
     within = np.arange(len(owner)) - (np.cumsum(sizes) - sizes)[owner]
     nth = np.where(back[owner], sizes[owner] - 1 - within, within)
     off = np.abs(actions.path[first[owner] + within] - contours.points[begin[owner] + nth])
-    along[owner[~(off <= SAME_MM).all(axis=1)]] = False
+    x, y, z = (off <= SAME_MM).T
+    along[owner[~(x & y & z)]] = False
     return np.asarray(along, np.bool_)
 
 
@@ -217,12 +218,13 @@ def _print_problem(contours: Contours, actions: HeadActions, a: int) -> str:
 
 def _check_reach(actions: HeadActions, head: Head) -> list[Fault]:
     """Check that prints stay within the reach, other paths within it and the way to the park."""
-    low, high, park = np.array(head.reach_min), np.array(head.reach_max), np.array(head.park)
     owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
-    printing = (actions.kind[owner] == ActionKind.PRINT)[:, None]
-    least = np.where(printing, low, np.minimum(low, park)) - SAME_MM
-    most = np.where(printing, high, np.maximum(high, park)) + SAME_MM
-    beyond = ((actions.path < least) | (actions.path > most)).any(axis=1)
+    printing = actions.kind[owner] == ActionKind.PRINT
+    beyond = np.zeros(len(actions.path), np.bool_)
+    limits = zip(head.reach_min, head.reach_max, head.park, strict=True)
+    for axis, (low, high, park) in zip(actions.path.T.copy(), limits, strict=True):
+        beyond |= axis < np.where(printing, low, min(low, park)) - SAME_MM
+        beyond |= axis > np.where(printing, high, max(high, park)) + SAME_MM
     lines = [
         f"{describe(actions, a)} goes beyond the head's reach"
         for a in np.unique(owner[beyond]).tolist()

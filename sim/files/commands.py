@@ -173,6 +173,11 @@ def sets_state(code: bytes) -> bool:
     return name is not None and name[0] in _SETS_STATE
 
 
+def no_moves(text: bytes) -> list[int]:
+    """Return the lines of a text, from 0, that are not plain moves (`is_move`) as they stand."""
+    return not_plain(text, _MOVE)
+
+
 def is_move(code: bytes) -> bool:
     """Tell whether a command is a move, which may stand between contours: moves are simulated."""
     return _MOVE.match(code) is not None

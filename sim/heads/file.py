@@ -9,12 +9,14 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from decmcts.formats.gcode.controller.motion import Motion, interpret
 from decmcts.formats.gcode.controller.state import Track, track_state
 from decmcts.formats.gcode.text.lines import Lines, command_of, split_lines
 from decmcts.formats.gcode.text.source_text import load_text
 from decmcts.print.sync_words import USUAL_WORDS, SyncWords
+from sim.files.commands import no_moves
 from sim.heads.heat import SELECTS, heat_of
 from sim.heads.words import Reader
 
@@ -24,6 +26,7 @@ _HEADER = re.compile(rb"^; head (\S.*), file (\d+) of (\d+): to be run together[
 _AXIS_MOVE = re.compile(rb"G0*[0123](?=[ XYZEFIJR]).*[XYZIJ]", re.I)
 _OF_TOOL = re.compile(rb"M10[49]\b|G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
 _FILAMENT = re.compile(rb"G0*1[01](?!.*L)\b|G0*[01](?= ).*E", re.I)
+_MOVES = (b"G1 ", b"G2 ", b"G3 ")
 _E_WORD = re.compile(rb"[^(]*?E ?([-+]?[0-9.]+)", re.I)
 _E_COUNTS = {b"M82": False, b"G90": False, b"M83": True, b"G91": True}  # from move to move?
 _LIMITS = (b"M201", b"M202", b"M203", b"M204", b"M205", b"M593")  # their T is no tool
@@ -51,6 +54,7 @@ class HeadFile:
     track: Track
     syncs: tuple[Sync, ...]
     rest: tuple[tuple[int, bytes], ...]  # line (from 1) and command of all that is no sync point
+    others: tuple[tuple[int, bytes], ...]  # those of them that are no plain moves
     loose: tuple[int, ...]  # lines of signals at rest that no M400 stands before
     still: tuple[int, ...]  # lines of signals in motion that a dwell stands before
     amiss: tuple[tuple[int, str], ...]  # lines of signals that count wrong, and how
@@ -58,6 +62,17 @@ class HeadFile:
     def row(self, line: int) -> bytes:
         """Return a line (from 1) as it stands."""
         return self.lines.raw(line - 1)
+
+
+class _Parted(NamedTuple):
+    """The last fields of `HeadFile` while they are found."""
+
+    syncs: list[Sync]
+    rest: list[tuple[int, bytes]]
+    others: list[tuple[int, bytes]]
+    loose: list[int]
+    still: list[int]
+    amiss: list[tuple[int, str]]
 
 
 def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile:
@@ -71,10 +86,11 @@ def read_head_file(path: Path | str, words: SyncWords = USUAL_WORDS) -> HeadFile
     lines = split_lines(load_text(path), path)
     motion = interpret(lines)
     name, place = header_of(lines.text)
-    syncs, rest, loose, still, amiss = _parted(lines, Reader(words, place[0]))
+    parted = _parted(lines, Reader(words, place[0]))
     return HeadFile(
-        str(path), name, place, lines, motion, track_state(lines, motion), tuple(syncs),
-        tuple(rest), tuple(loose), tuple(still), tuple(amiss),
+        str(path), name, place, lines, motion, track_state(lines, motion), tuple(parted.syncs),
+        tuple(parted.rest), tuple(parted.others), tuple(parted.loose), tuple(parted.still),
+        tuple(parted.amiss),
     )  # fmt: skip
 
 
@@ -95,37 +111,43 @@ def _top(text: bytes) -> bytes:
     return b"\n".join(text.split(b"\n", HEADER_LINES)[:HEADER_LINES])
 
 
-def _parted(lines: Lines, reader: Reader) -> tuple[
-    list[Sync], list[tuple[int, bytes]], list[int], list[int], list[tuple[int, str]],
-]:  # fmt: skip
-    """Return sync points, other commands, and signals that lack an M400, follow a dwell, or err.
+def _parted(lines: Lines, reader: Reader) -> _Parted:
+    """Part the commands of a file into sync points and all others.
 
     An M400 right before a signal at rest belongs to it. A wait has none: nothing behind it is
-    read before it is over, so the moves above run out. A signal in motion is given when the last
+    read before it is over, so the moves above it run out. A signal in motion is given when the last
     move above it ends, so not as late as a dwell above it.
     """
-    syncs, rest, loose, still = list[Sync](), list[tuple[int, bytes]](), list[int](), list[int]()
-    amiss: list[tuple[int, str]] = []
-    above, text, begins = b"", lines.text, reader.begins
-    for k, (start, end) in enumerate(zip(lines.starts.tolist(), lines.ends.tolist(), strict=True)):
-        code = command_of(text[start:end])
-        if not code:
+    found = _Parted([], [], [], [], [], [])
+    codes = lines.text.replace(b"\r\n", b"\n").split(b"\n")
+    may_be = any(move.startswith(begin[:3]) for begin in reader.begins for move in _MOVES)
+    looked_at = list(range(len(codes))) if may_be else no_moves(lines.text)
+    for k in looked_at:
+        codes[k] = command_of(codes[k])
+    taken = list[int]()
+    for k in looked_at:
+        code = codes[k]
+        if not code.startswith(reader.begins):
             continue
-        found = reader.read(code, stands=above == b"M400") if code.startswith(begins) else None
-        if found is None:
-            rest.append((k + 1, code))
-        else:
-            syncs.append(Sync(k + 1, found.signal, found.number, found.moving))
-            amiss += [(k + 1, what) for what in found.amiss]
-            if found.moving and above.startswith(b"G4 "):
-                still.append(k + 1)
-            if found.signal and not found.moving:
-                if above == b"M400":
-                    rest.pop()
-                else:
-                    loose.append(k + 1)
-        above = code
-    return syncs, rest, loose, still, amiss
+        above = next((j for j in range(k - 1, -1, -1) if codes[j]), k)
+        stands = above < k and codes[above] == b"M400"
+        if (read := reader.read(code, stands=stands)) is None:
+            continue
+        found.syncs.append(Sync(k + 1, read.signal, read.number, read.moving))
+        found.amiss.extend((k + 1, what) for what in read.amiss)
+        taken.append(k)
+        if read.moving and above < k and codes[above].startswith(b"G4 "):
+            found.still.append(k + 1)
+        if read.signal and not read.moving:
+            if stands:
+                taken.append(above)
+            else:
+                found.loose.append(k + 1)
+    for k in taken:
+        codes[k] = b""
+    found.rest.extend((k, code) for k, code in enumerate(codes, 1) if code)
+    found.others.extend((k + 1, codes[k]) for k in looked_at if codes[k])
+    return found
 
 
 def axis_moves(file: HeadFile) -> list[int]:

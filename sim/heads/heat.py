@@ -93,13 +93,15 @@ def heats_early(rows: Sequence[tuple[int, bytes]], wait: int, start: Sequence[by
 
 
 def unheated(
-    rows: Sequence[tuple[int, bytes]], first: int, due: Due, verbatim: Container[int] = ()
-) -> list[str]:
+    rows: Sequence[tuple[int, bytes]], others: Sequence[tuple[int, bytes]], first: int, due: Due,
+    verbatim: Container[int] = (),
+) -> list[str]:  # fmt: skip
     """Return what is wrong with the heat of a file that prints from line `first` on.
 
-    `rows` are its lines and commands, `verbatim` the lines that are the source's as they stand.
+    `rows` are its lines and commands, `others` those that are no plain moves, `verbatim` the lines
+    that are the source's as they stand.
     """
-    temperatures = ((line, code) for line, code in rows if code[:1] in b"Mm")
+    temperatures = ((line, code) for line, code in others if code[:1] in b"Mm")
     told = [(line, heat) for line, code in temperatures if (heat := heat_of(code)) is not None]
     hot = min((line for line, heat in told if heat.heats), default=first)
     above = [heat for line, heat in told if line < first]

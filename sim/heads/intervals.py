@@ -32,7 +32,7 @@ def least_clock(file: HeadFile) -> NDArray[np.float64]:
     moving = (length > 0.0) & (motion.feed > 0.0)
     seconds = length[moving] / motion.feed[moving]
     np.add.at(clock, motion.line[moving] + 2, seconds)
-    for line, code in file.rest:
+    for line, code in file.others:
         if match := _DWELL.match(code):
             clock[line + 1] += int(match[1]) / 1000.0
     return np.asarray(np.cumsum(clock))

@@ -61,5 +61,6 @@ def pairs_of_states(
         or (np.abs(motion.feed[move] - contours.feed[segment]) > FEED_MM_S).any()
     ):
         return None
-    pairs = np.stack([np.asarray(state)[move], document.point_state[segment]], axis=1)
-    return list(map(tuple, np.unique(pairs, axis=0).tolist()))
+    mine, due = np.asarray(state, np.int64)[move], document.point_state[segment]
+    rows = len(document.states.rows)
+    return [divmod(pair, rows) for pair in np.unique(mine * rows + due).tolist()]

@@ -186,7 +186,8 @@ class _Account:
 
     def __init__(self, head: Printed, dues: Dues, job: PrintJob, document: GcodeDocument) -> None:
         self.head, self.dues, self.job, self.document = head, dues, job, document
-        self.total = np.concatenate([[0.0], np.cumsum(head.file.motion.extrusion)])
+        total = np.concatenate([[0.0], np.cumsum(head.file.motion.extrusion)])
+        self.total: list[float] = total.tolist()  # given before each move, and by all
         self.retracted = float(_owed(head.file.motion.extrusion[: head.begin])[-1])
         if self._mine(dues.start_tool):
             self.retracted += dues.start
@@ -211,7 +212,7 @@ class _Account:
                 self.changed |= "tool change" in block.reasons
                 crossed += 1
             self._begin(bead)
-        pushed = float(self.total[max(self.head.end, self.at)] - self.total[self.at])
+        pushed = self.total[max(self.head.end, self.at)] - self.total[self.at]
         for _, lines in blocks[crossed:]:  # the source's own lines, which stand behind all beads
             if lines:
                 first, last = (self.head.file.motion.before[k] for k in (lines[0] - 1, lines[-1]))
@@ -233,7 +234,7 @@ class _Account:
                 f"line {self._line(bead.begin)} begins contour {bead.contour} with "
                 f"{_words(net - self.retracted)}, the source with {_words(due - self.retracted)}"
             )
-        given = float(self.total[bead.end] - self.total[bead.begin])
+        given = self.total[bead.end] - self.total[bead.begin]
         self.over += net - due + given - float(dues.extrusion[bead.contour])
         self.at, self.retracted, self.most = bead.end, 0.0, 0.0
 
@@ -280,16 +281,15 @@ class _Account:
 
     def _stretch(self, end: int, what: str) -> float:
         """Return the net of the moves up to `end`; notes where they retract too much."""
-        within = self.total[self.at : end + 1] - self.total[self.at]
+        begun = self.total[self.at]
+        least = min(self.total[self.at : end + 1]) - begun
         most = max(self.most, self.dues.usual.get(self.head.tool, 0.0))
-        if (deep := -float(within.min()) + max(self.retracted, 0.0)) > most + MORE_MM and (
-            within.min() < -MORE_MM
-        ):
+        if least < -MORE_MM and (deep := max(self.retracted, 0.0) - least) > most + MORE_MM:
             self.texts.append(
                 f"above line {self._line(end)}, before the {what}, tool {self.head.tool} has "
                 f"{deep:.4g} mm retracted, in the source {most:.4g} at most"
             )
-        return float(within[-1])
+        return self.total[end] - begun
 
     def _mine(self, tool: int) -> bool:
         return not self.dues.shared or tool == self.head.tool

@@ -41,7 +41,7 @@ class Rests:
     @classmethod
     def of(cls, file: HeadFile) -> Rests:
         """Return the waits and dwells of a file; every command is read once."""
-        found = ((line, _DWELL.match(code)) for line, code in file.rest)
+        found = ((line, _DWELL.match(code)) for line, code in file.others)
         dwells = [(line, int(match[1])) for line, match in found if match is not None]
         waits = [sync.line for sync in file.syncs if not sync.signal]
         total_ms = list(accumulate((ms for _, ms in dwells), initial=0))

@@ -209,7 +209,8 @@ def _judge_one(
     begins_with = document.preamble + (b"" if more is None else more.text)
     start = own_of(begins_with, homes=True, relative_e=False, selected=_selected(job, 0))
     waits = next((sync.line for sync in file.syncs), 0)
-    file = replace(file, rest=file.rest[heats_early(file.rest, waits, start) :])
+    early = heats_early(file.rest, waits, start)
+    file = replace(file, rest=file.rest[early:], others=file.others[early:])
     low, parked = _match_start(file, document, start, park, words)
     own_end = partial(
         own_of, homes=False, relative_e=document.end.relative_e,
@@ -252,10 +253,13 @@ def _judge_one(
     if walk.complete and tools:
         prints = np.flatnonzero(actions.kind == ActionKind.PRINT)
         own = {line for line, _ in file.rest[:low]} | taken
-        words += unheated(file.rest, walk.first[int(prints[0])], due, own)
+        words += unheated(file.rest, file.others, walk.first[int(prints[0])], due, own)
     known = known_settings(document)
-    for line, code in file.rest[low:high]:
-        if line not in taken and not (is_move(code) or accepted(file.row(line), known)):
+    last = end_code if high < len(file.rest) else beyond
+    for line, code in file.others:
+        if not (low < len(file.rest) and file.rest[low][0] <= line < last) or line in taken:
+            continue
+        if not (is_move(code) or accepted(file.row(line), known)):
             words.append(f"line {line}: '{_text(code)}' is not in the source at this place")
     words += [f"line {line}: no M400 stands before this signal at rest" for line in file.loose]
     words += [f"line {line} {what}" for line, what in file.amiss]
@@ -341,6 +345,8 @@ def _take_blocks(
 ) -> list[list[int]]:  # fmt: skip
     """Return the lines of each block that stands at a barrier; adds missing ones to `words`."""
     found: list[list[int]] = []
+    if not any(commands) and not any(block.moves for block in document.blocks):
+        return [[] for _ in commands]
     codes = [code for _, code in file.rest]
     firsts = {code[0] for code in commands if code} | {b"G90"}
     places: dict[bytes, list[int]] = {code: [] for code in firsts}

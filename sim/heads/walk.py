@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +61,11 @@ class _Moves:
     def of(cls, file: HeadFile) -> _Moves:
         """Return the moves of a file."""
         motion = file.motion
-        stays = np.abs(np.diff(motion.points, axis=0)).max(axis=1, initial=0.0) < 1e-9
-        x, y, z = motion.points[1:].T.tolist()
+        x, y, z = motion.points.T.copy()
+        stays = np.logical_and.reduce([np.abs(np.diff(axis)) < 1e-9 for axis in (x, y, z)])
         return cls(
-            x, y, z, motion.extrusion.tolist(), motion.feed.tolist(),
-            (motion.line + 1).tolist(), stays.tolist(), file.track.at(motion.line).tolist(),
+            x[1:].tolist(), y[1:].tolist(), z[1:].tolist(), motion.extrusion.tolist(),
+            motion.feed.tolist(), (motion.line + 1).tolist(), stays.tolist(), file.track.at(motion.line).tolist(),
         )  # fmt: skip
 
 
@@ -88,6 +89,8 @@ class Walker:
         self._apart = _apart_in_file(actions.path, actions.path_offsets)
         self._bounds = actions.path_offsets.tolist()
         self._alike: dict[tuple[int, int], str] = {}
+        self._ours = cache(partial(_in_force, file.track.table))  # states in words, by row
+        self._theirs = cache(partial(_in_force, document.states))
         starts = [*document.starts, document.end]
         starts += [block.begin for block in document.blocks] + [b.end for b in document.blocks]
         first = int(job.contours.epoch.min(initial=0))
@@ -106,6 +109,7 @@ class Walker:
         self._surplus = max(0.0, beyond, -float(document.owed.min(initial=0.0)))
         self._surplus += max((prime for _, prime in document.primes), default=0.0)
         self._feeds = (job.settings.travel_feed or 100.0, job.settings.z_feed or 0.0)
+        self._travels = cache(self._is_travel_feed)
 
     def run(self) -> Walk:
         """Return the walk; it ends at the first move that is not the plan's."""
@@ -141,8 +145,8 @@ class Walker:
         return ""  # it rests: `sim.heads.order` looks for the dwell
 
     def _travel(self, k: int) -> str:
-        path, moves = self.actions.action_path(k), self._moves
-        apart = self._apart[self._bounds[k] : self._bounds[k + 1]]
+        moves, rows = self._moves, slice(self._bounds[k], self._bounds[k + 1])
+        path, apart = self.actions.path[rows], self._apart[rows]
         line = self._line(self.at - 1)
         reached = self.walk.reached[k] = []
         for is_apart, (x, y, z) in zip(apart.tolist(), path.tolist(), strict=True):
@@ -153,18 +157,25 @@ class Walker:
                 self._still()
             if self.at >= self.end:
                 return f"the file ends before action {k}"
-            here = moves.x[self.at], moves.y[self.at], moves.z[self.at]
-            line = self._line(self.at)
-            if max(abs(here[0] - x), abs(here[1] - y), abs(here[2] - z)) > SAME_MM:
+            at = self.at
+            here, line = (moves.x[at], moves.y[at], moves.z[at]), moves.line[at]
+            if (
+                abs(here[0] - x) > SAME_MM
+                or abs(here[1] - y) > SAME_MM
+                or abs(here[2] - z) > SAME_MM
+            ):
                 due = _xyz((x, y, z))
                 return f"line {line} goes to {_xyz(here)}, the plan's action {k} to {due}"
-            if abs(moves.extrusion[self.at]) > E_MM:
+            if abs(moves.extrusion[at]) > E_MM:
                 return f"line {line} pushes filament while it travels"
-            if min(abs(moves.feed[self.at] - f) for f in self._feeds) > FEED_MM_S:
-                return f"line {line} travels at {moves.feed[self.at]:.3f} mm/s"
+            if not self._travels(moves.feed[at]):
+                return f"line {line} travels at {moves.feed[at]:.3f} mm/s"
             self._step(k)
             reached.append(line)
         return ""
+
+    def _is_travel_feed(self, feed: float) -> bool:
+        return min(abs(feed - due) for due in self._feeds) <= FEED_MM_S
 
     def _print(self, k: int) -> str:
         contour, is_reversed = self._contour[k], self._reversed[k]
@@ -338,14 +349,17 @@ class Walker:
     def _other_state(self, mine: int, row: int) -> str:
         """Return in words how a state of the file differs from the source's row."""
         if (mine, row) not in self._alike:
-            table = self.file.track.table
-            self._alike[mine, row] = ", ".join(differing(table, mine, self.document.states, row))
+            self._alike[mine, row] = ", ".join(_words_of(self._ours(mine), self._theirs(row)))
         return self._alike[mine, row]
 
 
 def differing(ours: StateTable, row: int, theirs: StateTable, due: int) -> list[str]:
     """Return in words how a state in force differs from the state that is due."""
-    has, wanted = _in_force(ours, row), _in_force(theirs, due)
+    return _words_of(_in_force(ours, row), _in_force(theirs, due))
+
+
+def _words_of(has: set[tuple[str, str]], wanted: set[tuple[str, str]]) -> list[str]:
+    """Return in words what is in force and what should be."""
     words = [f"in force is '{text}'" for _, text in sorted(has - wanted)]
     return words + [f"not in force is '{text}'" for _, text in sorted(wanted - has)]
 
@@ -373,6 +387,8 @@ def _apart_in_file(path: Floats, offsets: NDArray[np.int64]) -> NDArray[np.bool_
 
 def _is_same(one: list[float], other: list[float]) -> bool:
     """Tell whether a file of three decimals has two points as one."""
+    if max(abs(a - b) for a, b in zip(one, other, strict=True)) > SAME_MM:
+        return False  # rounding takes no more than half a digit from each
     return all(round(a, 3) == round(b, 3) for a, b in zip(one, other, strict=True))
 
 

@@ -66,5 +66,6 @@ def test_a_head_that_prints_is_hot_before_and_off_afterwards(
     codes: list[bytes], wrong: str | None
 ) -> None:
     """The first bead stands in line 3."""
-    found = unheated(list(enumerate(codes, 1)), 3, Due(False, True, True, True))
+    rows = list(enumerate(codes, 1))
+    found = unheated(rows, rows, 3, Due(False, True, True, True))
     assert (wrong is None and not found) or (len(found) == 1 and str(wrong) in found[0])

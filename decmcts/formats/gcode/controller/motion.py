@@ -89,8 +89,9 @@ def _decimals(lines: Lines) -> tuple[int, int, int]:
 
 
 def _refuse_far(lines: Lines, motion: Motion) -> None:
-    far = np.flatnonzero((np.abs(motion.points[1:]) > LARGEST_MM).any(axis=1))
-    if len(far):
+    beyond = np.abs(motion.points[1:]) > LARGEST_MM
+    if beyond.any():
+        far = np.flatnonzero(beyond.any(axis=1))
         what = f"relative moves that leave ±{LARGEST_MM:g} mm"
         raise lines.refuse(int(motion.line[far[0]]), what)
     much = np.flatnonzero(np.abs(motion.extrusion) > LARGEST_FILAMENT_MM)

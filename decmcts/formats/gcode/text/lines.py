@@ -163,6 +163,8 @@ def _check(lines: Lines, fault: NDArray[np.uint8]) -> None:
         (slice(scan.F, scan.OFFSET_I), 60.0 * LARGEST_SPEED_MM_S, "a feed"),
     ):
         wild = np.abs(lines.values[:, column]) > most  # NaN, a parameter left out, is not
+        if not wild.any():
+            continue
         large = np.flatnonzero(wild.any(axis=1) & (lines.letter == 71))
         if len(large):
             raise lines.refuse(int(large[0]), f"{what} beyond ±{most:g}")
