@@ -65,7 +65,8 @@ class _Moves:
         stays = np.logical_and.reduce([np.abs(np.diff(axis)) < 1e-9 for axis in (x, y, z)])
         return cls(
             x[1:].tolist(), y[1:].tolist(), z[1:].tolist(), motion.extrusion.tolist(),
-            motion.feed.tolist(), (motion.line + 1).tolist(), stays.tolist(), file.track.at(motion.line).tolist(),
+            motion.feed.tolist(), (motion.line + 1).tolist(), stays.tolist(),
+            file.track.at(motion.line).tolist(),
         )  # fmt: skip
 
 
