@@ -156,11 +156,11 @@ def test_teams_are_compared_once(run, tmp_path):
 @pytest.mark.usefixtures("here")
 def test_a_part_left_out_is_compared_with_the_whole_search(run, tmp_path):
     """On a few contours, half a second each."""
-    options = ["--models", "plate:60", "--time-limit", "0.5", "--methods", "all,no_local_search"]
+    options = ["--models", "plate:60", "--time-limit", "0.5", "--methods", "all,no_windows"]
     run("team_ablation", options, tmp_path)
     written = (tmp_path / "team_ablation.csv").read_text()
     rows = list(csv.DictReader(written.splitlines()))
-    assert [row["method"] for row in rows] == ["all", "no local search"]
+    assert [row["method"] for row in rows] == ["all", "no windows"]
     assert all(row["faults"] == "0" and row["error"] == "" for row in rows)
     page = (tmp_path / "team_ablation.md").read_text()
     assert "| all | 1 |" in page and "## Entropy" in page
