@@ -6,8 +6,8 @@ Slabs made by code (and models of the corpus, where named) are cut and planned f
 Their plans and files are read back by a reader of this script's own first: every point and all
 filament must be the source's. Then each is spoilt `count` times in all, and judged in this
 process. A mutant that leaves a valid plan says so; every other one must be refused. Digests and
-metrics are left out, so that none is refused for those alone. Writes docs/results/cut_plans.md;
-exits with 1 if a mutant is missed or the judge crashes.
+metrics are left out, so that none is refused for those alone. Writes docs/results/cut_plans.md
+(with models cut_plans_models.md); exits with 1 if a mutant is missed or the judge crashes.
 """
 
 from __future__ import annotations
@@ -96,7 +96,8 @@ def main() -> int:
                 bad = True
                 print(f"{verdict}: {kind}: {line}", flush=True)
     took = time.perf_counter() - started
-    (options.results / "cut_plans.md").write_text(page(subjects, found, said, options, took))
+    name = "cut_plans_models.md" if options.models else "cut_plans.md"
+    (options.results / name).write_text(page(subjects, found, said, options, took))
     print(f"{sum(found.values())} mutants in {took:.0f} s: {_totals(found)}")
     return int(bad)
 
@@ -210,6 +211,7 @@ def page(
     """Return the Markdown page."""
     kinds = {kind for kind, _ in found}
     prints = "; ".join(f"{s.name}: {len(json.loads(s.plan)['contours'])} pieces" for s in subjects)
+    slabs = "" if options.slabs == len(SLABS) else f" --slabs {options.slabs}"
     models = f" --models {','.join(options.models)}" if options.models else ""
     table = [
         [kind, str(n), verdict, said.get(kind, "").replace("|", "/")[:160]]
@@ -218,11 +220,11 @@ def page(
     return (
         "# Cut plans with faults\n\n"
         f"{setting(machine=MACHINE, seed=options.seed)}\n\n"
-        f"Repeat: `python benchmarks/cut_plans.py --count {options.count}{models}`. Plans and "
-        "files of cut prints are spoilt at random places and judged, in the same process. Before "
-        "that, both files of each print are read by a reader of the benchmark's own: each move "
-        "that prints lies on a move of the source, all of it is covered once, and its filament is "
-        "the source's to the last digit.\n\n"
+        f"Repeat: `python benchmarks/cut_plans.py --count {options.count}{slabs}{models}`. Plans "
+        "and files of cut prints are spoilt at random places and judged, in the same process. "
+        "Before that, both files of each print are read by a reader of the benchmark's own: each "
+        "move that prints lies on a move of the source, all of it is covered once, and its "
+        "filament is the source's to the last digit.\n\n"
         f"{prints}.\n\n"
         f"{len(kinds)} kinds, {sum(found.values())} mutants in {took_s:.0f} s: "
         f"{_totals(found)}.\n\n"

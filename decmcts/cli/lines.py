@@ -81,6 +81,7 @@ def searched_line(after: Metrics) -> str:
 def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
     """Return what several heads gain over one, and how much of the time each prints."""
     makespan, bound = after["makespan_s"], after["bound"]["bound_s"]
+    proven = "bound proven for the pieces as they are cut" if "cut" in after else "proven bound"
     shares = [
         f"{name} {100.0 * spent / makespan:.0f} %"
         for name, spent in zip(heads, after["printing_s_per_head"], strict=True)
@@ -88,7 +89,7 @@ def team_lines(after: Metrics, heads: Sequence[str]) -> list[str]:
     return [
         f"{after['one_head_s'] / makespan:.2f} times as fast as one head alone "
         f"({clock_time(after['one_head_s'])}), and {100.0 * (makespan / bound - 1.0):.0f} % "
-        f"above the proven bound ({clock_time(bound)})",
+        f"above the {proven} ({clock_time(bound)})",
         f"of the print time each head prints: {', '.join(shares)}",
         *_cut_line(after),
     ]

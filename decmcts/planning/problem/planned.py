@@ -44,21 +44,6 @@ class Planned:
     head_files: tuple[bytes, ...] = ()  # text of the heads' files, judged; none: not written yet
 
 
-def before_by_pieces(before: PlanDocument, after: PlanDocument) -> PlanDocument:
-    """Return the source's own order in the numbers of a cut print, to be drawn beside it.
-
-    Each contour is printed whole, under the number of its first piece.
-    """
-    if after.contours.of is None or before.contours.of is not None:
-        return before
-    first = np.searchsorted(after.contours.of, np.arange(len(before.contours))).astype(np.int32)
-    heads = tuple(
-        replace(head, contour=np.where(head.contour < 0, head.contour, first[head.contour]))
-        for head in before.plan.heads
-    )
-    return replace(before, contours=after.contours, plan=JointPlan(heads), acceleration=None)
-
-
 def document_of(problem: PrintProblem, plan: JointPlan, extra: Metrics) -> PlanDocument:
     """Wrap a plan with all that is needed to check and draw it."""
     metrics: Metrics = {**plan_metrics(problem.job, plan), **extra, "version": __version__}

@@ -18,6 +18,7 @@ from decmcts.print.plan import PlanDocument
 from decmcts.version import __version__
 from sim.pictures.report.blobs import Blobs
 from sim.pictures.report.changes import flags_of
+from sim.pictures.report.cuts import cuts_of_page
 from sim.pictures.report.facts import Told, facts_of
 from sim.pictures.report.saving import saving_of
 from sim.pictures.report.toolpaths import ROLES, contours_of, plan_of
@@ -70,6 +71,7 @@ def page_data(
         "team": _team(after),
         "saving": saving_of(before, after),
         "graph": _graph(told.graph, blobs),
+        "cuts": cuts_of_page(after, blobs),
         "notes": list(told.notes),
     }  # fmt: skip
     return page, blobs

@@ -14,6 +14,7 @@ from decmcts.print.metrics import Metrics
 from decmcts.print.plan import ActionKind, HeadActions, PlanDocument
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 from sim.faults import Verdict
+from sim.pictures.report.cuts import cut_facts
 from sim.pictures.report.waits import aside_s
 from sim.verdict_lines import sentences
 
@@ -58,6 +59,7 @@ def facts_of(before: PlanDocument, after: PlanDocument, told: Told) -> dict[str,
         "rows": [row for row in (_row(*named, was, now) for named in MAKERS.items()) if row],
         "heads": [_head(actions, after.plan.makespan_s) for actions in after.plan.heads],
         "speed_up": _speed_up(after),
+        "cut": cut_facts(after),
         "proof": _proof(now),
         "waits_s": float(now.get("waits_s") or 0.0),
         "kept_source": now.get("kept_because"),

@@ -92,7 +92,7 @@ def plan_of(
 ) -> dict[str, Any]:
     """Return one plan for the page; `flags` as in `sim.pictures.report.changes`."""
     heads = [
-        _head(actions, _entries(document.contours, actions, drawn), flag, blobs)
+        _head(document.contours, actions, _entries(document.contours, actions, drawn), flag, blobs)
         for actions, flag in zip(document.plan.heads, flags, strict=True)
     ]
     return {"label": label, "end_s": document.plan.makespan_s, "heads": heads}
@@ -105,9 +105,10 @@ def _entries(contours: Contours, actions: HeadActions, drawn: Drawn) -> NDArray[
 
 
 def _head(
-    actions: HeadActions, entry: NDArray[np.int64], flags: NDArray[np.uint8], blobs: Blobs
-) -> dict[str, Any]:
-    owner, kept = _kept(actions)
+    contours: Contours, actions: HeadActions, entry: NDArray[np.int64], flags: NDArray[np.uint8],
+    blobs: Blobs,
+) -> dict[str, Any]:  # fmt: skip
+    owner, kept, known = _kept(contours, actions)
     x, y, z = (blobs.add(actions.path[kept, k], step=STEP_MM, delta=True) for k in range(3))
     begin = np.rint(actions.begin_s / STEP_S)
     end = np.rint(actions.end_s / STEP_S)
@@ -124,20 +125,37 @@ def _head(
         "lasts": blobs.add(end - begin),
         "flags": blobs.add(flags),
         "kept": blobs.add(np.bincount(owner[kept], minlength=len(actions))),
+        "known": blobs.add(known),
         "x": x, "y": y, "z": z,
     }  # fmt: skip
 
 
-def _kept(actions: HeadActions) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the action of each point of the paths, and which points the page must be told.
+def _kept(
+    contours: Contours, actions: HeadActions
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:
+    """Return the action of each point of the paths, which of them are told, and which are known.
 
-    Those of prints are known from their contours. So is where a travel begins after one and ends
+    Of each action the page knows 1: its first point, 2: its last, 3: both, 0: none.
+    Paths of prints are known from their contours. So is where a travel begins after one and ends
     before one, unless the contour is a loop entered elsewhere, whose gap moves with the seam.
     """
     owner = np.repeat(np.arange(len(actions)), np.diff(actions.path_offsets))
     rows = np.arange(len(owner))
-    plain = np.concatenate([(actions.kind == ActionKind.PRINT) & (actions.entry == 0), [False]])
-    behind, ahead = plain[owner - 1], plain[owner + 1]  # row 0 is behind none: the last is False
-    first, last = rows == actions.path_offsets[owner], rows == actions.path_offsets[owner + 1] - 1
-    known = (first & behind) | (last & ahead & (actions.kind[owner] != ActionKind.WAIT))
-    return owner, (actions.kind[owner] != ActionKind.PRINT) & ~known
+    begins, ends = actions.path_offsets[:-1], actions.path_offsets[1:] - 1
+    plain = (actions.kind == ActionKind.PRINT) & (actions.entry == 0)
+    starts, stops = plain.copy(), plain.copy()  # where the contour does
+    for ours, place, turned in ((starts, begins, False), (stops, ends, True)):
+        c = actions.contour[plain]
+        last = actions.reversed[plain] != turned
+        due = contours.points[np.where(last, contours.offsets[c + 1] - 1, contours.offsets[c])]
+        ours[plain] = (actions.path[place[plain]] == due).all(axis=1)
+    moves = actions.kind != ActionKind.PRINT
+    behind = moves & np.concatenate([[False], stops[:-1]])[: len(actions)]
+    ahead = (
+        moves
+        & (actions.kind != ActionKind.WAIT)
+        & np.concatenate([starts[1:], [False]])[: len(actions)]
+    )
+    first, last_row = rows == begins[owner], rows == ends[owner]
+    told = moves[owner] & ~(first & behind[owner]) & ~(last_row & ahead[owner])
+    return owner, told, behind + 2 * ahead.astype(np.int64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from playwright.sync_api import sync_playwright
 
 from agents.launch import LaunchResult
 from decmcts.errors import InputError
@@ -21,8 +23,10 @@ from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.joint import sweep_plan
 from decmcts.planning.team.pipeline import plan_team, prepared, swept
 from decmcts.planning.verify import verify
+from decmcts.print.cut import OUTSIDE
 from decmcts.print.job import PrintJob
-from decmcts.print.welds import weld_ages
+from decmcts.print.plan import ActionKind
+from decmcts.print.welds import cuts_of, weld_ages
 from decmcts.team.bounds.makespan import makespan_bound
 from decmcts.team.schedule.entries import entries_of
 from sim.content.inventory import move_segments
@@ -32,6 +36,8 @@ from sim.heads.file import read_head_file
 from sim.verify import verify_plan
 from tests.planning.conftest import Agents
 from tests.prints import slab
+from tests.sim.pictures.report.conftest import SOFTWARE, opened
+from tests.sim.pictures.report.unpacking import page_of
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +190,48 @@ def test_files_of_a_cut_print_hold_the_source_s_path(
 
 
 def test_views_have_the_source_beside_the_pieces(result: Result, tmp_path: Path) -> None:
-    """Each contour of the source stands under the number of its first piece."""
+    """The source's own order is drawn piece by piece, each in the time its contour takes."""
     result.write_report(tmp_path / "report.html")
     result.write_picture(tmp_path / "picture.svg")
-    assert (tmp_path / "report.html").stat().st_size > 10_000
+    page, after = page_of(tmp_path / "report.html"), result.planned.after
+    (was,) = page["plans"][0]["heads"]
+    prints = was["kind"] == ActionKind.PRINT
+    assert was["contour"][prints].tolist() == list(range(len(after.contours)))
+    whole = result.planned.before.plan.heads[0]
+    begin, end = (np.cumsum(was["idle"] + was["lasts"]) - k * was["lasts"] for k in (1, 0))
+    for contour in range(len(whole_job(result).contours)):
+        mine = np.isin(was["contour"], np.flatnonzero(after.contours.sources == contour)) & prints
+        (row,) = np.flatnonzero(whole.contour == contour)
+        assert begin[mine][0] / 1e3 == pytest.approx(whole.begin_s[row], abs=0.01)
+        assert end[mine][-1] / 1e3 == pytest.approx(whole.end_s[row], abs=0.01)
+    cut, cuts = page["facts"]["cut"], page["cuts"]
+    assert cut["cuts"] == len(cuts["age"]) == sum(n for _, n in cut["roles"])
+    assert cuts["age"] == pytest.approx(weld_ages(after.contours, after.plan)[0], abs=1e-3)
+    of, meet = cuts["of"], [cuts[name].astype(int) for name in ("before", "after")]
+    assert (of[meet[0]] == of[meet[1]]).all() and (meet[0] != meet[1]).any()
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium: apt-get install it")
+def test_cuts_are_marked_and_told_of_in_a_browser(result: Result, tmp_path: Path) -> None:
+    """Of the layers shown; a piece says of what contour it is and how old its welds are."""
+    result.write_report(tmp_path / "report.html")
+    with sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=shutil.which("chromium"),
+                                          args=list(SOFTWARE))  # fmt: skip
+        with opened(browser, tmp_path / "report.html") as page:
+            page.evaluate("D.view.ready")
+            action = "D.page.plans[1].heads[0].kind.indexOf(0, 9)"
+            page.evaluate(f"D.selected.go({{ plan: 1, head: 0, action: {action} }})")
+            page.evaluate("document.getElementById('view-cuts').click()")
+            page.evaluate("D.state.set({ layers: [1, 1] })")
+            legend, told, first = (
+                page.inner_text(f"#{name}") for name in ("view-legend", "selected-facts", "facts")
+            )
+        browser.close()
+    after = result.planned.after
+    owner = np.repeat(np.arange(len(after.contours)), np.diff(after.contours.offsets))
+    there = owner[cuts_of(after.contours).before]
+    shows = np.isin(after.contours.role[there], OUTSIDE)[after.contours.layer[there] == 1]
+    assert f"cuts inside: {(~shows).sum()}" in legend and f"cuts that show: {shows.sum()}" in legend
+    assert "of the source's contour" in told and "where the other piece is printed" in told
+    assert "proven for the pieces as they are cut" in first and "contours cut at" in first

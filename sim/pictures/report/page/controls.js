@@ -174,6 +174,7 @@
       else box.replaceChildren(...legend.entries.map(({ name, rgb }, k) => row(k, swatch(rgb), name, legend.off)));
       const told = (rgb, text, kind) => box.append(element("span", { class: "view-entry" }, swatch(rgb, kind), text));
       for (const { name, rgb, dash } of legend.travels ?? []) told(rgb, name, dash ? "line dashed" : "line");
+      for (const { name, rgb } of legend.cuts ?? []) told(rgb, name);
       if (legend.bodies) told(D.colours.named("--head0"), "frames: bodies of the heads; on the bed, the space a head needs now", "frame");
       for (const [name, rgb, count = 1] of legend.selected) {
         const text = count > 1 ? `${name}: ${D.format.count(count, "bead")}${count > D.view.MOST ? `, ${D.view.MOST} drawn` : ""}` : name;
@@ -221,7 +222,8 @@
     return element("div", { class: "view-row" }, choice("plans", plansOf(page.plans), "Plans shown"), pair,
       toggle("changed", "What changed", "lights up what changed, dims the rest", showChanges),
       toggle("travels", "Travels", "shows travels too"),
-      toggle("bodies", "Heads", "shows the heads' bodies while they move"), camera(acts));
+      toggle("bodies", "Heads", "shows the heads' bodies while they move"),
+      page.cuts ? toggle("cuts", "Cuts", "marks the places at which contours are cut") : "", camera(acts));
   }
 
   /** Build the section; returns what the view writes into. */

@@ -101,7 +101,6 @@
 
   /** Give every action that does not print its whole path: offsets, x, y, z of the head. */
   function withPaths(contours, head) {
-    const plain = (k) => k >= 0 && k < head.n && head.kind[k] === 0 && head.entry[k] === 0;
     const end = (k, side) => {
       const turned = head.reversed[k] ? !side : side, c = head.contour[k];
       return pointOf(contours, turned ? contours.offsets[c + 1] - 1 : contours.offsets[c]);
@@ -110,10 +109,9 @@
     let at = 0;
     for (let k = 0; k < head.n; k++) {
       if (head.kind[k] !== 0) {
-        const waits = head.kind[k] === 3;
-        if (plain(k - 1)) rows.push(end(k - 1, true));
+        if (head.known[k] & 1) rows.push(end(k - 1, true));
         for (let i = 0; i < head.kept[k]; i++, at++) rows.push([head.x[at], head.y[at], head.z[at]]);
-        if (plain(k + 1) && !waits) rows.push(end(k + 1, false));
+        if (head.known[k] & 2) rows.push(end(k + 1, false));
       }
       offsets[k + 1] = rows.length;
     }

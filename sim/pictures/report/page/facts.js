@@ -126,16 +126,28 @@
       return e("li", { style: colour }, e("b", {}, who), ` ${said}${what}`,
         e("div", { class: "track", "aria-hidden": "true" }, ...drawn));
     };
-    return e("div", { class: "card" }, e("h2", {}, alone ? "Where the time goes, after" : "How the heads are used"), speed(facts.speed_up, page.history.cooled),
+    return e("div", { class: "card" }, e("h2", {}, alone ? "Where the time goes, after" : "How the heads are used"), speed(facts.speed_up, page.history.cooled, facts.cut), cut(facts.cut),
       e("ul", { class: "used" }, ...facts.heads.map(one)));
   }
 
-  function speed(up, cooled) {
+  /** What was cut so that heads share it. */
+  function cut(of) {
+    if (!of) return null;
+    const roles = of.roles.map(([name, n]) => `${D.format.number(n)} in ${name}`).join(", ");
+    const shows = of.outside ? `${D.format.number(of.outside)} of them show` : "none of them shows";
+    const age = (s) => (s < 60 ? `${s.toFixed(1)} s` : D.format.duration(s));
+    const welds = of.welds ? ` Between the printing of a cut's two ends pass ${age(of.weld_median_s)} in the median, ${age(of.weld_most_s)} at most` +
+      `${of.in_one_go ? `; ${D.format.number(of.in_one_go)} are printed in one go` : ""}.` : "";
+    return e("p", {}, e("b", {}, `${D.format.count(of.contours, "contour")} cut at ${D.format.count(of.cuts, "place")}`),
+      ` so that heads share them: ${roles}; ${shows}.${welds}`);
+  }
+
+  function speed(up, cooled, pieces) {
     if (!up) return null;
     const text = [e("b", {}, `${(up.one_head_s / up.makespan_s).toFixed(2)} times as fast`), ` as one head alone, which takes ${D.format.duration(up.one_head_s)}.`];
     if (up.bound_s) {
       const above = share(up.makespan_s - up.bound_s, up.makespan_s);
-      text.push(` No plan for these heads can be shorter than ${D.format.duration(up.bound_s)} (proven), so at most ${above} is left to gain${cooled ? ", less what plastic needs to cool" : ""}.`);
+      text.push(` No plan for these heads can be shorter than ${D.format.duration(up.bound_s)} (proven${pieces ? " for the pieces as they are cut" : ""}), so at most ${above} is left to gain${cooled ? ", less what plastic needs to cool" : ""}.`);
     }
     return e("p", {}, ...text);
   }

@@ -107,6 +107,12 @@
       this.extras = [[lines, "LINE", 4], [first, "FIRST", 5]].map(([of, kind, wide]) => ({ on: linesOf(this, of), kind, wide }));
     }
 
+    /** Mark places in the plan's picture, in front of all: [{points: [[x, y, z]], rgb}]. */
+    markCuts(places) {
+      if (this.cuts) D.beads.release(this.cuts);
+      this.cuts = linesOf(this, places);
+    }
+
     /**
      * What is drawn of the beads: all, or while the view moves as much as is fast: with lines
      * made simpler, then only outer walls, then only those of every second layer, twice as tall,
@@ -206,6 +212,7 @@
       this.strips("LINE", { ...line, on: view.bed, begin: 0, count: view.bed.set.n, now: ALL, wide: 1 });
       if (state.travels || state.changed) this.drawTravels(line, seen.plan, state, seen.now);
       this.heads(view, line, seen.plan, state);
+      if (this.cuts && seen.plan === 1) this.strips("FIRST", { ...line, on: this.cuts, begin: 0, count: this.cuts.set.n, now: ALL, wide: 5 });
       if (this.extraOf !== null && this.extraOf !== seen.plan) return;
       for (const { on, kind, wide } of this.extras) {
         if (on) this.strips(kind, { ...line, on, begin: 0, count: on.set.n, now: ALL, wide });

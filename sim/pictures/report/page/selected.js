@@ -91,11 +91,52 @@
     if (head.kind[at.action] === 0) {
       rows.unshift(...fact("layer", `${contours.layer[c] + 1}`),
         ...fact("line", contours.line[c] > 0 ? `${contours.line[c]} of the source` : "none"));
-      rows.push(...fact("tool", `${contours.tool[c]}`));
+      rows.push(...fact("tool", `${contours.tool[c]}`), ...pieceOf(c));
       const other = printing(scene, 1 - at.plan, c);
       if (other) rows.push(...fact(plans[1 - at.plan].label, goTo(other, `${clock(headOf(other).begin[other.action])}, ${named(headOf(other))}`)));
     } else if (head.flags[at.action]) rows.push(...fact("change", changeOf(at, head.flags[at.action])));
     return D.element("dl", {}, ...rows);
+  }
+
+  /** Which piece of which contour a bead is, where that is cut. */
+  function pieceOf(c) {
+    const of = scene.page.cuts?.of;
+    if (!of) return [];
+    let [first, last] = [c, c];
+    while (of[first - 1] === of[c]) first--;
+    while (of[last + 1] === of[c]) last++;
+    if (first === last) return fact("piece", "this contour is whole");
+    return fact("piece", `${c - first + 1} of ${last - first + 1} of the source's contour ${of[c]}`);
+  }
+
+  /** Cuts at which a bead meets other pieces: [{other, age}], the oldest weld first. */
+  function cutsOf(c) {
+    const { cuts } = scene.page;
+    const found = [];
+    for (let k = 0; cuts && k < cuts.age.length; k++) {
+      if (cuts.before[k] === c) found.push({ other: cuts.after[k], age: cuts.age[k] });
+      else if (cuts.after[k] === c) found.push({ other: cuts.before[k], age: cuts.age[k] });
+    }
+    return found.sort((a, b) => b.age - a.age);
+  }
+
+  /** "bead 12, left: printed on to 12 s later". */
+  function cutLine({ other, age }, at) {
+    const to = printing(scene, 1, other);
+    const { begin } = scene.page.plans[1].heads[at.head];
+    if (!to) return null;
+    const later = headOf(to).begin[to.action] > begin[at.action];
+    const weld = age === 0 ? "in one go" : `${lasting(age)} ${later ? "later" : "earlier"}`;
+    return D.element("li", {}, goTo(to, `bead ${other}`), `, ${named(headOf(to))}: ${weld}`);
+  }
+
+  function cutList(at, c) {
+    const found = at.plan === 1 ? cutsOf(c) : [];
+    if (!found.length) return [];
+    const lines = found.slice(0, MOST).map((each) => cutLine(each, at)).filter(Boolean);
+    const more = found.length > MOST ? ` (the oldest ${MOST} welds)` : "";
+    return [D.element("h3", {}, `Cut at ${D.format.count(found.length, "place")}, where the other piece is printed${more}`),
+      D.element("ul", { class: "view-list" }, ...lines)];
   }
 
   function changeOf({ plan }, flags) {
@@ -186,6 +227,7 @@
     const children = [D.element("h3", { class: "view-title" }, mark("--chosen"), title(at)), factsOf(at)];
     const waits = waitsOf(at);
     if (waits.length) children.push(D.element("ul", { class: "view-list" }, ...waits.slice(0, 20).map((w) => waitLine(w, at))));
+    if (head.kind[at.action] === 0) children.push(...cutList(at, head.contour[at.action]));
     if (head.kind[at.action] === 0 && scene.page.graph) {
       const { before, after } = neighbours(scene, at);
       children.push(D.element("div", { class: "view-columns" },

@@ -3,7 +3,7 @@
 (() => {
   let now = Object.freeze({
     time: 0, playing: false, speed: 60, layers: [0, 0], plans: "after", colour: "role",
-    travels: false, changed: false, bodies: true, selected: null, theme: "light",
+    travels: false, changed: false, bodies: true, cuts: false, selected: null, theme: "light",
   });
   const heard = [];
 

@@ -147,6 +147,7 @@
   /** Give everything the colours of the state and of light or dark. */
   function recolour() {
     legend = D.tints.apply(scene, painter, view);
+    markCuts();
     select();
   }
 
@@ -180,8 +181,28 @@
     painter.overlay(lines, [{ points, rgb: chosen }], kind[selected.action] === 0 ? null : selected.plan);
   }
 
+  const OUTSIDE = new Set(["external perimeter", "top solid infill"]); // roles that show
+
+  /** Mark the cuts of the layers shown; returns what the legend says of them. */
+  function markCuts() {
+    const { cuts, layers: [low, high] } = D.state.get();
+    const { page } = scene, of = page.cuts;
+    const rgb = ["--fg", "--bad"].map(D.colours.named), count = [0, 0];
+    const places = [];
+    for (let k = 0; cuts && of && k < of.x.length; k++) {
+      const c = of.before[k];
+      if (page.contours.layer[c] < low || page.contours.layer[c] > high) continue;
+      const shows = OUTSIDE.has(page.roles[page.contours.role[c]]) ? 1 : 0;
+      count[shows]++;
+      places.push({ points: [[of.x[k], of.y[k], of.z[k]]], rgb: rgb[shows] });
+    }
+    painter.markCuts(places);
+    view.cuts = ["cuts inside", "cuts that show"].map((name, k) => ({ name: `${name}: ${D.format.number(count[k])}`, rgb: rgb[k] }))
+      .filter((_, k) => count[k]);
+  }
+
   /** Say what the colours are; `selected` are names and colours of what is drawn over the print. */
-  const tell = (selected) => parts.legend({ ...legend, selected, bodies: showsHeads(D.state.get()) });
+  const tell = (selected) => parts.legend({ ...legend, selected, cuts: view.cuts, bodies: showsHeads(D.state.get()) });
 
   /** What is shown at (x, y) px of the canvas: {plan, head, action} or null. */
   function pick(x, y) {
@@ -306,12 +327,13 @@
 
   function changed(now, was) {
     const differs = (...keys) => keys.some((key) => now[key] !== was[key]);
-    if (differs("theme", "colour", "changed", "travels")) recolour();
+    if (differs("theme", "colour", "changed", "travels", "cuts")) recolour();
     else if (differs("selected")) select();
     if (differs("plans")) refit((now.plans === "both") - (was.plans === "both"));
     if (differs("selected") && now.selected && !picking) reveal(now.selected);
     const turned = showsHeads(now) !== showsHeads(was);
-    if (turned || (differs("layers") && now.changed)) select();
+    if (differs("layers") && now.cuts) markCuts();
+    if (turned || (differs("layers") && (now.changed || now.cuts))) select();
     if (turned && view.fitted) fit();
     redraw(differs("time", "layers") && !now.playing);
   }
