@@ -98,12 +98,25 @@ def of_variants(rows: list[dict[str, str]]) -> str:
                 spread(uncut.get(method, []), 3),
                 f"{min(both):.3f} to {max(both):.3f}" if both else "",
                 f"{statistics.median(int(r['rounds'] or r['orders']) for r in mine):.0f}",
+                f"{statistics.median(float(r['spent_s']) for r in mine):.1f}",
                 str(sum(int(r["faults"]) for r in mine)),
             ]
         )
     head = ["variant", "runs", "makespan ÷ bound", "÷ all, cut", "÷ all, whole",
-            "least and most", "rounds", "faults"]  # fmt: skip
+            "least and most", "rounds", "processor s", "faults"]  # fmt: skip
     return markdown(lines, head)
+
+
+def of_prints(rows: list[dict[str, str]]) -> str:
+    """Return a line for each print: what each variant takes against the whole search."""
+    there = list(dict.fromkeys(r["method"] for r in rows if r["method"] != ALL))
+    lines = []
+    for (plate,), mine in grouped(rows, "plate").items():
+        against = against_all(mine)
+        whole = [float(r["over_bound"]) for r in mine if r["method"] == ALL]
+        said = [plate, mine[0]["contours"], spread(whole, 3)]
+        lines.append([*said, *(spread(against.get(m, []), 3) for m in there)])
+    return markdown(lines, ["print", "contours", "all ÷ bound", *there])
 
 
 def of_entropy(rows: list[dict[str, str]]) -> str:
@@ -134,8 +147,10 @@ def report(rows: Rows, options: argparse.Namespace) -> str:
     text += f"--seeds {there}`. All heads plan in turn in one process. Medians, quartiles in "
     text += "brackets, over plates and seeds. *÷ all*: makespan over that of the whole search "
     text += "with the same seed; above 1 the part brings something, or what is done otherwise "
-    text += "brings nothing. *Least and most* of these. *Faults*: of all plans, by the judge.\n\n"
+    text += "brings nothing. *Least and most* of these. *Rounds*: joint orders of annealing. "
+    text += "*Processor s*: what the search took. *Faults*: of all plans, by the judge.\n\n"
     text += of_variants(mine)
+    text += f"\n## ÷ all by print\n\n{of_prints(mine)}"
     text += "\n## Entropy of q over time\n\nOf a head's distribution over its plans: 0 for one "
     text += "plan, 1 for all alike; the mean of the heads and the median of the runs, at eighths "
     text += "of the time. 0 at first: there is one plan while policies are tried.\n\n"

@@ -199,30 +199,30 @@ def by_variant(
     compile_rounds()
     for agent in team:
         agent.best(heads)
-    began, rounds = time.process_time(), 0
+    began, turns = time.process_time(), 0
     best: Proposal | None = None
     history: list[tuple[float, float]] = []
     entropy: list[tuple[float, float]] = []
-    while time.process_time() - began < cpu_s or not rounds:
-        spent = (time.process_time() - began) / cpu_s if cpu_s > 0.0 else 1.0
-        best = one_round(team, heads, spent, best, messages=variant not in ALONE)
-        rounds += 1
+    while (spent_s := time.process_time() - began) < cpu_s or best is None:
+        agent = team[turns % len(team)]
+        spent = spent_s / cpu_s if cpu_s > 0.0 else 1.0
+        best = one_turn(agent, team, heads, spent, best, messages=variant not in ALONE)
+        turns += 1
         at = round(time.process_time() - began, 2)
         if not history or best.makespan_s < history[-1][1]:
             history.append((at, best.makespan_s))
-        mean = sum(agent.distribution.entropy for agent in team) / len(team)
+        mean = sum(each.distribution.entropy for each in team) / len(team)
         entropy.append((at, round(mean, 4)))
-    spent = time.process_time() - began
-    assert best is not None
     return resolve(problem, best.plans, heads).toolpaths, {
-        "spent_s": round(spent, 2),
-        "rounds": rounds,
+        "spent_s": round(spent_s, 2),
+        "rounds": turns // len(team),
         "history": [(at, round(value, 2)) for at, value in history],
         "entropy": entropy,
     }
 
 
-def one_round(
+def one_turn(
+    agent: DecMcts,
     team: list[DecMcts],
     live: list[int],
     spent: float,
@@ -230,15 +230,12 @@ def one_round(
     *,
     messages: bool,
 ) -> Proposal:
-    """Let every head take a turn, as in `plan_in_turn`; return the best joint plan so far."""
-    if not messages:
-        for agent in team:
-            agent.iterate(live, spent)
-        return min((agent.best(live) for agent in team), key=lambda found: found.makespan_s)
-    for agent in team:
-        best = plan_once(agent, team, spent, best)
-    assert best is not None
-    return best
+    """Let a head take a turn, as in `plan_in_turn`; return the best joint plan so far."""
+    if messages:
+        return plan_once(agent, team, spent, best)
+    agent.iterate(live, spent)
+    found = agent.best(live)
+    return found if best is None or found.makespan_s < best.makespan_s else best
 
 
 def in_own_process(key: Figures, timeout_s: float = 7200.0) -> Figures:

@@ -1,9 +1,9 @@
 """Simulated annealing of the joint order, in one process.
 
 The joint order says of every contour which head prints it, from which end and at which
-turn among all. It begins as the best of 128 policies. A move takes a run of one head's
-contours and gives it to another head, or another turn that precedence allows, or both;
-every order is evaluated in full by the engine.
+turn among all. It begins as the best of 128 policies, or as the order heads begin with. A
+move takes a run of one head's contours and gives it to another head, or another turn that
+precedence allows, or both; every order is evaluated in full by the engine.
 
 References
 ----------
@@ -24,13 +24,13 @@ from decmcts.feasibility.graph import DependencyGraph
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.baselines.incumbent import Budget, Found, Incumbent, stated_of
 from decmcts.team.baselines.lists import dispatched, nth_weights
+from decmcts.team.dec_mcts.planner import ENOUGH, FAR
 from decmcts.team.engine.order import units_of
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 
 HOT, COLD = 1e-3, 1e-5  # temperatures at first and at last, shares of the makespan
 FIRST = 128  # policies tried at first
-FEW = 4  # where there is an order to begin with
 LONGEST = 0.1  # run of contours, share of a head's
 
 Ids = NDArray[np.int64]
@@ -158,19 +158,26 @@ def plan(problem: TeamProblem, budget: Budget, *, seed: int) -> Found:
 
 
 def _first(problem: TeamProblem, best: Incumbent, rng: np.random.Generator) -> tuple[Order, float]:
-    """Return the best order of the first policies and its makespan."""
-    order, value = None, np.inf
+    """Return the best order of the first policies and its makespan, or the one to begin with.
+
+    Where that is far ahead of a few policies no more are tried, as in Dec-MCTS.
+    """
+    order, value, begun_s, policies_s = None, np.inf, np.inf, np.inf
     if problem.start is not None:
         units = units_of(
             problem.visits, problem.fleet, problem.machine,
             problem.start.stated.toolpaths(len(problem.machine.heads)),
         )  # fmt: skip
         order, value = order_of(units), best.offer(units)
-    for k in range(FIRST if problem.start is None else FEW):
+        begun_s = value
+    for k in range(FIRST):
+        if k >= ENOUGH and begun_s * FAR < policies_s:
+            break
         units = dispatched(problem, nth_weights(k, len(problem.machine.heads), rng))
         if order is None or units.end[: int(units.used[0])].max() < value:
             order = order_of(units)
-        value = min(value, best.offer(units))
+        policies_s = min(policies_s, best.offer(units))
+        value = min(value, policies_s)
         if best.ended:
             break
     assert order is not None
