@@ -19,6 +19,7 @@ from decmcts.print.metrics import compared_order
 from decmcts.print.plan import ActionKind, PlanDocument
 from sim.pictures.canvas import head_colour, save, words_as_they_are
 from sim.pictures.charts import draw_layers, draw_times, times_legend, title_lines
+from sim.pictures.layer_pieces import cut_handle, draw_pieces
 from sim.pictures.layer_travels import by_layer, layers_of, most_changed, require_layer, travels_of
 from sim.pictures.layer_view import SHADOW, LayerView, draw_layer, legend_of
 from sim.pictures.shares import bead_grids, striped
@@ -71,7 +72,7 @@ def draw_plan(
     )  # fmt: skip
     draw_layers(figure.add_axes(sheet.chart), lengths, views[0].row, first)
     if heads > 1:
-        _draw_shares(figure, sheet, after, grids)
+        _draw_shares(figure, sheet, views[1], grids)
         _draw_heads(figure, sheet, after)
     save(figure, path)
 
@@ -142,16 +143,26 @@ def _draw_heads(figure: Figure, sheet: Sheet, after: PlanDocument) -> None:
                 fontsize=8, frameon=False, borderaxespad=0.2)  # fmt: skip
 
 
-def _draw_shares(figure: Figure, sheet: Sheet, after: PlanDocument, grids: Floats) -> None:
-    """Draw what each head prints, from above and from the front."""
-    heads = after.plan.heads
+def _draw_shares(figure: Figure, sheet: Sheet, view: LayerView, grids: Floats) -> None:
+    """Draw what each head prints, from above and from the front.
+
+    Of a cut print from above the pieces of the layer, of any other all layers.
+    """
+    after, heads = view.document, view.document.plan.heads
     colours = [head_colour(k, len(heads)) for k in range(len(heads))]
     axis = _view_axis(figure, sheet, 2)
     (x0, y0, z0), (x1, y1, z1) = sheet.extent.tolist()
-    axis.imshow(striped(grids, colours), origin="lower", extent=(x0, x1, y0, y1), aspect="auto",
-                interpolation="nearest")  # fmt: skip
-    axis.set_title(f"who prints what: all layers\n{_who(after)}", fontsize=9.5, loc="left")
+    handles: list[Any]
     handles = [Patch(color=c, label=h.head) for c, h in zip(colours, heads, strict=True)]
+    if after.contours.of is None:
+        axis.imshow(striped(grids, colours), origin="lower", extent=(x0, x1, y0, y1),
+                    aspect="auto", interpolation="nearest")  # fmt: skip
+        of_layers = "all layers"
+    else:
+        draw_pieces(axis, after, view.layer, inch_a_mm=sheet.inch_a_mm)
+        of_layers = f"layer {view.row + 1}, piece by piece"
+        handles.append(cut_handle())
+    axis.set_title(f"who prints what: {of_layers}\n{_who(after)}", fontsize=9.5, loc="left")
     if ((grids > 0.0).sum(axis=0) > 1).any():
         stripes: Any = {"fc": colours[0], "ec": colours[1], "hatch": "////", "lw": 0}
         handles.append(Patch(label="striped: several", **stripes))
@@ -163,7 +174,7 @@ def _draw_shares(figure: Figure, sheet: Sheet, after: PlanDocument, grids: Float
     front = striped(bead_grids(after, (0, 2), sheet.extent), colours)
     side.imshow(front, origin="lower", extent=(x0, x1, z0, z1), aspect="auto",
                 interpolation="nearest")  # fmt: skip
-    side.set_title("the same from the front", fontsize=8.5, loc="left")
+    side.set_title("all layers from the front", fontsize=8.5, loc="left")
     side.set_xlabel("x, mm", fontsize=8.5)
     side.set_ylabel("z, mm", fontsize=8.5)
     side.tick_params(labelsize=8)
