@@ -109,4 +109,4 @@ def _misstated(document: PlanDocument, welds: dict[int, list[float]]) -> list[Fa
 def _alike(stated: object, due: float | None) -> bool:
     if due is None or isinstance(stated, bool) or not isinstance(stated, int | float):
         return False
-    return abs(stated - due) <= TOLERANCE_S
+    return due - TOLERANCE_S <= stated <= due + TOLERANCE_S  # not subtracted: an int may be huge

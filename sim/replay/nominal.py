@@ -153,7 +153,8 @@ def _figures(document: PlanDocument, all_actions: tuple[HeadActions, ...]) -> di
 def _alike(stated: object, due: float) -> bool:
     if isinstance(stated, bool) or not isinstance(stated, int | float):
         return False
-    return abs(stated - due) <= TIME_TOLERANCE_S + 1e-6 * abs(due)
+    within = TIME_TOLERANCE_S + 1e-6 * abs(due)
+    return due - within <= stated <= due + within  # compared, not subtracted: an int may be huge
 
 
 def _passed(contours: Contours, all_actions: tuple[HeadActions, ...], edge: After) -> float:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from playwright.sync_api import sync_playwright
 
 from agents.launch import LaunchResult
@@ -33,6 +34,7 @@ from sim.content.inventory import move_segments
 from sim.content.welds import welds_of
 from sim.faults import FaultKind
 from sim.heads.file import read_head_file
+from sim.pictures.layer_pieces import draw_pieces
 from sim.verify import verify_plan
 from tests.planning.conftest import Agents
 from tests.prints import slab
@@ -235,3 +237,19 @@ def test_cuts_are_marked_and_told_of_in_a_browser(result: Result, tmp_path: Path
     assert f"cuts inside: {(~shows).sum()}" in legend and f"cuts that show: {shows.sum()}" in legend
     assert "of the source's contour" in told and "where the other piece is printed" in told
     assert "proven for the pieces as they are cut" in first and "contours cut at" in first
+
+
+def test_a_layer_is_drawn_piece_by_piece(result: Result) -> None:
+    """Each piece once, in a colour of its head, neighbours in unlike shades; a mark at each cut."""
+    after, axis = result.planned.after, Figure().subplots()
+    draw_pieces(axis, after, 1, inch_a_mm=0.02)
+    contours = after.contours
+    for actions, lines in zip(after.plan.heads, axis.collections, strict=True):
+        printed = actions.contour[actions.kind == ActionKind.PRINT]
+        there = int((contours.layer[printed] == 1).sum())
+        assert there == len(lines.get_paths()) == len(shades := lines.get_color())
+        assert (np.abs(np.diff(shades, axis=0)).max(axis=1) > 0.05).all()
+    (marks,) = axis.lines
+    at = cuts_of(contours).before
+    owner = np.searchsorted(contours.offsets, at, side="right") - 1
+    assert np.size(marks.get_xdata()) == (contours.layer[owner] == 1).sum() > 0

@@ -125,6 +125,14 @@ def test_figures_that_are_not_the_actions_are_seen(make, name):
     verdict = verify_plan(replace(document, metrics={name: 3.0}))
     assert verdict.kinds() == {FaultKind.TIMES} and name in str(verdict.faults[0])
     assert not verify_plan(replace(document, metrics={name: "3"})).ok
+    assert verify_plan(replace(document, metrics={name: 10**400})).kinds() == {FaultKind.TIMES}
+
+
+@pytest.mark.parametrize("stated", [{"cuts": 10**400}, {"cuts": True}, {"cut": 1}, [1], 3, "none"])
+def test_what_is_said_of_cuts_of_an_uncut_print_is_a_fault(make, stated):
+    """However it is said; nothing of it stops the judge."""
+    verdict = verify_plan(replace(make.tower_plan(), metrics={"cut": stated}))
+    assert verdict.kinds() == {FaultKind.WELD}
 
 
 def test_accelerations_that_a_plan_states_count(make):
