@@ -16,11 +16,14 @@ from decmcts.print.metrics import Metrics
 from decmcts.search.bounds.certificate import INFORMS_PERCENT
 
 
-def bound_line(found: Certificate | None, *, verbose: bool = False) -> str | None:
+def bound_line(
+    found: Certificate | None, *, verbose: bool = False, fewer_changes: bool = False
+) -> str | None:
     """Return one line on how near to the best a result is; None where there is nothing to say.
 
     A bound too far away to tell a good order from a quick one is of no use to a person; it is
-    in the metrics for programs. The figures themselves are for those who ask.
+    in the metrics for programs. The figures themselves are for those who ask. With `fewer_changes`
+    it holds for orders that change tools where the result does.
     """
     if found is None:
         return None
@@ -32,6 +35,7 @@ def bound_line(found: Certificate | None, *, verbose: bool = False) -> str | Non
         said = f"{what} {travel:,.1f} {unit}; no useful bound was proven in the time it is given"
         return said if verbose else None
     above = f"at most {found.gap_percent:.1f} % more {what} than the best order there can be"
+    above += " with these changes of tools" * fewer_changes
     if found.gap_percent <= 100.0 * ROUNDING:
         above = f"no order has less {what}: proven"
     return f"{above} ({travel:,.1f} {unit} ≥ {found.bound:,.1f} {unit})" if verbose else above
@@ -68,6 +72,17 @@ def whole_file_line(planned: Planned, times: FileTimes | None) -> str | None:
     retracted_mm = settings.retract_min_travel_mm if retracts else None
     combs = settings.bare_inside_mm > 0.0
     return longer_line(times.before_s, times.after_s, retracted_mm, combs=combs)
+
+
+def changes_line(before: Metrics, after: Metrics) -> str:
+    """Return what fewer changes of tools save; empty where there are not fewer."""
+    was, now = before.get("tool_changes") or 0, after.get("tool_changes") or 0
+    if now >= was:
+        return ""
+    return (
+        f"changes of tools {was:,} -> {now:,}: the {was - now:,} less also save what the machine "
+        "takes for each, which no file states"
+    )
 
 
 def searched_line(after: Metrics) -> str:

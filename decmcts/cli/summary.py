@@ -19,9 +19,10 @@ KEYS = (
     "print_time_s",
     "file_time_s",
     "retractions",
+    "tool_changes",
     "travel_over_walls_mm",
 )  # of whole files where one was written; the last where the file names roles
-COUNTS = ("contours", "retractions")  # told as they are: 3 → 9 is no loss of 200 %
+COUNTS = ("contours", "retractions", "tool_changes")  # told as they are: 3 → 9 is no loss of 200 %
 PAPERS = {
     "contours": "contours",
     "extrusionless_travel_mm": "travel between contours",  # the paper's metric

@@ -8,6 +8,7 @@ from decmcts.planning.compiling.parts import parts_for
 from decmcts.planning.events import Report, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_one_head
 from decmcts.planning.options import RULES, SEARCH, AvoidWalls, Objective, Rules, Search
+from decmcts.planning.problem.fewer_changes import beside_given, with_fewer_changes
 from decmcts.planning.problem.layer_by_layer import safe_problem
 from decmcts.planning.problem.source import Source, first_head
 from decmcts.planning.result import Result
@@ -78,6 +79,8 @@ def plan(
     walls |= rules.avoid_walls == AvoidWalls.ALWAYS
     parts = parts_for(search, rules.freedom, walls=walls)
     with compilation_told(report) as told, compiling_beside(parts, told):
+        one = with_fewer_changes(one, rules, told)
         problem = safe_problem(one, rules, told, make_safe=make_safe)
         planned = plan_one_head(problem, search, writes=writes, report=told, stop=stop)
+        planned = beside_given(planned)
     return Result(planned, search)

@@ -5,9 +5,11 @@ from __future__ import annotations
 MAKERS = {
     "emitted_travel_mm": "travel",
     "retractions": "retractions",
+    "tool_changes": "changes of tools",
     "travel_over_walls_mm": "travel over outer walls",
 }
-"""What else than time a maker compares, by its key in `Metrics`; the last where roles are named."""
+"""What else than time a maker compares, by its key in `Metrics`; the last two where
+there are several tools, and where roles are named."""
 
 
 def clock_time(seconds: float) -> str:

@@ -44,6 +44,7 @@ class Metrics(TypedDict, total=False):
     waits: int
     waits_s: float
     cross_head_waits: int
+    tool_changes: int  # from contour to contour of a head; of prints with several tools
 
     planner: str
     objective: str

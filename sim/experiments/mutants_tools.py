@@ -136,3 +136,64 @@ HEAD_TOOL_MUTANTS: tuple[Mutant[Files], ...] = (  # of the made print with two t
     Mutant("a head as hot as the other tool", in_one(as_hot_as_the_other)),
     Mutant("a push for idling where it did not idle", in_one(idle_push)),
 )
+
+
+def change_to_itself(lines: Lines, rng: Rng) -> None:
+    """Choose the tool again that is in use: the other's beads are laid with it."""
+    k = pick(rows_of(lines, r"^T[01]$")[1:], rng)
+    lines[k] = "T1" if lines[k] == "T0" else "T0"
+
+
+def change_dropped(lines: Lines, rng: Rng) -> None:
+    """Leave a change out, with what it tells the hot ends."""
+    k = pick(rows_of(lines, r"^T[01]$")[1:], rng)
+    del lines[k - 1 : k + 2]
+
+
+def changes_exchanged(lines: Lines, rng: Rng) -> None:
+    """Let two changes stand for each other, the text of one pair of tools for that of another."""
+    a, b = rows_of(lines, r"^T[01]$")[-2:]
+    lines[a - 1 : a + 2], lines[b - 1 : b + 2] = lines[b - 1 : b + 2], lines[a - 1 : a + 2]
+
+
+def change_later(lines: Lines, rng: Rng) -> None:
+    """Let a change stand below the first bead that is the next tool's."""
+    k = pick(rows_of(lines, r"^T[01]$")[1:], rng)
+    bead = next(j for j in rows_of(lines, BEAD) if j > k)
+    rows = lines[k - 1 : k + 2]
+    lines[bead + 1 : bead + 1] = rows
+    del lines[k - 1 : k + 2]
+
+
+def change_there_and_back(lines: Lines, rng: Rng) -> None:
+    """Change to the other tool and back where nothing is printed between."""
+    rows = rows_of(lines, r"^T[01]$")
+    a, b = (lines[k - 1 : k + 2] for k in rows[-2:])
+    at = pick([k for k in rows_of(lines, r"^G1 E-0\.80") if k > rows[-1]], rng) + 1
+    lines[at:at] = [*a, *b]
+
+
+def bead_of_the_other(lines: Lines, rng: Rng) -> None:
+    """Print a bead of one tool among those of the other."""
+    last = rows_of(lines, r"^T[01]$")[-1]
+    a = pick([k for k in rows_of(lines, BEAD) if k > last], rng)
+    b = pick([k for k in rows_of(lines, BEAD) if k < last], rng)
+    lines.insert(b + 1, lines.pop(a))
+
+
+CHANGE_MUTANTS: tuple[Mutant[Lines], ...] = (  # of the made print with parts of two colours
+    Mutant("a change to the other tool", change_to_itself),
+    Mutant("a change dropped", change_dropped),
+    Mutant("the texts of two changes exchanged", changes_exchanged),
+    Mutant("a change behind the next tool's first bead", change_later),
+    Mutant("a change there and back for nothing", change_there_and_back),
+    Mutant("a bead printed by the other tool", bead_of_the_other),
+    Mutant("a change as hot as for the other tool", change(r"^M109 S205 T0", "S205", "S210")),
+    Mutant("a change as hot as on the first layer", change(r"^M109 S205 T0", "S205", "S215")),
+    Mutant("a change that heats the other tool", change(r"^M109 S205 T0", "T0", "T1")),
+    Mutant("a change that waits for no heat", change(r"^M109 S205 T0", "M109", "M104")),
+    Mutant("what a change cools stays hot", remove(r"^M104 S15[05] T")),
+    Mutant("a change's push dropped", remove(r"^G1 E10\.1")),
+    Mutant("a change primes less", change(r"^G1 E10\.1", r"E10\.1\d*", "E10.00000")),
+    Mutant("a change pulls less", change(r"^G1 E-10", "E-10", "E-9")),
+)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.lines import no_comment_no_move
@@ -36,14 +36,18 @@ _LEFT_OUT = re.compile(rb"T-?\d+|G2[89](?![\d.])", re.I)  # of files of several 
 _TOOL = re.compile(rb"(?:(?<=\d)| )T ?\d++(?= |\Z)", re.I)
 
 
-def check_book(text: bytes, source: bytes) -> list[Fault]:
-    """Check that a file commands whatever its source commands, as often."""
+def check_book(text: bytes, source: bytes, more: Mapping[bytes, int] | None = None) -> list[Fault]:
+    """Check that a file commands whatever its source commands, as often.
+
+    `more` has by how much oftener a command is due than in the source; below 0: less often.
+    """
     has, missing = Counter(command for _, command in commands_of(text)), list[str]()
     due, first = Counter[bytes](), dict[bytes, int]()
     for line, command in commands_of(source):
         due[command] += 1
         first.setdefault(command, line)
     for command, times in due.items():
+        times += (more or {}).get(command, 0)
         if has[command] < times and not _IN_OTHER_BOOKS.match(command):
             said = "" if times == 1 else f", {times} times; here {has[command]}"
             missing.append(

@@ -17,18 +17,21 @@ out about retraction is asked for.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from sim.faults import LIMIT, Fault, FaultKind, listed
+from sim.files.changes import Taken, gap_filament
 from sim.files.commands import Verbatim
 
 TOTAL_MM = 1e-4  # by which the filament of a tool may differ in all
 NET_MM = 2.1e-3  # of filament; a millesimal may wait for the next retraction, on both sides
+NONE = -1
 MORE_MM = 0.01  # of filament pushed or pulled at once beyond the source's
 
 Floats = NDArray[np.float64]
@@ -38,9 +41,12 @@ Spans = Sequence[tuple[int, int] | None]
 
 def check_filament(
     motions: Motions, source: Motions, document: GcodeDocument, places: Verbatim,
-    laid: tuple[Ints, Ints],
+    laid: tuple[Ints, Ints], taken: Taken | None = None,
 ) -> list[Fault]:  # fmt: skip
     """Check the filament of a one-head file against its source's; linear in their moves.
+
+    What the source pushes and pulls for a change of tools goes with that change, as often as the
+    file makes it.
 
     Parameters
     ----------
@@ -48,15 +54,21 @@ def check_filament(
         Where the file has the source's own lines.
     laid : (k,), (k,)
         Moves of the file that lay beads, and the source's contour each is of, -1: of none.
+    taken
+        The source as a file takes it that changes tools elsewhere; None: as it stands.
     """
+    given = document if taken is None else taken.given
     laid = _contours_of(motions, *laid)
     if not len(laid[0]):
         return []
     theirs = np.flatnonzero(np.asarray(source.contour) >= 0)
-    own = Book.of(source, theirs, np.asarray(source.contour)[theirs], lines_in_source(document))
+    own = Book.of(source, theirs, np.asarray(source.contour)[theirs], lines_in_source(given))
     book = Book.of(motions, *laid, [(1, places.begin - 1), *places.blocks])
+    if taken is not None:
+        numbers = np.concatenate([[0], taken.block + 1, [NONE]])  # the last: of no lines
+        book = replace(book, lines=numbers[book.lines])
     return [
-        *_check_totals(motions, source),
+        *_check_totals(motions, source, taken),
         *_check_nets(book, own, motions),
         *_check_depths(book, own, motions),
         *_check_firmware(book, own, motions, source),
@@ -142,12 +154,17 @@ def lines_in_source(document: GcodeDocument) -> list[tuple[int, int] | None]:
     return [(1, above), *spans]
 
 
-def _check_totals(motions: Motions, source: Motions) -> list[Fault]:
+def _check_totals(motions: Motions, source: Motions, taken: Taken | None) -> list[Fault]:
     """Compare what each tool gives in the whole file."""
     ours, theirs = tools_of(motions), tools_of(source)
     most = int(max(ours.max(initial=0), theirs.max(initial=0))) + 1
     has = np.bincount(ours, np.asarray(motions.extrusion), most)
-    due = np.bincount(theirs, np.asarray(source.extrusion), most)
+    due: Floats = np.bincount(theirs, np.asarray(source.extrusion), most).astype(np.float64)
+    if taken is not None:
+        made = Counter(taken.block.tolist())
+        for k in sorted(taken.loose):
+            of_change = gap_filament(source, taken.given.blocks[k], theirs, most)
+            due = due + (made[k] - 1) * of_change
     lines = [
         f"tool {tool} gives {has[tool]:.5f} mm of filament in all, in the source {due[tool]:.5f}"
         for tool in np.flatnonzero(np.abs(has - due) > TOTAL_MM).tolist()

@@ -42,6 +42,17 @@ class Matched:
     )  # contacts that the source makes on the same moves, and the least gap
 
 
+def contours_laid(
+    motions: Motions, source: Motions, job: PrintJob, seams: Sequence[Moved] = ()
+) -> NDArray[np.int64]:
+    """Return which of the source's contours each bead of a file is of, in its order; -1: none."""
+    source = motions_with(source, job.contours, seams)
+    laid, due = laying_moves(motions), laying_moves(source)
+    match = match_segments(segments_of(motions, laid), segments_of(source, due))
+    contour = np.asarray(source.contour, np.int64)[due]
+    return np.where(match >= 0, contour[match] if len(contour) else -1, -1)
+
+
 def check_moves(
     motions: Motions,
     source: Motions,

@@ -22,6 +22,7 @@ _HEAT = re.compile(rb"M1(04|09|40|90|41|91) ?(.*)", re.I | re.S)
 _VALUE = re.compile(rb"[SR] ?(\d+\.?\d*|\.\d+)", re.I)
 _TOOL = re.compile(rb"T ?(\d+)", re.I)
 _HEATERS = {b"04": "hot end", b"09": "hot end", b"40": "bed", b"90": "bed"}
+_OF_ALL = ("bed", "chamber")
 # What a result may have more or less often, or elsewhere, than its source. None of it heats.
 _QUIET = re.compile(
     rb"(?:G0*(?:[0-4]|1[01](?!.*P)|17|20|21|90|91|92)|M0*(?:73|74|82|83|106|107|117|126|127|201|203"
@@ -37,8 +38,14 @@ Told = tuple[tuple[str, str], ...]  # of each heater what it is told, in words
 Ints = NDArray[np.int64]
 
 
-def check_temperatures(text: bytes, source: bytes, line: Ints, source_line: Ints) -> list[Fault]:
+def check_temperatures(
+    text: bytes, source: bytes, line: Ints, source_line: Ints, *, own_tool: bool = False
+) -> list[Fault]:
     """Check that each bead is laid with all heaters told what the source tells them there.
+
+    With `own_tool`, for files that change tools elsewhere: all heaters but hot ends of other tools.
+    A tool that is chosen then keeps what it was told, and what any other command that may heat has
+    left is known by what it says.
 
     Parameters
     ----------
@@ -47,7 +54,7 @@ def check_temperatures(text: bytes, source: bytes, line: Ints, source_line: Ints
     line, source_line : (n,)
         Where each bead is laid in the file, and where in the source, from 1.
     """
-    ours, theirs = list(_book(text)), list(_book(source))
+    ours, theirs = (list(_book(each, own_tool)) for each in (text, source))
     number = {told: k for k, told in enumerate(dict.fromkeys(told for _, told in ours + theirs))}
     a, b = _in_force(ours, number, line), _in_force(theirs, number, source_line)
     words = list(number)
@@ -60,8 +67,8 @@ def check_temperatures(text: bytes, source: bytes, line: Ints, source_line: Ints
     return listed(FaultKind.STATE, lines, total=len(wrong))
 
 
-def _book(text: bytes) -> Iterator[tuple[int, Told]]:
-    """Yield lines, from 1, and what all heaters are told behind each."""
+def _book(text: bytes, own_tool: bool) -> Iterator[tuple[int, Told]]:
+    """Yield lines, from 1, and what all heaters that count are told behind each."""
     told: dict[str, str] = {}
     tool, others = 0, 0
     yield 0, ()
@@ -83,11 +90,21 @@ def _book(text: bytes) -> Iterator[tuple[int, Told]]:
             others += 1
             selected = _TOOL.fullmatch(code)
             tool = int(selected[1]) if selected else tool
-            known = {*told, f"hot end {tool}", "bed", "chamber"}
+            if selected and own_tool:
+                known = set[str]()
+            else:
+                known = {*told, f"hot end {tool}", "bed", "chamber"}
             if _HOMES.match(code):
                 known = {heater for heater in known if heater.startswith("hot")}
-            told |= dict.fromkeys(known, f"as command {others} that may heat left it")
-        yield number, tuple(sorted(told.items()))
+            by = _shown(code) if own_tool else f"command {others} that may heat"
+            told |= dict.fromkeys(known, f"as {by} left it")
+        hot = {f"hot end {tool}"} if own_tool else set(told)
+        counts = ((key, value) for key, value in told.items() if key in hot or key in _OF_ALL)
+        yield number, tuple(sorted(counts))
+
+
+def _shown(code: bytes) -> str:
+    return f"'{code.decode('utf-8', 'replace')}'"
 
 
 def _in_force(book: list[tuple[int, Told]], number: dict[Told, int], line: Ints) -> Ints:

@@ -35,10 +35,11 @@ from decmcts.print.plan import ActionKind, HeadActions
 from sim.content.inventory import alike_of
 from sim.content.seams import Moved, seams_of_file, source_with
 from sim.faults import Fault, FaultKind, Verdict, listed
+from sim.files.changes import Taken, as_taken
 from sim.files.command_book import check_book
 from sim.files.commands import check_commands
 from sim.files.ledger import check_filament
-from sim.files.moves import Matched, check_moves
+from sim.files.moves import Matched, check_moves, contours_laid
 from sim.files.phases import in_phases
 from sim.files.settings import check_settings
 from sim.files.temperatures import check_temperatures
@@ -56,6 +57,7 @@ class Written:
     motions: Motions
     seams: Sequence[Moved]  # loops that begin at another vertex
     faults: list[Fault]  # found while reading: extrusions or an ending unlike the source's
+    taken: Taken | None  # the source as the file takes it, if it changes tools elsewhere
 
 
 def verify_written(
@@ -73,7 +75,8 @@ def verify_written(
     All that is asked of such a file is asked here: of a draft before it is put in place, and of
     a file that `decmcts verify` is given. Contacts on moves that make the same contact in the
     source (in its end code, say) are the source's own and are warnings. Where the source goes
-    through the same temperatures part by part, a file may do so once (`sim.files.phases`).
+    through the same temperatures part by part, a file may do so once (`sim.files.phases`); where
+    its changes of tools are alike a file may have fewer (`sim.files.changes`).
 
     Parameters
     ----------
@@ -104,15 +107,17 @@ def _verify(
     if source is None:
         raise InputError("the source's moves are not known", path=document.path)
     try:
-        written = _read_back(path, job, document, seams, plate)
+        written = _read_back(path, job, document, source, seams, plate)
     except InputError as error:
         return Verdict((_unreadable(error),))
     motions = written.motions
+    if (taken := written.taken) is not None:
+        job, document = taken.job, taken.document
     matched = check_moves(motions, source, machine, job=job, seams=written.seams)
     if matched.is_other:
         return Verdict(tuple(matched.faults))
     faults = check_line_numbers(path, plate) + matched.faults + written.faults
-    faults += _check_text(written, source, job, document, matched)
+    faults += _check_text(written, source, (job, document), matched, taken)
     if actions is not None:
         faults += _check_waits(written.text, motions, matched.laid, actions)
     counts = {
@@ -154,33 +159,40 @@ def _read_back(
     path: Path | str,
     job: PrintJob,
     document: GcodeDocument,
+    source: Motions,
     seams: Sequence[Moved] | None,
     plate: int | None,
 ) -> Written:
     """Read a file that was made from a document; raises InputError where that fails."""
     ours, ours_document, motions, ending = read_written(path, document, plate)
-    endings = ending_faults(document, ending)
     moved = list(seams_of_file(ours.contours, job.contours)) if seams is None else seams
+    taken = as_taken(contours_laid(motions, source, job, moved), job, document, source)
+    texts = taken is None  # else how hot tools are told to be is compared by their values alone
+    endings = ending_faults(document, ending, hot_ends=texts)
     job, document = source_with(job, document, moved)
-    differences = same_extrusions(job, document, ours, ours_document)
+    differences = same_extrusions(job, document, ours, ours_document, hot_ends=texts)
     faults = listed(FaultKind.STATE, differences) + listed(FaultKind.STATE, endings)
-    return Written(load_text(path, plate), motions, moved, faults)
+    return Written(load_text(path, plate), motions, moved, faults, taken)
 
 
 def _check_text(
-    written: Written, source: Motions, job: PrintJob, document: GcodeDocument, matched: Matched
-) -> list[Fault]:
+    written: Written, source: Motions, due: tuple[PrintJob, GcodeDocument], matched: Matched,
+    taken: Taken | None,
+) -> list[Fault]:  # fmt: skip
     """Check the commands of a file, and its filament, against the source's."""
+    job, document = due
     known = matched.contour >= 0
     laid, contour = matched.laid[known], matched.contour[known]
     epoch = np.asarray(job.contours.epoch, np.int64)[contour]
     line = np.asarray(written.motions.line)[laid]
     faults, places = check_commands(written.text, document, line, epoch)
-    filament = check_filament(written.motions, source, document, places, (laid, contour))
-    return faults + filament + _check_said(written, document, matched)
+    filament = check_filament(written.motions, source, document, places, (laid, contour), taken)
+    return faults + filament + _check_said(written, document, matched, taken)
 
 
-def _check_said(written: Written, document: GcodeDocument, matched: Matched) -> list[Fault]:
+def _check_said(
+    written: Written, document: GcodeDocument, matched: Matched, taken: Taken | None
+) -> list[Fault]:
     """Check commands, settings and temperatures against the source's text, if there is one."""
     try:
         source = source_text(document)
@@ -192,9 +204,9 @@ def _check_said(written: Written, document: GcodeDocument, matched: Matched) -> 
     line = np.asarray(written.motions.line)[matched.laid[known]]
     there = matched.source_line[known]
     return [
-        *check_book(written.text, source),
+        *check_book(written.text, source, None if taken is None else taken.commands()),
         *check_settings(written.text, source, line, there, alike_of(matched.segments)[known]),
-        *check_temperatures(written.text, source, line, there),
+        *check_temperatures(written.text, source, line, there, own_tool=taken is not None),
     ]
 
 

@@ -13,7 +13,13 @@ from rich.console import Console
 from decmcts.cli import options as opt
 from decmcts.cli.app import app
 from decmcts.cli.console import err, out, print_json, steps, written
-from decmcts.cli.lines import bound_line, figures, searched_line, whole_file_line
+from decmcts.cli.lines import (
+    bound_line,
+    changes_line,
+    figures,
+    searched_line,
+    whole_file_line,
+)
 from decmcts.cli.running import running
 from decmcts.cli.signals import interrupt_stops
 from decmcts.cli.summary import gain_table
@@ -274,7 +280,14 @@ def show(
     for line in (
         searched_line(after) if verbose else "",
         f"sliced by {result.source.sliced_by}" if result.source.sliced_by else "",
-        "" if kept else bound_line(result.bound, verbose=verbose),
+        "" if kept else changes_line(before, after),
+        ""
+        if kept
+        else bound_line(
+            result.bound,
+            verbose=verbose,
+            fewer_changes=changes_line(before, after) != "",
+        ),
         cooling_line(planned.after),
         None if kept else whole_file_line(planned, times),
         layers_line(planned),

@@ -23,6 +23,7 @@ from decmcts.formats.mesh import is_mesh
 from decmcts.planning.events import Report, Step, Stop, never, unheard
 from decmcts.planning.one_head.pipeline import plan_judged
 from decmcts.planning.options import Objective, Search
+from decmcts.planning.problem.fewer_changes import of_given
 from decmcts.planning.problem.planned import Planned, check
 from decmcts.planning.writing.file_times import (
     FileTimes,
@@ -138,6 +139,7 @@ def _kept(
         times.before_s, times.before_s, times.after_s, times.before, times.before,
         gains(planned, times), over_mm,
     )  # fmt: skip
+    planned = of_given(planned)
     said: Metrics = {"as_sliced": True, "kept_source": True, "kept_because": kept_line(kept)}
     before = planned.before
     after = replace(before, metrics={**before.metrics, **said})
@@ -150,6 +152,7 @@ def _kept(
 def _packed(text: bytes, path: Path, planned: Planned, times: FileTimes) -> bytes:
     """Return the G-code of a result as a file of this name holds it."""
     source, was_s = planned.problem.source, times.before_s
+    source = source if source.regrouped is None else source.regrouped.given
     if source.original is not None and not is_mesh(source.path):
         source = source.original  # which states the time of its own order
         limits, own = planned.problem.machine.limits, source.own_limits

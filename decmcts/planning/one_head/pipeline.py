@@ -187,7 +187,8 @@ def plan_judged(
     if search.objective == Objective.TIME or len(lags.below):
         own = source_toolpath(order_problem)
         plan, toolpath = _no_slower(problem, before, (plan, toolpath), own, lags, walls)
-    extra: Metrics = {**_search_metrics(problem, search, result), "as_sliced": _as_sliced(plan)}
+    same = problem.source.regrouped is None and _as_sliced(plan)
+    extra: Metrics = {**_search_metrics(problem, search, result), "as_sliced": same}
     if walls.over:
         extra["walls_priced"] = walls.over
     if search.certificate:
@@ -308,5 +309,7 @@ def _lags(
     none = np.zeros(n), np.zeros(n)
     times = source_times(job, problem.machine, problem.graph) if rule else none
     exact = times if source is None else print_times(source.plan.heads[0], n)
-    lags, estimated = find_lags(job.contours, [exact, times], rule)
+    made_of = problem.source.regrouped
+    left_s = None if made_of is None else made_of.left_s
+    lags, estimated = find_lags(job.contours, [exact, times], rule, left_s)
     return lags, estimated, timed_lags_of(estimated, *times) if len(estimated.below) else None

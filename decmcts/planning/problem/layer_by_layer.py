@@ -93,7 +93,7 @@ def layer_by_layer(source: Source, collision: CollisionError, report: Report) ->
     layered, document = read_gcode(draft)
     if len(layered.contours) != len(order):
         raise _no_order(source, collision, "what was written so reads as other contours")
-    layered = _with_source_lines(layered, job, order)
+    layered = with_source_lines(layered, job, order)
     layered, document = with_epochs(layered, document, job.contours.epoch[order])
     note = (
         f"the source's own order would hit the part (line {collision.line}: {collision.what}); "
@@ -161,7 +161,7 @@ def _one_head(machine: Machine, contours: Contours) -> Machine:
     return parked_above(alone, contours)
 
 
-def _with_source_lines(layered: PrintJob, source: PrintJob, order: NDArray[np.int32]) -> PrintJob:
+def with_source_lines(layered: PrintJob, source: PrintJob, order: NDArray[np.int32]) -> PrintJob:
     """Return what was read of the draft with the source's lines of contours and barriers."""
     line = {(barrier.text, barrier.reason): barrier.line for barrier in source.barriers}
     barriers = tuple(

@@ -7,6 +7,9 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from decmcts.errors import InputError
 from decmcts.formats.files.reading import require_file
 from decmcts.formats.gcode import GcodeDocument, read_gcode
@@ -20,6 +23,17 @@ from decmcts.planning.problem.exported import exported_file
 from decmcts.planning.problem.slicing import SlicedFolder, Slicing
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.metrics import Metrics
+
+
+@dataclass(frozen=True, slots=True)
+class Regrouped:
+    """What a source was made of that has fewer changes of tools."""
+
+    given: Source
+    before: Metrics  # of the given source's own order
+    fewer: int  # changes that it has less
+    left_s: NDArray[np.float64]  # (n,) that what is below a contour has to cool there at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +50,7 @@ class Source:
     folder: SlicedFolder | None = None  # keeps the G-code of a mesh on disk
     plate: int | None = None  # of a .gcode.3mf; None: the only one with G-code
     original: Source | None = None  # what was given, where this is a safe order made of it
+    regrouped: Regrouped | None = None  # what was given, where this has fewer changes of tools
     given: Source | None = None  # as it was read, where changes of tools or a tower are left out
     towerless: bool = False  # its wipe tower is left out
 

@@ -10,6 +10,7 @@ from typing import Any
 from decmcts.formats.gcode.controller.duration import FileTime, print_time
 from decmcts.formats.mesh import is_mesh
 from decmcts.planning.options import AvoidWalls, Freedom, Seam
+from decmcts.planning.problem.fewer_changes import LEAST_CHANGE_S
 from decmcts.planning.problem.planned import Planned
 from decmcts.planning.problem.print_problem import PrintProblem
 from decmcts.print.metrics import Metrics
@@ -64,9 +65,12 @@ def gains(planned: Planned, times: FileTimes) -> bool:
     """Say whether a result is worth another file: less time, or less of what else counts.
 
     That is travel, retractions, or travel over outer walls, by `COUNTS_SHARE` of the source's at
-    least. Where seams were asked to go to a place the result is what was asked for.
+    least; or fewer changes of tools. Where seams were asked to go to a place the result is what
+    was asked for.
     """
     rules = planned.problem.rules
+    if planned.problem.source.regrouped is not None:
+        return True
     if times.shorter or (rules.freedom == Freedom.SEAM and rules.seam != Seam.NEAREST):
         return True
     was: dict[str, Any] = {**planned.before.metrics, **times.before}
@@ -98,8 +102,12 @@ def worth_longer(planned: Planned, times: FileTimes) -> bool:
     """Say whether a result may take longer, as travels were to go round walls and do.
 
     By up to `ALWAYS_SHARE` of the source's time, where less travel leads over outer walls by
-    something that counts.
+    something that counts. Or by what fewer changes of tools take, which no file states.
     """
+    made_of = planned.problem.source.regrouped
+    spared_s = 0.0 if made_of is None else LEAST_CHANGE_S * made_of.fewer
+    if spared_s and times.before_s is not None and times.after_s <= times.before_s + spared_s:
+        return True
     if planned.problem.rules.avoid_walls != AvoidWalls.ALWAYS or times.before_s is None:
         return False
     short = times.after_s <= (1.0 + ALWAYS_SHARE) * times.before_s
@@ -119,7 +127,9 @@ def more_over_walls(planned: Planned, times: FileTimes) -> bool:
 
 def compared_with(problem: PrintProblem) -> Path | None:
     """Return the G-code a result is compared with; None where there is none."""
-    source = Path(problem.document.path)  # of a mesh: what its slicer made
+    made_of = problem.source.regrouped
+    document = problem.document if made_of is None else made_of.given.document
+    source = Path(document.path)  # of a mesh: what its slicer made
     return None if is_mesh(source) else source
 
 
@@ -128,7 +138,9 @@ def source_time(problem: PrintProblem) -> FileTime | None:
     source, limits = compared_with(problem), problem.machine.limits
     if source is None:
         return None
-    own, plate = problem.source.own_limits, problem.source.plate
+    made_of = problem.source.regrouped
+    given = problem.source if made_of is None else made_of.given
+    own, plate = given.own_limits, given.plate
     walls = outer_walls(problem.job.contours)
     return print_time(source, limits, own_limits=own, walls=walls, plate=plate)
 

@@ -69,6 +69,8 @@ def draft_single(
         draft, problem.job, problem.document, problem.machine, seams=seams, actions=actions
     )
     require_sound(verdict, path)
-    if (given := problem.source.original) is not None:  # made safe: judged by what was given too
+    made_of = problem.source.regrouped
+    given = problem.source.original if made_of is None else made_of.given
+    if given is not None:  # another order was made of it: judged by what was given too
         require_sound(verify_written(draft, given.job, given.document, problem.machine), path)
     return times

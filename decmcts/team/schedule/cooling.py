@@ -49,6 +49,7 @@ def find_lags(
     contours: Contours,
     times: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
     min_layer_time_s: float,
+    left_s: NDArray[np.float64] | None = None,
 ) -> list[Lags]:
     """Return how long what is under a contour must cool: the rule, or the source's lag if less.
 
@@ -57,25 +58,54 @@ def find_lags(
     times : sequence of ((n,), (n,))
         When the source begins and ends each contour; one set of lags for each clock,
         for an order must be timed by the clock that its source was timed by.
+    left_s : (n,)
+        What a source left at least that this one was made of (`time_left`), s.
     """
     n = len(contours)
     if n == 0 or min_layer_time_s <= 0.0:
         return [no_lags(n) for _ in times]
-    top = contours.top
-    by_top = np.argsort(top, kind="stable").astype(np.int32)
-    beads = pack_contours(contours, 0.0)
-    offsets, below = printed_over(beads, by_top, top[by_top], contours.height, contours.width)
+    offsets, below = _below(contours)
     above = np.repeat(np.arange(n), np.diff(offsets))
     found = []
     for begin, end in times:
-        given = np.full(n, np.inf)  # from the last of what is under a contour to its begin
-        np.minimum.at(given, above, begin[above] - end[below])
+        given = _left(above, below, begin, end)
+        given = given if left_s is None else np.maximum(given, left_s)
         lag = np.minimum(min_layer_time_s, given[above])
         kept = lag > LEAST_LAG_S
         count = np.bincount(above[kept], minlength=n)
         offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
         found.append(Lags(offsets, below[kept], lag[kept]))
     return found
+
+
+def time_left(
+    contours: Contours, begin: NDArray[np.float64], end: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return how long before each contour the last of what is under it ends, s, (n,).
+
+    Infinite where nothing is under it.
+    """
+    offsets, below = _below(contours)
+    return _left(np.repeat(np.arange(len(contours)), np.diff(offsets)), below, begin, end)
+
+
+def _below(contours: Contours) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return what is right under each contour, as compressed rows."""
+    top = contours.top
+    by_top = np.argsort(top, kind="stable").astype(np.int32)
+    beads = pack_contours(contours, 0.0)
+    offsets, below = printed_over(beads, by_top, top[by_top], contours.height, contours.width)
+    return offsets, below
+
+
+def _left(
+    above: NDArray[np.int64], below: NDArray[np.int32],
+    begin: NDArray[np.float64], end: NDArray[np.float64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """Return the time from the last of what is under each contour to its begin, s."""
+    given = np.full(len(begin), np.inf)
+    np.minimum.at(given, above, begin[above] - end[below])
+    return given
 
 
 def source_times(

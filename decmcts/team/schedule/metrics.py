@@ -32,7 +32,8 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> Metrics:
     """Return contours, both travels (mm), makespan and the heads' shares of a plan.
 
     `print_time_s` is the estimated time of the whole print, the makespan. A head is busy
-    while it prints, travels (to its park, too) or rests for plastic to cool.
+    while it prints, travels (to its park, too) or rests for plastic to cool. Of a print with
+    several tools, `tool_changes` counts how often a head changes them.
     """
     printed, bare, emitted = [], 0.0, 0.0
     busy, prints, travels, waits = [], [], [], []
@@ -49,7 +50,7 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> Metrics:
         prints.append(float(seconds[printing].sum()))
         travels.append(float(seconds[moving].sum()))
         waits.append(seconds[actions.kind == ActionKind.WAIT])
-    return {
+    found: Metrics = {
         "contours": sum(printed),
         "contours_per_head": printed,
         "extrusionless_travel_mm": bare,
@@ -63,3 +64,12 @@ def plan_metrics(job: PrintJob, plan: JointPlan) -> Metrics:
         "waits_s": float(sum(w.sum() for w in waits)),
         "cross_head_waits": sum(len(actions.after_head) for actions in plan.heads),
     }
+    if len(np.unique(job.contours.tool)) > 1:
+        found["tool_changes"] = _changes(job, plan)
+    return found
+
+
+def _changes(job: PrintJob, plan: JointPlan) -> int:
+    """Return how often heads change tools from contour to contour."""
+    tools = (job.contours.tool[head_toolpath(actions).order] for actions in plan.heads)
+    return sum(int(np.count_nonzero(np.diff(row))) for row in tools)

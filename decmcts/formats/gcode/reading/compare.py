@@ -14,6 +14,7 @@ from decmcts.formats.gcode.document import DESCRIBES, GcodeDocument, StateTable
 from decmcts.formats.gcode.reading.reader import Ending
 from decmcts.print.job import PrintJob
 
+HOT_ENDS = ("temperature hotend",)  # how slots begin that say how hot tools are told to be
 XYZ_MM = 1e-3
 NEAR_MM = 1.5e-3  # what rounding puts a micrometre apart: ends of an arc that is parted
 E_MM = 1.05e-5
@@ -22,17 +23,19 @@ OVER_MM = 1.0  # above the print the head may stand when its end G-code begins
 
 
 def same_extrusions(
-    job_a: PrintJob, doc_a: GcodeDocument, job_b: PrintJob, doc_b: GcodeDocument
-) -> list[str]:
+    job_a: PrintJob, doc_a: GcodeDocument, job_b: PrintJob, doc_b: GcodeDocument, *,
+    hot_ends: bool = True,
+) -> list[str]:  # fmt: skip
     """Return one line per difference between two prints; empty when there is none.
 
     Compared is the multiset of segments, ends in either order: coordinates to
-    0.001 mm, filament to 0.00001 mm, feed, tool, and the machine state in force.
+    0.001 mm, filament to 0.00001 mm, feed, tool, and the machine state in force; without
+    `hot_ends` whatever these are told.
     """
     a, b = _segments(job_a), _segments(job_b)
     if len(a) != len(b):
         return [f"{len(a)} segments against {len(b)}"]
-    state_a, state_b = _common_states(doc_a, doc_b)
+    state_a, state_b = _common_states(doc_a, doc_b, () if hot_ends else HOT_ENDS)
     kept_a, kept_b = _kept(job_a, state_a, doc_a), _kept(job_b, state_b, doc_b)
     if _same_at_once(a, b, kept_a, kept_b):
         return []
@@ -104,10 +107,11 @@ def _by_number(
     return order
 
 
-def ending_faults(document: GcodeDocument, ending: Ending) -> list[str]:
+def ending_faults(document: GcodeDocument, ending: Ending, *, hot_ends: bool = True) -> list[str]:
     """Return how a file made from `document` reaches its end G-code otherwise than the source.
 
-    End G-code relies on where the head is, what is retracted, and what is set.
+    End G-code relies on where the head is, what is retracted, and what is set; without `hot_ends`
+    these may be told anything.
     """
     cursor, table, end = ending.cursor, ending.states, document.end
     faults = _place(ending, end.position)
@@ -117,7 +121,8 @@ def ending_faults(document: GcodeDocument, ending: Ending) -> list[str]:
         faults.append("the mode of E or the tool is another")
     if not end.relative_e and abs(cursor.e - end.e) > XYZ_MM:
         faults.append(f"E stands at {cursor.e:.5f}, in the source at {end.e:.5f}")
-    ours, theirs = _commands(table, cursor.state), _commands(document.states, end.state)
+    but = () if hot_ends else HOT_ENDS
+    ours, theirs = _commands(table, cursor.state, but), _commands(document.states, end.state, but)
     faults += [f"in force is '{a}'" for _, a in sorted(ours - theirs)]
     faults += [f"not in force is '{a}'" for _, a in sorted(theirs - ours)]
     return [f"before the end G-code {fault}" for fault in faults]
@@ -140,10 +145,14 @@ def _place(ending: Ending, place: tuple[float, float, float]) -> list[str]:
     return [f"the head is at {at}, above {highest:g} mm"] if at[2] > highest else []
 
 
-def _commands(table: StateTable, state: int) -> set[tuple[str, str]]:
-    """Return slot and text of all that commands something in a state."""
+def _commands(table: StateTable, state: int, but: tuple[str, ...]) -> set[tuple[str, str]]:
+    """Return slot and text of all that commands something in a state, `but` some slots."""
     pairs = zip(table.slots, table.rows[state].tolist(), strict=True)
-    return {(slot, table.values[v]) for slot, v in pairs if v and slot not in DESCRIBES}
+    return {(slot, table.values[v]) for slot, v in pairs if v and _counts(slot, but)}
+
+
+def _counts(slot: str, but: tuple[str, ...]) -> bool:
+    return slot not in DESCRIBES and not (but and slot.startswith(but))
 
 
 def _rows(job: PrintJob) -> NDArray[np.int64]:
@@ -214,15 +223,17 @@ def _kept(job: PrintJob, state: NDArray[np.int64], doc: GcodeDocument) -> NDArra
 
 
 def _common_states(
-    doc_a: GcodeDocument, doc_b: GcodeDocument
+    doc_a: GcodeDocument, doc_b: GcodeDocument, but: tuple[str, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return numbers for the states of both, equal where all commands are equal."""
+    """Return numbers for the states of both, equal where all commands are, `but` in some slots."""
     seen: dict[frozenset[tuple[str, str]], int] = {}
-    return _numbered(doc_a.states, seen), _numbered(doc_b.states, seen)
+    return _numbered(doc_a.states, seen, but), _numbered(doc_b.states, seen, but)
 
 
-def _numbered(table: StateTable, seen: dict[frozenset[tuple[str, str]], int]) -> NDArray[np.int64]:
-    columns = [k for k, slot in enumerate(table.slots) if slot not in DESCRIBES]
+def _numbered(
+    table: StateTable, seen: dict[frozenset[tuple[str, str]], int], but: tuple[str, ...]
+) -> NDArray[np.int64]:
+    columns = [k for k, slot in enumerate(table.slots) if _counts(slot, but)]
     kinds, index = np.unique(table.rows[:, columns], axis=0, return_inverse=True)
     names = [table.slots[k] for k in columns]
     numbers = np.array(

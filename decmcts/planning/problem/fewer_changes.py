@@ -1,0 +1,138 @@
+"""One head with several tools: an order with fewer changes of tools in place of the source's own.
+
+Where changes follow one pattern (`formats.gcode.writing.fewer_changes`) they are no walls: each
+tool prints as much as the head's shape and the rules of order allow before it is changed. The
+source is written anew so. The judge looks at the file beside the source, and it is planned in its
+place. A change that is not understood stays where it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from decmcts.errors import InputError
+from decmcts.feasibility.graph import DependencyGraph
+from decmcts.formats.gcode import read_gcode, write_gcode
+from decmcts.formats.gcode.writing.fewer_changes import FreeChanges, free_changes, merged, with_runs
+from decmcts.formats.mesh import is_mesh
+from decmcts.planning.events import Note, Report, Step, unheard
+from decmcts.planning.options import Rules
+from decmcts.planning.problem.layer_by_layer import with_epochs, with_source_lines
+from decmcts.planning.problem.planned import Planned, source_plan
+from decmcts.planning.problem.print_problem import PrintProblem, parked_above, problem_of
+from decmcts.planning.problem.slicing import SlicedFolder
+from decmcts.planning.problem.source import Regrouped, Source
+from decmcts.planning.problem.source_lines import SourceLines
+from decmcts.print.toolpath import Toolpath
+from decmcts.search.starts.by_tool import Runs, by_tool
+from decmcts.team.schedule.cooling import cooled, find_lags, source_times, time_left
+from decmcts.team.schedule.joint_plan import schedule
+from sim.files.written import verify_written
+
+LEAST_CHANGE_S = 5.0  # that a change of tools takes: fast tool changers, and two carriages
+
+
+def with_fewer_changes(source: Source, rules: Rules, report: Report) -> Source:
+    """Return the source with fewer changes of tools, or as it stands; the report is told why.
+
+    It stands where one tool prints all of it.
+    """
+    if len(np.unique(source.job.contours.tool)) < 2 or is_mesh(source.path):
+        return source
+    found = _regrouped(source, rules, report)
+    if isinstance(found, str):
+        report(Note(f"changes of tools stay as they are: {found}"))
+        return source
+    return found
+
+
+def _regrouped(source: Source, rules: Rules, report: Report) -> Source | str:
+    """Return the source with fewer changes of tools, or in words why there is none."""
+    job, document = source.job, source.document
+    free = free_changes(document)
+    if isinstance(free, str):
+        return free
+    report(Step("an order with fewer changes of tools"))
+    loose, text = merged(job, document, free)
+    try:
+        problem = problem_of(replace(source, job=loose, document=text), rules, report)
+    except InputError as error:
+        return str(error)
+    tool = job.contours.tool
+    runs = by_tool(
+        problem.graph, tool, loose.contours.epoch, lambda a, b: (a, b) in free.of_pair
+    )  # fmt: skip
+    if runs is None:
+        return "the source never changes between two tools that would follow each other"
+    was, now = changes(tool), changes(tool[runs.order])
+    if now >= was:
+        return "no order that the rules allow has fewer" + (f" ({free.why})" if free.why else "")
+    before = source_plan(problem).metrics
+    times = source_times(loose, problem.machine, problem.graph)
+    left_s = time_left(loose.contours, *times)
+    waited_s = _waits(problem, runs.order, left_s)
+    if waited_s > LEAST_CHANGE_S * (was - now):
+        return f"with {was - now} changes less the print would wait {waited_s:.0f} s for cooling"
+    return _written(source, problem, free, runs, Regrouped(source, before, was - now, left_s))
+
+
+def changes(tool: NDArray[np.int16]) -> int:
+    """Return how often the tool changes in a sequence."""
+    return int(np.count_nonzero(np.diff(tool)))
+
+
+def _waits(problem: PrintProblem, order: NDArray[np.int32], left_s: NDArray[np.float64]) -> float:
+    """Return how long an order waits for what is printed over to cool, s."""
+    job, machine, graph = problem.job, problem.machine, problem.graph
+    times = source_times(job, machine, graph)
+    (lags,) = find_lags(job.contours, [times], problem.min_layer_time_s, left_s)
+    as_it_is = Toolpath.of(order, np.zeros(len(order), np.bool_))
+    return cooled(job, machine, graph, lags, as_it_is).waited_s
+
+
+def _written(
+    source: Source, problem: PrintProblem, free: FreeChanges, runs: Runs, made_of: Regrouped
+) -> Source | str:
+    """Write the source in an order of its tools and return it as it is read back."""
+    job, folder, order = source.job, SlicedFolder(), runs.order
+    draft = folder.path / "tools.gcode"
+    tooled, document = with_runs(job, source.document, free, order, runs.run)
+    none = DependencyGraph.from_pairs(len(order), np.empty((0, 2), np.int32))
+    machine = parked_above(source.machine, job.contours)
+    plan = schedule(tooled, machine, none, [Toolpath.of(order, np.zeros(len(order), np.bool_))])
+    write_gcode(document, tooled, plan.heads[0], draft)
+    verdict = verify_written(draft, job, source.document, machine, actions=plan.heads[0])
+    if not verdict.ok:
+        lines = SourceLines.of(draft, job.contours.line[order])
+        return lines.said(str(verdict.faults[0]))
+    anew, text = read_gcode(draft)
+    if len(anew.contours) != len(order):
+        return "what was written so reads as other contours"
+    anew = with_source_lines(anew, job, order)
+    anew, text = with_epochs(anew, text, tooled.contours.epoch[order])
+    stay = f"{free.walls} change{'s' * (free.walls != 1)} of tools stay where they are: {free.why}"
+    anew = replace(anew, name=job.name, notes=(*anew.notes, *([stay] if free.walls else [])))
+    made_of = replace(made_of, left_s=made_of.left_s[order])
+    return replace(
+        source, job=anew, document=text, folder=folder, regrouped=made_of, plate=None
+    )  # fmt: skip
+
+
+def of_given(planned: Planned) -> Planned:
+    """Return the own order of the source that was given, where another was made of it."""
+    made_of = planned.problem.source.regrouped
+    if made_of is None:
+        return planned
+    problem = problem_of(made_of.given, planned.problem.rules, unheard)
+    return replace(planned, problem=problem, before=source_plan(problem))
+
+
+def beside_given(planned: Planned) -> Planned:
+    """Return a plan with the figures of the source that was given, not of what was made of it."""
+    made_of = planned.problem.source.regrouped
+    if made_of is None:
+        return planned
+    return replace(planned, before=replace(planned.before, metrics=made_of.before))
