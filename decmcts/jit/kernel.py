@@ -10,6 +10,7 @@ import gc
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numba
@@ -25,6 +26,9 @@ from decmcts.jit.store import Store
 Report = Callable[[str], None]
 """Told the name of each kernel about to be compiled."""
 
+Maker = Callable[[Callable[[], Any]], Any]
+"""Makes a call in another thread and returns its result."""
+
 _Dispatcher: Any = registry.CPUDispatcher  # numba has no types of its own
 _Result: Any = CompileResult
 _normalized: Any = sigutils.normalize_signature
@@ -34,6 +38,7 @@ _reports: list[Report] = []
 _compiled_now: list[str] = []  # kernels this process makes, or waits for
 _turn = threading.Lock()  # held while kernels of another thread come first
 _giving_way: list[int] = []  # threads that wait for it, none of which may hold it
+_makers: dict[int, Maker] = {}  # threads, and what has their kernels made in another one
 
 
 @contextmanager
@@ -69,6 +74,20 @@ def giving_way() -> Iterator[None]:
         _giving_way.remove(thread)
 
 
+@contextmanager
+def made_by(maker: Maker) -> Iterator[None]:
+    """Have another thread load or make this thread's kernels.
+
+    For threads of low priority: all others would wait for them as long as they hold the compiler.
+    """
+    thread = threading.get_ident()
+    _makers[thread] = maker
+    try:
+        yield
+    finally:
+        del _makers[thread]
+
+
 class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
     """A compiled function whose machine code is kept in a store."""
 
@@ -89,6 +108,8 @@ class Kernel(_Dispatcher):  # type: ignore[misc]  # untyped base
 
     def compile(self, signature: Any) -> Any:
         """Return what runs this combination of types, known, loaded or made."""
+        if (maker := _makers.get(threading.get_ident())) is not None:
+            return maker(partial(self.compile, signature))
         if threading.get_ident() in _giving_way and not _lock.is_locked():
             with _turn:  # a thread that is compiling a kernel waits for none on the way to it
                 pass

@@ -8,7 +8,11 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
-from typing import TypeVar
+from functools import partial
+from queue import SimpleQueue
+from typing import Any, TypeVar
+
+from decmcts.jit.kernel import made_by
 
 YIELDING = 10  # niceness of work that is to take only what agents leave
 Found = TypeVar("Found")
@@ -18,20 +22,43 @@ def begun(work: Callable[[], Found], *, yielding: bool = False) -> Future[Found]
     """Begin work in a thread that no exit waits for; kernels and solver run without the lock.
 
     A `yielding` thread lets all others go first, agents too, on systems where threads have a
-    priority of their own.
+    priority of their own. Its kernels are loaded and compiled at the usual priority: others
+    wait for the compiler meanwhile.
     """
     found: Future[Found] = Future()
+    target = partial(_yielding, work, found) if yielding else partial(_done, work, found)
+    threading.Thread(target=target, name="beside", daemon=True).start()
+    return found
+
+
+def _done(work: Callable[[], Found], found: Future[Found]) -> None:
+    """Do work and set its result."""
+    try:
+        found.set_result(work())
+    except BaseException as error:
+        found.set_exception(error)
+
+
+def _yielding(work: Callable[[], Found], found: Future[Found]) -> None:
+    """Have work done in a thread of low priority, and make its kernels in this one."""
+    asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+
+    def make(call: Callable[[], Any]) -> Any:
+        made: Future[Any] = Future()
+        asked.put(partial(_done, call, made))
+        return made.result()
 
     def run() -> None:
         try:
-            if yielding:
+            with made_by(make):
                 _yield_to_others()
-            found.set_result(work())
-        except BaseException as error:
-            found.set_exception(error)
+                _done(work, found)
+        finally:
+            asked.put(None)
 
-    threading.Thread(target=run, name="beside", daemon=True).start()
-    return found
+    threading.Thread(target=run, name="yielding", daemon=True).start()
+    while (wanted := asked.get()) is not None:
+        wanted()
 
 
 def _yield_to_others() -> None:
