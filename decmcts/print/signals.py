@@ -42,14 +42,21 @@ class Signals:
         ended = {(h, k) for h, k, point in self.at.values() if point == ACTION_END}
         if release == "action":
             return ended
-        return {(h, k) for h, k in ended if (h, k) in self.apart or _stays(plan.heads[h], k)}
+        stays = [_stays(head) for head in plan.heads]
+        return {(h, k) for h, k in ended if (h, k) in self.apart or stays[h][k]}
 
 
-def _stays(head: HeadActions, k: int) -> bool:
-    """Tell whether a head's file has no move for an action."""
-    if head.kind[k] in (ActionKind.PRINT, ActionKind.WAIT):
-        return bool(head.kind[k] == ActionKind.WAIT)
-    return bool(np.abs(np.diff(head.action_path(k), axis=0)).max(initial=0.0) <= ROUNDING_MM)
+def _stays(head: HeadActions) -> list[bool]:
+    """Tell for which actions a head's file has no move."""
+    farther = np.zeros(len(head.path), np.bool_)
+    for axis in head.path.T:
+        farther[1:] |= np.abs(np.diff(axis)) > ROUNDING_MM
+    farther[head.path_offsets[:-1]] = False
+    moved = np.concatenate([[0], np.cumsum(farther)])
+    still = moved[head.path_offsets[1:]] == moved[head.path_offsets[:-1]]
+    still = (head.kind == ActionKind.WAIT) | (still & (head.kind != ActionKind.PRINT))
+    found: list[bool] = still.tolist()
+    return found
 
 
 def place_of(plan: JointPlan, edge: After) -> Place:
@@ -57,6 +64,17 @@ def place_of(plan: JointPlan, edge: After) -> Place:
     offsets = plan.heads[edge.head].path_offsets
     last = int(offsets[edge.action + 1] - offsets[edge.action]) - 1
     return edge.head, edge.action, ACTION_END if edge.point == last else edge.point
+
+
+def places_of(plan: JointPlan, head: HeadActions) -> list[Place]:
+    """Return the place of each edge into a head, as `place_of` does."""
+    point = head.after_point.copy()
+    for g, other in enumerate(plan.heads):
+        mine = head.after_head == g
+        last = np.diff(other.path_offsets)[head.after_action[mine]] - 1
+        point[mine] = np.where(point[mine] == last, ACTION_END, point[mine])
+    columns = head.after_head, head.after_action, point
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def apart_s(interval_s: float) -> float:
@@ -71,11 +89,10 @@ def signals_of(plan: JointPlan, job: PrintJob, interval_s: float) -> Signals:
     an action a head waits for nobody, so no wait becomes part of a cycle. Complexity O(points).
     """
     asked = {
-        place_of(plan, edge)
+        place
         for h, head in enumerate(plan.heads)
-        for k in np.flatnonzero(np.diff(head.after_offsets)).tolist()
-        for edge in head.after_edges(k)
-        if edge.head != h
+        for place in places_of(plan, head)
+        if place[0] != h
     }
     if interval_s <= 0.0:
         return Signals({place: place for place in asked})

@@ -9,7 +9,7 @@ import pytest
 
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.plan import ACTION_END, ActionKind, JointPlan
-from decmcts.print.signals import signals_of
+from decmcts.print.signals import place_of, places_of, signals_of
 from tests.sim.replay.test_nominal import head
 from tests.team.conftest import make_contours
 
@@ -57,3 +57,12 @@ def test_of_signals_too_near_the_later_of_the_action_is_given(job, interval_s, t
     signals = signals_of(plan, job, interval_s)
     assert [signals.at[0, *place] for place in places] == [(0, *target) for target in targets]
     assert ((0, 1) in signals.apart) is (interval_s > 1.0)
+
+
+def test_places_of_all_edges_are_those_of_each(job):
+    """An action's last point is its end, by whichever name it is waited for."""
+    last = len(plan_of([], [TRAVEL]).heads[0].path) - 1
+    plan = plan_of([(0, 1), (0, last), (1, ACTION_END)], [TRAVEL, TRAVEL])
+    right = plan.heads[1]
+    assert places_of(plan, right) == [place_of(plan, edge) for edge in right.after_edges(0)]
+    assert places_of(plan, right)[1:] == [(0, 0, ACTION_END), (0, 1, ACTION_END)]

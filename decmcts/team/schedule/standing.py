@@ -19,7 +19,7 @@ from decmcts._kernels.engine.stops import times_with_stops
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import ACTION_END, ActionKind, HeadActions, JointPlan
-from decmcts.print.signals import Signals, apart_s, place_of, signals_of
+from decmcts.print.signals import Signals, apart_s, places_of, signals_of
 from decmcts.team.schedule.timing import ActionTimes
 
 Floats = NDArray[np.float64]
@@ -60,12 +60,9 @@ def with_stops(
 def _waiting(plan: JointPlan, h: int, signals: Signals) -> HeadActions:
     """Return the actions of one head, which wait for what is signalled."""
     head = plan.heads[h]
-    points = head.after_point.copy()
-    for k in np.flatnonzero(np.diff(head.after_offsets)).tolist():
-        row = int(head.after_offsets[k])
-        for e, edge in enumerate(head.after_edges(k)):
-            if edge.point != ACTION_END and edge.head != h:
-                points[row + e] = signals.at[place_of(plan, edge)][2]
+    points, places = head.after_point.copy(), places_of(plan, head)
+    for row in np.flatnonzero((points != ACTION_END) & (head.after_head != h)).tolist():
+        points[row] = signals.at[places[row]][2]
     return replace(head, after_point=points)
 
 
