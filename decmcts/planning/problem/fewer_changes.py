@@ -113,12 +113,20 @@ def _written(
         return "what was written so reads as other contours"
     anew = with_source_lines(anew, job, order)
     anew, text = with_epochs(anew, text, tooled.contours.epoch[order])
-    stay = f"{free.walls} change{'s' * (free.walls != 1)} of tools stay where they are: {free.why}"
-    anew = replace(anew, name=job.name, notes=(*anew.notes, *([stay] if free.walls else [])))
+    anew = replace(anew, name=job.name, notes=(*anew.notes, *_stay(free)))
     made_of = replace(made_of, left_s=made_of.left_s[order])
     return replace(
         source, job=anew, document=text, folder=folder, regrouped=made_of, plate=None
     )  # fmt: skip
+
+
+def _stay(free: FreeChanges) -> list[str]:
+    """Return the note on the changes that stay, if any do."""
+    if not free.walls:
+        return []
+    one = free.walls == 1
+    they = "change of tools stays where it is" if one else "changes of tools stay where they are"
+    return [f"{free.walls} {they}: {free.why}"]
 
 
 def of_given(planned: Planned) -> Planned:

@@ -20,7 +20,8 @@ from tests.formats.gcode.text.packed import GOOD, POOR
 def planned(was_mm: float, now_mm: float, **rules: Any) -> Planned:
     """Return as much of a result as is asked here."""
     before, after = ({"emitted_travel_mm": mm} for mm in (was_mm, now_mm))
-    problem = SimpleNamespace(rules=Rules(**rules))
+    source = SimpleNamespace(regrouped=None)
+    problem = SimpleNamespace(rules=Rules(**rules), source=source)
     made = SimpleNamespace(
         problem=problem,
         before=SimpleNamespace(metrics=before),
