@@ -26,7 +26,9 @@ from common import print_path as found_path
 from large import gcode
 
 from decmcts import Search, TeamSearch, launch, plan, read
+from decmcts.formats.machines.machine_file import load_machine
 from decmcts.planning.events import Event, Heads, Step
+from decmcts.planning.launch import crew_started
 
 MODELS = "four_nuts,branches_16,spiral_cup"
 MADE = {"branches_16": "made_15000", "spiral_cup": "made_44000"}  # where there is no corpus
@@ -77,10 +79,12 @@ def timed(command: str, path: Path, limit_s: float, folder: Path) -> dict[str, A
     """Run one command on a print; return its steps, contours and longest silence."""
     clock = Clock()
     clock.begin("reading")
-    source = read(path, MACHINES[command], report=clock)
-    if command == "launch":
-        result = launch(source, TeamSearch(limit_s), report=clock)
+    if command == "launch":  # as the command does: processes load while the print is read
+        with crew_started(len(load_machine(MACHINES[command]).heads)) as crew:
+            source = read(path, MACHINES[command], report=clock)
+            result = launch(source, TeamSearch(limit_s), report=clock, crew=crew)
     else:
+        source = read(path, MACHINES[command], report=clock)
         result = plan(source, Search(limit_s, certificate=command == "plan"), report=clock)
     clock.begin("writing")
     result.write_gcode(path if command == "post" else folder / "out.gcode", report=clock)
