@@ -16,8 +16,17 @@ from decmcts.feasibility.build import build_graph
 from decmcts.print.job import ProcessSettings
 from decmcts.print.toolpath import Toolpath
 from decmcts.team.dec_mcts.parameters import Parameters
-from decmcts.team.engine.plans import MOST_SHIFT, POLICIES, encode, encode_serial
+from decmcts.team.engine.plans import (
+    MOST_SHIFT,
+    POLICIES,
+    Changes,
+    StatedOrder,
+    encode,
+    encode_changes,
+    encode_serial,
+)
 from decmcts.team.engine.problem import TeamProblem, build_team_problem
+from decmcts.team.engine.resolve import resolve
 from decmcts.team.schedule.joint_plan import schedule
 from tests.team.conftest import make_job, make_machine
 
@@ -161,3 +170,27 @@ def test_a_pack_s_parameters_are_the_search_s(problem: TeamProblem) -> None:
     assert found == replace(usual, share=0.5, alpha=0.5)
     with pytest.raises(InputError, match="alpha"):
         TeamPlanner.of_pack(replace(pack, options={TEAM: {"alpha": 2}}), 0, seed=1)
+
+
+@pytest.mark.slow
+def test_agents_that_begin_with_an_order_tell_what_they_change(problem: TeamProblem) -> None:
+    """A peer's plan resolves here as there; without the order it is another problem."""
+    order = StatedOrder.of(resolve(problem, {}, LIVE).toolpaths)
+    pack = Pack(problem.job, problem.machine, problem.graph, start=order)
+    begun = build_team_problem(pack.job, pack.machine, pack.graph, start=order)
+    start = begun.start
+    assert start is not None
+    own = [np.flatnonzero(start.head == r) for r in LIVE]
+    plans = {
+        r: encode_changes(
+            Changes(rows, np.full(len(rows), 5 - 8 * r), start.head[rows]), begun.n_macros
+        )
+        for r, rows in enumerate(own)
+    }
+    teller, listener = TeamPlanner(begun, 0, seed=1), TeamPlanner(begun, 1, seed=1)
+    assert teller.resolve(plans, LIVE).digest == listener.resolve(plans, LIVE).digest
+    assert teller.resolve(plans, LIVE).digest != teller.resolve({}, LIVE).digest
+    listener.take(0, Distribution((plans[0],), np.ones(1)))
+    assert sum(map(len, plans.values())) * 100 <= 2 * teller.most_symbols
+    assert TeamPlanner(problem, 0, seed=1).problem != teller.problem
+    assert TeamPlanner.of_pack(pack, 0, seed=1).problem == teller.problem
