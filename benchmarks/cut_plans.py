@@ -114,7 +114,7 @@ def _subjects(options: argparse.Namespace, folder: Path) -> list[Subject]:
         source = plate_path(name)
         copy = folder / f"{name}_{cut}.gcode.gz"
         copy.write_bytes(source.read_bytes())
-        made.append(_subject(f"{name}, {cut}", copy, cut, machine, options.time_limit))
+        made.append(_subject(f"{name}, {cut}", copy, cut, MACHINE, options.time_limit))
     return made
 
 
