@@ -4,10 +4,11 @@
 
 A small print made by code is planned for one head (`plan`, `gcode`) and for two
 (`team`, `heads`), and so are one of two tools (`tools`, `head_tools`) and one with dots and
-vertical beads (`dots`, `head_dots`); and parts printed one by one, too near each other, for one
-head (`safe`). Each mutant is made once a seed and given to `decmcts verify` with the source and
-the machine. Writes mutations.csv (resumable) and mutations.md in
-docs/results; exits with 1 if a mutant is missed or the judge crashes.
+vertical beads (`dots`, `head_dots`); parts printed one by one, too near each other, for one head
+(`safe`); and parts of two colours, whose result has fewer changes of tools (`changes`). Each
+mutant is made once a seed and given to `decmcts verify` with the source and the machine. Writes
+mutations.csv (resumable) and mutations.md in docs/results; exits with
+1 if a mutant is missed or the judge crashes.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from decmcts.cli.run import run
 from decmcts.errors import InputError
 from decmcts.formats.plans.plan_json import read_plan
 from decmcts.planning.verifying.judge import digest_of
+from sim.experiments.made_changes import two_colours
 from sim.experiments.made_dots import made_dots_gcode
 from sim.experiments.made_print import made_gcode, made_tools_gcode
 from sim.experiments.made_scarf import scarf_gcode
@@ -43,7 +45,7 @@ from sim.experiments.mutants_gcode import GCODE_MUTANTS
 from sim.experiments.mutants_heads import HEAD_MUTANTS
 from sim.experiments.mutants_order import SAFE_MUTANTS, TEMPERATURE_MUTANTS, made_unsafe
 from sim.experiments.mutants_plan import PLAN_MUTANTS, as_text
-from sim.experiments.mutants_tools import HEAD_TOOL_MUTANTS, TOOL_MUTANTS
+from sim.experiments.mutants_tools import CHANGE_MUTANTS, HEAD_TOOL_MUTANTS, TOOL_MUTANTS
 
 KEY = ("of", "mutant", "seed")
 ONE_HEAD, TWO_HEADS = "mk4s", "dual-gantry"
@@ -51,12 +53,13 @@ VERDICTS = {0: "passed", 1: "caught", 2: "refused"}  # by exit code; any other: 
 MEMORY_BYTES = 6 * 2**30  # address space: a judge that wants more has run away
 ALL = (
     "plan", "gcode", "tools", "dots", "safe", "contacts", "team", "heads", "head_tools",
-    "head_dots",
+    "head_dots", "changes",
 )  # fmt: skip
 OF_FILES: dict[str, tuple[Mutant[Any], ...]] = {
     "gcode": GCODE_MUTANTS + TEMPERATURE_MUTANTS, "tools": TOOL_MUTANTS, "dots": DOT_MUTANTS,
     "safe": SAFE_MUTANTS, "heads": HEAD_MUTANTS,
     "head_tools": HEAD_TOOL_MUTANTS, "head_dots": HEAD_DOT_MUTANTS,
+    "changes": CHANGE_MUTANTS,
 }  # fmt: skip
 
 
@@ -129,6 +132,8 @@ def source_of(made: str) -> str:
     """Return the print made for files of a kind."""
     if made in ("tools", "head_tools"):
         return made_tools_gcode(macro=made == "tools")
+    if made == "changes":
+        return two_colours(layers=6)
     if made == "safe":
         return made_unsafe()
     if made in ("dots", "head_dots"):
