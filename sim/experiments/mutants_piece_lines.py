@@ -91,9 +91,10 @@ def _within(text: str) -> Spoil:
     return spoil
 
 
+# Not "waits exchanged": to wait for the later of two signals first is a deadlock, or does no harm.
 TAKEN = (
     "a contour given to the other head", "a wait dropped", "all waits dropped",
-    "a signal too soon", "waits exchanged", "another number waited for", "a bead dropped",
+    "a signal too soon", "another number waited for", "a bead dropped",
     "a bead twice", "more filament", "a bead a little elsewhere", "another feed",
     "a travel through the print", "files exchanged", "cut off in the middle", "a comment more",
 )  # fmt: skip
