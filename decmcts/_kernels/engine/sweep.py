@@ -10,17 +10,41 @@ from decmcts._kernels.jit import kernel
 
 @kernel
 def not_before(
-    group: NDArray[np.int64], pred_offsets: NDArray[np.int64], preds: NDArray[np.int32]
-) -> None:
-    """Move each contour to the group of the last that must come before it, if that is later."""
+    group: NDArray[np.int64],
+    head: NDArray[np.int64],
+    eligible: NDArray[np.bool_],
+    pred_offsets: NDArray[np.int64],
+    preds: NDArray[np.int32],
+) -> NDArray[np.bool_]:
+    """Move each contour to the group of the last that must come before it, if that is later.
+
+    The head that prints that one prints it too, if it may; changes `group` and `head`.
+
+    Returns
+    -------
+    NDArray[np.bool_]
+        Which contours come first in their groups: those that were moved, as they lie where the
+        heads have been already, and what must be printed before them, (n,).
+    """
+    first = np.zeros(len(group), np.bool_)
     for c in range(len(group)):  # numbered so that what comes before has a lower number
         for k in range(pred_offsets[c], pred_offsets[c + 1]):
-            group[c] = max(group[c], group[preds[k]])
+            before = preds[k]
+            if group[before] > group[c]:
+                group[c], first[c] = group[before], True
+                if eligible[c, head[before]]:
+                    head[c] = head[before]
+    for c in range(len(group) - 1, -1, -1):
+        for k in range(pred_offsets[c], pred_offsets[c + 1]):
+            if first[c] and group[preds[k]] == group[c]:
+                first[preds[k]] = True
+    return first
 
 
 @kernel
 def nearest_by_group(
     group: NDArray[np.int64],
+    first: NDArray[np.bool_],
     head: NDArray[np.int64],
     ends: NDArray[np.float64],
     reversible: NDArray[np.bool_],
@@ -33,11 +57,13 @@ def nearest_by_group(
     Parameters
     ----------
     group : (n,) groups follow one another by number; nothing has to come before a lower one
+    first : (n,) what comes before the others of its group
     head : (n,) who prints each
     ends : (n, 2, 3) where each begins and ends as sliced, mm
     at : (heads, 3) where the heads are; changed
     """
     n = len(group)
+    group = np.where(first, 2 * group, 2 * group + 1)
     members = np.argsort(group, kind="mergesort")
     order, backwards = np.empty(n, np.int32), np.zeros(n, np.bool_)
     printed = np.zeros(n, np.bool_)

@@ -18,6 +18,7 @@ from decmcts.print.cut import Grid, Lines, cut_job
 from decmcts.print.machine import Machine
 from decmcts.print.motion import level_travel, retraction_time, segment_times, travel_feed
 from decmcts.team.cutting.layout import (
+    Hops,
     cuttable,
     layout_of,
     lines_of,
@@ -31,7 +32,7 @@ from decmcts.team.engine.resolve import is_allowed, resolve
 from decmcts.team.engine.space import relation_of
 
 MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
-HOP_MM = 3.0  # a typical travel from piece to piece, to price a cut by
+HOP_MM, SHORT_MM = 3.0, 0.6  # typical travels from piece to piece, to price a cut by
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +77,9 @@ def _swept(
     """Return a sweep with those contours cut that `may` be; `seconds` are those of segments."""
     contours, machine = problem.job.contours, problem.machine
     axis = axis_of(machine)[0]
-    spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis)
-    layout = layout_of(
-        spread, axis=axis, heads=len(machine.heads), apart_mm=_apart_mm(machine, axis),
-        cut_s=_cut_s(problem),
-    )  # fmt: skip
+    spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
+    apart = _apart_mm(machine, axis)
+    layout = layout_of(spread, axis=axis, heads=len(machine.heads), apart_mm=apart)
     places = places_of(contours, layout, spread)
     lines = lines_of(contours, layout, spread, places)
     parted = _cut(problem, lines, cut) if len(lines.at) else problem
@@ -120,11 +119,13 @@ def _apart_mm(machine: Machine, axis: int) -> float:
     return max(float(relation_of(machine, r, r + 1)[:, 2 * axis + 1].max()) for r in heads)
 
 
-def _cut_s(problem: PrintProblem) -> float:
-    """Return the seconds of a travel between two pieces."""
+def _hops(problem: PrintProblem) -> Hops:
+    """Return what a travel from one piece to the next costs."""
     settings, limits = problem.job.settings, problem.machine.limits
     _, rate = level_travel(settings, limits)
-    return 2.0 * math.sqrt(HOP_MM / rate) + retraction_time(settings, limits)
+    least = min(each.retract_min_travel_mm for each in settings.each())
+    long = 2.0 * math.sqrt(HOP_MM / rate) + retraction_time(settings, limits)
+    return Hops(least, 2.0 * math.sqrt(SHORT_MM / rate), long)
 
 
 def _cut(problem: PrintProblem, lines: Lines, cut: Cut) -> PrintProblem:

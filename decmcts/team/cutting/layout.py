@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-STEPS = (1, 2, 3, 4, 5, 6)  # strips of a territory that are tried on each layer
-DEPTHS = 3  # of contours that touch one another on a layer; deeper ones count as that deep
+STEPS = (1, 2, 3, 4, 5, 6, 8, 10)  # strips of a territory that are tried on each layer
+DEPTHS = 5  # of contours that touch one another on a layer; deeper ones count as that deep
 DEPTH_MM = 0.6  # between the places where contours of neighbouring depths are cut
 LOOSE_MM = 2.0 * (LEAST_MM + SNAP_MM)  # by which cuts of both heads may miss their lines
 OVER_MM = 6.0  # a contour that reaches no farther beyond its strip stays whole
@@ -59,6 +59,12 @@ class Layout:
         """Return the region of each place for contours of a layer and depth, (k,)."""
         return np.asarray((self.lines[layer, depth] < at[:, None]).sum(axis=1))
 
+    def nearest_middle(self, layer: Ints, region: Ints) -> Ints:
+        """Return the region between two territories that is nearest to each region, (k,)."""
+        width = self.steps[layer] + 1
+        between = np.minimum((2 * region + 1) // (2 * width), self.heads - 2)
+        return np.asarray(between * width + self.steps[layer])
+
     def head(self, layer: Ints, region: Ints) -> Ints:
         """Return who prints each region, (k,)."""
         width = self.steps[layer] + 1
@@ -74,13 +80,23 @@ class Layout:
 
 
 @dataclass(frozen=True, slots=True)
+class Hops:
+    """What a cut costs: the travel from one of its pieces to the next."""
+
+    least_mm: float  # a shorter one is made without retracting
+    short_s: float
+    long_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Cuttable:
     """What may be cut, and how the printing time of it is spread."""
 
     may: Flags  # (n,) contours
     depth: Ints  # (n,) how many contours that touch one another come before it on its layer
+    deepest: Ints  # (layers,) largest depth on each layer
     work: Floats  # (layers, bins) s of printing in each `BIN_MM` along the axis from `low_mm` on
-    crossing: Floats  # (layers, bins) segments that cross the end of each bin
+    price: Floats  # (layers, bins) s that a cut at the end of each bin costs either side of it
     low_mm: float
 
 
@@ -92,8 +108,9 @@ def may_be_cut(contours: Contours, cut: str) -> Flags:
 
 
 def cuttable(
-    contours: Contours, seconds: Floats, pairs: NDArray[np.int32], may: Flags, axis: int
-) -> Cuttable:
+    contours: Contours, seconds: Floats, pairs: NDArray[np.int32], may: Flags, axis: int,
+    hops: Hops,
+) -> Cuttable:  # fmt: skip
     """Return how what may be cut is spread; where nothing may be, how all is.
 
     Parameters
@@ -119,29 +136,49 @@ def cuttable(
     work = np.bincount(
         layer[i] * bins + cell, weights=(seconds[rows] / count)[i], minlength=layers * bins
     ).reshape(layers, bins)
+    begun = contours.offsets[:-1][may | ~may.any()]
+    cell = ((ends[begun] - low) / BIN_MM).astype(np.int64)
+    np.add.at(work, (contours.layer[owner[begun]], cell), hops.long_s)
     first = ((np.minimum(a, b) - low) / BIN_MM).astype(np.int64)
     last = ((np.maximum(a, b) - low) / BIN_MM).astype(np.int64)
-    opened = np.bincount(layer * bins + first, minlength=layers * bins).reshape(layers, bins)
-    closed = np.bincount(layer * bins + last, minlength=layers * bins).reshape(layers, bins)
-    crossing = np.cumsum((opened - closed).astype(np.float64), axis=1)
-    return Cuttable(may, _depths(contours, pairs), work.astype(np.float64), crossing, low)
+    cut_s = np.where(_is_zigzag(contours, hops.least_mm)[rows], hops.short_s, hops.long_s) / 2.0
+    opened, closed = (
+        np.bincount(layer * bins + at, weights=cut_s, minlength=layers * bins)
+        for at in (first, last)
+    )
+    price = np.cumsum((opened - closed).reshape(layers, bins), axis=1)
+    depth, deepest = _depths(contours, pairs), np.zeros(layers, np.int64)
+    np.maximum.at(deepest, contours.layer, depth)
+    return Cuttable(may, depth, deepest, work, np.maximum(price, 0.0), low)
+
+
+def _is_zigzag(contours: Contours, least_mm: float) -> Flags:
+    """Tell which segments run back beside one of their contour, so near that none retracts."""
+    step = np.diff(contours.points, axis=0, append=contours.points[-1:])
+    step = np.roll(step, 1, axis=0)  # of the segment ending at each point
+    step[contours.offsets[:-1]] = 0.0
+    length = np.linalg.norm(step, axis=1)
+    back = np.zeros(len(step), np.bool_)
+    dot = (step[2:] * step[:-2]).sum(axis=1)
+    short = (0.0 < length[1:-1]) & (length[1:-1] < least_mm)
+    back[2:] = short & (dot < -0.7 * length[2:] * length[:-2])
+    back[:-2] |= back[2:]
+    return back
 
 
 def _depths(contours: Contours, pairs: NDArray[np.int32]) -> Ints:
     """Return how many contours of its layer must come before each one after the other, (n,).
 
-    What is filled in last counts as deepest: it touches walls of any depth.
     """
     depth = [0] * len(contours)
     same = contours.layer[pairs[:, 0]] == contours.layer[pairs[:, 1]]
     for a, b in pairs[same].tolist():  # ascending: b is final before it is an a
         depth[b] = max(depth[b], depth[a] + 1)
-    inside = ~np.isin(contours.role, SHELLS)
-    return np.where(inside, DEPTHS, np.minimum(np.array(depth, np.int64), DEPTHS))
+    return np.minimum(np.array(depth, np.int64), DEPTHS)
 
 
-def layout_of(spread: Cuttable, *, axis: int, heads: int, apart_mm: float, cut_s: float) -> Layout:
-    """Return the regions in which the print takes least time, cuts counted at `cut_s` each."""
+def layout_of(spread: Cuttable, *, axis: int, heads: int, apart_mm: float) -> Layout:
+    """Return the regions in which the print takes least time."""
     layers, most = len(spread.work), heads * (max(STEPS) + 1) - 1
     steps = np.ones(layers, np.int64)
     forward = np.arange(layers) % 2 == 0
@@ -150,33 +187,29 @@ def layout_of(spread: Cuttable, *, axis: int, heads: int, apart_mm: float, cut_s
     for layer, work in enumerate(spread.work):
         if not work.any():
             continue
-        apart = [_apart(apart_mm, m, bool(forward[layer])) for m in STEPS]
-        tried = [strips_of_layer(work, spread.low_mm, each, heads) for each in apart]
-        costs = [strips.seconds + cut_s / heads * _cuts(spread, layer, strips) for strips in tried]
-        best = int(np.argmin(costs))
+        deepest = int(spread.deepest[layer])
+        apart = [_apart(apart_mm, m, bool(forward[layer]), deepest) for m in STEPS]
+        tried = [
+            strips_of_layer(work, spread.price[layer], spread.low_mm, each, heads)
+            for each in apart
+        ]
+        best = int(np.argmin([strips.seconds for strips in tried]))
         strips, m = tried[best], STEPS[best]
         steps[layer] = m
         edges = np.concatenate([strips.begin, strips.end[:, -1:]], axis=1).reshape(-1)[1:-1]
-        lines[layer, :, : len(edges)] = _by_depth(edges, m, bool(forward[layer]), layer)
+        lines[layer, :, : len(edges)] = _by_depth(edges, m, bool(forward[layer]), layer, deepest)
         _windows(strips, apart[best], low[layer], high[layer])
     return Layout(axis, heads, steps, forward, lines, low, high)
 
 
-def _apart(apart_mm: float, m: int, forward: bool) -> Floats:
+def _apart(apart_mm: float, m: int, forward: bool, deepest: int) -> Floats:
     """Return how far lines must lie apart at each strip for heads to be `apart_mm` apart, (m,)."""
     deep = np.full(m, 1.0)
     deep[0 if forward else m - 1] = 2.0  # where cuts of both territories reach towards each other
-    return apart_mm + LOOSE_MM + deep * DEPTHS * DEPTH_MM
+    return apart_mm + LOOSE_MM + deep * deepest * DEPTH_MM
 
 
-def _cuts(spread: Cuttable, layer: int, strips: Strips) -> float:
-    """Return about how many cuts the strips of a layer make."""
-    edges = np.unique(np.concatenate([strips.begin.ravel(), strips.end.ravel()]))[1:-1]
-    cell = ((edges - spread.low_mm) / BIN_MM).astype(np.int64)
-    return float(spread.crossing[layer, np.clip(cell, 0, spread.crossing.shape[1] - 1)].sum())
-
-
-def _by_depth(edges: Floats, m: int, forward: bool, layer: int) -> Floats:
+def _by_depth(edges: Floats, m: int, forward: bool, layer: int, deepest: int) -> Floats:
     """Return where contours of each depth are cut, (depths, lines).
 
     The shallow ones, printed first, reach into the side that is printed later. That is the side
@@ -185,8 +218,12 @@ def _by_depth(edges: Floats, m: int, forward: bool, layer: int) -> Floats:
     towards = np.full(len(edges), 1.0 if forward else -1.0)
     foreign = np.arange(len(edges)) % (m + 1) == (m if forward else m - 1)
     towards[foreign] *= -1.0
-    reach = DEPTH_MM * (DEPTHS - np.arange(DEPTHS + 1))[:, None] * towards
+    reach = DEPTH_MM * np.maximum(0, deepest - np.arange(DEPTHS + 1))[:, None] * towards
     moved = edges + reach + STAGGER_MM * (layer % 3 - 1)
+    for line in np.flatnonzero(foreign):  # no middle is left, or none to speak of
+        other = line - 1 if forward else line + 1
+        clamp = np.minimum if forward else np.maximum
+        moved[:, other] = clamp(moved[:, other], moved[:, line])
     return np.asarray(np.maximum.accumulate(moved, axis=1))
 
 
@@ -215,6 +252,7 @@ class Places:
 
     region: Ints  # (n,)
     fits: Flags  # (n,) it lies within what heads may share then
+    may: Flags  # (n,) else it may be cut
 
 
 def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
@@ -226,21 +264,22 @@ def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
     layer, depth = contours.layer.astype(np.int64), spread.depth
     first = layout.region(layer, depth, low + 1e-6)
     last = np.maximum(first, layout.region(layer, depth, high - 1e-6))
-    wall = depth < DEPTHS
+    wall = np.isin(contours.role, SHELLS)
     region, chosen = first.copy(), np.where(wall, np.iinfo(np.int64).max, -1)
     for k in range(int((last - first).max(initial=0)) + 1):
         candidate = np.minimum(first + k, last)
         step = layout.step(layer, candidate)
         better = np.where(wall, step < chosen, step > chosen)
         region, chosen = np.where(better, candidate, region), np.where(better, step, chosen)
-    fits = (low >= layout.low[layer, region] - 1e-9) & (high <= layout.high[layer, region] + 1e-9)
+    loose = LOOSE_MM / 2.0
+    fits = (low >= layout.low[layer, region] - loose) & (high <= layout.high[layer, region] + loose)
     edges = layout.lines[layer, depth]
     padded = np.concatenate(
         [np.full((len(layer), 1), -np.inf), edges, np.full((len(layer), 1), np.inf)], axis=1
     )
     rows = np.arange(len(layer))
     over = np.maximum(padded[rows, region] - low, high - padded[rows, region + 1])
-    return Places(region, fits & (~spread.may | (over <= OVER_MM)))
+    return Places(region, fits & (~spread.may | (over <= OVER_MM)), spread.may)
 
 
 def lines_of(contours: Contours, layout: Layout, spread: Cuttable, places: Places) -> Lines:

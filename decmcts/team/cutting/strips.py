@@ -1,9 +1,8 @@
 """Where the heads' territories and their strips lie on each layer.
 
 All heads sweep the same way in step: while one prints a strip, the next prints the strip as
-far on in its own territory. Territories and strips are quantiles of the layer's printing time,
-so heads are done with a strip at once. As much is shared as the distance between heads allows:
-while they print a strip all heads stay apart.
+far on in its own territory. Strips of one step take as long, so heads are done with them at once. As much is shared as the distance between heads allows: while they print a strip all
+heads stay apart.
 """
 
 from __future__ import annotations
@@ -13,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from decmcts._kernels.geometry.strips import share_layer
+
 Floats = NDArray[np.float64]
 
 BIN_MM = 1.0
-_HALVINGS = 20  # of the time that is shared, to find the most
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,47 +26,40 @@ class Strips:
     begin: Floats  # (heads, steps) mm, where each strip begins
     end: Floats  # (heads, steps) mm
     shared_s: float  # printed by each head while all print
-    alone_s: float  # printed between the territories, while others wait
+    alone_s: float  # printed between two territories, while others wait; the most
 
     @property
     def seconds(self) -> float:
-        """Time of the layer, cuts not counted."""
+        """Time of the layer."""
         return self.shared_s + self.alone_s
 
 
-def strips_of_layer(work: Floats, low: float, apart_mm: Floats, heads: int) -> Strips:
+def strips_of_layer(
+    work: Floats, price: Floats, low: float, apart_mm: Floats, heads: int
+) -> Strips:
     """Return the strips of a layer in which most is shared.
 
     Parameters
     ----------
     work : (k,)
         Printing time, s, of each `BIN_MM` along the axis from `low` on.
+    price : (k - 1,)
+        Time, s, that a cut between two bins costs on either side of it.
     apart_mm : (steps,)
         So far two heads are apart while they print strip k of their territories.
     """
-    steps, total = len(apart_mm), float(work.sum())
-    done = np.concatenate([[0.0], np.cumsum(work)])
-    least, most = 0.0, total / heads
-    if _fits(done, most, apart_mm, heads):
-        least = most
-    else:
-        for _ in range(_HALVINGS):
-            shared = (least + most) / 2.0
-            fits = _fits(done, shared, apart_mm, heads)
-            least, most = (shared, most) if fits else (least, shared)
-    begin, end = _edges(done, least, heads, steps)
-    return Strips(begin + low, end + low, least, total - heads * least)
-
-
-def _edges(done: Floats, shared_s: float, heads: int, steps: int) -> tuple[Floats, Floats]:
-    """Return where the strips begin and end if so much is shared, from the first bin on."""
-    total, share = done[-1], np.linspace(0.0, shared_s, steps + 1)
-    first = np.arange(heads) * (total - shared_s) / max(1, heads - 1)
-    at = np.interp(first[:, None] + share, done, BIN_MM * np.arange(len(done)))
-    return at[:, :-1], at[:, 1:]
-
-
-def _fits(done: Floats, shared_s: float, apart_mm: Floats, heads: int) -> bool:
-    """Tell whether heads that share so much stay apart at every step."""
-    begin, end = _edges(done, shared_s, heads, len(apart_mm))
-    return bool((begin[1:] - end[:-1] >= apart_mm).all())
+    used = np.flatnonzero(work)
+    first, last = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 1)
+    done = np.concatenate([[0.0], np.cumsum(work[first:last])])
+    cost = np.concatenate([[0.0], price[first : last - 1], [0.0]])
+    begin, end = np.empty((heads, len(apart_mm))), np.empty((heads, len(apart_mm)))
+    seconds = share_layer(done, cost, apart_mm / BIN_MM, begin, end)
+    places = np.arange(len(done))
+    borders = np.stack([end[:-1, -1], begin[1:, 0]], axis=1)
+    alone = np.diff(np.interp(borders, places, done), axis=1)[:, 0]
+    alone = alone + np.interp(borders, places, cost).sum(axis=1) * (np.diff(borders)[:, 0] > 0.0)
+    origin = low + first * BIN_MM
+    return Strips(
+        origin + begin * BIN_MM, origin + end * BIN_MM, seconds,
+        float(alone.max(initial=0.0)),
+    )  # fmt: skip

@@ -17,7 +17,7 @@ def sweep_order(problem: TeamProblem, layout: Layout, places: Places, depth: Int
     """Return the order in which the heads sweep the layers.
 
     At each step the head that is ahead comes first, so that no head waits for one behind it.
-    What fits into no step of its layer comes after all of them.
+    What fits into no step of its layer is printed with the middle that is nearest.
 
     Parameters
     ----------
@@ -29,20 +29,24 @@ def sweep_order(problem: TeamProblem, layout: Layout, places: Places, depth: Int
     contours = problem.job.contours
     layer, of = contours.layer.astype(np.int64), contours.sources
     whole = np.bincount(of, minlength=len(places.region))[of] == 1
+    fits, may = places.fits[of], places.may[of]
     middle = problem.space.boxes[:, 2 * layout.axis : 2 * layout.axis + 2].mean(axis=1)
-    region = np.where(whole, places.region[of], layout.region(layer, depth[of], middle))
-    wide = whole & ~places.fits[of]
+    region = np.where(whole & fits, places.region[of], layout.region(layer, depth[of], middle))
+    wide = whole & ~fits & ~may
+    region[wide] = layout.nearest_middle(layer[wide], region[wide])
     head = layout.head(layer, region)
     eligible = problem.space.eligible
     rows = np.arange(len(contours))
     head = np.where(eligible[rows, head], head, np.argmax(eligible, axis=1))
-    step = np.where(wide, layout.steps[layer] + 1, layout.step(layer, region))
+    step = layout.step(layer, region)
     ahead = np.where(layout.forward[layer], layout.heads - 1 - head, head)
-    size = (layout.steps + 2) * layout.heads
+    size = (layout.steps + 1) * layout.heads
     group = (np.cumsum(size) - size)[layer] + step * layout.heads + ahead
-    not_before(group, problem.graph.pred_offsets, problem.graph.preds)
+    first = not_before(
+        group, head, eligible, problem.graph.pred_offsets, problem.graph.preds
+    )
     order, is_reversed = nearest_by_group(
-        group, head, problem.visits.ends, problem.visits.reversible, problem.space.parks.copy(),
+        group, first, head, problem.visits.ends, problem.visits.reversible, problem.space.parks.copy(),
         problem.graph.pred_offsets, problem.graph.preds,
     )  # fmt: skip
     return StatedOrder(order, is_reversed, head[order])
