@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from agents.agreeing.events import Event, Fenced, Left, Note, Refused, Release, Unfenced
-from agents.loop.agent import Agent, Progress
+from agents.loop.agent import Agent, Meet, Progress
 from agents.networks.memory import MemoryNetwork, MemoryTransport, Weather
 from agents.networks.transport import Traffic
 from agents.planners.planner import Planner
@@ -24,7 +24,7 @@ class Recorder:
         self.asked: list[Event] = []
         self.told: list[Note | Refused | Unfenced | Release | Left] = []
 
-    def commands(self) -> list[Event]:
+    def commands(self) -> list[Event | Meet]:
         asked, self.asked = self.asked, []
         return asked
 

@@ -10,30 +10,43 @@ from decmcts._kernels.jit import kernel
 
 @kernel
 def not_before(
+    group: NDArray[np.int64], pred_offsets: NDArray[np.int64], preds: NDArray[np.int32]
+) -> None:
+    """Move each contour to the group of the last that must come before it, if that is later."""
+    for c in range(len(group)):  # numbered so that what comes before has a lower number
+        for k in range(pred_offsets[c], pred_offsets[c + 1]):
+            group[c] = max(group[c], group[preds[k]])
+
+
+@kernel
+def with_stragglers(
+    natural: NDArray[np.int64],
     group: NDArray[np.int64],
     head: NDArray[np.int64],
     eligible: NDArray[np.bool_],
     pred_offsets: NDArray[np.int64],
     preds: NDArray[np.int32],
 ) -> NDArray[np.bool_]:
-    """Move each contour to the group of the last that must come before it, if that is later.
+    """Give what was moved to a later group to the head it waited for, if that may print it.
 
-    The head that prints that one prints it too, if it may; changes `group` and `head`.
+    Parameters
+    ----------
+    natural, group : (n,) groups before and after `not_before`
+    head : (n,) who prints each; changed
+    eligible : (n, heads) who may print each
 
     Returns
     -------
     NDArray[np.bool_]
-        Which contours come first in their groups: those that were moved, as they lie where the
-        heads have been already, and what must be printed before them, (n,).
+        Which contours should come first in their groups: those that were moved, as they lie
+        where the heads have been already, and what must be printed before them, (n,).
     """
-    first = np.zeros(len(group), np.bool_)
-    for c in range(len(group)):  # numbered so that what comes before has a lower number
+    first = group > natural
+    for c in range(len(group)):
         for k in range(pred_offsets[c], pred_offsets[c + 1]):
             before = preds[k]
-            if group[before] > group[c]:
-                group[c], first[c] = group[before], True
-                if eligible[c, head[before]]:
-                    head[c] = head[before]
+            if first[c] and group[before] == group[c] and eligible[c, head[before]]:
+                head[c] = head[before]
     for c in range(len(group) - 1, -1, -1):
         for k in range(pred_offsets[c], pred_offsets[c + 1]):
             if first[c] and group[preds[k]] == group[c]:

@@ -110,9 +110,7 @@ def _chain(
 
 
 @inlined
-def _seconds(
-    done: NDArray[np.float64], price: NDArray[np.float64], a: float, b: float
-) -> float:
+def _seconds(done: NDArray[np.float64], price: NDArray[np.float64], a: float, b: float) -> float:
     """Return the seconds of a strip from a to b."""
     return _value(done, b) - _value(done, a) + _value(price, a) + _value(price, b)
 
@@ -169,4 +167,4 @@ def _place_of(values: NDArray[np.float64], value: float) -> float:
         return 0.0
     if i >= len(values):
         return float(len(values) - 1)
-    return i - 1 + (value - values[i - 1]) / (values[i] - values[i - 1])
+    return float(i - 1 + (value - values[i - 1]) / (values[i] - values[i - 1]))

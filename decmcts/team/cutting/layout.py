@@ -62,7 +62,8 @@ class Layout:
     def nearest_middle(self, layer: Ints, region: Ints) -> Ints:
         """Return the region between two territories that is nearest to each region, (k,)."""
         width = self.steps[layer] + 1
-        between = np.minimum((2 * region + 1) // (2 * width), self.heads - 2)
+        between = (2 * (region - self.steps[layer]) + width) // (2 * width)
+        between = np.clip(between, 0, self.heads - 2)
         return np.asarray(between * width + self.steps[layer])
 
     def head(self, layer: Ints, region: Ints) -> Ints:
@@ -118,38 +119,48 @@ def cuttable(
     seconds : (n_points,) of the segment ending at each point
     pairs : (m, 2) contours of which the first must come before the second
     """
-    sizes = np.diff(contours.offsets)
-    owner = np.repeat(np.arange(len(contours)), sizes)
+    owner = np.repeat(np.arange(len(contours)), np.diff(contours.offsets))
     ends = contours.points[:, axis]
-    begins = np.roll(ends, 1)
     used = may[owner] if may.any() else np.ones(len(owner), np.bool_)
+    begun = contours.offsets[:-1][used[contours.offsets[:-1]]]
     used[contours.offsets[:-1]] = False
     rows = np.flatnonzero(used)
-    a, b, layer = begins[rows], ends[rows], contours.layer[owner[rows]]
     low = float(ends.min(initial=np.inf))
-    bins = int(np.ptp(ends) / BIN_MM) + 2 if len(ends) else 1
-    layers = int(contours.layer.max(initial=-1)) + 1
-    count = np.maximum(1, np.ceil(np.abs(b - a) / SAMPLE_MM)).astype(np.int64)
-    i = np.repeat(np.arange(len(rows)), count)
-    share = (np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[i]
-    cell = ((a[i] + share * (b[i] - a[i]) - low) / BIN_MM).astype(np.int64)
-    work = np.bincount(
-        layer[i] * bins + cell, weights=(seconds[rows] / count)[i], minlength=layers * bins
-    ).reshape(layers, bins)
-    begun = contours.offsets[:-1][may | ~may.any()]
-    cell = ((ends[begun] - low) / BIN_MM).astype(np.int64)
-    np.add.at(work, (contours.layer[owner[begun]], cell), hops.long_s)
-    first = ((np.minimum(a, b) - low) / BIN_MM).astype(np.int64)
-    last = ((np.maximum(a, b) - low) / BIN_MM).astype(np.int64)
-    cut_s = np.where(_is_zigzag(contours, hops.least_mm)[rows], hops.short_s, hops.long_s) / 2.0
-    opened, closed = (
-        np.bincount(layer * bins + at, weights=cut_s, minlength=layers * bins)
-        for at in (first, last)
+    shape = int(contours.layer.max(initial=-1)) + 1, int(np.ptp(ends) / BIN_MM) + 2
+    a, b, layer = (
+        np.roll(ends, 1)[rows] - low,
+        ends[rows] - low,
+        contours.layer[owner[rows]].astype(np.int64),
     )
-    price = np.cumsum((opened - closed).reshape(layers, bins), axis=1)
-    depth, deepest = _depths(contours, pairs), np.zeros(layers, np.int64)
+    work = _work(a, b, seconds[rows], layer, shape)
+    place = ((ends[begun] - low) / BIN_MM).astype(np.int64)
+    np.add.at(work, (contours.layer[owner[begun]], place), hops.long_s)  # each is travelled to
+    short = _is_zigzag(contours, hops.least_mm)[rows]
+    price = _price(a, b, np.where(short, hops.short_s, hops.long_s) / 2.0, layer, shape)
+    depth, deepest = _depths(contours, pairs), np.zeros(shape[0], np.int64)
     np.maximum.at(deepest, contours.layer, depth)
-    return Cuttable(may, depth, deepest, work, np.maximum(price, 0.0), low)
+    return Cuttable(may, depth, deepest, work, price, low)
+
+
+def _work(a: Floats, b: Floats, seconds: Floats, layer: Ints, shape: tuple[int, int]) -> Floats:
+    """Return the seconds of segments from a to b in each bin of each layer."""
+    count = np.maximum(1, np.ceil(np.abs(b - a) / SAMPLE_MM)).astype(np.int64)
+    i = np.repeat(np.arange(len(a)), count)
+    share = (np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[i]
+    cell = layer[i] * shape[1] + ((a[i] + share * (b[i] - a[i])) / BIN_MM).astype(np.int64)
+    work = np.bincount(cell, weights=(seconds / count)[i], minlength=shape[0] * shape[1])
+    return work.astype(np.float64).reshape(shape)
+
+
+def _price(a: Floats, b: Floats, cut_s: Floats, layer: Ints, shape: tuple[int, int]) -> Floats:
+    """Return the seconds that cutting segments from a to b costs at the end of each bin."""
+    first = (np.minimum(a, b) / BIN_MM).astype(np.int64)
+    last = (np.maximum(a, b) / BIN_MM).astype(np.int64)
+    size = shape[0] * shape[1]
+    opened = np.bincount(layer * shape[1] + first, weights=cut_s, minlength=size)
+    closed = np.bincount(layer * shape[1] + last, weights=cut_s, minlength=size)
+    price = np.cumsum((opened - closed).reshape(shape), axis=1)
+    return np.asarray(np.maximum(price, 0.0))
 
 
 def _is_zigzag(contours: Contours, least_mm: float) -> Flags:
@@ -160,16 +171,14 @@ def _is_zigzag(contours: Contours, least_mm: float) -> Flags:
     length = np.linalg.norm(step, axis=1)
     back = np.zeros(len(step), np.bool_)
     dot = (step[2:] * step[:-2]).sum(axis=1)
-    short = (0.0 < length[1:-1]) & (length[1:-1] < least_mm)
+    short = (length[1:-1] > 0.0) & (length[1:-1] < least_mm)
     back[2:] = short & (dot < -0.7 * length[2:] * length[:-2])
     back[:-2] |= back[2:]
     return back
 
 
 def _depths(contours: Contours, pairs: NDArray[np.int32]) -> Ints:
-    """Return how many contours of its layer must come before each one after the other, (n,).
-
-    """
+    """Return how many contours of its layer must come before each one after the other, (n,)."""
     depth = [0] * len(contours)
     same = contours.layer[pairs[:, 0]] == contours.layer[pairs[:, 1]]
     for a, b in pairs[same].tolist():  # ascending: b is final before it is an a
@@ -190,8 +199,7 @@ def layout_of(spread: Cuttable, *, axis: int, heads: int, apart_mm: float) -> La
         deepest = int(spread.deepest[layer])
         apart = [_apart(apart_mm, m, bool(forward[layer]), deepest) for m in STEPS]
         tried = [
-            strips_of_layer(work, spread.price[layer], spread.low_mm, each, heads)
-            for each in apart
+            strips_of_layer(work, spread.price[layer], spread.low_mm, each, heads) for each in apart
         ]
         best = int(np.argmin([strips.seconds for strips in tried]))
         strips, m = tried[best], STEPS[best]

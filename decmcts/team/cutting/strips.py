@@ -1,7 +1,8 @@
 """Where the heads' territories and their strips lie on each layer.
 
 All heads sweep the same way in step: while one prints a strip, the next prints the strip as
-far on in its own territory. Strips of one step take as long, so heads are done with them at once. As much is shared as the distance between heads allows: while they print a strip all
+far on in its own territory. Strips of one step take as long, so heads are done with them at
+once. As much is shared as the distance between heads allows: while they print a strip all
 heads stay apart.
 """
 

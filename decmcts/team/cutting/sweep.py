@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from decmcts._kernels.engine.sweep import nearest_by_group, not_before
+from decmcts._kernels.engine.sweep import nearest_by_group, not_before, with_stragglers
 from decmcts.team.cutting.layout import Layout, Places
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
@@ -42,11 +42,11 @@ def sweep_order(problem: TeamProblem, layout: Layout, places: Places, depth: Int
     ahead = np.where(layout.forward[layer], layout.heads - 1 - head, head)
     size = (layout.steps + 1) * layout.heads
     group = (np.cumsum(size) - size)[layer] + step * layout.heads + ahead
-    first = not_before(
-        group, head, eligible, problem.graph.pred_offsets, problem.graph.preds
-    )
+    natural, preds = group.copy(), (problem.graph.pred_offsets, problem.graph.preds)
+    not_before(group, *preds)
+    first = with_stragglers(natural, group, head, eligible, *preds)
     order, is_reversed = nearest_by_group(
-        group, first, head, problem.visits.ends, problem.visits.reversible, problem.space.parks.copy(),
-        problem.graph.pred_offsets, problem.graph.preds,
+        group, first, head, problem.visits.ends, problem.visits.reversible,
+        problem.space.parks.copy(), *preds,
     )  # fmt: skip
     return StatedOrder(order, is_reversed, head[order])
