@@ -141,8 +141,12 @@ class Careless(Agents):
 
 def test_welds_are_no_older_than_asked(tmp_path: Path) -> None:
     """Where what is agreed welds later the sweep is printed, and cut is what that has in time."""
-    source = read(slab(tmp_path / "slab.gcode", layers=2), "dual-gantry")
-    problem, free = problem_of(source, Rules(), unheard), TeamSearch(0.5, cut=Cut.ALL)
+    source = read(slab(tmp_path / "slab.gcode", layers=3), "dual-gantry")
+    nothing = {"share": 0.0, "windows": 0, "policies": 1}  # is searched
+    problem, free = (
+        problem_of(source, Rules(), unheard),
+        TeamSearch(0.5, cut=Cut.ALL, parameters=nothing),
+    )
     said: list[object] = []
     ready = prepared(problem, free, writes=False)
     plan = sweep_plan(cut := swept(ready, free, unheard))
@@ -154,7 +158,7 @@ def test_welds_are_no_older_than_asked(tmp_path: Path) -> None:
     assert after.metrics["cut"]["weld_most_s"] == pytest.approx(latest)
     assert any("the sweep is printed" in note.text for note in said if isinstance(note, Note))
     assert swept(ready, replace(free, weld_limit_s=1.0), said.append).whole is None
-    assert "6 contours stay whole" in [n.text for n in said if isinstance(n, Note)][-1]
+    assert "9 contours stay whole" in [n.text for n in said if isinstance(n, Note)][-1]
 
 
 def test_files_of_a_cut_print_hold_the_source_s_path(
