@@ -22,10 +22,10 @@ EXACT = 1e-9  # of places along a contour, of mm and of mm of filament
 ROUNDED_MM = 0.5e-3 + 1e-6  # a cut lies on the grid of a file of three decimals
 ROUNDED_E_MM = 1.0e-5 + 1e-9  # filament is rounded at both ends of a part of a segment
 LEVEL_MM = 1e-6
-# What a cut may part. Outside shows; the rest of the roles are never cut.
+# What a cut may part. Outside shows; the rest of the roles are never cut. Nor is gap fill: what
+# slicers call thin walls is read as that.
 INSIDE = (
-    Role.PERIMETER, Role.INFILL, Role.SOLID_INFILL, Role.GAP_FILL, Role.SUPPORT,
-    Role.SUPPORT_INTERFACE,
+    Role.PERIMETER, Role.INFILL, Role.SOLID_INFILL, Role.SUPPORT, Role.SUPPORT_INTERFACE,
 )  # fmt: skip
 OUTSIDE = (Role.EXTERNAL_PERIMETER, Role.TOP_SOLID_INFILL)
 ALIKE = tuple(name for name in PER_CONTOUR if name not in ("closed", "reversible"))

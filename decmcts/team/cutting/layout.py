@@ -36,7 +36,7 @@ SAMPLE_MM = 0.5  # along the axis, to find how printing time is spread
 
 NEVER = (
     Role.UNKNOWN, Role.OVERHANG_PERIMETER, Role.BRIDGE_INFILL, Role.IRONING, Role.SKIRT_BRIM,
-    Role.WIPE_TOWER, Role.CUSTOM,
+    Role.WIPE_TOWER, Role.CUSTOM, Role.GAP_FILL,  # thin walls are read as gap fill
 )  # fmt: skip
 
 
