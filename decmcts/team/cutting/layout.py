@@ -267,20 +267,22 @@ def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
     """Return the region of each contour: walls go with the first step they touch.
 
     So nothing that touches a wall is printed before it. What is filled in goes with the last.
+    What may not be cut, and reaches too far for that, goes with the other if it fits there.
     """
     low, high = contour_boxes(contours)[:, 2 * layout.axis : 2 * layout.axis + 2].T
     layer, depth = contours.layer.astype(np.int64), spread.depth
-    first = layout.region(layer, depth, low + 1e-6)
-    last = np.maximum(first, layout.region(layer, depth, high - 1e-6))
+    between = (
+        layout.region(layer, depth, low + 1e-6), layout.region(layer, depth, high - 1e-6)
+    )  # fmt: skip
     wall = np.isin(contours.role, SHELLS)
-    region, chosen = first.copy(), np.where(wall, np.iinfo(np.int64).max, -1)
-    for k in range(int((last - first).max(initial=0)) + 1):
-        candidate = np.minimum(first + k, last)
-        step = layout.step(layer, candidate)
-        better = np.where(wall, step < chosen, step > chosen)
-        region, chosen = np.where(better, candidate, region), np.where(better, step, chosen)
+    region, other = (_by_step(layout, layer, *between, first) for first in (wall, ~wall))
     loose = LOOSE_MM / 2.0
-    fits = (low >= layout.low[layer, region] - loose) & (high <= layout.high[layer, region] + loose)
+    fits, fits_other = (
+        (low >= layout.low[layer, at] - loose) & (high <= layout.high[layer, at] + loose)
+        for at in (region, other)
+    )
+    moved = ~spread.may & ~fits & fits_other
+    region, fits = np.where(moved, other, region), fits | moved
     edges = layout.lines[layer, depth]
     padded = np.concatenate(
         [np.full((len(layer), 1), -np.inf), edges, np.full((len(layer), 1), np.inf)], axis=1
@@ -288,6 +290,17 @@ def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
     rows = np.arange(len(layer))
     over = np.maximum(padded[rows, region] - low, high - padded[rows, region + 1])
     return Places(region, fits & (~spread.may | (over <= OVER_MM)), spread.may)
+
+
+def _by_step(layout: Layout, layer: Ints, begin: Ints, end: Ints, first: Flags) -> Ints:
+    """Return which of the regions from begin to end comes first of all, or last of all, (n,)."""
+    region, chosen = begin.copy(), np.where(first, np.iinfo(np.int64).max, -1)
+    for k in range(int((end - begin).max(initial=0)) + 1):
+        candidate = np.minimum(begin + k, np.maximum(begin, end))
+        step = layout.step(layer, candidate)
+        better = np.where(first, step < chosen, step > chosen)
+        region, chosen = np.where(better, candidate, region), np.where(better, step, chosen)
+    return region
 
 
 def lines_of(contours: Contours, layout: Layout, spread: Cuttable, places: Places) -> Lines:
