@@ -7,10 +7,9 @@ is chosen and heated, what it had pulled is pushed back, and a little more.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
-LAYER_MM = 0.2
-E_PER_MM = 0.033  # filament of 1.75 mm for a bead of 0.45 x 0.2 mm
+from sim.experiments.made_print import LAYER_MM, bead, square
+
 FIRST, HOT, STANDBY = (215, 220), (205, 210), (150, 155)  # degrees, of T0 and T1
 PULL_MM, EXTRA_MM = 10.0, (0.1, 0.15)
 PARTS = ((40.0, 40.0, 0), (160.0, 40.0, 1), (40.0, 160.0, 0), (160.0, 160.0, 1))
@@ -77,23 +76,13 @@ def _change(was: int, now: int, layer: int, macro: str, odd: bool, used: bool) -
 
 def _tower(layer: int) -> Iterator[str]:
     yield from (";TYPE:Wipe tower", ";WIDTH:0.45")
-    yield from _path([(100.0, 100.0), (110.0 + layer, 100.0)], PULL_MM)
+    yield from bead([(100.0, 100.0), (110.0 + layer, 100.0)], 1800, PULL_MM)
 
 
 def _part(x: float, y: float, half: float, tool: int, *, behind_change: bool) -> Iterator[str]:
     pushed = PULL_MM + EXTRA_MM[tool] if behind_change else 0.8
     yield from (";TYPE:External perimeter", ";WIDTH:0.45", "M204 P800")
-    corners = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
-    yield from _path([(x + half * a, y + half * b) for a, b in corners], pushed)
+    yield from bead(square(x, y, half), 1800, pushed)
     yield from (";TYPE:Internal infill", "M204 P1000")
     inner = half - 0.5
-    yield from _path([(x - inner, y - inner), (x + inner, y + inner)], 0.8)
-
-
-def _path(points: Sequence[tuple[float, float]], pushed: float) -> Iterator[str]:
-    yield f"G1 X{points[0][0]:.3f} Y{points[0][1]:.3f} F9000"
-    yield from (f"G1 E{pushed:.5f} F2100", "G1 F1800")
-    for (x0, y0), (x, y) in pairwise(points):
-        length = ((x - x0) ** 2 + (y - y0) ** 2) ** 0.5
-        yield f"G1 X{x:.3f} Y{y:.3f} E{E_PER_MM * length:.5f}"
-    yield "G1 E-0.80000 F2100"
+    yield from bead([(x - inner, y - inner), (x + inner, y + inner)], 1800)

@@ -9,10 +9,9 @@ may not be reversed.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
-LAYER_MM = 0.2
-E_PER_MM = 0.033  # filament of 1.75 mm for a bead of 0.45 x 0.2 mm
+from sim.experiments.made_print import LAYER_MM, Point, segments
+
 MIDDLE = (150.0, 150.0)
 BAND_MM = 20.0  # depth of the zigzag
 RAMP = 0.3  # of the filament, in the first and last segment of what may not be reversed
@@ -27,8 +26,6 @@ START = (
     "G92 E0\nM107\n"
 )
 END = "G1 E-1.00000 F2400\nM104 S0\nM140 S0\nM107\nM84\n"
-
-Point = tuple[float, float]
 
 
 def slab_gcode(*, wide: float = 200.0, layers: int = 5, pitch: float = 6.0, first: int = 0) -> str:
@@ -92,8 +89,8 @@ def _bead(role: str, points: Sequence[Point], feed: int, *, ramped: bool = False
     yield from (f";TYPE:{role}", ";WIDTH:0.45")
     yield f"G1 X{points[0][0]:.3f} Y{points[0][1]:.3f} F9000"
     yield from ("G1 E1.00000 F2400", f"G1 F{feed}")
-    last = len(points) - 2
-    for k, ((x0, y0), (x, y)) in enumerate(pairwise(points)):
-        flow = E_PER_MM * (RAMP if ramped and k in (0, last) else 1.0)
-        yield f"G1 X{x:.3f} Y{y:.3f} E{flow * ((x - x0) ** 2 + (y - y0) ** 2) ** 0.5:.5f}"
+    flow = [1.0] * (len(points) - 1)
+    if ramped:
+        flow[0] = flow[-1] = RAMP
+    yield from segments(points, flow)
     yield "G1 E-1.00000 F2400"

@@ -277,17 +277,12 @@ def show(
     to.print(titled(result), soft_wrap=True)
     if not kept:  # else nothing has changed
         to.print(gain_table(before, after, verbose=verbose))
+    fewer = "" if kept else changes_line(before, after)
     for line in (
         searched_line(after) if verbose else "",
         f"sliced by {result.source.sliced_by}" if result.source.sliced_by else "",
-        "" if kept else changes_line(before, after),
-        ""
-        if kept
-        else bound_line(
-            result.bound,
-            verbose=verbose,
-            fewer_changes=changes_line(before, after) != "",
-        ),
+        fewer,
+        "" if kept else bound_line(result.bound, verbose=verbose, fewer_changes=bool(fewer)),
         cooling_line(planned.after),
         None if kept else whole_file_line(planned, times),
         layers_line(planned),

@@ -71,9 +71,9 @@ def _regrouped(source: Source, rules: Rules, report: Report) -> Source | str:
     if now >= was:
         return "no order that the rules allow has fewer" + (f" ({free.why})" if free.why else "")
     before = source_plan(problem).metrics
-    times = source_times(loose, problem.machine, problem.graph)
+    times = source_times(problem.job, problem.machine, problem.graph)
     left_s = time_left(loose.contours, *times)
-    waited_s = _waits(problem, runs.order, left_s)
+    waited_s = _waits(problem, runs.order, times, left_s)
     if waited_s > LEAST_CHANGE_S * (was - now):
         return f"with {was - now} changes less the print would wait {waited_s:.0f} s for cooling"
     return _written(source, problem, free, runs, Regrouped(source, before, was - now, left_s))
@@ -84,10 +84,15 @@ def changes(tool: NDArray[np.int16]) -> int:
     return int(np.count_nonzero(np.diff(tool)))
 
 
-def _waits(problem: PrintProblem, order: NDArray[np.int32], left_s: NDArray[np.float64]) -> float:
-    """Return how long an order waits for what is printed over to cool, s."""
+def _waits(
+    problem: PrintProblem, order: NDArray[np.int32],
+    times: tuple[NDArray[np.float64], NDArray[np.float64]], left_s: NDArray[np.float64],
+) -> float:  # fmt: skip
+    """Return how long an order waits for what is printed over to cool, s.
+
+    `times` are those of the source's own order (`source_times`).
+    """
     job, machine, graph = problem.job, problem.machine, problem.graph
-    times = source_times(job, machine, graph)
     (lags,) = find_lags(job.contours, [times], problem.min_layer_time_s, left_s)
     as_it_is = Toolpath.of(order, np.zeros(len(order), np.bool_))
     return cooled(job, machine, graph, lags, as_it_is).waited_s

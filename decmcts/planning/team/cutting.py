@@ -86,7 +86,7 @@ def _swept(
     if len(parted.job.contours) > MOST_STATED:
         return None
     team = build_team_problem(parted.job, machine, parted.graph)
-    order = sweep_order(team, layout, places, spread.depth)
+    order = sweep_order(team, layout, places, spread)
     return _judged(parted, team, order)
 
 

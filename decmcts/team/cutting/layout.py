@@ -260,7 +260,6 @@ class Places:
 
     region: Ints  # (n,)
     fits: Flags  # (n,) it lies within what heads may share then
-    may: Flags  # (n,) else it may be cut
 
 
 def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
@@ -289,7 +288,7 @@ def places_of(contours: Contours, layout: Layout, spread: Cuttable) -> Places:
     )
     rows = np.arange(len(layer))
     over = np.maximum(padded[rows, region] - low, high - padded[rows, region + 1])
-    return Places(region, fits & (~spread.may | (over <= OVER_MM)), spread.may)
+    return Places(region, fits & (~spread.may | (over <= OVER_MM)))
 
 
 def _by_step(layout: Layout, layer: Ints, begin: Ints, end: Ints, first: Flags) -> Ints:

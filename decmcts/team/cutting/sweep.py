@@ -6,14 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from decmcts._kernels.engine.sweep import nearest_by_group, not_before, with_stragglers
-from decmcts.team.cutting.layout import Layout, Places
+from decmcts.team.cutting.layout import Cuttable, Layout, Places
 from decmcts.team.engine.plans import StatedOrder
 from decmcts.team.engine.problem import TeamProblem
 
 Ints = NDArray[np.int64]
 
 
-def sweep_order(problem: TeamProblem, layout: Layout, places: Places, depth: Ints) -> StatedOrder:
+def sweep_order(
+    problem: TeamProblem, layout: Layout, places: Places, spread: Cuttable
+) -> StatedOrder:
     """Return the order in which the heads sweep the layers.
 
     At each step the head that is ahead comes first, so that no head waits for one behind it.
@@ -24,14 +26,16 @@ def sweep_order(problem: TeamProblem, layout: Layout, places: Places, depth: Int
     problem : TeamProblem
         Of the cut print.
     places : Places
-        Of the source's contours; their `depth` is as `decmcts.team.cutting.layout` has it.
+        Of the source's contours.
+    spread : Cuttable
+        Of the source.
     """
     contours = problem.job.contours
     layer, of = contours.layer.astype(np.int64), contours.sources
     whole = np.bincount(of, minlength=len(places.region))[of] == 1
-    fits, may = places.fits[of], places.may[of]
+    depth, fits, may = spread.depth[of], places.fits[of], spread.may[of]
     middle = problem.space.boxes[:, 2 * layout.axis : 2 * layout.axis + 2].mean(axis=1)
-    region = np.where(whole & fits, places.region[of], layout.region(layer, depth[of], middle))
+    region = np.where(whole & fits, places.region[of], layout.region(layer, depth, middle))
     wide = whole & ~fits & ~may
     region[wide] = layout.nearest_middle(layer[wide], region[wide])
     head = layout.head(layer, region)
