@@ -53,7 +53,7 @@ def measure(model: str, options: argparse.Namespace, rows: Rows) -> None:
 
 def looked_at(path: Path) -> dict[str, float]:
     """Return how long a page takes to show the whole print, and pictures a second when turned."""
-    from playwright.sync_api import sync_playwright
+    from playwright.sync_api import sync_playwright  # noqa: TID251  # in a process of its own
 
     program = next(filter(None, map(shutil.which, CHROMIUM)), None)
     if program is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser
 
 from agents.launch import LaunchResult
 from decmcts.errors import InputError
@@ -36,9 +35,9 @@ from sim.faults import FaultKind
 from sim.heads.file import read_head_file
 from sim.pictures.layer_pieces import draw_pieces
 from sim.verify import verify_plan
+from tests.conftest import opened
 from tests.planning.conftest import Agents
 from tests.prints import slab
-from tests.sim.pictures.report.conftest import SOFTWARE, opened
 from tests.sim.pictures.report.unpacking import page_of
 
 
@@ -217,23 +216,20 @@ def test_views_have_the_source_beside_the_pieces(result: Result, tmp_path: Path)
     assert (of[meet[0]] == of[meet[1]]).all() and (meet[0] != meet[1]).any()
 
 
-@pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium: apt-get install it")
-def test_cuts_are_marked_and_told_of_in_a_browser(result: Result, tmp_path: Path) -> None:
+def test_cuts_are_marked_and_told_of_in_a_browser(
+    result: Result, tmp_path: Path, browser: Browser
+) -> None:
     """Of the layers shown; a piece says of what contour it is and how old its welds are."""
     result.write_report(tmp_path / "report.html")
-    with sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=shutil.which("chromium"),
-                                          args=list(SOFTWARE))  # fmt: skip
-        with opened(browser, tmp_path / "report.html") as page:
-            page.evaluate("D.view.ready")
-            action = "D.page.plans[1].heads[0].kind.indexOf(0, 9)"
-            page.evaluate(f"D.selected.go({{ plan: 1, head: 0, action: {action} }})")
-            page.evaluate("document.getElementById('view-cuts').click()")
-            page.evaluate("D.state.set({ layers: [1, 1] })")
-            legend, told, first = (
-                page.inner_text(f"#{name}") for name in ("view-legend", "selected-facts", "facts")
-            )
-        browser.close()
+    with opened(browser, tmp_path / "report.html") as page:
+        page.evaluate("D.view.ready")
+        action = "D.page.plans[1].heads[0].kind.indexOf(0, 9)"
+        page.evaluate(f"D.selected.go({{ plan: 1, head: 0, action: {action} }})")
+        page.evaluate("document.getElementById('view-cuts').click()")
+        page.evaluate("D.state.set({ layers: [1, 1] })")
+        legend, told, first = (
+            page.inner_text(f"#{name}") for name in ("view-legend", "selected-facts", "facts")
+        )
     after = result.planned.after
     owner = np.repeat(np.arange(len(after.contours)), np.diff(after.contours.offsets))
     there = owner[cuts_of(after.contours).before]

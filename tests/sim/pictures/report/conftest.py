@@ -1,32 +1,24 @@
-"""Reports, and the system's own browsers to open them in."""
+"""Reports to be opened in browsers."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, Playwright, sync_playwright
+from playwright.sync_api import Browser, Page
 
 from decmcts import PlannerName, Result, Search, plan, read, sample_path
 from decmcts.feasibility.graph import DependencyGraph, EdgeKind
 from decmcts.print.plan import PlanDocument
 from sim.faults import Gap, Nearest, Verdict
 from sim.pictures.report import Told, write_report
+from tests.conftest import opened
 from tests.sim.conftest import stacked_plan
 
-CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 NEAREST = Nearest(heads=Gap(12.39, 5.0, ("left", "right"), ("left prints", "right rests")))
-FIREFOX = ("firefox-esr", "firefox")
-SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader")  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -38,56 +30,6 @@ def one_head(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     written = result.write_gcode(folder / "better.gcode")
     written.result.write_report(folder / "report.html")
     return written.result, folder / "report.html"
-
-
-@pytest.fixture(scope="session")
-def playwright() -> Iterator[Playwright]:
-    with sync_playwright() as started:
-        yield started
-
-
-@pytest.fixture(scope="session")
-def screen() -> Iterator[str | None]:
-    """A display; without one Firefox has no WebGL."""
-    if "DISPLAY" in os.environ:
-        yield os.environ["DISPLAY"]
-        return
-    if (server := shutil.which("Xvfb")) is None:
-        yield None
-        return
-    reader, writer = os.pipe()
-    command = [server, "-displayfd", str(writer), "-screen", "0", "1400x1000x24"]
-    with subprocess.Popen(command, pass_fds=[writer], stderr=subprocess.DEVNULL) as process:
-        os.close(writer)
-        with os.fdopen(reader) as told:
-            yield f":{told.readline().strip()}"
-        process.terminate()
-
-
-def found(names: tuple[str, ...]) -> str:
-    for name in names:
-        if (path := shutil.which(name)) is not None:
-            return path
-    pytest.skip(f"no {names[0]} on this machine: apt-get install {names[0]}")
-
-
-@pytest.fixture(scope="session", params=["chromium", "firefox"])
-def browser(
-    request: pytest.FixtureRequest, playwright: Playwright, screen: str | None
-) -> Iterator[Browser]:
-    """Chromium and Firefox as the system has them, drawing in software."""
-    if request.param == "chromium":
-        opened = playwright.chromium.launch(executable_path=found(CHROMIUM), args=list(SOFTWARE))
-    else:
-        shown = {} if screen is None else {"DISPLAY": screen}
-        opened = playwright.firefox.launch(
-            channel="moz-firefox",
-            executable_path=found(FIREFOX),
-            env={**os.environ, **shown},
-            firefox_user_prefs={"webgl.force-enabled": True},
-        )
-    yield opened
-    opened.close()
 
 
 @pytest.fixture(scope="session")
@@ -127,19 +69,3 @@ def page(shared_page: Page) -> Page:
         D.state.set({ selected: null, time: 0 }); }"""
     )
     return shared_page
-
-
-@contextmanager
-def opened(browser: Browser, path: Path, **how: Any) -> Iterator[Page]:
-    """Yield the page once it is ready; nothing may be asked for, warned of or fail."""
-    page = browser.new_page(**how)
-    said: list[str] = []
-    page.on("console", lambda line: said.append(f"{line.type}: {line.text}"))
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: said.append(request.url))
-    page.goto(path.as_uri())
-    page.evaluate("D.ready")
-    yield page
-    asked = [line for line in said if not line.startswith(("file:", "data:", "blob:"))]
-    page.close()
-    assert not [line for line in asked if "GPU stall" not in line and "WebGL" not in line]

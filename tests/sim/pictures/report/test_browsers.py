@@ -16,7 +16,7 @@ from playwright.sync_api import Browser, ElementHandle, Page
 from decmcts import Result
 from decmcts.print.plan import ActionKind, JointPlan, PlanDocument
 from sim.pictures.report import Told, write_report
-from tests.sim.pictures.report.conftest import opened
+from tests.conftest import opened
 
 pytestmark = pytest.mark.slow
 HARD = ("critical", "serious")  # of axe's findings

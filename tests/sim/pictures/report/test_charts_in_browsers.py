@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page
 from decmcts import Result
 from decmcts.print.plan import PlanDocument
 from sim.pictures.report.saving import travel_lengths
-from tests.sim.pictures.report.conftest import opened
+from tests.conftest import opened
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page
 from decmcts.print.plan import PlanDocument
 from sim.pictures.report import write_report
 from sim.pictures.report.waits import waits_of
-from tests.sim.pictures.report.conftest import opened
+from tests.conftest import opened
 
 pytestmark = pytest.mark.slow
 

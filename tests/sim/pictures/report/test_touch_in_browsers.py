@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from decmcts.print.plan import ActionKind, PlanDocument
-from tests.sim.pictures.report.conftest import opened
+from tests.conftest import opened
 
 pytestmark = pytest.mark.slow
 
