@@ -21,6 +21,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ def without_changes(job: PrintJob, document: GcodeDocument) -> Unwalled | None:
     if text is None or document.moves is None:
         return None
     tools = _tools_of(text, job, every=heat_due(document, job).one_hot_end)
-    since = nets_of_tools(document.moves, job)
+    since = nets_of_tools(document.moves, job.contours.tool)
     first = np.searchsorted(job.contours.epoch, [block.epoch for block in document.blocks])
     goes = [
         abs(since.get(c, 0.0)) <= MOST_MM and _may_go(block, tools)
@@ -238,20 +239,20 @@ def idle_before(actions: HeadActions) -> frozenset[int]:
     return frozenset(actions.contour[rows[idle]].tolist())
 
 
-def nets_of_tools(moves: Motions, job: PrintJob) -> dict[int, float]:
+def nets_of_tools(moves: Motions, tool: NDArray[np.integer[Any]]) -> dict[int, float]:
     """Return what a contour's tool has pushed less what it has pulled since its last contour, mm.
 
-    Of contours that are the first of their tool nothing.
+    `tool` is that of each contour. Of contours that are the first of their tool nothing.
     """
-    number, net, held = job.contours.tool.tolist(), dict[int, float](), dict[int, float]()
+    number, net, held = tool.tolist(), dict[int, float](), dict[int, float]()
     at = -1
-    for tool, contour, filament in zip(
+    for used, contour, filament in zip(
         np.asarray(moves.tool).tolist(), np.asarray(moves.contour).tolist(),
         np.asarray(moves.extrusion).tolist(), strict=True,
     ):  # fmt: skip
         if contour < 0:
-            if filament and tool in held:
-                held[tool] += filament
+            if filament and used in held:
+                held[used] += filament
             continue
         own = number[contour]
         if contour != at and own in held:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.document import Block
+from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.ledger import MORE_MM, NET_MM, TOTAL_MM, Book, lines_in_source, tools_of
@@ -65,7 +66,11 @@ class Printed:
 
 @dataclass(frozen=True, slots=True)
 class Dues:
-    """What the source does with filament around its contours and its own lines, mm."""
+    """What the source does with filament around its contours and its own lines, mm.
+
+    Where contours are cut, each row is a piece: what goes with a contour goes with the piece that
+    has its beginning.
+    """
 
     net: Floats  # (n,) goes with each contour
     extrusion: Floats  # (n,) of each contour
@@ -90,12 +95,16 @@ def behind(block: Block, job: PrintJob) -> int:
 
 
 def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
-    """Return the source's own account; linear in its moves."""
+    """Return the source's own account; linear in its moves.
+
+    The moves have the source's numbers of contours, `job` may have pieces of them.
+    """
+    begins = _beginnings(job.contours)
     contour, extrusion = np.asarray(source.contour), np.asarray(source.extrusion)
     laid = np.flatnonzero(contour >= 0)
     spans = lines_in_source(document)
     book = Book.of(source, laid, contour[laid], spans)
-    n, tools, line = len(job.contours), tools_of(source), np.asarray(source.line)
+    n, tools, line = len(begins), tools_of(source), np.asarray(source.line)
     owed = _owed_by_tool(extrusion, tools)
     left, above = np.zeros(len(document.blocks)), np.full(len(document.blocks), np.nan)
     net, start = np.zeros(n), 0.0
@@ -120,24 +129,27 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
     kept = book.kept & (np.arange(len(book.bead)) > 0)
     usual = {t: float(-book.deepest[kept & (book.tool == t)].min(initial=0.0)) for t in owed}
     given = np.asarray(np.bincount(contour[laid], extrusion[laid], n), np.float64)
+    number = job.contours.tool[begins].astype(np.int64)
     shared = len(np.unique(job.contours.tool)) > 1
     starts = {}
     if document.own_starts:
-        starts = _without_changes(source, job, document, owed, net, book)
+        starts = _without_changes(source, number, document, owed, net, book)
+    if n < len(job.contours):
+        net, given = _of_pieces(job.contours, begins, net, given)
     return Dues(net, given, above, left, start, document.start.tool, usual, beside, shared, starts)
 
 
 def _without_changes(
-    source: Motions, job: PrintJob, document: GcodeDocument, owed: dict[int, Floats], net: Floats,
+    source: Motions, number: Ints, document: GcodeDocument, owed: dict[int, Floats], net: Floats,
     book: Book,
 ) -> dict[int, float]:  # fmt: skip
     """Put into `net` what belongs to contours behind changes that are left out.
 
-    Returns what the source pushes behind the first change to each tool, beyond what is retracted.
+    `number` is the tool of each contour. Returns what the source pushes behind the first change to
+    each tool, beyond what is retracted.
     """
-    since = nets_of_tools(source, job)
+    since = nets_of_tools(source, number)
     free = [c for k, c in enumerate(book.contour.tolist()) if book.lines[k] < 0]
-    number = job.contours.tool
     for c in free:
         changed = c > 0 and number[c] != number[c - 1] and c in since
         net[c] = since.get(c, 0.0) - (document.prime(int(number[c])) if changed else 0.0)
@@ -145,11 +157,33 @@ def _without_changes(
     tools, given = tools_of(source), np.asarray(source.extrusion)
     for own in document.own_starts:
         at = int(np.searchsorted(line, own.line + 1))
-        first = int(np.flatnonzero(job.contours.tool == own.tool)[0])
+        first = int(np.flatnonzero(number == own.tool)[0])
         bead = int(book.bead[book.contour == first][0])
         pushed = float(given[at:bead][tools[at:bead] == own.tool].sum())
         starts[own.tool] = pushed - float(owed[own.tool][at])
     return starts
+
+
+def _beginnings(contours: Contours) -> Ints:
+    """Return the piece that each contour of the source begins with, or itself, (n_source,)."""
+    of = contours.sources
+    rows = np.arange(len(contours))
+    if contours.along is not None:
+        rows = rows[contours.along[contours.offsets[:-1]] == 0.0]
+    begins = np.zeros(int(of.max(initial=-1)) + 1, np.int64)
+    begins[of[rows]] = rows
+    return begins
+
+
+def _of_pieces(
+    contours: Contours, begins: Ints, net: Floats, given: Floats
+) -> tuple[Floats, Floats]:
+    """Return net and filament of each piece, of those of the source's contours."""
+    of, first = contours.sources, np.zeros(len(contours))
+    first[begins] = net
+    parted = np.bincount(of, minlength=len(begins))[of] > 1
+    own = np.add.reduceat(contours.extrusion, contours.offsets[:-1])
+    return first, np.where(parted, own, given[of])
 
 
 def _owed_by_tool(extrusion: Floats, tools: Ints) -> dict[int, Floats]:
