@@ -20,6 +20,7 @@ from decmcts.print.motion import level_travel, retraction_time, segment_times, t
 from decmcts.team.cutting.layout import (
     Hops,
     cuttable,
+    deeper,
     layout_of,
     lines_of,
     may_be_cut,
@@ -32,6 +33,7 @@ from decmcts.team.engine.resolve import is_allowed, resolve
 from decmcts.team.engine.space import relation_of
 
 MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
+ROUNDS, LATE = 4, 0.1  # sweeps that are tried; of its time, may be late by all heads together
 HOP_MM, SHORT_MM = 3.0, 0.6  # typical travels from piece to piece, to price a cut by
 
 
@@ -74,20 +76,32 @@ def best_sweep(
 def _swept(
     problem: PrintProblem, seconds: NDArray[np.float64], may: NDArray[np.bool_], cut: Cut
 ) -> Swept | None:
-    """Return a sweep with those contours cut that `may` be; `seconds` are those of segments."""
+    """Return a sweep with those contours cut that `may` be; `seconds` are those of segments.
+
+    Where much is printed later than its strip, as it touches what a later strip prints, it is cut
+    still earlier in the sweep, and the sweep made anew.
+    """
     contours, machine = problem.job.contours, problem.machine
     axis = axis_of(machine)[0]
     spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
-    apart = _apart_mm(machine, axis)
-    layout = layout_of(spread, axis=axis, heads=len(machine.heads), apart_mm=apart)
-    places = places_of(contours, layout, spread)
-    lines = lines_of(contours, layout, spread, places)
-    parted = _cut(problem, lines, cut) if len(lines.at) else problem
-    if len(parted.job.contours) > MOST_STATED:
-        return None
-    team = build_team_problem(parted.job, machine, parted.graph)
-    order = sweep_order(team, layout, places, spread)
-    return _judged(parted, team, order)
+    apart, heads, best = _apart_mm(machine, axis), len(machine.heads), None
+    for _ in range(ROUNDS):
+        layout = layout_of(spread, axis=axis, heads=heads, apart_mm=apart)
+        places = places_of(contours, layout, spread)
+        lines = lines_of(contours, layout, spread, places)
+        parted = _cut(problem, lines, cut) if len(lines.at) else problem
+        if len(parted.job.contours) > MOST_STATED:
+            break
+        team = build_team_problem(parted.job, machine, parted.graph)
+        order, late = sweep_order(team, layout, places, spread)
+        found = _judged(parted, team, order)
+        if found is not None and (best is None or found.makespan_s < best.makespan_s):
+            best = found
+        late_s = np.add.reduceat(seconds, contours.offsets[:-1])[late & may].sum()
+        if best is None or late_s * heads < LATE * best.makespan_s:
+            break
+        spread = deeper(spread, contours, late & may)
+    return best
 
 
 def _judged(problem: PrintProblem, team: TeamProblem, order: StatedOrder) -> Swept | None:

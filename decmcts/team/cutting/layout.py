@@ -9,7 +9,7 @@ infill a wall, is cut earlier in the sweep, so that nothing waits for what a lat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -175,6 +175,14 @@ def _is_zigzag(contours: Contours, least_mm: float) -> Flags:
     back[2:] = short & (dot < -0.7 * length[2:] * length[:-2])
     back[:-2] |= back[2:]
     return back
+
+
+def deeper(spread: Cuttable, contours: Contours, late: Flags) -> Cuttable:
+    """Return the same with those contours cut still earlier in the sweep that are `late`, (n,)."""
+    depth = np.minimum(spread.depth + late, DEPTHS)
+    deepest = spread.deepest.copy()
+    np.maximum.at(deepest, contours.layer, depth)
+    return replace(spread, depth=depth, deepest=deepest)
 
 
 def _depths(contours: Contours, pairs: NDArray[np.int32]) -> Ints:

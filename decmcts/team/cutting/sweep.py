@@ -15,11 +15,13 @@ Ints = NDArray[np.int64]
 
 def sweep_order(
     problem: TeamProblem, layout: Layout, places: Places, spread: Cuttable
-) -> StatedOrder:
+) -> tuple[StatedOrder, NDArray[np.bool_]]:
     """Return the order in which the heads sweep the layers.
 
     At each step the head that is ahead comes first, so that no head waits for one behind it.
-    What fits into no step of its layer is printed with the middle that is nearest.
+    What fits into no step of its layer is printed with the middle that is nearest. Also returned
+    is which contours of the source are late, (n_source,): some of it is printed at a later step
+    than lies there, as it has to wait for something.
 
     Parameters
     ----------
@@ -53,4 +55,6 @@ def sweep_order(
         group, first, head, problem.visits.ends, problem.visits.reversible,
         problem.space.parks.copy(), *preds,
     )  # fmt: skip
-    return StatedOrder(order, is_reversed, head[order])
+    late = np.zeros(len(places.region), np.bool_)
+    late[of[group > natural]] = True
+    return StatedOrder(order, is_reversed, head[order]), late
