@@ -9,22 +9,29 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from matplotlib.figure import Figure
 from playwright.sync_api import Browser
 
 from agents.launch import LaunchResult
 from decmcts.errors import InputError
+from decmcts.formats.machines.machine_file import load_machine
+from decmcts.formats.machines.rail_family import rail_machine
+from decmcts.formats.mesh import SliceOptions
 from decmcts.planning.events import Note, unheard
-from decmcts.planning.options import Cut, Freedom, Rules, TeamSearch
+from decmcts.planning.options import Cut, Freedom, Limits, Rules, TeamSearch
 from decmcts.planning.problem.print_problem import load, problem_of
+from decmcts.planning.problem.source import read_source
 from decmcts.planning.read import read
 from decmcts.planning.result import Result
+from decmcts.planning.team import cutting
 from decmcts.planning.team.cutting import best_sweep
 from decmcts.planning.team.joint import sweep_plan
 from decmcts.planning.team.pipeline import plan_team, prepared, swept
 from decmcts.planning.verify import verify
 from decmcts.print.cut import OUTSIDE
 from decmcts.print.job import PrintJob
+from decmcts.print.motion import segment_times
 from decmcts.print.plan import ActionKind
 from decmcts.print.welds import cuts_of, weld_ages
 from decmcts.team.bounds.makespan import makespan_bound
@@ -64,6 +71,43 @@ def test_the_more_is_cut_the_sooner_a_sweep_ends(source: Path) -> None:
         ends[cut] = swept.makespan_s
     assert ends[Cut.NONE] > 1.2 * ends[Cut.INSIDE]
     assert ends[Cut.INSIDE] > 1.05 * ends[Cut.ALL]
+
+
+@pytest.mark.parametrize(("heads", "wide", "times"), [(4, 600.0, 3.2), (8, 1000.0, 5.5)])
+def test_many_heads_share_one_part(tmp_path: Path, heads: int, wide: float, times: float) -> None:
+    """Each has a territory; all print at once nearly all of the time."""
+    bed = wide + 200.0
+    machine = rail_machine(load_machine("dual-gantry"), heads, bed)
+    problem = load(slab(tmp_path / "slab.gcode", wide=wide, middle=bed / 2.0), machine)
+    swept = best_sweep(problem, Cut.ALL, unheard)
+    job = problem.job
+    alone = segment_times(job.contours, problem.machine.limits, job.acceleration).sum()
+    assert swept is not None and alone / swept.makespan_s > times
+
+
+def test_what_is_late_in_a_sweep_is_cut_sooner(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Round holes touch what lies between them where the heads' territories meet."""
+    plate = trimesh.creation.box((1000.0, 100.0, 0.8))
+    holes = [trimesh.creation.cylinder(15.0, 2.0) for _ in range(10)]
+    for k, hole in enumerate(holes):
+        hole.apply_translation((100.0 * k - 450.0, 0.0, 0.0))
+    plate = trimesh.boolean.difference([plate, *holes], engine="manifold")
+    plate.apply_translation((600.0, 150.0, 0.4))
+    plate.export(tmp_path / "plate.stl")
+    source = read_source(
+        tmp_path / "plate.stl", rail_machine(load_machine("dual-gantry"), 8, 1200.0),
+        limits=Limits.SOURCE, mesh=SliceOptions(center=None), report=unheard,
+    )  # fmt: skip
+    problem = problem_of(source, Rules(), unheard)
+    ends = {}
+    for rounds in (1, cutting.ROUNDS):
+        monkeypatch.setattr(cutting, "ROUNDS", rounds)
+        swept = best_sweep(problem, Cut.ALL, unheard)
+        assert swept is not None
+        ends[rounds] = swept.makespan_s
+    assert max(ends.values()) == ends[1] > 1.1 * min(ends.values())
 
 
 def test_the_bound_of_pieces_holds_wherever_loops_are_entered(source: Path) -> None:
