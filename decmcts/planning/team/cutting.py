@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from decmcts.feasibility.graph import EdgeKind
 from decmcts.feasibility.rules import contacts_between
 from decmcts.formats.gcode.cut_document import cut_document, has_stiff_arc, uncut_segments
+from decmcts.planning.compiling.parts import TEAM, is_compiled
 from decmcts.planning.events import Report, Step
 from decmcts.planning.options import Cut, Freedom
 from decmcts.planning.problem.print_problem import PrintProblem, order_graph
@@ -57,7 +58,8 @@ def best_sweep(
     """
     if len(problem.machine.heads) < 2 or not 0 < len(problem.job.contours) <= MOST_SWEPT:
         return None
-    report(Step("sweeps in which heads share parts"))
+    first = "" if is_compiled(TEAM) else ", which the first time compiles for up to a minute"
+    report(Step(f"sweeps in which heads share parts{first}"))
     job, contours = problem.job, problem.job.contours
     seconds = segment_times(contours, problem.machine.limits, job.acceleration)
     whole = _swept(problem, seconds, np.zeros(len(contours), np.bool_), Cut.NONE)
