@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from common import corpus, print_path
-from numpy.typing import NDArray
 
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
@@ -26,7 +25,7 @@ from decmcts.planning.events import unheard
 from decmcts.planning.options import Cut, Rules
 from decmcts.planning.problem.print_problem import PrintProblem, load, parked_above
 from decmcts.planning.team.cutting import best_sweep
-from decmcts.print.contours import PER_CONTOUR, Contours
+from decmcts.print.contours import PER_CONTOUR, Contours, taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.team.engine.alone import lone_machine
@@ -131,20 +130,6 @@ def moved_to(contours: Contours, x: float) -> Contours:
     """Return the contours with their low side just right of `x`."""
     by = np.array([x + MARGIN_MM - float(contours.points[:, 0].min()), 0.0, 0.0])
     return replace(contours, points=contours.points + by)
-
-
-def taken(contours: Contours, rows: NDArray[np.int64]) -> Contours:
-    """Return these contours, in this order."""
-    count = np.diff(contours.offsets)[rows]
-    offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
-    point = np.repeat(contours.offsets[rows] - offsets[:-1], count) + np.arange(offsets[-1])
-    return Contours(
-        points=contours.points[point],
-        offsets=offsets,
-        extrusion=contours.extrusion[point],
-        feed=contours.feed[point],
-        **{name: getattr(contours, name)[rows] for name in PER_CONTOUR},
-    )
 
 
 def joined(shares: list[Contours]) -> Contours:

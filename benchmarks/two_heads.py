@@ -35,12 +35,13 @@ from common import (
     setting,
     spread,
 )
-from team_prints import PLATES, plate_path, taken
+from team_prints import PLATES, plate_path
 
 from decmcts.feasibility.rules import order_rules
 from decmcts.formats.gcode import read_gcode
 from decmcts.formats.machines.machine_file import load_machine
 from decmcts.formats.plans.plan_json import read_plan
+from decmcts.print.contours import taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
 from decmcts.print.plan import HeadActions

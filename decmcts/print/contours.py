@@ -111,3 +111,17 @@ class Contours:
     def polyline(self, contour: int) -> NDArray[np.float64]:
         """Points of one contour as sliced, (k, 3)."""
         return self.points[self.offsets[contour] : self.offsets[contour + 1]]
+
+
+def taken(contours: Contours, rows: NDArray[np.int64]) -> Contours:
+    """Return these contours of a print that is not cut, in this order; `rows` has their numbers."""
+    count = np.diff(contours.offsets)[rows]
+    offsets = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    point = np.repeat(contours.offsets[rows] - offsets[:-1], count) + np.arange(offsets[-1])
+    return Contours(
+        points=contours.points[point],
+        offsets=offsets,
+        extrusion=contours.extrusion[point],
+        feed=contours.feed[point],
+        **{name: getattr(contours, name)[rows] for name in PER_CONTOUR},
+    )

@@ -19,6 +19,7 @@ from agents.launch import LaunchResult
 from agents.launch import launch as launch_agents
 from agents.launching.supervisor import AgentStatus, LaunchError, OnProgress
 from decmcts._kernels.engine.lags import Lags, no_lags
+from decmcts.errors import InputError
 from decmcts.feasibility.graph import DependencyGraph
 from decmcts.formats.gcode import refuse_for_heads, unprimed_note
 from decmcts.planning.compiling.child import finish_beside
@@ -36,14 +37,16 @@ from decmcts.planning.team.judged import judge_beside, judged
 from decmcts.planning.team.outcome import Deciding, Outcome, lines_of
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
+from decmcts.print.machine_fit import require_printable
 from decmcts.print.plan import PlanDocument
 from decmcts.print.seam import SeamEntries
 from decmcts.print.toolpath import Toolpath
 from decmcts.print.welds import late_contours
 from decmcts.search.sequence.stopping import Stopping
 from decmcts.team.bounds.makespan import Bound, makespan_bound
+from decmcts.team.engine.placing import place_that_fits
 from decmcts.team.engine.plans import StatedOrder
-from decmcts.team.engine.space import refuse_shut_in
+from decmcts.team.engine.space import able_heads
 from decmcts.team.schedule.cooling import cooled, find_lags, print_times
 from decmcts.team.schedule.entries import OrderChoices, agreed_job, entries_of, first_entries
 from decmcts.team.schedule.leaning import lean
@@ -129,7 +132,7 @@ def prepared(
         refuse_for_heads(problem.document, problem.job, problem.machine)
         problem = with_note(problem, unprimed_note(problem.document))
     with named(problem.path):
-        refuse_shut_in(problem.job, problem.machine)
+        _refuse_shut_in(problem.job, problem.machine)
     refuse_unsound(problem, before)
     report(Sound())
     job, machine, graph = problem.job, problem.machine, problem.graph
@@ -204,6 +207,20 @@ def cut_for(ready: Prepared, found: Swept | None) -> Prepared:
         start=found.order,
         whole=ready,
     )
+
+
+def _refuse_shut_in(job: PrintJob, machine: Machine) -> None:
+    """Raise InputError unless some head may print each contour; says where on the bed it could."""
+    able = able_heads(job, machine)
+    try:
+        require_printable(job.contours, machine, able, live=range(len(machine.heads)))
+    except InputError as error:
+        if (place := place_that_fits(job, machine)) is None:
+            raise
+        moved = f"move the print by x {place[0]:+g}, y {place[1]:+g} mm, there heads can print all"
+        raise InputError(
+            error.what, line=error.line, advice=f"{moved}; else {error.advice}"
+        ) from error
 
 
 def _bound(problem: PrintProblem, entries: SeamEntries | None) -> Future[Bound]:

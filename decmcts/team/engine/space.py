@@ -22,7 +22,6 @@ from decmcts._kernels.geometry.pieces import Pieces
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob, ProcessSettings
 from decmcts.print.machine import Head, Machine, MotionLimits
-from decmcts.print.machine_fit import require_printable
 from decmcts.print.motion import job_times, level_travel, retraction_time, upright_travel
 
 
@@ -192,8 +191,8 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
     return Space(contour_boxes(job.contours), parks, _let_in(eligible, job, machine, live))
 
 
-def refuse_shut_in(job: PrintJob, machine: Machine) -> None:
-    """Raise InputError unless some head may print each contour.
+def able_heads(job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
+    """Return a head that may print each contour, where there is one, (n, heads).
 
     Asks no more heads than it must, which of many heads is far less work than `build_space`.
     """
@@ -204,7 +203,7 @@ def refuse_shut_in(job: PrintJob, machine: Machine) -> None:
         asked[:, r] = reached[:, r] & ~able.any(axis=1)
         if asked.any():
             able |= _let_in(asked, job, machine, None)
-    require_printable(job.contours, machine, able, live=range(len(machine.heads)))
+    return able
 
 
 def whole_pieces(contours: Contours) -> Pieces:

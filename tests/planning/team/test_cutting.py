@@ -78,7 +78,7 @@ def test_many_heads_share_one_part(tmp_path: Path, heads: int, wide: float, time
     """Each has a territory; all print at once nearly all of the time."""
     bed = wide + 200.0
     machine = rail_machine(load_machine("dual-gantry"), heads, bed)
-    problem = load(slab(tmp_path / "slab.gcode", wide=wide, middle=bed / 2.0), machine)
+    problem = load(slab(tmp_path / "slab.gcode", wide=wide, middle=(bed / 2.0, 150.0)), machine)
     swept = best_sweep(problem, Cut.ALL, unheard)
     job = problem.job
     alone = segment_times(job.contours, problem.machine.limits, job.acceleration).sum()
