@@ -87,8 +87,8 @@ def report(rows: Rows, said: str) -> str:
         "the contours or pieces as they are, so it falls with cuts. Heads print, travel: shares "
     )
     text += "of the makespan, of all heads; the rest they wait. Medians over seeds.\n"
-    for (machine,), mine in grouped(rows.rows, "machine").items():
-        text += f"\n## `{machine}`\n\n{of_parts(mine)}"
+    for (machine, limit_s), mine in grouped(rows.rows, "machine", "limit_s").items():
+        text += f"\n## `{machine}`, {float(limit_s):g} s\n\n{of_parts(mine)}"
     return text + rows.failures()
 
 
@@ -104,7 +104,7 @@ def main() -> None:
             continue
         rows.append(run(key))
         print(rows.rows[-1], flush=True)
-    said = setting(note=options.note, time_limit=f"{options.time_limit:g} s")
+    said = setting(note=options.note, time_limit="as each table says")
     (options.results / "shared_parts.md").write_text(report(rows, said))
 
 

@@ -121,6 +121,15 @@ def test_a_report_is_measured_in_a_browser(tmp_path):
     assert "four_nuts" in (tmp_path / "report.md").read_text()
 
 
+@pytest.mark.slow
+def test_a_part_is_shared_by_several_heads(run, tmp_path):
+    """The part is made by the benchmark itself; two heads are nearly twice as fast."""
+    run("shared_by_many", ["--heads", "2", "--cuts", "all", "--time-limit", "0.5"], tmp_path)
+    (row,) = csv.DictReader((tmp_path / "shared_by_many.csv").read_text().splitlines())
+    assert float(row["speedup"]) > 1.8 and not row["error"]
+    assert "| 2 | all |" in (tmp_path / "shared_by_many.md").read_text()
+
+
 @pytest.mark.long
 def test_faulty_cut_plans_are_refused(run, tmp_path):
     """Of each family some kinds, on the smallest slab; the long run has thousands."""
