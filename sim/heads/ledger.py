@@ -73,7 +73,7 @@ class Dues:
     """
 
     net: Floats  # (n,) goes with each contour
-    extrusion: Floats  # (n,) of each contour
+    extrusion: Floats  # (n,) of each contour or piece
     above: Floats  # (b,) pushed less pulled above each block since the bead before; NaN: unknown
     left: Floats  # (b,) pushed behind each block beyond what is retracted there
     start: float  # likewise behind the start code
@@ -178,7 +178,11 @@ def _beginnings(contours: Contours) -> Ints:
 def _of_pieces(
     contours: Contours, begins: Ints, net: Floats, given: Floats
 ) -> tuple[Floats, Floats]:
-    """Return net and filament of each piece, of those of the source's contours."""
+    """Return net and filament of each piece, of those of the source's contours.
+
+    Filament of a contour that is not cut is what the source's moves give; what the pieces of a cut
+    one have was held against the contour before (`sim.content.pieces`).
+    """
     of, first = contours.sources, np.zeros(len(contours))
     first[begins] = net
     parted = np.bincount(of, minlength=len(begins))[of] > 1

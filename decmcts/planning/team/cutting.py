@@ -34,7 +34,8 @@ from decmcts.team.engine.resolve import is_allowed, resolve
 from decmcts.team.engine.space import relation_of
 
 MOST_SWEPT = 30_000  # contours; of more, two sweeps take longer than a short launch may
-ROUNDS, LATE = 4, 0.1  # sweeps that are tried; of its time, may be late by all heads together
+ROUNDS = 4  # sweeps that are tried at most
+LATE = 0.1  # of a sweep's time that heads may wait for what is late: all of them for all of it
 HOP_MM, SHORT_MM = 3.0, 0.6  # typical travels from piece to piece, to price a cut by
 
 
@@ -102,7 +103,9 @@ def _swept(
         late_s = np.add.reduceat(seconds, contours.offsets[:-1])[late & may].sum()
         if best is None or late_s * heads < LATE * best.makespan_s:
             break
-        spread = deeper(spread, contours, late & may)
+        before, spread = spread, deeper(spread, contours, late & may)
+        if np.array_equal(before.depth, spread.depth):
+            break
     return best
 
 

@@ -178,7 +178,10 @@ def _is_zigzag(contours: Contours, least_mm: float) -> Flags:
 
 
 def deeper(spread: Cuttable, contours: Contours, late: Flags) -> Cuttable:
-    """Return the same with those contours cut still earlier in the sweep that are `late`, (n,)."""
+    """Return the same with those contours cut still earlier in the sweep that are `late`, (n,).
+
+    Those that are cut as early as any may be stay as they are.
+    """
     depth = np.minimum(spread.depth + late, DEPTHS)
     deepest = spread.deepest.copy()
     np.maximum.at(deepest, contours.layer, depth)

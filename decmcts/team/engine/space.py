@@ -192,9 +192,10 @@ def build_space(job: PrintJob, machine: Machine, live: Sequence[int] | None = No
 
 
 def able_heads(job: PrintJob, machine: Machine) -> NDArray[np.bool_]:
-    """Return a head that may print each contour, where there is one, (n, heads).
+    """Tell of each contour which head may print it: the first found, or none, (n, heads).
 
-    Asks no more heads than it must, which of many heads is far less work than `build_space`.
+    Others may be able too: asks no more heads than it must to know whether any is, which of many
+    heads is far less work than `build_space`.
     """
     reached = eligibility(job.contours, machine.heads)
     able = np.zeros_like(reached)
