@@ -48,11 +48,14 @@ class _Steps:
     hop: Flags  # (k,) nothing is printed
 
 
+def beginnings(pieces: Contours) -> Ints:
+    """Return the piece that each contour of the source begins with, or itself, (n_source,)."""
+    return np.asarray(np.unique(pieces.sources, return_index=True)[1], np.int64)
+
+
 def epochs_of_source(pieces: Contours) -> NDArray[np.int32]:
     """Return the epoch of each contour of the source, as its pieces have it."""
-    if pieces.of is None:
-        return pieces.epoch
-    return pieces.epoch[np.unique(pieces.of, return_index=True)[1]]
+    return pieces.epoch[beginnings(pieces)]
 
 
 @dataclass(frozen=True, slots=True)

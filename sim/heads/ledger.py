@@ -28,6 +28,7 @@ from decmcts.formats.gcode import GcodeDocument, Motions
 from decmcts.formats.gcode.document import Block
 from decmcts.print.contours import Contours
 from decmcts.print.job import PrintJob
+from sim.content.pieces import beginnings
 from sim.faults import LIMIT, Fault, FaultKind, listed
 from sim.files.ledger import MORE_MM, NET_MM, TOTAL_MM, Book, lines_in_source, tools_of
 from sim.heads.changes import nets_of_tools
@@ -99,7 +100,7 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
 
     The moves have the source's numbers of contours, `job` may have pieces of them.
     """
-    begins = _beginnings(job.contours)
+    begins = beginnings(job.contours)
     contour, extrusion = np.asarray(source.contour), np.asarray(source.extrusion)
     laid = np.flatnonzero(contour >= 0)
     spans = lines_in_source(document)
@@ -134,8 +135,7 @@ def dues_of(source: Motions, job: PrintJob, document: GcodeDocument) -> Dues:
     starts = {}
     if document.own_starts:
         starts = _without_changes(source, number, document, owed, net, book)
-    if n < len(job.contours):
-        net, given = _of_pieces(job.contours, begins, net, given)
+    net, given = _of_pieces(job.contours, begins, net, given)
     return Dues(net, given, above, left, start, document.start.tool, usual, beside, shared, starts)
 
 
@@ -162,17 +162,6 @@ def _without_changes(
         pushed = float(given[at:bead][tools[at:bead] == own.tool].sum())
         starts[own.tool] = pushed - float(owed[own.tool][at])
     return starts
-
-
-def _beginnings(contours: Contours) -> Ints:
-    """Return the piece that each contour of the source begins with, or itself, (n_source,)."""
-    of = contours.sources
-    rows = np.arange(len(contours))
-    if contours.along is not None:
-        rows = rows[contours.along[contours.offsets[:-1]] == 0.0]
-    begins = np.zeros(int(of.max(initial=-1)) + 1, np.int64)
-    begins[of[rows]] = rows
-    return begins
 
 
 def _of_pieces(

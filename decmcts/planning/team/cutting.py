@@ -87,6 +87,7 @@ def _swept(
     contours, machine = problem.job.contours, problem.machine
     axis = axis_of(machine)[0]
     spread = cuttable(contours, seconds, problem.graph.pairs(), may, axis, _hops(problem))
+    whole_s = np.add.reduceat(seconds, contours.offsets[:-1])
     apart, heads, best = _apart_mm(machine, axis), len(machine.heads), None
     for _ in range(ROUNDS):
         layout = layout_of(spread, axis=axis, heads=heads, apart_mm=apart)
@@ -100,10 +101,10 @@ def _swept(
         found = _judged(parted, team, order)
         if found is not None and (best is None or found.makespan_s < best.makespan_s):
             best = found
-        late_s = np.add.reduceat(seconds, contours.offsets[:-1])[late & may].sum()
-        if best is None or late_s * heads < LATE * best.makespan_s:
+        late &= may
+        if best is None or whole_s[late].sum() * heads < LATE * best.makespan_s:
             break
-        before, spread = spread, deeper(spread, contours, late & may)
+        before, spread = spread, deeper(spread, contours, late)
         if np.array_equal(before.depth, spread.depth):
             break
     return best

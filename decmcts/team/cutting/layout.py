@@ -137,9 +137,8 @@ def cuttable(
     np.add.at(work, (contours.layer[owner[begun]], place), hops.long_s)  # each is travelled to
     short = _is_zigzag(contours, hops.least_mm)[rows]
     price = _price(a, b, np.where(short, hops.short_s, hops.long_s) / 2.0, layer, shape)
-    depth, deepest = _depths(contours, pairs), np.zeros(shape[0], np.int64)
-    np.maximum.at(deepest, contours.layer, depth)
-    return Cuttable(may, depth, deepest, work, price, low)
+    depth = _depths(contours, pairs)
+    return Cuttable(may, depth, _deepest(contours, depth), work, price, low)
 
 
 def _work(a: Floats, b: Floats, seconds: Floats, layer: Ints, shape: tuple[int, int]) -> Floats:
@@ -183,9 +182,14 @@ def deeper(spread: Cuttable, contours: Contours, late: Flags) -> Cuttable:
     Those that are cut as early as any may be stay as they are.
     """
     depth = np.minimum(spread.depth + late, DEPTHS)
-    deepest = spread.deepest.copy()
+    return replace(spread, depth=depth, deepest=_deepest(contours, depth))
+
+
+def _deepest(contours: Contours, depth: Ints) -> Ints:
+    """Return the largest depth on each layer, (layers,)."""
+    deepest = np.zeros(int(contours.layer.max(initial=-1)) + 1, np.int64)
     np.maximum.at(deepest, contours.layer, depth)
-    return replace(spread, depth=depth, deepest=deepest)
+    return deepest
 
 
 def _depths(contours: Contours, pairs: NDArray[np.int32]) -> Ints:
