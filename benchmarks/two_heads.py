@@ -44,7 +44,7 @@ from decmcts.formats.plans.plan_json import read_plan
 from decmcts.print.contours import taken
 from decmcts.print.job import PrintJob
 from decmcts.print.machine import Machine
-from decmcts.print.plan import HeadActions
+from decmcts.print.plan import PlanDocument
 from decmcts.search.planners import plan_order
 from decmcts.search.sequence.problem import OrderProblem
 from decmcts.search.sequence.stopping import Stopping
@@ -106,7 +106,7 @@ def figures_of(
     agents = after["agents"]
     prints, travels = after["printing_s_per_head"], after["travelling_s_per_head"]
     busiest = max(range(len(prints)), key=lambda r: prints[r] + travels[r])
-    lone_s = time_alone(path, machine, read_plan(plan).plan.heads[busiest], key["seed"])
+    lone_s = time_alone(path, machine, read_plan(plan), busiest, key["seed"])
     return {
         "contours": after["contours"],
         "one_head_s": alone,
@@ -129,14 +129,15 @@ def figures_of(
     }
 
 
-def time_alone(path: Path, name: str, head: HeadActions, seed: int) -> float:
-    """Return how long a head takes for its contours with nobody else there.
+def time_alone(path: Path, name: str, made: PlanDocument, busiest: int, seed: int) -> float:
+    """Return how long a head takes for its contours, or pieces, with nobody else there.
 
     In the best order `hybrid` finds in LONE_S, none of the other heads' contours to wait for.
     """
     job, machine = loaded(path, name)
-    rows = np.sort(head_toolpath(head).order).astype(np.int64)
-    part, lone = replace(job, contours=taken(job.contours, rows)), lone_machine(machine)
+    rows = np.sort(head_toolpath(made.plan.heads[busiest]).order).astype(np.int64)
+    part = replace(job, contours=taken(made.contours, rows), acceleration=None)
+    lone = lone_machine(machine)
     graph = order_rules(part, lone)
     order = plan_order(
         OrderProblem.from_job(part, graph, "reversible"), planner="hybrid",
