@@ -60,8 +60,9 @@ def write_events(log: EventLog, path: Path | str) -> None:
 
 
 def read_events(path: Path) -> EventLog:
-    """Read a stream. One that breaks off within an event ends before it: whoever wrote it was
-    stopped.
+    """Read a stream.
+
+    One that breaks off within an event ends before it: whoever wrote it was stopped.
 
     Raises
     ------
